@@ -6,7 +6,7 @@ Mechanics, estimation and control of isoperimetric truss robots, without ROS.
 
 robot -> configuration -> grasp -> twist to rollers (docs/kinematics.md);
 robot -> structure -> contact -> closure (docs/statics.md).
-Entry points: the names below, the public API.
+Entry points: the names in `__all__`, the public API.
 Imports NumPy, SciPy, ruamel.yaml and jsonschema, no ROS.
 """
 

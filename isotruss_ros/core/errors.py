@@ -9,7 +9,7 @@ class IsotrussError(Exception):
 
 
 class RobotFileError(IsotrussError, ValueError):
-    """A robot file is unreadable, or describes no working robot."""
+    """A robot file is unreadable, or does not describe a working robot."""
 
 
 class ConfigurationError(IsotrussError, ValueError):
@@ -17,19 +17,19 @@ class ConfigurationError(IsotrussError, ValueError):
 
 
 class GraspError(IsotrussError, ValueError):
-    """The grasp, the twist or the list of failed rollers is invalid."""
+    """A grasp, a twist or a list of failed rollers is invalid."""
 
 
 class ObjectFileError(GraspError):
-    """A file or text describes no valid object."""
+    """A file or text does not describe a valid object."""
 
 
 class SolverError(IsotrussError, RuntimeError):
-    """The solver failed on a quadratic program that has a solution."""
+    """A solver failed on a problem that should have a solution."""
 
 
 class StructureError(IsotrussError, ValueError):
-    """A structure is unstable under its loads, or its stiffness laws are contradictory."""
+    """A structure is unstable under its loads, or its stiffness laws contradict each other."""
 
 
 class PathError(IsotrussError, ValueError):
@@ -37,7 +37,7 @@ class PathError(IsotrussError, ValueError):
 
 
 class NoMotionError(PathError):
-    """All poses of a path are the same."""
+    """All poses of a path are equal."""
 
 
 def quote(name: str, longest: int = 80) -> str:

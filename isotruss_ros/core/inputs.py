@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Inputs of a control loop: rule for stamps, latest value of each input and its validity.
+Inputs of a control loop: rule for stamps, latest values and their validity, command history.
 
-A history of commands predicts the travel since an old measurement.
+The command history predicts the roller travel since an old measurement.
 """
 
 from __future__ import annotations
@@ -19,19 +19,20 @@ from isotruss_ros.core.errors import IsotrussError
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 
-#: Largest lead of a stamp [s]; clocks are never exactly synchronous.
+#: Largest time by which a stamp may be ahead of the clock [s]; clocks are not exactly synchronous.
 CLOCK_SKEW = 0.01
-#: The same in simulated time [s]: inputs overtake the message on /clock that they are stamped by,
-#: by up to the longest cycle of a node.
+#: Largest lead of a stamp in simulated time [s]. An input may arrive before the /clock message of
+#: its own time, by up to the longest cycle of a node.
 SIMULATED_CLOCK_SKEW = 0.1
 #: Largest age of pressures [s]; they change slowly and are measured rarely.
 PRESSURE_TIMEOUT = 2.0
-#: Relative noise of a pressure [-]; changes the squeeze by 0.1 %.
+#: Smallest relative change of a pressure that is not noise [-]; noise changes the squeeze by 0.1
+#: %.
 PRESSURE_CHANGE = 0.02
 
 
 class InputFault(enum.Enum):
-    """Fault of an input."""
+    """Kinds of faults of an input."""
 
     MISSING = 'missing'
     STALE = 'stale'
@@ -56,7 +57,7 @@ class StampedInput(NamedTuple):
 
     :ivar value: the value.
     :ivar time: time at which it is valid [s].
-    :ivar rejected: the last message rejected since then; None without one.
+    :ivar rejected: last message that was rejected since then; None without one.
     """
 
     value: Any
@@ -68,9 +69,9 @@ class RollerState(NamedTuple):
     """
     Measured state of the rollers.
 
-    :ivar positions: (r,) travel since home [m].
-    :ivar velocities: (r,) speeds [m/s]; zeros where not measured.
-    :ivar offsets: (r,) estimated roller offsets, included in the positions [m].
+    :ivar positions: (r,) roller travel since home [m].
+    :ivar velocities: (r,) roller speeds [m/s]; zero for rollers without measured speed.
+    :ivar offsets: (r,) estimated roller offsets that the positions include [m].
     """
 
     positions: Array
@@ -78,7 +79,7 @@ class RollerState(NamedTuple):
     offsets: Array | float = 0.0
 
 
-#: Latest value of an input; None before the first.
+#: Latest value of an input; None before the first value.
 Input = StampedInput | RejectedInput | None
 
 
@@ -107,18 +108,18 @@ def check_stamp(
     skew: float = CLOCK_SKEW,
 ) -> float:
     """
-    Return the effective time of a stamp: at most the current time.
+    Return the effective time of a stamp, at most the current time.
 
-    This is the rule for all stamps of all nodes (docs/safety.md). The age of an input from the
-    future is counted from its reception.
+    This is the rule for all stamps of all nodes (docs/safety.md). The age of an input with a stamp
+    in the future starts at its reception.
 
     :param name: name of the input, with underscores for spaces.
     :param stamp: time of the input [s].
     :param now: time on the same clock [s].
-    :param timeout: largest age [s].
-    :param setting: parameter of the timeout, for the error; empty without one.
+    :param timeout: largest age of the input [s].
+    :param setting: name of the parameter with the timeout, for the error; empty without one.
     :param skew: largest lead of the stamp [s].
-    :raises InputError: the stamp is too old, or in the future by more than the skew.
+    :raises InputError: the stamp is too old, or ahead of the clock by more than the skew.
     """
     words, age = name.replace('_', ' '), now - stamp
     if age > timeout:
@@ -137,15 +138,16 @@ def check_stamp(
 
 def keep_latest(kept: Input, received: StampedInput | RejectedInput, now: float) -> Input:
     """
-    Return the valid latest of two inputs with checked stamps.
+    Return the latest valid input of two inputs with checked stamps.
 
-    Messages may arrive out of order: earlier ones are dropped. A rejected message does not erase a
-    measurement, which is used until it times out; the reason is stored with it.
+    Messages may arrive out of order; an earlier message is dropped. A rejected message does not
+    replace a measurement. The measurement is used until it times out, and the rejection is stored
+    with it.
 
     :param kept: the previous input.
     :param received: the new input.
-    :param now: time on the clock of the stamps [s]; a later `kept` is from before the clock was
-        set back, and dropped.
+    :param now: time on the clock of the stamps [s]. If the previous input is later, the clock was
+        set back; then it is dropped.
     """
     if not isinstance(kept, StampedInput) or kept.time > now + CLOCK_SKEW:
         return received
@@ -158,13 +160,13 @@ def require_fresh(
     now: float, timeout: float, setting: str = 'command_timeout', **inputs: Input
 ) -> tuple[StampedInput, ...]:
     """
-    Return the values of inputs that are all valid and fresh.
+    Return the values of inputs, all of which must be valid and fresh.
 
     :param now: time on the clock of the inputs [s].
-    :param timeout: largest age [s].
-    :param setting: see `check_stamp`.
+    :param timeout: largest age of an input [s].
+    :param setting: name of the parameter with the timeout, see `check_stamp`.
     :param inputs: the inputs by name, with underscores for spaces.
-    :raises InputError: an input is missing, rejected, timed out, or stamped in the future.
+    :raises InputError: an input is missing, rejected, too old, or stamped in the future.
     """
     for name, given in inputs.items():
         if given is None:
@@ -183,12 +185,12 @@ def require_fresh(
 
 def fresh_pressures(now: float, timeout: float, pressures: Input) -> tuple[float, ...] | None:
     """
-    Return the measured gauge pressures of the tubes (t,) [Pa]; None if none was ever received.
+    Return the measured gauge pressures (t,) of the tubes [Pa]; None if never received.
 
     :param now: time on the clock of the input [s].
-    :param timeout: largest age [s].
+    :param timeout: largest age of the pressures [s].
     :param pressures: input of pressures.
-    :raises InputError: rejected, timed out, or stamped in the future.
+    :raises InputError: the pressures are rejected, too old, or stamped in the future.
     """
     if pressures is None:
         return None
@@ -200,10 +202,11 @@ def steady_pressures(
     kept: tuple[float, ...] | None, pressures: tuple[float, ...] | None
 ) -> tuple[float, ...] | None:
     """
-    Return the model pressures, updated only for changes above `PRESSURE_CHANGE`.
+    Return the pressures of the model, updated only by changes above `PRESSURE_CHANGE`.
 
-    :param kept: (t,) previous gauge pressures by tube [Pa]; None: those of the robot file.
-    :param pressures: (t,) measured pressures [Pa]; None: those of the robot file.
+    :param kept: (t,) previous gauge pressure of each tube [Pa]; None: the pressures of the robot
+        file.
+    :param pressures: (t,) measured gauge pressures [Pa]; None: the pressures of the robot file.
     """
     if kept is None or pressures is None:
         return pressures
@@ -218,7 +221,7 @@ class Timeline:
         self._known: deque[tuple[float, float | Array]] = deque()
 
     def __bool__(self) -> bool:
-        """Return whether it has a value."""
+        """Return whether the function has a value."""
         return bool(self._known)
 
     @property
@@ -238,9 +241,9 @@ class Timeline:
 
     def add(self, time: float, value: float | Array) -> None:
         """
-        Add a value; values at that time and later are removed.
+        Add a value; values at the same time or later are removed.
 
-        :param time: [s].
+        :param time: time of the value [s].
         :param value: value at that time.
         """
         while self._known and self._known[-1][0] >= time:
@@ -248,23 +251,23 @@ class Timeline:
         self._known.append((time, value))
 
     def clear(self) -> None:
-        """Drop all values."""
+        """Remove all values."""
         self._known.clear()
 
     def discard_before(self, time: float) -> None:
         """
-        Remove values that do not affect a given time and later.
+        Remove the values that do not affect the function from a time on.
 
-        :param time: [s].
+        :param time: the time [s].
         """
         while len(self._known) > 1 and self._known[1][0] <= time:
             self._known.popleft()
 
     def at(self, time: float) -> float | Array:
         """
-        Return the interpolated value at a time, constant beyond both ends.
+        Return the interpolated value at a time; constant outside of the range of times.
 
-        :param time: [s].
+        :param time: the time [s].
         """
         after = bisect_right(self._known, time, key=itemgetter(0))
         if after in (0, len(self._known)):
@@ -277,7 +280,7 @@ class CommandHistory:
     """
     Commanded roller speeds, piecewise constant in time.
 
-    :ivar last: (r,) last commanded speeds [m/s]; None without entries.
+    :ivar last: (r,) speeds of the last command [m/s]; None without commands.
     :param count: number of rollers.
     """
 
@@ -286,16 +289,16 @@ class CommandHistory:
         self.clear()
 
     def clear(self) -> None:
-        """Drop all entries."""
+        """Remove all commands."""
         self.last: Array | None = None
         self._travel = Timeline()  # integral of the commands up to each time, from any start [m]
 
     def discard_old(self, now: float, span: float) -> None:
         """
-        Remove old entries; all if the clock ran back or the last one is before the span.
+        Remove commands before a time span; all if the clock ran back or no command is in it.
 
-        :param now: time on the clock of the entries [s].
-        :param span: required length of the history [s].
+        :param now: time on the clock of the commands [s].
+        :param span: length of the time span, which ends now [s].
         """
         if self.last is not None and not 0.0 <= now - self._travel.last[0] <= span:
             self.clear()
@@ -305,17 +308,17 @@ class CommandHistory:
         """
         Return the time since the last command [s].
 
-        :param now: time on the clock of the entries [s].
-        :param default: result without entries [s].
+        :param now: time on the clock of the commands [s].
+        :param default: result without commands [s].
         """
         return default if self.last is None else now - self._travel.last[0]
 
     def record(self, now: float, speeds: Array) -> None:
         """
-        Record a command.
+        Record a command from now on.
 
-        :param now: time, not before the last entry [s].
-        :param speeds: (r,) [m/s].
+        :param now: time of the command, not before the previous one [s].
+        :param speeds: (r,) commanded roller speeds [m/s].
         """
         none = np.zeros(self._count)
         self._travel.add(now, none if self.last is None else self._until(now, none))
@@ -323,10 +326,11 @@ class CommandHistory:
 
     def travel(self, begin: float, end: float, before: Array) -> Array:
         """
-        Return the commanded roller travel between two times (r,) [m].
+        Return the roller travel by the commands between two times, (r,) [m].
 
-        :param begin: [s].
-        :param end: the travel is negative where that is earlier [s].
+        :param begin: begin of the interval [s].
+        :param end: end of the interval [s]; if it is before the begin, the travel has the opposite
+            sign.
         :param before: (r,) speeds at times before the first entry [m/s].
         """
         if self.last is None or begin == end:
@@ -337,18 +341,18 @@ class CommandHistory:
         self, rollers: StampedInput, then: float, now: float, ahead: float, still: Array
     ) -> tuple[Array, Array, Array]:
         """
-        Return the predicted roller travel since their measurement.
+        Return the predicted roller travel since a measurement.
 
-        The rollers are assumed to follow the commands. Before the first command, measured speeds
-        are used, since another client may have moved the rollers.
+        The rollers are assumed to follow the commands. Before the first command the measured
+        speeds are used, because another client may have moved the rollers.
 
-        :param rollers: the measured `RollerState`.
-        :param then: intermediate time [s].
-        :param now: time on the clock of the entries [s].
+        :param rollers: measured `RollerState`.
+        :param then: time between the measurement and the horizon [s].
+        :param now: time on the clock of the commands [s].
         :param ahead: prediction horizon after now [s].
         :param still: (r,) mask of the rollers that do not follow commands.
-        :return: (r,) each: travel until `then`, until the end [m], and mean speeds from now to the
-            end [m/s].
+        :return: three arrays (r,): travel until `then` [m], travel until the horizon [m], and mean
+            speeds from now to the horizon [m/s].
         """
         measured = rollers.value.velocities
         last = np.where(still, 0.0, measured if self.last is None else self.last)
@@ -358,7 +362,7 @@ class CommandHistory:
         return before, travel + ahead * last, last
 
     def _until(self, time: float, before: Array) -> Array:
-        """Return the commanded travel until a time (r,), given the initial speeds [m]."""
+        """Return the travel (r,) by the commands until a time, given earlier speeds [m]."""
         (first, _), (last, travel) = self._travel.first, self._travel.last
         if time > last:
             return travel + (time - last) * self.last

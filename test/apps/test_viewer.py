@@ -22,7 +22,6 @@ from isotruss_ros.viewer.meshes import CORNERS, prism, tube_faces, tube_vertices
 from isotruss_ros.viewer.picture import MESSAGE_TIMEOUT, Picture, trim_start
 import numpy as np
 import pytest
-from sensor_msgs.msg import JointState
 from visualization_msgs.msg import Marker, MarkerArray
 
 ROBOT = load_robot('nine_member')
@@ -164,15 +163,6 @@ def test_stale_state_is_not_shown_as_held():
     assert picture.is_held(1.0 + MESSAGE_TIMEOUT) is None
     picture.receive_state(GraspState(code=21, held=False), 2.0)
     assert picture.is_held(2.0) is None
-
-
-def test_joint_states_move_the_picture_as_they_move_the_robot():
-    picture = Picture(ROBOT, 0.3)
-    positions = [0.02, -0.01, 0.0, 0.01, 0.0, 0.015]
-    picture.receive_joint_states(
-        JointState(name=list(ROBOT.roller_names), position=positions), 0.0
-    )
-    assert picture.config.nodes == pytest.approx(ROBOT.configuration(positions).nodes, abs=1e-9)
 
 
 def line(number):

@@ -122,9 +122,14 @@ class Robot:
 
 
 @contextlib.contextmanager
-def robot(logs: Path) -> Iterator[Robot]:
-    """Return a robot of processes; they are stopped at the end."""
-    with world() as w, mock.patch.dict(os.environ, UNSHARED):
+def robot(logs: Path, **options: object) -> Iterator[Robot]:
+    """
+    Return a robot of processes; they are stopped at the end.
+
+    :param logs: folder for what they print.
+    :param options: those of `world`.
+    """
+    with world(**options) as w, mock.patch.dict(os.environ, UNSHARED):
         made = Robot(w, logs)
         try:
             yield made

@@ -8,7 +8,6 @@ import math
 from comparison.wedge import pressed_into
 from geometry_msgs.msg import Point, Pose
 from isotruss_msgs.msg import ConvexObject as ObjectMessage
-from isotruss_msgs.msg import GraspState
 from isotruss_msgs.srv import AnalyzeGrasp
 from isotruss_ros.core import (
     analyze_grasp,
@@ -18,7 +17,7 @@ from isotruss_ros.core import (
     tangent_center,
 )
 from isotruss_ros.nodes.conversions.grasp_messages import read_query, to_wrench_message
-from isotruss_ros.nodes.conversions.messages import MessageError, read_stamp, to_pose_message
+from isotruss_ros.nodes.conversions.messages import MessageError, to_pose_message
 from isotruss_ros.nodes.conversions.object_messages import to_object_message
 from isotruss_ros.nodes.grasp.grasp_report import GraspCode
 from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
@@ -29,10 +28,6 @@ import pytest
 from visualization_msgs.msg import Marker, MarkerArray
 
 SQUEEZED = tangent_center(ROBOT.home, MODULE, DIAMETER, indentation=0.01)
-#: In the middle of the triangle south, so wide that all three sides press on it.
-CAUGHT = {'center': (0.0, -0.8267), 'diameter': 0.65}
-
-
 node = maker(GraspAnalysisNode)
 
 
@@ -112,34 +107,6 @@ def test_publishes_the_result_of_the_analysis():
         assert published.wrench == state.normal_wrench
 
 
-def test_a_grasp_of_three_members_is_closed_and_its_answer_ends_with_the_inputs():
-    with world(node(object_diameter=CAUGHT['diameter'])) as w:
-        state = w.until_code(GraspCode.OK, feed(w, center=CAUGHT['center']), 'state')
-        assert len(state.contact_members) >= 3
-        assert state.closed_by_friction
-        assert state.closure_margin > 0.0
-        assert state.required_friction < 0.5
-        # It falls silent: no old answer.
-        state = w.until_code(GraspCode.STALE_JOINT_STATES, lambda: None, 'state')
-        assert_no_answer(w, state)
-
-
-def test_runs_at_its_rate_at_most_and_computes_only_what_changes():
-    with world(node(rate=50.0)) as w:
-        until_ok(w)
-        w.probe.seen['state'].clear()
-        w.until(lambda: len(w.probe.seen['state']) >= 30, feed(w), 0.002)
-        states = [m for _, m in w.probe.seen['state']]
-        # The very same computation, for ever newer stamps.
-        assert len({m.computing_time for m in states}) == 1
-        stamps = [read_stamp(m.header) for m in states]
-        assert stamps[-1] > stamps[0]
-        w.until(
-            lambda: w.probe.last('state').computing_time != states[0].computing_time,
-            feed(w, center=(SQUEEZED[0], SQUEEZED[1] + 1e-4)),
-        )
-
-
 def check_region(marker, state):
     """Check that triangles cover the object's surface as long and as wide as the contact."""
     assert marker.type == Marker.TRIANGLE_LIST
@@ -199,38 +166,6 @@ def test_the_object_is_green_when_held():
             return bool(things) and things[0].color.g > things[0].color.r
 
         w.until(green, feed(w, center=tangent_center(ROBOT.home, MODULE, DIAMETER, 0.03)))
-
-
-def ask(w, **fields):
-    """Call the service and return the response."""
-    request = AnalyzeGrasp.Request(diameter=DIAMETER, friction=0.5)
-    request.center.x, request.center.y = fields.pop('center', SQUEEZED)
-    for name, value in fields.items():
-        setattr(request, name, value)
-    return w.call('analyze_grasp', request)
-
-
-def test_the_service_answers_without_changing_the_state():
-    with world(node()) as w:
-        live = until_ok(w)
-        answer = ask(w, diameter=0.31, friction=0.8, external_wrench=to_wrench_message((0, -1, 0)))
-        expected = analyze_grasp(
-            ROBOT.home, ConvexObject.disc(SQUEEZED, 0.31), 0.8, (0.0, -1.0, 0.0)
-        )
-        assert answer.success
-        assert answer.message == ''
-        assert answer.state.code == GraspState.OK
-        assert answer.state.closure_residual == pytest.approx(expected.closure_residual)
-        assert len(answer.state.contacts) == (expected.normal_forces > 0.0).sum()
-        there = np.linspace(-0.05, 0.05, N)
-        moved = ask(w, roller_positions=there.tolist())
-        expected = analyze_grasp(
-            ROBOT.configuration(there), ConvexObject.disc(SQUEEZED, DIAMETER), 0.5
-        )
-        assert moved.state.closure_residual == pytest.approx(expected.closure_residual)
-        after = until_ok(w)
-        assert after.computing_time == live.computing_time
-        assert after.contacts == live.contacts
 
 
 def test_parameters_change_at_run_time():

@@ -12,6 +12,8 @@ from isotruss_ros.core.inputs import CLOCK_SKEW
 from isotruss_ros.nodes.bring_up.preflight import Preflight
 from isotruss_ros.nodes.conversions.messages import make_header, to_pose_message
 from isotruss_ros.nodes.framework import robot_frame
+from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
+from isotruss_ros.nodes.manipulation.node import Manipulation
 from isotruss_ros.nodes.state_estimator import StateEstimatorNode
 from manual_world import world
 import numpy as np
@@ -134,17 +136,19 @@ def test_a_rejected_pose_is_a_doubt_of_the_estimate(age):
 
 
 @pytest.mark.parametrize('age', [100.0, -2.0])
-def test_an_estimate_of_another_time_is_not_added_to_the_encoders(age):
-    with world(manipulation()) as w:
+@pytest.mark.parametrize('make', [GraspAnalysisNode, Manipulation])
+def test_an_estimate_of_another_time_is_not_added_to_the_encoders(make, age):
+    with world(make) as w:
         estimates = w.probe.create_publisher(StateEstimate, 'state_estimate', 1)
-        w.until_code(Status.OK, w.probe.send_all)
         message = StateEstimate(roller_names=NAMES, offsets=[0.02] * N)
         message.offset_covariance = (1e-6 * np.eye(N)).ravel().tolist()
         for late, added in ((age, False), (0.0, True)):
             message.header = make_header(w.probe.past(late), 'truss')
             estimates.publish(message)
-            w.spin(0.1, w.probe.send_all)
-            assert np.any(w.nodes[1]._servo.inputs.rollers.value.offsets) == added
+            w.spin(0.1, lambda: w.probe.send_joints(position=[0.01] * N))
+            rollers = w.nodes[1].inputs.latest('rollers').value
+            assert rollers.offsets == pytest.approx([0.02 * added] * N)
+            assert rollers.positions == pytest.approx([0.01 + 0.02 * added] * N)
 
 
 @pytest.mark.parametrize(('ahead', 'right'), [(0.002, True), (0.02, False)])

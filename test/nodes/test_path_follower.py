@@ -302,13 +302,6 @@ def test_an_inactive_node_accepts_no_goals_and_ends_the_active_one():
         w.spin(0.2)
 
 
-def test_can_be_configured_again():
-    with world(node()) as w:
-        for _ in range(2):
-            Manager(w, 'path_follower').restart()
-        assert begin(w, fake(w))[1].accepted
-
-
 def test_aborts_when_simulated_time_stops_or_jumps_back():
     with world(node(use_sim_time=True, command_timeout=1.0), sim_time=True) as w:
         tell = fake(w)

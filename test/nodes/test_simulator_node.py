@@ -5,14 +5,13 @@
 
 from unittest.mock import ANY, Mock
 
-from isotruss_ros.core import RollerFaults, SimulatedRobot, Status
+from isotruss_ros.core import RollerFaults, SimulatedRobot
 from isotruss_ros.nodes.conversions.messages import read_stamp
-from isotruss_ros.nodes.manipulation.node import Manipulation
 from isotruss_ros.nodes.simulator import node as simulator
 from isotruss_ros.nodes.simulator.node import Simulator
 from manual_world import world
 import numpy as np
-from probe import CENTER, maker, N, overrides, planar, ROBOT
+from probe import CENTER, maker, N, ROBOT
 import pytest
 
 SPEED = 0.02
@@ -102,23 +101,3 @@ def test_blocks_at_impossible_configurations_and_continues():
             lambda: np.abs(w.travel() - blocked).max() > 1e-3,
             lambda: w.probe.send_command(-0.05 * push),
         )
-
-
-def test_both_nodes_move_the_object_by_the_integral_of_the_twists():
-    """A second of twists, over the real topics; the object ends where their integral puts it."""
-    velocity = (0.02, 0.03, -0.2)
-    # Long time-outs: a busy machine delays, and this test is about where, not when.
-    settings = overrides(command_timeout=5.0)
-    with world(lambda: Simulator(settings), lambda: Manipulation(settings)) as w:
-        w.until_code(Status.IDLE, lambda: w.probe.send_twist((0.0, 0.0, 0.0)))
-        w.until_code(Status.OK, lambda: w.probe.send_twist(velocity))
-        w.spin(1.0, lambda: w.probe.send_twist(velocity))
-        poses = [m for _, m in w.probe.seen['pose']]
-        w.until_code(Status.IDLE, lambda: w.probe.send_twist((0.0, 0.0, 0.0)))
-        path = np.array([planar(m) for m in poses])
-        times = np.array([read_stamp(m.header) for m in poses])
-        steady = np.flatnonzero(np.abs(path - path[0]).max(axis=1) > 1e-3)
-        first, last = steady[5], steady[-1]
-        elapsed = times[last] - times[first]
-        assert elapsed > 0.5
-        assert path[last] - path[first] == pytest.approx(np.array(velocity) * elapsed, abs=1e-4)

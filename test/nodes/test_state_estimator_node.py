@@ -17,7 +17,6 @@ from isotruss_ros.nodes.conversions.messages import (
     read_stamp,
 )
 from isotruss_ros.nodes.framework import robot_frame
-from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
 from isotruss_ros.nodes.manipulation.node import Manipulation
 from isotruss_ros.nodes.simulator.node import Simulator
 from isotruss_ros.nodes.state_estimator import StateEstimatorNode
@@ -187,24 +186,6 @@ def test_stale_encoders_give_no_estimate():
         count = len(w.probe.seen['estimate'])
         w.spin(0.5)
         assert count == len(w.probe.seen['estimate']) > 20
-
-
-@pytest.mark.parametrize('make', [GraspAnalysisNode, Manipulation])
-def test_nodes_add_the_offsets_to_the_encoders(make):
-    with world(make) as w:
-        sent = w.probe.create_publisher(StateEstimate, 'state_estimate', 10)
-        estimate = StateEstimate(
-            roller_names=list(ROBOT.roller_names),
-            offsets=[5e-3] * N,
-            offset_covariance=[0.0] * N**2,
-        )
-        estimate.header = make_header(w.probe.past(0.0), 'truss')
-        sent.publish(estimate)
-        w.spin(0.1)
-        w.spin(0.1, lambda: w.probe.send_joints(position=[0.01] * N))
-        rollers = w.nodes[1].inputs.latest('rollers').value
-    assert rollers.positions == pytest.approx([0.015] * N)
-    assert rollers.offsets == pytest.approx([5e-3] * N)
 
 
 def test_an_estimate_survives_a_round_trip():

@@ -35,11 +35,11 @@ from isotruss_ros.core.statics.structure import Structure, structure_of
 import numpy as np
 from numpy.typing import ArrayLike
 
-#: Range of the spacing of contact points [m].
+#: Range of admissible spacings of contact points [m].
 SPACING_RANGE = (1e-4, 0.1)
-#: Largest overlap of a member without force, missed by contact points at a corner or the end of a
-#: tube, in tube diameters [-]. A third of it refuses grasps with a slight contact of a third
-#: member.
+#: Largest overlap of an object with a member that has no contact force, in tube diameters [-].
+#: Contact points miss such overlaps at a corner or at the end of a tube. A third of it refuses
+#: grasps with a slight contact of a third member.
 MAX_FREE_OVERLAP = 0.05
 #: Smallest number of contact points on an object other than a disc [-].
 MIN_CONTACT_POINTS = 80
@@ -58,25 +58,26 @@ def analyze_grasp(
     paper_model: bool = False,
 ) -> GraspAnalysis:
     """
-    Analyse a fixed object: contact (5) to (9), closure by friction (10), stiffness.
+    Analyse a fixed object: contact (5) to (9), closure by friction (10) and stiffness.
 
     :param config: configuration of the robot, with rollers at rest.
     :param body: the object at its pose.
-    :param friction: coefficient between tube and object, not negative; None: that of the object,
-        or 0.5.
+    :param friction: coefficient of friction between tube and object, not negative; None: the
+        coefficient of the object, or 0.5.
     :param external_wrench: (fx, fy, m) on the object about the origin of its frame [N, N m].
-    :param method: 'exact' (complementarity by pivoting) or 'relaxation' (the paper's (9)), with
-        flattening tubes for discs only.
-    :param spacing: spacing of the contact points along the tubes [m]; flattening tubes have points
-        in contact regions only, at a half or a quarter of it in short regions.
+    :param method: 'exact' (complementarity problem by pivoting) or 'relaxation' (the paper's (9)).
+        The relaxation takes flattening tubes for discs only.
+    :param spacing: spacing of the contact points along the tubes [m]. Flattening tubes have points
+        in contact regions only; a short region has a half or a quarter of the spacing.
     :param pressure: gauge pressure [Pa]: one for all tubes, one for each in the order of the robot
-        file, or by tube name; None: that of the robot file.
-    :param previous: analysis of a similar grasp, initial guess of the search; it selects one of
-        several equilibria of a deep indentation.
-    :param paper_model: structure linear about straight tubes with round sections, as in the paper.
+        file, or by tube name; None: the pressure of the robot file.
+    :param previous: analysis of a similar grasp, the initial guess of the search. If a deep
+        indentation has several equilibria, it selects one.
+    :param paper_model: whether the structure is linear about straight tubes with round sections,
+        as in the paper.
     :raises GraspError: an argument is invalid.
-    :raises StructureError: the robot is a mechanism, a pressure is invalid, or its stiffness laws
-        are contradictory.
+    :raises StructureError: the robot is a mechanism, a pressure is invalid, or the stiffness laws
+        contradict each other.
     :raises SolverError: the contact problem was not solved, or the object is in a part of a member
         without a contact model.
     """
@@ -135,7 +136,7 @@ def analyze_grasp(
 def _require_touch(
     structure: Structure, body: ConvexObject, contact_points: ContactPoints, contact: ContactState
 ) -> None:
-    """Raise SolverError if a member overlaps the object without a force."""
+    """Raise SolverError if the object overlaps a member without a contact force."""
     depths = member_depths(structure.config, body)
     free = MAX_FREE_OVERLAP * structure.config.robot.description.tube_diameter
     moved = max(float(np.abs(contact.displacements).max(initial=0.0)), free)
@@ -170,12 +171,13 @@ def check_load(
     body: ConvexObject, friction: float | None, external_wrench: ArrayLike
 ) -> tuple[float, Array]:
     """
-    Return the coefficient of friction, and (fx, fy, m) on the object [N, N m], as numbers.
+    Return the coefficient of friction and the external wrench (fx, fy, m) [N, N m] as floats.
 
     :param body: the object.
-    :param friction: coefficient between tube and object; None: that of the object, or 0.5.
+    :param friction: coefficient between tube and object; None: the coefficient of the object, or
+        0.5.
     :param external_wrench: wrench (fx, fy, m) about the origin of the object's frame [N, N m].
-    :raises GraspError: one of them is invalid.
+    :raises GraspError: the coefficient or the wrench is invalid.
     """
     (mu,) = finite_array([body.friction_or(friction)], 1, 'friction', GraspError).tolist()
     if mu < 0.0:
@@ -184,7 +186,7 @@ def check_load(
 
 
 def _solver(method: str, sliding: bool) -> ContactSolver:
-    """Return the solver of (8), with sliding tubes if the object is not round."""
+    """Return the solver of (8); tubes slide along their axes if the object is not a disc."""
     solvers: dict[str, ContactSolver] = {
         'exact': solve_sliding_contact if sliding else solve_contact,
         'relaxation': relax_contact,
@@ -206,7 +208,7 @@ def _pressed(
     margin: float,
     round_: bool,
 ) -> tuple[Array, Array]:
-    """Return the wrench (3,) on the object, and the moment arms (c,) of friction."""
+    """Return the wrench (3,) of the tubes on the object, and the lever arms (c,) of friction."""
     if round_:
         force = contact.forces @ contact.normals
         return np.array([-force.real, -force.imag, 0.0]), np.ones(len(contact.forces))
@@ -219,7 +221,7 @@ def _pressed(
 
 
 def _about_middle(body: ConvexObject, wrench: Array) -> Array:
-    """Return (fx, fy, m / arm) about the centroid of the area, independent of the frame [N]."""
+    """Return a wrench about the centroid, (fx, fy, m / arm) [N], whatever the object's frame."""
     away = body.middle - body.center
     x, y, moment = wrench
     return np.array([x, y, (moment - away.real * y + away.imag * x) / body.arm])

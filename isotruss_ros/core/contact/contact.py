@@ -4,11 +4,11 @@
 """
 Unilateral contact of tubes with a convex object: equations (5) to (9).
 
-Points of the skin of flattening tubes meet the surface of the object; in the paper's model, points
-of the centre lines meet its offset by the tube's radius. The compliance of the structure is
+Points on the skin of flattening tubes meet the surface of the object. In the paper's model, points
+on the centre lines meet the surface offset by the tube radius. The compliance of the structure is
 condensed to these points. For fixed normals the contact forces solve a linear complementarity
-problem; the normals follow the deformed points until convergence. The paper's relaxation of the
-forces, (9), has the same solution, with gains from the compliance.
+problem; the normals follow the deformed points until convergence. The paper's relaxation (9) of
+the forces has the same solution; its gains follow from the compliance.
 """
 
 from __future__ import annotations
@@ -22,17 +22,18 @@ from isotruss_ros.core.numerics.tolerances import ROUNDING, SMALLEST_NORMAL
 import numpy as np
 from scipy.linalg import lapack
 
-#: Relative tolerance of forces along normals [-].
+#: Largest tangential force relative to the largest contact force [-].
 NORMAL_TOLERANCE = 1e-6
 MAX_STEPS = 300
-#: Share of the largest depth that bounds the estimated contact of a flattening member [-].
+#: Points of a flattening member are in the estimated contact if they are deeper than this share of
+#: the largest depth [-].
 CONTACT_DEPTH_SHARE = 0.7
 MAX_RELAXATIONS = 2_000_000
-#: Largest gap of a contact [m]; remaining forces at larger gaps are not contact.
+#: Largest gap of a contact [m]; at larger gaps forces that remain in (9) are set to zero.
 MAX_CONTACT_GAP = 1e-7
 #: Steps of (9) between updates of normals and convergence checks [-].
 STEPS_PER_CHECK = 200
-#: Tolerance of complementarity in (9): gap [m], and force relative to the largest [-].
+#: Tolerance of complementarity in (9): gap [m], and force relative to the largest force [-].
 RELAXATION_TOLERANCE = 1e-2 * GAP_TOLERANCE
 
 
@@ -48,9 +49,9 @@ def solve_contact(
 
     :param contact_points: candidate contact points.
     :param surface: surface that the points meet, see `find_contact_points`.
-    :param forces: (c,) forces of a similar problem [N], initial guess of the points in contact;
-        None: the deep points.
-    :param normals: (c,) initial normals, x + iy; None: those of the undeformed tubes.
+    :param forces: (c,) forces of a similar problem [N]; points with positive force are the initial
+        guess of the contact. None: the deepest points are.
+    :param normals: (c,) initial normals, x + iy; None: the normals at the undeformed tubes.
     :raises SolverError: the normals do not converge.
     """
     away = contact_points.skin - surface.center
@@ -94,7 +95,7 @@ def _settle_normals(
     gaps: Array,
     surface: Surface,
 ) -> Points:
-    """Return the forces (a,), x + iy [N], that close gaps (a,), with updated normals."""
+    """Return the forces (a,), x + iy [N], that close the gaps (a,) at updated normals."""
     count = len(places)
     if count == 0:
         return np.zeros(0, dtype=np.complex128)
@@ -126,10 +127,10 @@ def _settle_normals(
 
 def estimate_contact(contact_points: ContactPoints, surface: Surface) -> ContactState:
     """
-    Solve (8) with the normals of the undeformed tubes; the result has updated normals.
+    Solve (8) with the normals at the undeformed tubes; the result has updated normals.
 
     :param contact_points: candidate contact points.
-    :param surface: surface that the points meet.
+    :param surface: surface that the points meet, see `find_contact_points`.
     :raises SolverError: the contact problem was not solved.
     """
     away = contact_points.skin - surface.center
@@ -145,33 +146,33 @@ def estimate_contact(contact_points: ContactPoints, surface: Surface) -> Contact
 
 def face_tubes(contact_points: ContactPoints, surface: Surface) -> Points:
     """
-    Return the normals (c,) of undeformed tubes on the object.
+    Return the outward normals (c,) of the surface at the undeformed tubes, x + iy.
 
-    They are those of the centre lines, as the skin may be beyond the centre of a small object.
+    They face the centre lines, because the skin may be beyond the centre of a small object.
 
     :param contact_points: candidate contact points.
-    :param surface: surface that the points meet.
+    :param surface: surface that the points meet, see `find_contact_points`.
     """
     return surface.facing(contact_points.points - surface.center, contact_points.axis)
 
 
 def open_gaps(away: Points, normals: Points, surface: Surface) -> Array:
     """
-    Return the gaps along normals without forces, (c,) [m].
+    Return the gaps (c,) of points along given normals [m].
 
     :param away: (c,) points relative to the surface's centre, x + iy [m].
     :param normals: (c,) outward unit normals, x + iy.
-    :param surface: surface that the points meet.
+    :param surface: surface that the points meet, see `find_contact_points`.
     """
     return (away * normals.conj()).real - surface.support(normals)
 
 
 def guess_contact(contact_points: ContactPoints, gaps: Array) -> Flags:
     """
-    Return the estimated contact points: the deepest of each member, more if it flattens.
+    Return the mask (c,) of the estimated contact: the deepest point or points of each member.
 
     :param contact_points: candidate contact points.
-    :param gaps: (c,) gaps without forces [m].
+    :param gaps: (c,) gaps of the undeformed tubes [m].
     """
     member = contact_points.member
     deepest = np.full(int(member.max(initial=-1)) + 1, np.inf)
@@ -189,16 +190,15 @@ def relax_contact(
     _push: Points | None = None,
 ) -> ContactState:
     """
-    Solve (8) by the relaxation (9): forces increase at negative and decrease at positive gaps.
+    Solve (8) by the relaxation (9): forces grow at negative gaps and decrease at positive gaps.
 
-    The tangential term of (9) is not needed: forces are normal from the start. K1 = 0.9 * 2 /
-    lambda_max(W), and K3 = K1 / (largest force), so that forces decrease no faster than they
-    increase.
+    The tangential term of (9) is zero, because all forces are normal. The gains are K1 = 0.9 * 2 /
+    lambda_max(W) and K3 = K1 / (largest force), so forces decrease no faster than they grow.
 
     :param contact_points: candidate contact points.
     :param surface: surface that the points meet, see `find_contact_points`.
     :param forces: (c,) initial forces [N]; None: zero.
-    :param normals: (c,) initial normals, x + iy; None: those of the undeformed tubes.
+    :param normals: (c,) initial normals, x + iy; None: the normals at the undeformed tubes.
     :raises SolverError: no convergence within two million steps.
     """
     away = contact_points.skin - surface.center
@@ -227,7 +227,7 @@ def relax_contact(
 
 
 def _steps(gaps: Array, compliance: Array, forces: Array) -> Array:
-    """Return the forces (c,) after some steps of (9) with fixed normals."""
+    """Return the forces (c,) after `STEPS_PER_CHECK` steps of (9) with fixed normals."""
     # Beyond 2 / lambda_max(W) the iteration diverges.
     grow = 0.9 * 2.0 / np.linalg.eigvalsh(compliance)[-1]
     for _ in range(STEPS_PER_CHECK):

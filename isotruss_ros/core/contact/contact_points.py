@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Contact points of the tubes, with the compliance of the robot."""
+"""Contact points of the tubes, and the robot's compliance at them."""
 
 from __future__ import annotations
 
@@ -15,38 +15,40 @@ from isotruss_ros.core.statics.bent_tubes import BentTubes, Displaced
 from isotruss_ros.core.statics.structure import Structure
 import numpy as np
 
-#: Compliance is kept where nodes have moved by less than this since [m]: the errors of the steps
-#: that settle the tubes are a hundredth then.
+#: Largest motion of a node without a new factorisation of the compliance [m]. Within it each step
+#: of the iteration for the bent tubes reduces the error a hundredfold.
 KEPT_MOTION = 2e-4
-#: Points are no nearer to the ends of their piece of tube than this share of their distance [-].
+#: Smallest distance of a point from the end of its piece of tube, relative to the spacing [-].
 SHORTEST_SHARE = 0.2
 
 
 @dataclass(frozen=True, eq=False)
 class ContactPoints:
     """
-    Candidate contact points of the tubes, with the compliance of the whole robot.
+    Candidate contact points of the tubes, with the compliance of the whole robot at them.
 
-    They are ordered by member and place, and are nodes of the frame.
+    The points are nodes of the frame, ordered by member and place.
 
-    Displacements of the points are those of the ends of the p pieces of tube that they are on, and
-    those inside the pieces: the factors are kept, not the product. Both are along and across the
-    bent members, so that no matrix has to be turned.
+    The displacement of a point has two parts: by the displacements of the ends of its piece of
+    tube, one of p, and by forces inside the piece with fixed ends. The compliance is kept in these
+    factors, along and across the bent members.
 
-    :ivar points: (c,) points of the centre lines, x + iy [m], extrapolated linearly to zero
-        forces.
-    :ivar skin: (c,) points of the skin toward the object; in the paper's model those of the centre
-        line [m].
-    :ivar member: (c,) the member (pinch to pinch) that each is on.
-    :ivar place: (c,) distance of each from its member's start [m].
-    :ivar spacing: length of tube of each point [m].
-    :ivar axis: (c,) direction of the bent member there, across its section.
-    :ivar inside: (2, c, 2, c) compliance within pieces, along and across the tube [m/N].
-    :ivar spread: (2, c, 6 p) displacements along and across the tube by those of the pieces' ends.
-    :ivar ends: (6 p, 6 p) compliance of the pieces' ends [m/N].
-    :ivar dents: (c, c) compliance of the skin against the centre line, across the tube [m/N]; zero
-        in the paper's model.
-    :ivar bent: the tubes at these points, linearised; None for points of no robot.
+    :ivar points: (c,) points on the centre lines, x + iy [m], by linear extrapolation to zero
+        contact forces.
+    :ivar skin: (c,) points on the skin toward the object, x + iy [m]; in the paper's model, on the
+        centre lines.
+    :ivar member: (c,) index of the member (pinch point to pinch point) of each point.
+    :ivar place: (c,) distance of each point from its member's start [m].
+    :ivar spacing: length of tube that each point represents [m].
+    :ivar axis: (c,) unit vector of the bent member at each point, normal to its section, x + iy.
+    :ivar inside: (2, c, 2, c) compliance of the points with fixed ends of the pieces, along and
+        across the tube [m/N].
+    :ivar spread: (2, c, 6 p) displacements of the points along and across the tube, by
+        displacements of the pieces' ends.
+    :ivar ends: (6 p, 6 p) compliance of the ends of the pieces [m/N].
+    :ivar dents: (c, c) compliance of the skin relative to the centre line, across the tube [m/N];
+        zero in the paper's model.
+    :ivar bent: the linearised tubes at these points; None for points without a robot.
     """
 
     points: Points
@@ -65,7 +67,7 @@ class ContactPoints:
 
     def pushed(self, push: Points) -> Array:
         """
-        Return the loads (6 p,) on the ends of the pieces that move these as forces on points do.
+        Return the loads (6 p,) on the ends of the pieces equivalent to forces on the points.
 
         :param push: (c,) forces on the points, x + iy [N].
         """
@@ -74,7 +76,7 @@ class ContactPoints:
 
     def move(self, push: Points) -> tuple[Array, Array]:
         """
-        Return the changes of nodes (n, 3) and multipliers (c,) from the linearised state.
+        Return the changes of displacements (n, 3) and multipliers (c,) from the linearised state.
 
         :param push: (c,) forces on the points, x + iy [N].
         """
@@ -97,10 +99,10 @@ class ContactPoints:
 
     def bend_on(self, push: Points, share: float = 1.0) -> BentTubes:
         """
-        Return the tubes in the predicted state under forces on the points.
+        Return the tubes linearised about the predicted state under forces on the points.
 
         :param push: (c,) forces on the points, x + iy [N].
-        :param share: share of the change [-].
+        :param share: share of the predicted change of the state [-].
         """
         if not push.any():
             return self.bent.bent_to(None)
@@ -117,11 +119,11 @@ class ContactPoints:
 
     def about(self, bent: BentTubes, push: Points | None = None) -> ContactPoints:
         """
-        Return these points of tubes linearised about another state.
+        Return these points on tubes linearised about another state.
 
-        :param bent: the tubes.
-        :param push: (c,) forces on the points there, x + iy [N]; if given, the compliance along
-            and across the tubes stays as it is.
+        :param bent: the tubes linearised about the other state.
+        :param push: (c,) forces on the points in that state, x + iy [N]. With them the compliance
+            along and across the tubes is not computed again.
         """
         if push is None:
             found = points_on_members(bent, self.spacing)
@@ -159,23 +161,23 @@ class ContactPoints:
         """
         Return whether the points are as many as those of other tubes, with one spacing.
 
-        :param bent: the tubes there.
-        :param spacing: of the other points [m].
+        :param bent: the tubes linearised at the other points.
+        :param spacing: spacing of the other points [m].
         """
         return spacing == self.spacing and np.array_equal(bent.frame.whole, self.bent.frame.whole)
 
     @cached_property
     def _own(self) -> Array:
-        """Return the compliance of the skin with fixed ends, (2, c, 2, c)."""
+        """Return the compliance (2, c, 2, c) of the skin with fixed ends of the pieces [m/N]."""
         own = self.inside.copy()
         own[1, :, 1] += self.dents
         return own
 
     def normal_compliance(self, normals: Points) -> Array:
         """
-        Return W = N^T (S^-1 + C) N of (8), the compliance of the skin along normals.
+        Return W = N^T (S^-1 + C) N of (8), the compliance of the skin along the normals.
 
-        :param normals: (c,) unit vectors x + iy along which unit forces act.
+        :param normals: (c,) unit normals, x + iy.
         :return: (c, c) compliance, symmetric up to rounding [m/N].
         """
         local = self.axis.conj() * normals
@@ -189,9 +191,9 @@ class ContactPoints:
 
     def displacements(self, forces: Points) -> Points:
         """
-        Return the displacements of the skin at all points, by bending and dents.
+        Return the displacements of all points of the skin, by bending and dents.
 
-        :param forces: (c,) forces, x + iy [N].
+        :param forces: (c,) forces on the points, x + iy [N].
         :return: (c,) displacements, x + iy [m].
         """
         local = (self.axis.conj() * forces).view(np.float64).reshape(-1, 2).T
@@ -202,7 +204,7 @@ class ContactPoints:
 
     def compliance(self, places: Indices) -> Array:
         """
-        Return the compliance along and across, of shape (2, a, 2, a) [m/N], cached.
+        Return the cached compliance along and across the tubes of points, (2, a, 2, a) [m/N].
 
         :param places: (a,) indices of the points.
         """
@@ -217,7 +219,7 @@ class ContactPoints:
 
     def bend(self, displacements: Points, push: Points) -> Points:
         """
-        Return the deformed centre lines, (c,) x + iy [m], without the dents of the skin.
+        Return the deformed centre lines (c,) without the dents of the skin, x + iy [m].
 
         :param displacements: (c,) displacements of the skin, x + iy [m].
         :param push: (c,) forces on the tubes, x + iy [N].
@@ -229,14 +231,15 @@ class ContactPoints:
 @dataclass(frozen=True, eq=False)
 class ContactState:
     """
-    Contact points with their forces.
+    Contact points with their forces and gaps.
 
     :ivar forces: (c,) normal forces, not negative [N].
-    :ivar gaps: (c,) distances of the deformed tube from the surface, not negative [m].
-    :ivar normals: (c,) unit normals of the surface, outward, x + iy.
+    :ivar gaps: (c,) distances of the deformed tubes from the surface, not negative [m].
+    :ivar normals: (c,) outward unit normals of the surface, x + iy.
     :ivar displacements: (c,) displacements of `ContactPoints.skin`, x + iy [m].
-    :ivar radii: (c,) radius of curvature of the surface at the feet of the points [m].
-    :ivar push: (c,) forces on the tubes, x + iy [N].
+    :ivar radii: (c,) radius of curvature of the surface at the point nearest to each contact point
+        [m].
+    :ivar push: (c,) forces of the object on the tubes, x + iy [N].
     """
 
     forces: Array
@@ -260,15 +263,15 @@ def find_contact_points(
     Place contact points on the members within reach of an object.
 
     :param structure: the frame of the robot.
-    :param surface: surface that the points meet: that of the object, or for round tubes its offset
-        by the tube's radius.
+    :param surface: surface that the points meet: the object's surface, or for round tubes its
+        offset by the tube radius.
     :param spacing: distance of the points along the tube [m].
     :param flattening: local compliance of the tubes; None for the paper's model.
-    :param windows: (m, 2) intervals of the points on each member from its start; None: everywhere
-        [m].
-    :param bent: tubes in a similar bent state, with any places; None: straight ones.
-    :param known: points of these tubes, and forces on them, x + iy [N]: their compliance is kept
-        where the points are close to them.
+    :param windows: (m, 2) interval of the points on each member, from its start [m]; None: no
+        limits.
+    :param bent: tubes in a similar bent state, at any places; None: straight tubes.
+    :param known: other points of these tubes, and forces on them, x + iy [N]. Points near to them
+        take over their compliance.
     """
     config, width = structure.config, 0.0 if flattening is None else flattening.radius
     topology = config.robot.topology
@@ -303,7 +306,7 @@ def find_contact_points(
 
 
 def _line(tubes: BentTubes, moved: Array) -> tuple[Points, Points]:
-    """Return places of tubes (c,) after displacements (3 n,), and axes in their state."""
+    """Return points (c,) on tubes after displacements (3 n,), and the tubes' directions (c,)."""
     tangent, nodes = tubes.tangent, tubes.frame.nodes
     there = tangent.displacements[nodes, :2] + moved.reshape(-1, 3)[nodes, :2]
     axis = tubes.axis * np.exp(1j * tangent.displacements[nodes, 2])
@@ -312,10 +315,10 @@ def _line(tubes: BentTubes, moved: Array) -> tuple[Points, Points]:
 
 def points_on_members(tubes: BentTubes, spacing: float) -> ContactPoints:
     """
-    Return the places of tubes as points of their centre lines.
+    Return contact points on the centre lines at the places of the tubes.
 
-    :param tubes: at the places, linearised.
-    :param spacing: length of tube of each place [m].
+    :param tubes: the linearised tubes at the places.
+    :param spacing: length of tube that each place represents [m].
     """
     frame, tangent = tubes.frame, tubes.tangent
     nodes, count, chains = frame.nodes, len(frame.nodes), tangent.chains
@@ -359,7 +362,7 @@ def points_on_members(tubes: BentTubes, spacing: float) -> ContactPoints:
 def _reach(
     surface: Surface, start: Points, axis: Points, width: float, spacing: float
 ) -> tuple[Array, Array]:
-    """Return the intervals of lines (m,) within reach, from their starts."""
+    """Return the interval of each line (m,) within reach of the surface, from its start [m]."""
     # A tube that gives elsewhere may come into contact beyond the chord of the object.
     away, reach = (surface.center - start) * axis.conj(), surface.reach + 2.0 * spacing
     off = np.abs(away.imag) - width
@@ -376,7 +379,7 @@ def _reach(
 def _clip(
     start: Points, axis: Points, normals: Points, distances: Array, width: float
 ) -> tuple[Array, Array]:
-    """Return the intervals of strips inside all tangents, from their starts."""
+    """Return the interval of each strip (m,) inside all tangents, from its start [m]."""
     # Of the two edges of a strip, the one that is farther inside.
     slope = (axis[:, None] * normals.conj()).real
     lean = np.abs((axis[:, None] * normals.conj()).imag)

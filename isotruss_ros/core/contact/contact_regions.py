@@ -4,10 +4,11 @@
 """
 Contact regions: lengths, widths and pressures of the tubes on the object.
 
-The wall of a flattened section is straight across the tube: its contact pressure is the gauge
-pressure p plus the part T / r of its tension T along the tube around an object with radius of
-curvature r. The width of the contact is the load per length over this pressure, up to half the
-circumference of the tube, pi R: there the section is flat, and a larger load raises the pressure.
+The wall of a flattened section is straight across the tube. Along the tube it has the tension T
+and follows an object with the radius of curvature r. So the contact pressure is p + T / r with the
+gauge pressure p. The width of the contact is the load per length over this pressure. It is at most
+half of the tube's circumference, pi R; then the section is flat, and a larger load raises the
+pressure.
 """
 
 from __future__ import annotations
@@ -27,13 +28,13 @@ def find_wrinkling(
     structure: Structure, contact_points: ContactPoints, contact: ContactState
 ) -> tuple[Utilisation, Array]:
     """
-    Return the utilisation of a robot's tubes under contact forces, and the tension of their walls.
+    Return the utilisation of the tubes under contact forces, and the tension of their walls.
 
     :param structure: the frame of the robot.
     :param contact_points: candidate contact points.
     :param contact: contact with its forces.
-    :return: utilisation, and (c,) tension of the wall along the tube on the side of the object,
-        not negative [N/m].
+    :return: utilisation of the members, and (c,) tension of the wall at each point, along the
+        tube, on the side of the object, not negative [N/m].
     """
     topology, tubes = structure.config.robot.topology, contact_points.bent
     radius = 0.5 * structure.config.robot.description.tube_diameter
@@ -55,10 +56,10 @@ def find_wrinkling(
 
 def assess_members(structure: Structure, solved: SolvedContact) -> dict[str, Any]:
     """
-    Return the fields of a `GraspAnalysis` by member.
+    Return the fields of a `GraspAnalysis` that are dictionaries by member.
 
     :param structure: the frame of the robot.
-    :param solved: the contact.
+    :param solved: the solved contact.
     """
     robot, (points, contact, length, spans, _) = structure.config.robot, solved
     sections, tension = find_wrinkling(structure, points, contact)

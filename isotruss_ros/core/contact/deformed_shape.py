@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Lines of a grasp for drawings: undeformed and bent tubes, forces, contact regions."""
+"""Lines of a grasp for drawings: undeformed tubes, bent tubes, forces and contact regions."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ POINTS_PER_MEMBER = 13
 
 def deformed_lines(analysis: GraspAnalysis) -> Points:
     """
-    Return the centre lines (m, s) of the members under the contact forces, pinch to pinch [m].
+    Return the centre lines (m, s) of the members under contact forces, pinch point to pinch point.
 
     :param analysis: analysis of a grasp.
     """
@@ -38,11 +38,11 @@ def deformed_lines(analysis: GraspAnalysis) -> Points:
 
 def force_lines(body: ConvexObject, analysis: GraspAnalysis, scale: float) -> Points:
     """
-    Return (k, 2) tails and tips [m] of the forces on the object, with tips at its surface.
+    Return the tails and tips (k, 2) [m] of the forces on the object; the tips are on its surface.
 
     :param body: the object.
     :param analysis: analysis of the grasp.
-    :param scale: length of a force [m/N].
+    :param scale: drawn length of a unit force [m/N].
     """
     touching = analysis.normal_forces > 0.0
     normals = analysis.normals[touching] @ np.array([1.0, 1.0j])
@@ -55,7 +55,7 @@ def region_lines(
     config: Configuration, body: ConvexObject, analysis: GraspAnalysis
 ) -> list[Points]:
     """
-    Return the regions of contact along the object's surface, (k,) points each [m].
+    Return the contact regions as lines on the object's surface, (k,) points each [m].
 
     :param config: configuration of the robot.
     :param body: the object.
@@ -74,6 +74,6 @@ def region_lines(
 
 
 def _feet(body: ConvexObject, points: Points) -> Points:
-    """Return the nearest points of the object's surface, (c,) [m]."""
+    """Return the points (c,) of the object's surface nearest to given points [m]."""
     found = body.nearest(points)
     return points - found.gaps * found.normals

@@ -2,13 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Depth of the dent of a tube's skin at one contact by its normal force.
+Depth of the dent of a tube's skin at one contact, as a function of the normal force.
 
-The contact of the analysis for a fixed centre line: only the dent of `flattening` remains. Each
-point of the skin presses across the tube, as in `sliding_contact`, so the heights of the object's
-surface above its lowest point determine the dent: deep under a sharp corner, shallow under a face.
-A dent depends on tube and object alone, so one table serves every grasp; it is almost linear in
-the 2/3 power of the force, as for a point contact.
+The dent is the deformation by `flattening` while the centre line is fixed. Each point of the skin
+presses across the tube, as in `sliding_contact`, so the dent follows from the heights of the
+object's surface: it is deep under a sharp corner and shallow under a face. It depends only on tube
+and object, so one table serves every grasp. The depth is almost linear in the 2/3 power of the
+force, as for a point contact.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ from isotruss_ros.core.numerics.qp import solve_complementarity
 import numpy as np
 import scipy
 
-#: Depths of the table of a disc relative to the smaller radius of tube and disc, and of a corner
-#: relative to the tube's radius [-].
+#: Depths in the tables [-]: of discs relative to the smaller radius of tube and disc, of corners
+#: relative to the tube radius.
 DISC_DEPTHS, CORNER_DEPTHS = (0.8 * np.linspace(0.0, 1.0, n)[1:] ** 2 for n in (15, 10))
-#: Number of contact points on the chord of overlap of object and round tube [-].
+#: Number of contact points on the chord in which the object overlaps the round tube [-].
 CHORD_POINTS = 41
 DEPTH_EXPONENT = 2.0 / 3.0
-#: Spacing of the points of outlines in tables of corners, and largest distance of a point of the
-#: contact, in tube radii [-].
+#: Spacing of the points of a corner's outline, and largest distance of a point of the contact, in
+#: tube radii [-].
 OUTLINE, REACH = 0.02, 4.0
 
 
@@ -41,10 +41,10 @@ class SkinIndentation:
     """
     Depth of a dent as a function of the normal force, for one tube and one object.
 
-    :param depths: (n,) increasing positive depths of dents [m].
-    :param presses: for each depth the spacing of points of the skin [m], and the contact forces
-        (c,) on these [N].
-    :param kernel: compliance of the tubes' sections.
+    :param depths: (n,) positive, increasing depths of the dent [m].
+    :param presses: for each depth, the spacing of the points of the skin [m] and the contact
+        forces (c,) on them [N].
+    :param kernel: compliance of the tubes' sections, see `Flattening`.
     :param tube: index of the tube.
     """
 
@@ -69,9 +69,10 @@ class SkinIndentation:
 
     def __call__(self, force: float) -> tuple[float, float]:
         """
-        Return depth [m] and its derivative [m/N], extrapolated linearly beyond the table.
+        Return the depth [m] and its derivative by the force [m/N]; linear beyond the table.
 
-        :param force: normal force [N]; tension has a negative depth, for searches that pass it.
+        :param force: normal force [N]. A negative force has a negative depth, for searches that
+            pass zero.
         """
         piece, x, beyond, per_force = self._locate(force)
         a, b, c, d = self._pieces[piece]
@@ -80,7 +81,7 @@ class SkinIndentation:
         return math.copysign(depth, force), slope * per_force
 
     def _locate(self, force: float) -> tuple[int, float, float, float]:
-        """Return the interval of the table, the position in it and beyond, and its derivative."""
+        """Return interval, position inside and beyond it, and derivative by the force."""
         size = max(abs(force), 1e-9)
         place = size**DEPTH_EXPONENT
         inside = min(place, self._places[-1])
@@ -89,11 +90,12 @@ class SkinIndentation:
 
     def second_rates(self, force: float) -> tuple[float, float, float]:
         """
-        Return the second derivative of the depth by the force [m/N^2], and those by pressure.
+        Return the second derivative of the depth by the force, and derivatives by the pressure.
 
         :param force: normal force [N].
-        :return: the second derivative, and the derivatives by the gauge pressure in the tube of
-            the depth [m/Pa] and of its derivative by the force [m/(N Pa)].
+        :return: second derivative of the depth by the force [m/N^2]; derivative of the depth by
+            the tube's gauge pressure [m/Pa]; derivative of the depth by force and pressure [m/(N
+            Pa)].
         """
         size, sign = max(abs(force), 1e-9), math.copysign(1.0, force)
         piece, x, beyond, stretch = self._locate(force)
@@ -106,7 +108,7 @@ class SkinIndentation:
 
     @functools.cached_property
     def _place_rates(self) -> Array:
-        """Return the derivatives of the nodes of the table by the pressure, (n + 1,)."""
+        """Return the derivatives (n + 1,) of the table's 2/3 powers by the gauge pressure."""
         kernel, tube, rates = self._kernel, self._tube, [0.0]
         for spacing, forces in self._presses:
             # The sum of q, where C q = -gaps, changes by -l . C' q, where C l = 1.
@@ -122,7 +124,7 @@ class SkinIndentation:
 
     @functools.cached_property
     def _spline_rate(self) -> scipy.interpolate.PPoly:
-        """Return the derivative of the spline by the pressure, at constant depths."""
+        """Return the derivative of the spline by the pressure, for fixed depths of its nodes."""
         spline, moved = self._spline, self._place_rates
         third = 6.0 * spline.c[0]
         # Where a place moves by m, the spline changes by -m times its slope, and the curvature of
@@ -138,10 +140,10 @@ class SkinIndentation:
 
 class Indentation:
     """
-    The dents of the tubes at k contacts with one object.
+    Depths of the dents of the tubes at k contacts with one object.
 
-    :param tables: tables of the k contacts; empty for round tubes.
-    :param scale: stiffness of the tubes relative to the tables [-].
+    :param tables: tables of the k contacts; empty for round tubes, which have no dents.
+    :param scale: ratio of the tubes' stiffness to that of the tables [-].
     """
 
     def __init__(self, tables: Sequence[SkinIndentation] = (), scale: float = 1.0) -> None:
@@ -149,7 +151,7 @@ class Indentation:
 
     def __call__(self, forces: Array) -> tuple[Array, Array]:
         """
-        Return depths (k,) [m] and their derivatives by the normal forces (k,) [m/N].
+        Return the depths (k,) [m], and their derivatives (k,) by the normal forces [m/N].
 
         :param forces: (k,) normal forces [N].
         """
@@ -161,11 +163,10 @@ class Indentation:
 
     def second_rates(self, forces: Array) -> Array:
         """
-        Return the second derivatives of the depths, and those by the gauge pressure in each tube.
+        Return the second derivatives of the depths by forces, and derivatives by pressures.
 
         :param forces: (k,) normal forces [N].
-        :return: (3, k) second derivatives by the normal forces [m/N^2]; by the pressures, those of
-            the depths [m/Pa] and of their derivatives by the normal forces [m/(N Pa)].
+        :return: (3, k) see `SkinIndentation.second_rates`.
         """
         if not self._tables:
             return np.zeros((3, len(forces)))
@@ -179,12 +180,12 @@ def skin_indentation(
     robot: Mechanism, tube: int, radius: float, pressures: tuple[float, ...] | None = None
 ) -> SkinIndentation:
     """
-    Return the dents of one tube by a disc; the last few tables are cached.
+    Return the table of the dent of one tube by a disc, from a cache of the last few.
 
     :param robot: the robot.
     :param tube: index of the tube.
     :param radius: radius of the object [m].
-    :param pressures: (t,) gauge pressures by tube [Pa]; None: those of the robot file.
+    :param pressures: (t,) gauge pressure of each tube [Pa]; None: the pressures of the robot file.
     """
     depths = DISC_DEPTHS * min(radius, 0.5 * robot.description.tube_diameter)
     kernel = flattening_of(robot, pressures)
@@ -193,7 +194,7 @@ def skin_indentation(
 
 
 def _press_disc(kernel: Flattening, tube: int, radius: float, depth: float) -> tuple[float, Array]:
-    """Return the contact of a cylinder with a tube at a given depth."""
+    """Return spacing and forces of the skin points that a disc presses to a given depth."""
     half = np.sqrt(radius**2 - (radius - depth) ** 2)
     place = half * np.linspace(-1.0, 1.0, CHORD_POINTS)
     gaps = radius - depth - np.sqrt(radius**2 - place**2)
@@ -201,7 +202,7 @@ def _press_disc(kernel: Flattening, tube: int, radius: float, depth: float) -> t
 
 
 def _press(kernel: Flattening, tube: int, spacing: float, gaps: Array) -> tuple[float, Array]:
-    """Return spacing and forces of points of the skin with gaps to a surface across the tube."""
+    """Return the spacing, and the forces of skin points that close given gaps across the tube."""
     count = len(gaps)
     dents = kernel.lattice_compliance(count, tube, spacing)
     forces, _ = solve_complementarity(dents, gaps, np.ones(count, dtype=bool))
@@ -219,17 +220,17 @@ def corner_dents(
     pressures: tuple[float, ...] | None = None,
 ) -> SkinIndentation:
     """
-    Return the dents under one contact of an object; the last tables are cached.
+    Return the table of the dent under a corner or face of an object, from a cache of the last.
 
     :param robot: the robot.
     :param tube: index of the tube.
     :param shape: shape of the object.
-    :param angle: angle of the normal out of the object across the tube, in the object's frame, in
-        steps for common tables [rad].
+    :param angle: angle of the outward normal across the tube, in the object's frame [rad];
+        rounded, so that similar contacts share a table.
     :param corner: index of the corner in contact, see `Shape.corner_at`.
-    :param cuts: extent of the contact before and behind its point, counter-clockwise around the
-        object; half of a face whose other end is another contact, or infinite [m].
-    :param pressures: (t,) gauge pressures by tube [Pa]; None: those of the robot file.
+    :param cuts: extent of the contact clockwise and counter-clockwise of its point along the
+        surface [m]: half of a face whose other end is another contact, or infinite.
+    :param pressures: (t,) gauge pressure of each tube [Pa]; None: the pressures of the robot file.
     """
     radius = 0.5 * robot.description.tube_diameter
     point = shape.point_at(corner, complex(np.exp(1j * angle)))
@@ -243,12 +244,12 @@ def corner_dents(
 
 @functools.lru_cache(maxsize=16)
 def _outline(shape: Shape, spacing: float) -> Points:
-    """Return `Shape.outline` from a cache of the last few."""
+    """Return `Shape.outline` from a cache of the last few outlines."""
     return shape.outline(spacing)
 
 
 def _profile(shape: Shape, angle: float, point: complex, spacing: float) -> tuple[Array, Array]:
-    """Return positions counter-clockwise along a tube, and heights of the surface there."""
+    """Return positions along a tube, counter-clockwise, and surface heights at them [m]."""
     inward = -np.exp(1j * angle)
     seen = (_outline(shape, spacing) - point) * inward.conjugate()
     # Along the tube counter-clockwise, and into the object.
@@ -265,7 +266,7 @@ def _profile(shape: Shape, angle: float, point: complex, spacing: float) -> tupl
 def _press_corner(
     kernel: Flattening, tube: int, places: Array, heights: Array, reach: Array, depth: float
 ) -> tuple[float, Array]:
-    """Return the contact of a surface with a tube at a given depth."""
+    """Return spacing and forces of the skin points that a surface presses to a given depth."""
     low = np.flatnonzero(heights <= depth)
     first, last = max(low[0] - 1, 0), min(low[-1] + 1, len(places) - 1)
     # Where the surface is as high as the depth, between two of its points.

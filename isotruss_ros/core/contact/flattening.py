@@ -6,16 +6,16 @@ Flattening: local compliance of the section of an inflated tube under contact.
 
 An inextensible wall of radius R under the gauge pressure p deforms under a line load in ring modes
 cos(n phi), n = 2, 3, ..., with the stiffness k_n = pi p (n^2 - 1) per unit length. The compliance
-of all modes is 3 / (4 pi p) for a load from one side, balanced by the shear flow of the beam, and
-1 / (pi p) between two plates. Along the tube each mode is a string on that foundation,
+of all modes is 3 / (4 pi p) for a load from one side that the beam's shear flow balances, and 1 /
+(pi p) between two plates. Along the tube each mode is a string on an elastic foundation,
 
     k_n w - G_n w'' = q,
     G_n = pi p R^2 (1 + 1/n^2) / 2 + pi R G t f_n / n^2,
     f_n = E t / (E t + G t n^2 lambda_n^2 / R^2),   lambda_n = sqrt(G_n / k_n),
 
-under the wall tension p R / 2 and the shear of the fabric, with the compliance
-exp(-s / lambda_n) / (2 sqrt(k_n G_n)) at a distance s. Modes beyond the first few are as short as
-details of the wall and act only at the load.
+by the wall tension p R / 2 and the shear of the fabric. Its compliance at a distance s is exp(-s /
+lambda_n) / (2 sqrt(k_n G_n)). Modes beyond the first few are so short that they act only at the
+load.
 """
 
 from __future__ import annotations
@@ -34,12 +34,13 @@ from numpy.typing import ArrayLike
 @dataclass(frozen=True, eq=False)
 class Flattening:
     """
-    Local compliance of tubes' sections under transverse forces from one side.
+    Local compliance of the tubes' sections under transverse forces from one side.
 
-    :ivar radius: R of the tubes [m].
-    :ivar stiffness: (t, n) k_n of the modes with extent along each tube, per unit length [N/m^2].
+    :ivar radius: tube radius R [m].
+    :ivar stiffness: (t, n) k_n of each tube's modes with extent along the tube, per unit length
+        [N/m^2].
     :ivar tension: (t, n) G_n of these modes [N].
-    :ivar rest: (t,) compliance of all further modes, times a unit length of tube [m^2/N].
+    :ivar rest: (t,) compliance of all further modes for a line load [m^2/N].
     :ivar pressure: (t,) gauge pressure p in each tube [Pa].
     :ivar tension_rate: (t, n) derivative of G_n by the pressure [N/Pa].
     """
@@ -53,19 +54,19 @@ class Flattening:
 
     @property
     def reach(self) -> Array:
-        """Return lambda_n, (t, n): the decay length of each mode along the tube [m]."""
+        """Return the decay lengths lambda_n of the modes along the tube, (t, n) [m]."""
         return np.sqrt(self.tension / self.stiffness)
 
     def compliance(self, place: Array, member: Indices, tube: Indices, spacing: float) -> Array:
         """
-        Return the compliance between points by dents alone.
+        Return the compliance of the points by dents only.
 
-        Each point represents a piece of tube of one spacing, with averaged load and indentation.
-        The sum over a long lattice is the integral of the kernel for any spacing.
+        Each point represents one spacing of tube, with averaged load and indentation. So the sum
+        over a long lattice equals the integral of the kernel for any spacing.
 
-        :param place: (c,) positions along the members, on lattices of the spacing [m].
-        :param member: (c,) indices of the members; points of one member interact.
-        :param tube: (c,) indices of the tubes.
+        :param place: (c,) positions along the members, on lattices with the given spacing [m].
+        :param member: (c,) index of the member of each point; points on one member interact.
+        :param tube: (c,) index of the tube of each point.
         :param spacing: spacing of the points [m].
         :return: (c, c) compliance, symmetric positive definite [m/N].
         """
@@ -79,22 +80,22 @@ class Flattening:
 
     def lattice_compliance(self, count: int, tube: int, spacing: float) -> Array:
         """
-        Return `compliance` of successive points of one tube, (count, count) [m/N].
+        Return the compliance (count, count) of successive points on one tube [m/N].
 
         :param count: number of points.
         :param tube: index of the tube.
-        :param spacing: distance of the points [m].
+        :param spacing: spacing of the points [m].
         """
         size = 1 << (count - 1).bit_length()
         return _compliance_by_distance(self, size, spacing)[tube][lattice_distances(count)]
 
     def compliance_rates(self, count: int, spacing: float) -> Array:
         """
-        Return derivatives by pressure of the compliance at 0, 1, ... spacings.
+        Return the derivatives of the compliance between points by the gauge pressure.
 
-        :param count: number of distances.
+        :param count: number of distances 0, 1, ... spacings.
         :param spacing: spacing of the points [m].
-        :return: (t, count) derivatives [m/N/Pa].
+        :return: (t, count) derivatives for each tube and distance [m/N/Pa].
         """
         ratio, blown = spacing / self.reach, 1.0 / self.pressure[:, None]
         pulled = self.tension_rate / self.tension
@@ -115,7 +116,7 @@ class Flattening:
 @functools.lru_cache(maxsize=16)
 def lattice_distances(count: int) -> Indices:
     """
-    Return the distances of successive points in spacings, (count, count).
+    Return the distances (count, count) between successive points, in spacings.
 
     :param count: number of points.
     """
@@ -125,7 +126,7 @@ def lattice_distances(count: int) -> Indices:
 
 @functools.lru_cache(maxsize=64)
 def _compliance_by_distance(kernel: Flattening, count: int, spacing: float) -> Array:
-    """Return the compliance between points 0, 1, ... spacings apart, (t, count) [m/N]."""
+    """Return the compliance (t, count) between points that are 0, 1, ... spacings apart [m/N]."""
     ratio = spacing / kernel.reach
     peak = 0.5 / np.sqrt(kernel.stiffness * kernel.tension)
     # exp(-k ratio) (2 / ratio sinh(ratio / 2))^2, written so that nothing overflows.
@@ -145,13 +146,14 @@ def flattening(
     local_stiffness: float = 1.0,
 ) -> Flattening:
     """
-    Return the local compliance of tubes.
+    Return the local compliance of tubes under their gauge pressures.
 
-    :param radius: R of the tubes [m].
+    :param radius: tube radius R [m].
     :param pressure: (t,) gauge pressure p in each tube [Pa].
-    :param fabric: E t and G t of the wall; None for pressure and radius alone, f_n = 0.
-    :param modes: N, the highest ring mode with extent along the tube.
-    :param local_stiffness: stiffness of a measured tube relative to this theory [-].
+    :param fabric: E t and G t of the wall; None for f_n = 0, which leaves radius and pressure
+        alone.
+    :param modes: number of the highest ring mode with extent along the tube.
+    :param local_stiffness: ratio of a measured tube's local stiffness to this theory [-].
     """
     n = np.arange(2, modes + 1)
     pressure = np.atleast_1d(np.asarray(pressure, dtype=float))[:, None]
@@ -180,11 +182,11 @@ def flattening(
 @functools.lru_cache(maxsize=8)
 def flattening_of(robot: Mechanism, pressures: tuple[float, ...] | None = None) -> Flattening:
     """
-    Return the local compliance of a robot's tubes; the last few are cached.
+    Return the local compliance of a robot's tubes, from a cache of the last few.
 
     :param robot: robot with tube diameter and stiffness model.
-    :param pressures: (t,) gauge pressures by tube in the order of the robot file; None: those of
-        the file [Pa].
+    :param pressures: (t,) gauge pressures in the order of the robot file [Pa]; None: the pressures
+        of the file.
     """
     file = robot.description
     if pressures is None:

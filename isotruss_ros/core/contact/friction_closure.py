@@ -2,12 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Closure by friction: friction within its bounds balances the normal forces, equation (10).
+Closure by friction: bounded friction balances the normal forces, equation (10).
 
-The wrenches of friction form a zonotope: a sum of segments, one for each contact. Its facets are
-planes spanned by pairs of segments, so the smallest friction coefficient and the closure margin
-follow without iteration. Moments are divided by half of the object's mean width, the arm d/2 of
-friction on a cylinder, so that all three components are forces.
+The wrenches of friction form a zonotope, the sum of one segment for each contact. A pair of
+segments spans each facet, so the smallest friction coefficient and the closure margin follow
+without iteration. Moments are divided by half of the object's mean width, d/2 of a cylinder, so
+all three components are forces.
 """
 
 from __future__ import annotations
@@ -21,27 +21,30 @@ from isotruss_ros.core.numerics.tolerances import ROUNDING
 import numpy as np
 import scipy
 
-#: Largest residual of closure relative to the forces, and largest cosine of segments perpendicular
-#: to the residual [-].
+#: Largest residual of closure relative to the forces, and largest cosine of the angle between the
+#: residual and segments normal to it [-].
 CLOSURE_TOLERANCE = 1e-6
-#: Regularization weight of the friction forces [-]; makes them unique without a visible residual.
+#: Weight of the friction forces in least squares [-]; it makes them unique and changes the
+#: residual by its square.
 FRICTION_REGULARIZATION = 1e-6
-#: Number of facets per batch [-].
+#: Number of facets that are computed at once [-].
 FACET_BATCH = 4096
 
 
 @dataclass(frozen=True, eq=False)
 class FrictionClosure:
     """
-    Balance of a wrench by friction.
+    Balance of a wrench by bounded friction forces.
 
-    :ivar closed: whether the residual is within `tolerance`.
-    :ivar residual: size of the unbalanced wrench, moments over d/2 [N].
-    :ivar tolerance: bound of the residual [N].
-    :ivar friction_forces: (k,) along the tangents, counter-clockwise around the object [N].
-    :ivar required_friction: smallest coefficient with closure; infinite if none exists.
-    :ivar margin: largest additional wrench of any direction with closure [N]; negative without
-        closure.
+    :ivar closed: whether the residual is at most `tolerance`.
+    :ivar residual: norm of the unbalanced wrench, with moments over d/2 [N].
+    :ivar tolerance: largest residual of closure [N].
+    :ivar friction_forces: (k,) friction forces on the object along the tangents, counter-clockwise
+        [N].
+    :ivar required_friction: smallest coefficient of friction with closure; infinite if none
+        exists.
+    :ivar margin: largest additional wrench that friction balances in every direction [N]; negative
+        without closure.
     """
 
     closed: bool
@@ -63,11 +66,11 @@ def balance_by_friction(
     Balance a load by friction forces with |F_i| <= mu N_i, equation (10).
 
     :param tangents: (k, 2) unit tangents of the object at the contacts, counter-clockwise.
-    :param normal_forces: (k,) N_i, not negative [N].
+    :param normal_forces: (k,) normal forces N_i, not negative [N].
     :param load: (3,) resultant of the other forces on the object: fx, fy, m / (d/2) [N].
-    :param friction: mu, not negative.
-    :param levers: (k,) lever arms of the tangential forces over half of the mean width; 1 for a
-        cylinder.
+    :param friction: coefficient of friction mu, not negative.
+    :param levers: (k,) lever arms of the tangential forces over half of the object's mean width
+        [-]; 1 for a cylinder.
     """
     touching = normal_forces > 0.0
     segments = np.column_stack([tangents, levers])[touching] * normal_forces[touching, None]
@@ -85,7 +88,7 @@ def balance_by_friction(
 def _balance(
     segments: Array, facets: tuple[Array, Array], load: Array, friction: float
 ) -> tuple[Array, float]:
-    """Return the shares (k,) in [-mu, mu] of the segments, and the residual of the load."""
+    """Return the factors (k,) in [-mu, mu] of the segments, and the residual [N]."""
     normals, support = facets
     offs, size = normals @ load, float(np.linalg.norm(load))
     room = friction * np.tile(support, 2) + np.concatenate([offs, -offs])
@@ -102,7 +105,7 @@ def _balance(
 
 
 def _smallest(segments: Array, wanted: Array, friction: float) -> Array:
-    """Return the smallest shares (k,) in [-mu, mu] for a wrench, or the closest one."""
+    """Return the smallest factors (k,) in [-mu, mu] that give a wrench, or the closest one."""
     shares = solve_least_squares(segments.T, wanted)
     if np.abs(shares).max() <= friction:
         return shares
@@ -122,7 +125,7 @@ def _smallest(segments: Array, wanted: Array, friction: float) -> Array:
 def _extremes(
     facets: tuple[Array, Array], wanted: Array, friction: float, tolerance: float
 ) -> tuple[float, float]:
-    """Return the smallest coefficient for a wrench, and its margin."""
+    """Return the smallest coefficient of friction for a wrench, and the wrench's margin."""
     normals, support = facets
     need = np.abs(normals @ wanted)
     # A flat zonotope, as of two contacts, reaches nothing across its plane.
@@ -136,7 +139,7 @@ def _extremes(
 
 
 def _facets(segments: Array) -> tuple[Array, Array]:
-    """Return unit normals (f, 3) of the facets of a zonotope, and extents (f,) along them."""
+    """Return unit normals (f, 3) of a zonotope's facets, and its extents (f,) along them."""
     first, second = _pairs(len(segments))
     normals = np.cross(segments[first], segments[second])
     sizes, reach = np.linalg.norm(normals, axis=1), np.linalg.norm(segments, axis=1)
@@ -162,5 +165,5 @@ def _flat_facets(segments: Array, plane: bool) -> tuple[Array, Array]:
 
 @functools.lru_cache(maxsize=64)
 def _pairs(count: int) -> Indices:
-    """Return all pairs of indices below a count, in ascending order, (2, pairs)."""
+    """Return all pairs of indices below a count, (2, pairs), in ascending order."""
     return np.array(np.triu_indices(count, 1))

@@ -20,14 +20,14 @@ from scipy.linalg import lapack
 
 class SolvedContact(NamedTuple):
     """
-    Contact at points of the tubes, with its extent on each of the m members.
+    Solved contact at points of the tubes, with its extent on each of the m members.
 
     :ivar points: candidate contact points.
     :ivar contact: contact with its forces.
-    :ivar length: (m,) length of tube in contact, zero without [m].
-    :ivar spans: (m, 2) start and end of the contact from the member's start; inf, -inf without
-        [m].
-    :ivar kept: (k,) indices of the points of the result; the others were part of the search.
+    :ivar length: (m,) length of tube in contact [m]; zero without contact.
+    :ivar spans: (m, 2) start and end of the contact from the member's start [m]; inf and -inf
+        without contact.
+    :ivar kept: (k,) indices of the points of the result; all other points are from the search.
     """
 
     points: ContactPoints
@@ -51,44 +51,48 @@ class GraspAnalysis(
     """
     Contact, closure and stiffness of a grasp with k contact points.
 
-    :ivar points: (k, 2) deformed points of the skin of the tubes, robot frame; in the paper's
-        model those of their centre lines [m].
+    :ivar points: (k, 2) deformed points on the skin of the tubes, robot frame [m]; in the paper's
+        model, on the centre lines.
     :ivar members: (k,) index of the member of each point in `Robot.member_names`.
     :ivar places: (k,) distance of each point from the member's start [m].
     :ivar gaps: (k,) distances of the tube's skin from the object, not negative [m].
-    :ivar normals: (k, 2) unit normals of the object's surface, outward: toward the tube; at a
-        corner over which the skin is folded nearly across the tube, see `turn_at_corners`.
-        Except for discs, normals times forces sum up to less or more than `normal_wrench`, which
-        counts: by 0.3 % on an ellipse, by a tenth and at most a quarter at sharp corners.
+    :ivar normals: (k, 2) outward unit normals of the object's surface. At a corner over which the
+        skin is folded, normals are nearly across the tube, see `turn_at_corners`. Then the sum of
+        normals times forces differs from `normal_wrench`, which is exact: by 0.3 % on an ellipse,
+        by a tenth and at most a quarter at sharp corners, not at all on discs.
     :ivar normal_forces: (k,) normal forces along `normals`, not negative [N].
-    :ivar friction_forces: (k,) friction on the object, along the tangent, counter-clockwise [N].
-    :ivar normal_wrench: wrench (fx, fy, m) of the frictionless tubes on the object, across their
-        bent centre lines, about the origin of its frame [N, N m].
-    :ivar closed_by_friction: whether the object has contact, and friction balances the normal
-        forces and the external wrench, equation (10); see `SettledGrasp` for a free object.
-    :ivar closure_residual: unbalanced wrench, moments about the centroid over half of the mean
-        width, d/2 for a cylinder [N].
-    :ivar closure_tolerance: bound of the residual [N].
-    :ivar required_friction: smallest coefficient with closure; infinite if none exists.
-    :ivar closure_margin: largest additional wrench of any direction with closure, moments over
-        half of the mean width [N]; negative without closure.
-    :ivar contact_lengths: length of tube in contact by member in contact [m].
-    :ivar contact_spans: start and end of the contact from the member's start, by member in contact
-        [m].
-    :ivar contact_forces: sum of the normal forces by member in contact [N].
-    :ivar contact_widths: largest width of the contact around the tube by member in contact, at
-        most half the circumference [m]; empty in the paper's model, like the next three.
-    :ivar contact_areas: area of contact by member in contact [m^2].
-    :ivar contact_pressures: mean contact pressure by member in contact [Pa].
-    :ivar peak_pressures: largest contact pressure by member in contact [Pa].
-    :ivar flattened: names of the members with a contact as wide as half the circumference: the
-        section is flat there, and depth and force are outside of the model.
-    :ivar utilisation: largest bending moment over the wrinkling moment by member, all members;
-        from 1 on a tube wrinkles, and the results are outside of the model.
-    :ivar utilisation_places: its distance from the member's start, all members [m].
+    :ivar friction_forces: (k,) friction forces on the object along its tangents, counter-clockwise
+        [N].
+    :ivar normal_wrench: wrench (fx, fy, m) of the tubes on the object without friction, about the
+        origin of its frame [N, N m]. Its forces are normal to the bent centre lines.
+    :ivar closed_by_friction: whether the object has contact and friction balances the normal
+        forces and the external wrench, equation (10). For a free object see `SettledGrasp`.
+    :ivar closure_residual: norm of the unbalanced wrench [N]; moments are about the centroid, over
+        half of the mean width, d/2 of a cylinder.
+    :ivar closure_tolerance: largest residual of closure [N].
+    :ivar required_friction: smallest coefficient of friction with closure; infinite if none
+        exists.
+    :ivar closure_margin: largest additional wrench that friction balances in every direction, with
+        moments over half of the mean width [N]; negative without closure.
+    :ivar contact_lengths: length of tube in contact by member, for members in contact [m].
+    :ivar contact_spans: start and end of the contact from the member's start by member, for
+        members in contact [m].
+    :ivar contact_forces: sum of the normal forces by member, for members in contact [N].
+    :ivar contact_widths: largest width of the contact around the tube by member, for members in
+        contact, at most half of the circumference [m]. This field and the next three are empty in
+        the paper's model.
+    :ivar contact_areas: area of contact by member, for members in contact [m^2].
+    :ivar contact_pressures: mean contact pressure by member, for members in contact [Pa].
+    :ivar peak_pressures: largest contact pressure by member, for members in contact [Pa].
+    :ivar flattened: names of the members whose contact is as wide as half of the circumference.
+        Their section is flat; depth and force are outside of the model.
+    :ivar utilisation: largest bending moment over the wrinkling moment, for all members [-]. A
+        tube wrinkles from 1 on; then the results are outside of the model.
+    :ivar utilisation_places: distance of the largest utilisation from the member's start, for all
+        members [m].
     :ivar center: origin of the object's frame, x + iy [m].
     :ivar structure: the frame of the robot.
-    :ivar solved: the contact, with normals at corners as they are assessed.
+    :ivar solved: solved contact, with the normals that are assessed at corners.
     """
 
     points: Array
@@ -123,7 +127,7 @@ class GraspAnalysis(
         """
         Return the stiffness of the object with sticking contacts, (3, 3) [N/m, N, N m].
 
-        Wrench (fx, fy, m) per displacement (dx, dy, dtheta).
+        It is the derivative of the wrench (fx, fy, m) by the displacement (dx, dy, dtheta).
 
         :raises SolverError: the contact compliance is not positive definite.
         """
@@ -148,9 +152,10 @@ class GraspAnalysis(
     @cached_property
     def nonlinearity(self) -> float:
         """
-        Return the relative excess force of bent over linear tubes [-].
+        Return the relative excess of contact forces on bent tubes over those on linear tubes.
 
-        To first order, from the work of the contact forces; zero in the paper's model.
+        It is computed to first order from the work of the contact forces; zero in the paper's
+        model.
         """
         points, contact = self.solved.points, self.solved.contact
         if points.bent.is_straight or not contact.forces.any():

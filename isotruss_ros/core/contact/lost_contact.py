@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Continuation of the slip margin without equilibrium, by the gaps of the members.
+Slip margin of an object without equilibrium, continued by the members' gaps to it.
 
-The continued slip margin leads an optimiser back to contact. Without contact forces the external
-wrench is unbalanced; a tube pressed by a distance g has a force of about p R g.
+The continued slip margin leads an optimiser back to contact. It is minus the unbalanced external
+wrench, minus about the force p R g that a tube would have if it were pressed by its gap g.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ import numpy as np
 @dataclass(frozen=True, eq=False)
 class LostContact:
     """
-    Grasping members with their gaps to an object.
+    Grasping members that do not hold their object, with their gaps to it.
 
     :ivar config: configuration of the robot.
     :ivar body: the object at its given pose.
     :ivar members: (k,) indices of the members.
-    :ivar wrench: size of the external wrench, moments over the arm [N].
-    :ivar stiffness: p R, mean pressure times radius of the tubes [N/m].
+    :ivar wrench: norm of the external wrench, with moments over the characteristic radius [N].
+    :ivar stiffness: p R, the tubes' mean pressure times their radius [N/m].
     """
 
     config: Configuration
@@ -50,12 +50,12 @@ class LostContact:
         pressure: Pressure | None,
     ) -> LostContact:
         """
-        Return the lost contact of members, or of the two nearest ones.
+        Return the lost contact of given members, or of the two nearest members.
 
         :param config: configuration of the robot.
         :param body: the object at its given pose.
-        :param members: (k,) indices of the members; None: the two nearest.
-        :param wrench: (fx, fy, m / arm) on the object [N].
+        :param members: (k,) indices of the members; None: the two nearest to the object.
+        :param wrench: (fx, fy, m / arm) on the object, with the characteristic radius as arm [N].
         :param pressure: gauge pressure [Pa], see `tube_pressures`.
         """
         if members is None:
@@ -67,17 +67,17 @@ class LostContact:
 
     @property
     def gap(self) -> float:
-        """Return the root mean square gap of the members [m]."""
+        """Return the root mean square of the members' gaps [m]."""
         return float(np.sqrt(np.mean(self._distances[0] ** 2)))
 
     @property
     def slip_margin(self) -> float:
-        """Return minus the external wrench and p R times the gap [N]."""
+        """Return the continued slip margin: minus the wrench, minus p R times the gap [N]."""
         return -self.wrench - self.stiffness * self.gap
 
     def slip_margin_rates(self) -> tuple[Array, Array]:
         """
-        Return the derivatives of the slip margin by roller travel, (r,), and pose, (3,).
+        Return the derivatives of the slip margin by roller travel (r,) and by pose (3,).
 
         :raises ConfigurationError: the configuration is singular.
         """
@@ -88,7 +88,7 @@ class LostContact:
 
     @cached_property
     def _distances(self) -> tuple[Array, Array, Array]:
-        """Return the gaps of the skins, with derivatives by nodes and by the twist."""
+        """Return the gaps of the tubes' skins, with derivatives by the nodes and by the pose."""
         return collision_model(self.config.robot).body_distances(
             self.config, self.body, self.members
         )

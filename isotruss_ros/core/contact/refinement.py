@@ -4,10 +4,10 @@
 """
 Contact of flattening tubes, with points refined to the contact regions.
 
-Forces and lengths of contact converge fast with the spacing of the points. Closure by friction
-depends on the pressure distribution within each region: its error falls with the square of the
-number of points in the smallest region. A search with few points finds the regions; the points of
-the result are inside them, with a sufficiently small spacing.
+Contact forces and lengths converge fast with the spacing of the points. Closure by friction
+depends on the pressure distribution within each region; its error falls with the square of the
+number of points in the smallest region. A search with few points finds the regions. The result has
+points with a sufficiently small spacing inside the regions only.
 """
 
 from __future__ import annotations
@@ -31,31 +31,35 @@ from isotruss_ros.core.statics.bent_tubes import BentTubes
 from isotruss_ros.core.statics.structure import Structure
 import numpy as np
 
-#: Spacing of the search, and margin of points beyond a region, relative to the final spacing [-].
+#: Spacing of the search, and margin of its points around a region, relative to the final spacing
+#: [-].
 SEARCH = 2.0
-#: Smallest number of points of a contact region [-], and divisors of the spacing [-].
+#: Smallest number of points in a contact region, and possible divisors of the spacing [-].
 REGION_POINTS = 10
 DIVISIONS = (1, 2, 4)
-#: Largest relative difference of a region's length between a spacing and its half [-].
+#: Largest relative change of a region's length by halving the spacing [-].
 LENGTH_SPREAD = 0.02
-#: Largest number of steps to find the regions [-]; otherwise points are on all tubes within reach.
+#: Largest number of steps to find the regions [-]; after them, points are on all tubes within
+#: reach.
 MAX_STEPS = 3
 EVERYWHERE = np.array([-np.inf, np.inf])
-#: The next motion of a node is this share of the last one [-], times the sum of this and of the
-#: motion since the compliance was computed [1/m].
+#: Ratio of successive motions in the iteration for the bent tubes, relative to the last motion and
+#: the motion since the compliance was computed [1/m].
 TUBE_CURVATURE = 15.0
-#: Least share of the last motion that the next one is [-]: of contact along normals of a disc, and
-#: of contact across the tubes, which turns with them.
-LEAST_RATES = (1e-3, 0.1)
-#: Tubes are bent until the next motion is less than this share of the motion of the skin [-], or
-#: less than rounding [m]: forces are then the same to 1e-7 whatever the search began with.
-SETTLED_SHARE, SETTLED_MOTION = 5e-8, 1e-12
-#: The compliance is computed anew where motions shrink by less than to this share [-].
-QUICK_RATE, MAX_BENDS = 0.1, 12
-#: Shares of the bending by the contact forces, tried in turn [-].
+#: Smallest ratio of successive motions [-]: of contact along the normals of a disc, and of contact
+#: across the tubes.
+LEAST_RATIOS = (1e-3, 0.1)
+#: Bounds of the iteration: next motion relative to the displacements of the skin [-], next motion
+#: within rounding and motion of soft structures within rounding [m]. The forces then depend on the
+#: initial guess by 1e-7 at most.
+SETTLED_SHARE, SETTLED_MOTION, SOFT_MOTION = 5e-8, 1e-12, 1e-6
+#: Largest number of steps [-], and ratio of successive motions above which the compliance is
+#: computed again [-].
+MAX_BENDS, QUICK_SHARE = 12, 0.5
+#: Shares of the bending by the contact forces, tried one after another [-].
 BENT_SHARES = (1.0, 0.5, 0.2, 0.0)
 
-#: Solver of (8) at points that meet a surface, with optional initial forces and normals.
+#: Solver of (8) for points and a surface, with optional initial forces and normals.
 ContactSolver = Callable[..., ContactState]
 Found = TypeVar('Found')
 
@@ -70,7 +74,7 @@ def refine_contact(
     budget: int | None = None,
 ) -> SolvedContact:
     """
-    Solve the contact of flattening tubes with points refined at the contact.
+    Solve the contact of flattening tubes with points refined in the contact regions.
 
     :param structure: the frame of the robot.
     :param surface: surface of the object.
@@ -78,10 +82,10 @@ def refine_contact(
     :param flattening: local compliance of the tubes.
     :param solver: `solve_contact`, `solve_sliding_contact` or `relax_contact`.
     :param previous: contact of a similar grasp; None: a search.
-    :param budget: number of points up to which the spacing is divided; None: division by the
-        shortest region.
-    :return: the contact, from one spacing before each contact region to one behind it; without
-        contact, points of all tubes within reach.
+    :param budget: largest number of points when the spacing is divided; None: the shortest region
+        determines the divisor.
+    :return: the contact, with points from one spacing before each contact region to one behind it.
+        Without contact, it has points on all tubes within reach.
     :raises SolverError: the contact problem was not solved.
     """
     search = _Search(structure, surface, spacing, flattening, solver, budget)
@@ -92,7 +96,7 @@ def refine_contact(
     if not settled:
         found = search.find(SEARCH * spacing, None, estimate_contact)
         if not _touched(found.spans).any():
-            return search.find(spacing, None, solver)
+            return search.solve_everywhere()
         if budget is not None:
             # The estimate does not slide, and presses far too hard at corners.
             found = search.find(SEARCH * spacing, None, solver)
@@ -103,7 +107,7 @@ def refine_contact(
         # The search goes by tangents, which may be touched where the surface is not.
         touches = budget is None or _touched(found.spans).any()
         if not len(found.points.points) or not touches:
-            return search.find(spacing, None, solver)
+            return search.solve_everywhere()
     found = search.bend(found)
     # Whatever the search began with, the answer is the same.
     within = _within(found.points, found.spans + search.room)
@@ -117,7 +121,7 @@ def measure_contact(
     Return a contact with its extent on each member.
 
     :param contact_points: candidate contact points.
-    :param contact: the contact.
+    :param contact: contact with its forces.
     :param count: number of members.
     """
     spacing = contact_points.spacing
@@ -159,7 +163,7 @@ class _Search:
         return self.spacing * np.array([-1.0, 1.0])
 
     def solve(self, before: SolvedContact, limited: bool) -> tuple[SolvedContact, bool]:
-        """Solve with points around contact regions, and return whether they are sufficient."""
+        """Solve with points around contact regions; return whether these points are sufficient."""
         regions = before.spans
 
         def begin(points: ContactPoints, surface: Surface) -> ContactState:
@@ -181,6 +185,11 @@ class _Search:
         divided = self.budget is not None or division == _division(found, self.spacing)
         return solved, bool(fits) and divided
 
+    def solve_everywhere(self) -> SolvedContact:
+        """Solve with points on all tubes within reach, bent if they are in contact."""
+        found = self.find(self.spacing, None, self.solver)
+        return self.bend(found) if _touched(found.spans).any() else found
+
     def find(
         self,
         distance: float,
@@ -189,7 +198,7 @@ class _Search:
         bent: BentTubes | None = None,
         before: SolvedContact | None = None,
     ) -> SolvedContact:
-        """Place points with a spacing, and solve with the surface resolved by them."""
+        """Place points with a spacing, and solve with the surface at this resolution."""
         known = None if before is None else (before.points, before.contact.push)
         points = find_contact_points(
             self.structure, self.surface, distance, self.flattening, windows, bent, known
@@ -203,7 +212,7 @@ class _Search:
     def _solve_bent(
         self, points: ContactPoints, push: Points, solve: Callable[[BentTubes], Found]
     ) -> Found:
-        """Solve with tubes bent by the contact forces, or by a share of them if none is found."""
+        """Solve with tubes bent by the contact forces, or by a smaller share if that fails."""
         for share in BENT_SHARES:
             try:
                 return solve(points.bend_on(push, share))
@@ -213,17 +222,21 @@ class _Search:
         raise AssertionError
 
     def bend(self, found: SolvedContact) -> SolvedContact:
-        """Solve at these points until the linearisation agrees with the state."""
-        surface, last = self.surface.resolved(found.points.spacing), np.inf
+        """Solve at these points until the tubes are linearised about the solution."""
+        surface, last, quick = self.surface.resolved(found.points.spacing), np.inf, True
         points, contact = found.points, found.contact
-        least = LEAST_RATES[self.budget is not None]
+        least = LEAST_RATIOS[self.budget is not None]
         for _ in range(MAX_BENDS):
             distance = points.distance(contact.push)
-            rate = max(TUBE_CURVATURE * (distance + points.kept), least, distance / last)
+            ratio = max(TUBE_CURVATURE * (distance + points.kept), least, distance / last)
             reach = np.abs(contact.displacements).max(initial=0.0)
-            if rate * distance <= max(SETTLED_SHARE * reach, SETTLED_MOTION):
+            settled = ratio * distance <= max(SETTLED_SHARE * reach, SETTLED_MOTION)
+            shorter = ratio <= QUICK_SHARE
+            # Soft structures, which give by a metre for a newton, move more by rounding of forces.
+            rounding = distance <= SOFT_MOTION and not (shorter or quick)
+            if settled or rounding:
                 return found if points is found.points else self._measure(points, contact)
-            quick, last = rate <= QUICK_RATE, distance
+            quick, last = shorter, distance
 
             def solve(
                 bent: BentTubes,
@@ -240,18 +253,19 @@ class _Search:
         names = self.structure.config.robot.member_names
         touched = ', '.join(names[i] for i in np.flatnonzero(_touched(found.spans)))
         raise SolverError(
-            f'{touched}: the bent tubes did not settle in {MAX_BENDS} steps; the object is '
-            'pressed in too deeply'
+            f'{touched}: the bent tubes did not settle in {MAX_BENDS} steps (the last moved a '
+            f'node by {1e3 * last:.3g} mm); the object is pressed in too deeply, or the '
+            'structure gives way under it'
         )
 
 
 def _touched(regions: Array) -> Flags:
-    """Return the mask of the members in contact, (m, 1)."""
+    """Return the mask (m, 1) of the members in contact."""
     return regions[:, 1:] > regions[:, :1]
 
 
 def _carry_over(before: SolvedContact, points: ContactPoints) -> Points:
-    """Return normals at points, interpolated from a similar grasp on the same members."""
+    """Return normals at the points, interpolated from a similar grasp on the same members."""
     # Members one after the other, so far apart that none has points among those of another.
     member, place = before.points.member[before.kept], before.points.place[before.kept]
     apart = 1.0 + max(place.max(initial=0.0), points.place.max(initial=0.0))
@@ -261,7 +275,7 @@ def _carry_over(before: SolvedContact, points: ContactPoints) -> Points:
 
 
 def _division(regions: Array, spacing: float, budget: int | None = None) -> int:
-    """Return the divisor of the spacing, for the shortest region or within a budget."""
+    """Return the divisor of the spacing, by the shortest region or by a budget of points."""
     length = (regions[:, 1] - regions[:, 0])[_touched(regions)[:, 0]]
     if budget is not None:
         points = (length + 2.0 * SEARCH * spacing).sum() / spacing
@@ -272,7 +286,7 @@ def _division(regions: Array, spacing: float, budget: int | None = None) -> int:
 
 
 def _is_division_clear(regions: Array, spacing: float) -> bool:
-    """Return whether another spacing would give the same divisor."""
+    """Return whether regions longer or shorter by `LENGTH_SPREAD` have the same divisor."""
     shorter, longer = (
         _division((1.0 + change) * regions, spacing) for change in (-LENGTH_SPREAD, LENGTH_SPREAD)
     )
@@ -280,6 +294,6 @@ def _is_division_clear(regions: Array, spacing: float) -> bool:
 
 
 def _within(points: ContactPoints, regions: Array) -> Flags:
-    """Return the mask of points within the regions (m, 2) of their members."""
+    """Return the mask (c,) of the points within the regions (m, 2) of their members."""
     first, last = regions[points.member].T
     return (points.place >= first) & (points.place <= last)

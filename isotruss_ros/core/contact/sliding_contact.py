@@ -4,12 +4,12 @@
 """
 Contact of flattening, sliding tubes with a convex object of any shape: (5) to (8).
 
-The skin of a straight tube is uniform along it: without friction it slides under a corner without
-a force. Discrete points violate this: the pressures on the two faces of a corner balance along the
-tube only in their integral, and the sum over a few points has errors as large as friction. Here
-the balance is exact: each point presses across the bent centre line of its tube, and sliding along
-it changes the gap alone. In each step the normals are those of the object's surface at the feet of
-the points, and the forces solve a linear complementarity problem.
+The skin of a straight tube is uniform along the tube, so without friction it slides under a corner
+without a force. Discrete points violate this: the pressures on the two faces of a corner balance
+along the tube only in their integral, and a sum over few points has errors as large as friction.
+Here the balance is exact: each point presses across the bent centre line of its tube, and sliding
+along the tube changes only the gap. In each step the normals are taken at the surface points
+nearest to the contact points, and the forces solve a linear complementarity problem.
 """
 
 from __future__ import annotations
@@ -25,16 +25,18 @@ from isotruss_ros.core.numerics.qp import solve_complementarity
 import numpy as np
 from scipy.linalg import lapack
 
-#: Tolerance of closed gaps [m].
+#: Largest size of a closed gap [m].
 GAP_TOLERANCE = 1e-11
-#: Steepest tangent of the object against the tube, as a direction; steeper ones are turned to it.
+#: Steepest tangent of the object relative to the tube, as a direction; steeper tangents are turned
+#: to it.
 STEEPEST = np.exp(1j * np.deg2rad(75.0))
-#: Number of steps from one start, and of half steps of the second start [-]; 20 solve the same
-#: contacts as 10, 3 some fewer.
+#: Largest number of steps from one start, and number of half steps from the second start [-]. 20
+#: steps solve the same contacts as 10, 3 solve fewer.
 MAX_STEPS, DAMPED_STEPS = 30, 10
-#: Largest inclination of normals against the tube at a corner with folded skin [rad].
+#: Largest inclination of a normal relative to the tube's transverse direction, at a corner with
+#: folded skin [rad].
 FOLD = np.deg2rad(12.0)
-#: Smallest radius of a resolved arc in spacings of the points [-].
+#: Smallest radius of an arc that the points resolve, in spacings [-].
 RESOLVED_ARC = 2.0
 
 
@@ -46,13 +48,13 @@ def solve_sliding_contact(
     push: Points | None = None,
 ) -> ContactState:
     """
-    Solve (8) for tubes sliding along their axes.
+    Solve (8) for tubes that slide along their axes.
 
     :param contact_points: candidate contact points.
     :param surface: surface that the points meet, see `find_contact_points`.
     :param forces: initial forces, see `solve_contact`.
     :param normals: initial normals, see `solve_contact`.
-    :param push: (c,) forces on the tubes in a state near by, x + iy [N]; none if None.
+    :param push: (c,) forces on the tubes in a similar state, x + iy [N]; None: no forces.
     :raises SolverError: the normals do not converge.
     """
     undeformed = face_tubes(contact_points, surface)
@@ -135,7 +137,7 @@ def _slide(
     push: Points,
     still: Array,
 ) -> Array | None:
-    """Return the forces (c,) that close gaps of sliding tubes; None if one is negative."""
+    """Return the forces (c,) that close the gaps of sliding tubes; None if one is negative."""
     count, inward = len(places), contact_points.axis[places].conj()
     if count == 0:
         return None
@@ -164,7 +166,7 @@ def _limit(normals: Points, bent: Points, side: Array) -> tuple[Points, Flags]:
 def _bend(
     points: ContactPoints, neighbours: Indices, displacements: Points, push: Points
 ) -> Points:
-    """Return the directions of the bent centre lines at points with neighbours (2, c), (c,)."""
+    """Return the directions (c,) of the bent centre lines, by the points' neighbours (2, c)."""
     before, after = neighbours
     moved = points.bend(displacements, push)
     along = moved[after] - moved[before]
@@ -173,7 +175,7 @@ def _bend(
 
 
 def _find_neighbours(contact_points: ContactPoints) -> Indices:
-    """Return the neighbours of each point on its member, (2, c); itself without one."""
+    """Return the two neighbours (2, c) of each point on its member; the point itself at an end."""
     own = np.arange(len(contact_points.member))
     alike = contact_points.member[1:] == contact_points.member[:-1]
     return np.stack([own - np.append(False, alike), own + np.append(alike, False)])
@@ -183,15 +185,15 @@ def turn_at_corners(
     contact_points: ContactPoints, contact: ContactState, surface: Surface
 ) -> ContactState:
     """
-    Return a contact with normals and forces independent of the positions of points.
+    Return the contact with normals and forces that do not depend on the positions of the points.
 
-    A point at a sharp corner has an arbitrary normal of the normal cone, and so have the points on
-    the adjacent faces, between which the skin is folded. Their resultant is across the tube: their
-    normals are limited to an inclination of `FOLD` against it.
+    At a sharp corner, and on the faces beside it between which the skin is folded, a point has an
+    arbitrary normal of the normal cone. The resultant force is across the tube. So these normals
+    are limited to the inclination `FOLD` relative to the resultant.
 
     :param contact_points: candidate contact points.
     :param contact: contact of sliding tubes.
-    :param surface: surface of the object with its sharp corners.
+    :param surface: surface of the object, with its sharp corners.
     """
     moved = contact_points.skin + contact.displacements - surface.center
     radii = surface.nearest(moved).radii

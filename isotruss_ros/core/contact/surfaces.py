@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Contact surfaces: the object's own, or its offset to the tube's centre line.
+Contact surfaces: the surface of an object, or its offset by the tube radius.
 
-The contact problem needs two functions of a convex object: the distance h(n) of the tangent with a
-normal n, and the normal at the foot of a point. A point beyond any tangent is outside of the
-object, so (5) with fixed normals, x . n - h(n) >= 0, admits no penetration.
+The contact problem needs two functions of a convex object: the distance h(n) of the tangent with
+the normal n, and the normal at the surface point nearest to a point. A point beyond any tangent is
+outside of the object, so (5) with fixed normals, x . n - h(n) >= 0, excludes penetration.
 """
 
 from __future__ import annotations
@@ -19,20 +19,20 @@ from isotruss_ros.core.model.shapes import Shape, SurfacePoints
 from isotruss_ros.core.numerics.arrays import Array, Points
 import numpy as np
 
-#: Distance of the points for initial normals, relative to the object's size [-].
+#: Distance from the object at which initial normals are taken, relative to its size [-].
 INITIAL_DISTANCE = 0.3
 
 
 @dataclass(frozen=True)
 class Surface:
     """
-    The surface of a convex object, or a parallel one; points are relative to its centre.
+    Surface of a convex object, or its offset; points are relative to the object's centre.
 
     :ivar body: the object at its pose.
     :ivar margin: offset of the surface [m].
-    :ivar shape: shape of the object, corners rounded to the resolution of the points.
+    :ivar shape: shape of the object; its corners are rounded to the resolution of the points.
     :ivar center: the centroid of the object's area, x + iy [m].
-    :ivar reach: upper bound of the distance of the surface from the centre [m].
+    :ivar reach: upper bound of the distance of surface points from the centre [m].
     """
 
     body: ConvexObject
@@ -62,7 +62,7 @@ class Surface:
 
     def nearest(self, away: Points) -> SurfacePoints:
         """
-        Return the nearest points of the surface, (5).
+        Return the surface points nearest to given points, (5).
 
         :param away: (c,) points relative to the centre, x + iy [m].
         """
@@ -77,10 +77,11 @@ class Surface:
 
     def facing(self, away: Points, axis: Points) -> Points:
         """
-        Return the normals (c,) of unbent tubes on the object.
+        Return the outward normals (c,) of the surface at unbent tubes, x + iy.
 
-        :param away: (c,) points of the centre lines relative to the centre, possibly inside [m].
-        :param axis: (c,) directions of the tubes.
+        :param away: (c,) points of the centre lines relative to the centre, x + iy [m]; they may
+            be inside.
+        :param axis: (c,) unit vectors along the tubes, x + iy.
         """
         if self.shape.is_round:
             return self.nearest(away).normals
@@ -93,15 +94,15 @@ class Surface:
 
     @cached_property
     def tangents(self) -> tuple[Points, Array]:
-        """Return normals (k,) and distances (k,) [m] of bounding tangents, besides `reach`."""
+        """Return normals (k,) and distances (k,) [m] of tangents that bound the surface."""
         normals = self.body.shape.bounding_normals * self.body.turn
         return normals, self.support(normals)
 
     def resolved(self, spacing: float) -> Surface:
         """
-        Return the surface with corners rounded to the resolution of a spacing.
+        Return the surface with corners rounded to the resolution of the contact points.
 
-        :param spacing: spacing of the points along a tube [m].
+        :param spacing: spacing of the contact points along a tube [m].
         """
         if self.shape.is_round:
             return self
@@ -113,8 +114,8 @@ def surface_of(body: ConvexObject, margin: float = 0.0) -> Surface:
     Return the surface of an object, or its offset.
 
     :param body: the object at its pose.
-    :param margin: offset of the surface: 0, or the tube radius for centre lines of round tubes
-        [m].
+    :param margin: offset of the surface [m]: 0, or the tube radius for centre lines of round
+        tubes.
     """
     reach = body.shape.reach + abs(body.shape.centroid) + margin
     return Surface(body, margin, body.shape, body.middle, reach)

@@ -5,5 +5,5 @@
 Estimation of roller offsets, grip, squeeze and load from encoders, poses and markers.
 
 Entry points: `state_estimator.StateEstimator`, `grip_belief.GripBelief`.
-Imports `core.safety` and the packages below it, not `core.paths`, planning or the servo.
+Imports `core.safety` and the layers below it, not `core.paths`, planning or the servo.
 """

@@ -12,7 +12,7 @@ from typing import NamedTuple
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 
-#: Iteration cap of an update [-].
+#: Largest number of iterations in an update [-].
 MAX_ITERATIONS = 4
 
 
@@ -42,7 +42,7 @@ class Belief:
 
     def spread(self, rates: Array) -> Array:
         """
-        Return the covariance of linear functions of the state, (m, m).
+        Return the covariance (m, m) of linear functions of the state.
 
         :param rates: (m, n) Jacobian of the functions.
         """
@@ -57,16 +57,16 @@ def update_belief(
     considered: int | None = None,
 ) -> Belief:
     """
-    Return the posterior of a measurement: the most probable state by Gauss-Newton steps.
+    Return the posterior of a measurement: the most probable state, by Gauss-Newton steps.
 
-    The considered state keeps its mean and variance; its uncertainty is part of that of the other
-    states (Schmidt-Kalman filter).
+    A considered state keeps its mean and variance; the other states include its uncertainty
+    (Schmidt-Kalman filter).
 
     :param prior: belief before the measurement.
     :param measured: (m,) measurement.
     :param noise: (m, m) covariance of the measurement.
-    :param expect: measurement model: returns the prediction at a state (n,).
-    :param considered: index of the considered state; None: no state.
+    :param expect: measurement model: function from a state (n,) to the prediction.
+    :param considered: index of the considered state; None: no considered state.
     """
     mean = prior.mean
     for _ in range(MAX_ITERATIONS):

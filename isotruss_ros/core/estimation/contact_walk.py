@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Test of the corrections of contacts and pose by measured poses in the last seconds."""
+"""Test for slip: sums of corrections over the last seconds, against their covariance."""
 
 from __future__ import annotations
 
@@ -12,28 +12,28 @@ from typing import NamedTuple
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 
-#: Intervals of the sums of corrections [s].
+#: Intervals over which corrections are summed [s].
 SUM_INTERVALS = (0.2, 0.6, 1.5, 3.0)
-#: An inconsistent jump of this length is a loss [m].
+#: Length of an inconsistent innovation from which the object is lost [m].
 JUMP_LENGTH = 0.02
 
 
 class _Sum(NamedTuple):
-    """Sum of corrections before one, with covariances."""
+    """Sums at the time of one correction."""
 
-    time: float  #: [s]
-    moved: Array  #: (3,) sum of corrections of the pose before this one [m]
-    walked: Array  #: (3, 3) covariance of the walk until then [m^2]
-    unsure: Array  #: (3, 3) covariance of contacts and pose then [m^2]
-    considered: Array  #: (3, c) derivatives of the pose by what is considered
+    time: float  #: time of the correction [s]
+    moved: Array  #: (3,) sum of all earlier corrections of the pose [m]
+    walked: Array  #: (3, 3) covariance of the random walk [m^2]
+    unsure: Array  #: (3, 3) covariance of contacts and pose [m^2]
+    considered: Array  #: (3, c) derivatives of the pose by considered states
 
 
 class ContactWalk:
     """
-    Sums of corrections, tested against random walk, noise of poses and load.
+    Sums of corrections, tested against random walk, pose noise and load.
 
-    :ivar length: length of the corrections of the last seconds, rotations times the arm [m].
-    :ivar deviations: the largest sum in its standard deviations [-].
+    :ivar length: length of the largest sum, with rotations times the characteristic radius [m].
+    :ivar deviations: largest sum in its standard deviations [-].
     """
 
     def __init__(self) -> None:
@@ -44,17 +44,17 @@ class ContactWalk:
 
     def spread(self, more: Array) -> None:
         """
-        Add process noise.
+        Add process noise to the random walk.
 
-        :param more: (3, 3) covariance of the walk [m^2].
+        :param more: (3, 3) covariance of the process noise [m^2].
         """
         self._walked = self._walked + more
 
     def attach(self, change: Array) -> None:
         """
-        Leave out a change of derivatives at a pose that stays, as where the grip is attached anew.
+        Exclude a change of the derivatives that does not move the pose, by a new equilibrium.
 
-        :param change: (3, c) of the derivatives of the pose by what is considered.
+        :param change: (3, c) change of the derivatives of the pose by the considered states.
         """
         self._attached = self._attached + change
 
@@ -68,15 +68,16 @@ class ContactWalk:
         spread: Array,
     ) -> None:
         """
-        Add a correction.
+        Add a correction and update the sums.
 
-        :param time: [s].
-        :param moved: (3,) by which it moved contacts and pose [m].
-        :param unsure: (3, 3) covariance of these before it [m^2].
-        :param noise: (3, 3) covariance of pose and load [m^2].
-        :param considered: (3, c) derivatives of the pose by what is considered, such as zeros,
-            whose error moves the pose as these change.
-        :param spread: (c, c) covariance of that.
+        :param time: time of the correction [s].
+        :param moved: (3,) correction of the pose by contacts and unexplained pose [m].
+        :param unsure: (3, 3) covariance of contacts and unexplained pose before the correction
+            [m^2].
+        :param noise: (3, 3) covariance of pose noise and load [m^2].
+        :param considered: (3, c) derivatives of the pose by the considered states, such as roller
+            offsets. Where they change, an error of a considered state moves the pose.
+        :param spread: (c, c) covariance of the considered states.
         """
         considered = considered - self._attached
         self._sums.append(_Sum(time, self._moved, self._walked, unsure, considered))

@@ -4,10 +4,10 @@
 """
 Gaussian belief of the grip: a Kalman filter about the equilibrium of the held object.
 
-The contacts roll with the tubes, so that the equilibrium follows the configuration. Measured poses
-correct the load w, the contacts' shift a along the members, the pose b that the model leaves
-unexplained, and the delay of the poses; they do not correct the zeros of the rollers or the
-stiffness, which are considered only:
+The contacts roll with the tubes, so the equilibrium follows the configuration. Measured poses
+correct four states: the load w, the shift a of the contacts along the members, the unexplained
+pose b, and the delay of the poses. Two states are only considered: the roller offsets dphi and the
+stiffness s. The measured pose is
 
     e = (w, b, a, delay | dphi, s),   z = equilibrium(q + dphi, a, s) + C w + b + v
 """
@@ -36,64 +36,68 @@ from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.safety.usage_limits import UsageLimits
 import numpy as np
 
-#: Share of its way by which the unexplained pose walks, and by which contacts slip, over each
-#: piece of way of that length [m].
+#: Random walk of the unexplained pose relative to the object's motion [-], of the contacts
+#: relative to roller travel [-], and correlation length of both [m].
 POSE_WALK, CONTACT_SLIP, WALK_LENGTH = 0.03, 0.02, 0.1
-#: Prior deviations of the unexplained pose, and of what the first pose settles [m].
+#: Prior standard deviations: of the unexplained pose, and of states that the first pose determines
+#: [m].
 POSE_DEVIATION, ANY = 0.0005, 0.1
-#: Prior deviation of the delay of the poses beyond their stamps, and the largest one [s].
+#: Prior standard deviation of the poses' delay beyond their stamps, and largest delay [s].
 DELAY_DEVIATION, MAX_DELAY = 0.03, 0.15
-#: Gate of the normalised squared innovation with three degrees of freedom [-], passed by noise but
-#: for one in 60000.
+#: Gate of the normalised squared innovation, with three degrees of freedom [-]. One of 60000 valid
+#: poses fails it.
 INNOVATION_GATE = 25.0
-#: After so many poses the object is attached anew to their mean, and where zeros were corrected by
-#: more than this [m].
+#: The equilibrium is searched again after this number of poses [-], and after this correction of a
+#: roller offset [m].
 FIRST_POSES, MAX_CORRECTION = 15, 2e-3
-#: Largest roller travel with unchanged derivatives [m].
+#: Largest roller travel without a new computation of the derivatives [m].
 MAX_RATE_TRAVEL = 3e-3
-#: Poses of so long tell how fast the object is [s], and older ones than this are not used [s].
+#: Interval over which the object's velocity is measured, and largest age of a pose [s].
 SPEED_TIME, OLDEST = 0.05, 1.0
-#: Largest standard deviations of corrections and load that are no slip [-].
+#: Corrections and load in standard deviations beyond which contacts slip [-].
 MAX_DEVIATIONS = 5.0
-#: Gauge pressures (t,) by tube [Pa]; None for those of the robot file.
+#: Gauge pressure of each tube (t,) [Pa]; None: the pressures of the robot file.
 Pressures = tuple[float, ...] | None
-#: Parts of the state: load, unexplained pose, delay; then the contacts' shifts by member.
+#: Indices of load, unexplained pose and delay in the state, and first index of the contacts'
+#: shifts.
 LOAD, BIAS, DELAY, SHIFTS = slice(0, 3), slice(3, 6), 6, 7
 
 
 class _Rates(NamedTuple):
-    """Derivatives of pose (3, .), rotations at the characteristic radius, and squeeze (.,)."""
+    """Derivatives of pose (3, .) and squeeze (.,); rotations times the characteristic radius."""
 
     pose: Array
     squeeze: Array
 
     @classmethod
     def zero(cls, size: int) -> _Rates:
-        """Return derivatives by a state (size,), all zero."""
+        """Return zero derivatives by a state (size,)."""
         return cls(np.zeros((3, size)), np.zeros(size))
 
 
 class GripBelief:
     """
-    Equilibrium of a held object, corrected by measured poses.
+    Belief of a held object: its equilibrium, corrected by measured poses.
 
-    :ivar grasp: the equilibrium without a load, where the robot is.
-    :ivar grip: whose rows tell how the object moves, see `HeldGrip.touching`.
-    :ivar load: estimated wrench (fx, fy, m / arm) [N].
-    :ivar bias: (3,) pose that the model leaves unexplained, turns times the arm [m].
+    :ivar grasp: equilibrium without a load, in the current configuration.
+    :ivar grip: grip whose rows of (19) predict the motion of the object, see `HeldGrip.touching`.
+    :ivar load: estimated wrench (fx, fy, m / arm) on the object [N].
+    :ivar bias: (3,) unexplained pose: measured pose minus the model's, rotations times the arm
+        [m].
     :ivar delay: delay of the measured poses beyond their stamps [s].
-    :ivar innovation: squared normalised innovation of the last pose, of three degrees of freedom.
-    :ivar drift: (4,) what the last travel did beyond the rows of (19): to the pose [m/s, rad/s]
-        and to the squeeze [N/s].
+    :ivar innovation: normalised squared innovation of the last pose, with three degrees of freedom
+        [-].
+    :ivar drift: (4,) rates of the pose [m/s, rad/s] and of the squeeze [N/s] beyond the prediction
+        by (19), in the last cycle.
     :ivar usage: limits on the use of slip margin and utilisation.
-    :ivar walk: accumulated corrections of contacts and pose.
-    :ivar jump: length of the last innovation if that was inconsistent, else 0 [m].
-    :ivar searches: number of searches for an equilibrium with unknown contacts [-].
-    :param grasp: the equilibrium near the measured pose, with a `response`.
+    :ivar walk: sums of the corrections of contacts and pose.
+    :ivar jump: length of the last innovation if it was inconsistent, else 0 [m].
+    :ivar searches: number of searches for an equilibrium with unknown contact history [-].
+    :param grasp: equilibrium near the measured pose; its `response` exists.
     :param grip: grip with the object at its measured pose.
-    :param settings: prior deviations.
-    :param zeros: (r, r) covariance of the rollers' zeros [m^2]; by the settings if None.
-    :param noise: (3,) standard deviations of the poses until they are known [m, rad].
+    :param settings: prior standard deviations.
+    :param zeros: (r, r) covariance of the roller offsets [m^2]; None: by the settings.
+    :param noise: (3,) prior standard deviations of the measured poses [m, rad].
     """
 
     # Corrections since the last equilibrium, see `_take`.
@@ -138,13 +142,13 @@ class GripBelief:
 
     @property
     def pose(self) -> Array:
-        """Return (x, y, angle) of the object now [m, rad]."""
+        """Return the estimate (x, y, angle) of the object's pose [m, rad]."""
         give = self.grasp.response.pose @ self.load
         return np.array(self.grasp.pose) + self._pending[:3] + give + self.bias / self._even
 
     @property
     def squeeze(self) -> float:
-        """Return the mean normal force of the members [N]."""
+        """Return the estimated mean normal force of the members [N]."""
         give = self.grasp.response.squeeze @ self.load
         return self.grasp.squeeze + float(self._pending[3] + give)
 
@@ -158,30 +162,29 @@ class GripBelief:
 
     @property
     def squeeze_is_unknown(self) -> bool:
-        """Return whether the deviation of the squeeze is more than `MAX_KNOWN_DEVIATION` of it."""
+        """Return whether the relative deviation of the squeeze exceeds `MAX_KNOWN_DEVIATION`."""
         return self.squeeze_deviation > MAX_KNOWN_DEVIATION * self.squeeze
 
     @property
     def largest_friction(self) -> float:
         """
-        Return the largest coefficient of friction that contacts may seem to need [-].
+        Return the largest required friction of an equilibrium that counts as held [-].
 
-        As far as the squeeze is not known, within two deviations, neither is the share of it that
-        friction has to be.
+        It exceeds the coefficient of friction by two relative standard deviations of the squeeze.
         """
         unsure = 2.0 * self.squeeze_deviation
         return self._friction * (1.0 + unsure / self.squeeze) if self.squeeze > 0.0 else math.inf
 
     @property
     def pose_covariance(self) -> Array:
-        """Return the covariance (3, 3) of the pose [m^2, m rad, rad^2]."""
+        """Return the covariance of the pose, (3, 3) [m^2, m rad, rad^2]."""
         own, rates = self._rates.pose / self._even[:, None], self._considered_rates.pose
         by_considered = rates / self._even[:, None] + own @ self._sensitivity
         spread = own @ self._covariance @ own.T
         return spread + by_considered @ self._considered @ by_considered.T
 
     def joint_rates(self) -> Array:
-        """Return the derivatives (2j, r) of the joints by the offsets, at a fixed object."""
+        """Return the derivatives (2j, r) of the joints by the roller offsets at a fixed object."""
         found, grasp = self._gradient, self._differentiated
         count, owners = len(self._corrected), grasp.contacts.owners
         travel = travel_rates(grasp.config, grasp.contacts.members)
@@ -190,42 +193,43 @@ class GripBelief:
 
     @property
     def regulated_pose(self) -> Array:
-        """Return the regulated pose (3,), with corrections filtered by two low-pass filters."""
+        """Return the pose (3,) for control; two low-pass filters smooth its corrections."""
         return self.pose - self._lag[:, :3].sum(axis=0)
 
     @property
     def regulated_squeeze(self) -> float:
-        """Return the regulated squeeze, with corrections filtered by two low-pass filters [N]."""
+        """Return the squeeze for control [N]; two low-pass filters smooth its corrections."""
         return self.squeeze - float(self._lag[:, 3].sum())
 
     @property
     def slip_margin(self) -> float:
         """
-        Return the slip margin [N], without the estimated load and the contacts' history.
+        Return the slip margin without the estimated load and without contact history [N].
 
-        An object that has slid into place uses all friction, and yet is held: a further slip leads
-        to the equilibrium without that history.
+        An object that has slid into place uses all of its friction and is held nevertheless:
+        further slip ends in the equilibrium without contact history.
         """
         return self._margin(self.grasp, self._pending_forces) + self._spare
 
     @property
     def slip_deviations(self) -> float:
         """
-        Return the corrections and the load in their standard deviations [-].
+        Return the corrections and the load, in their standard deviations [-].
 
-        That of the load is at least half of the slip margin: a load within the margin is no slip.
+        The standard deviation of the load is at least half of the slip margin, because a load
+        within the margin is no slip.
         """
         least = max(self.settings.load, 0.5 * self.slip_margin)
         return math.hypot(self.walk.deviations, *(self.load / least))
 
     @property
     def slipped(self) -> bool:
-        """Return whether noise and expected loads do not explain corrections and load."""
+        """Return whether corrections and load exceed noise and expected loads."""
         return self.slip_deviations > MAX_DEVIATIONS
 
     @property
     def slope(self) -> float:
-        """Return the derivative of the squeeze by the opening of the grip, negative [N/m]."""
+        """Return the derivative of the squeeze by the grip's opening, negative [N/m]."""
         return self.grasp.squeeze_stiffness()
 
     def follow(
@@ -235,14 +239,15 @@ class GripBelief:
         pressures: Pressures,
     ) -> HoldStatus:
         """
-        Roll to the current configuration; return whether the object is still held, or why not.
+        Roll the equilibrium to the current configuration; return its hold status.
 
-        Where contacts slip or let go in the model, it is attached anew at the pose of the belief,
-        by one search at most.
+        If a contact slips or opens in the model, the equilibrium is searched again at the
+        estimated pose, at most once.
 
         :param config: configuration of the robot.
         :param elapsed: time since the last call [s].
-        :param pressures: (t,) gauge pressures by tube [Pa]; None: those of the robot file.
+        :param pressures: (t,) gauge pressure of each tube [Pa]; None: the pressures of the robot
+            file.
         """
         before = self.grasp
         given = replace(with_pressures(before, pressures), anchors=self._anchors)
@@ -280,8 +285,7 @@ class GripBelief:
         Update the belief with a measured pose.
 
         :param pose: measured pose of the object.
-        :param age: age of the pose against the configuration of the last `follow`, by its stamp
-            [s].
+        :param age: age of the pose by its stamp, relative to the last call of `follow` [s].
         """
         self._poses += self._poses != FIRST_POSES
         then = self._time - age - self.delay
@@ -296,11 +300,12 @@ class GripBelief:
 
     def attach(self, config: Configuration, pressures: Pressures) -> bool:
         """
-        Solve for the equilibrium at the mean pose anew, with the contacts placed by it.
+        Search the equilibrium at the estimated pose, and place the contacts by it.
 
         :param config: configuration of the robot.
-        :param pressures: (t,) gauge pressures by tube [Pa]; None: those of the robot file.
-        :return: whether there is such an equilibrium.
+        :param pressures: (t,) gauge pressure of each tube [Pa]; None: the pressures of the robot
+            file.
+        :return: whether an equilibrium exists.
         """
         self.searches, self._searched = self.searches + 1, self._time
         pose, squeeze = self.pose - self.grasp.response.pose @ self.load, self.squeeze
@@ -319,11 +324,12 @@ class GripBelief:
 
     def _place_contacts(self, pose: Array) -> None:
         """
-        Initialise the contacts by a pose, independent of load and offsets.
+        Initialise the contacts by a pose, independently of load and offsets.
 
-        They take it up where they can, and the unexplained pose the rest.
+        The contacts' shifts explain the pose where they can; the unexplained pose is the
+        remainder.
 
-        :param pose: (3,) of the object without load [m, rad].
+        :param pose: (3,) pose of the object without load [m, rad].
         """
         grasp = self.grasp
         shifts = (self._initialise() @ (self._even * pose_difference(pose, grasp.pose)))[SHIFTS:]
@@ -338,7 +344,7 @@ class GripBelief:
         self.bias = self._even * pose_difference(pose, self.grasp.pose)
 
     def _initialise(self) -> Array:
-        """Set the prior covariance, conditioned on a pose; return the Kalman gain (n, 3)."""
+        """Set the prior covariance, and condition it on a pose; return the Kalman gain (n, 3)."""
         rates, variances = self._rates.pose, np.diag(self._covariance).copy()
         variances[LOAD], variances[BIAS] = self.settings.load**2, POSE_DEVIATION**2
         variances[SHIFTS:] = ANY**2
@@ -348,7 +354,7 @@ class GripBelief:
         return self._condition(rates, np.diag(self.noise.variances))
 
     def _hold(self, grasp: HeldGrip) -> HoldStatus:
-        """Return whether an equilibrium holds the object, with a response to loads."""
+        """Return the hold status of an equilibrium; unstable without a response to loads."""
         if grasp.response is None:
             return HoldStatus.UNSTABLE
         return grasp.hold((1.0 + 2.0 * self.settings.squeeze_error) * self._friction)
@@ -357,15 +363,15 @@ class GripBelief:
         """
         Set the covariance of the roller offsets.
 
-        :param covariance: (r, r) [m^2].
+        :param covariance: (r, r) covariance of the roller offsets [m^2].
         """
         self._considered[:-1, :-1] = covariance
 
     def move_zeros(self, moved: Array) -> None:
         """
-        Correct roller offsets, at constant pose of the object.
+        Apply a correction of the roller offsets, while the pose of the object stays.
 
-        :param moved: (r,) by which the positions of the rollers change [m].
+        :param moved: (r,) changes of the roller positions [m].
         """
         grasp = self.grasp
         travel = travel_rates(grasp.config, grasp.contacts.members) @ moved
@@ -376,7 +382,7 @@ class GripBelief:
         self._corrected = self._corrected + moved
 
     def _correct(self, off: Array, rates: Array, noise: Array) -> None:
-        """Update the belief by an innovation (3,) of the pose [m]."""
+        """Update the belief by the innovation (3,) of a measured pose [m]."""
         prior, walking = self._covariance, np.zeros_like(rates)
         walking[:, BIAS], walking[:, SHIFTS:] = rates[:, BIAS], rates[:, SHIFTS:]
         unsure = walking @ prior @ walking.T
@@ -402,7 +408,7 @@ class GripBelief:
         )
 
     def _condition(self, rates: Array, noise: Array) -> Array:
-        """Update the covariance by a measured pose; return the Kalman gain (n, 3)."""
+        """Update the covariance by a measured pose, and return the Kalman gain (n, 3)."""
         prior = self._covariance
         gain = np.linalg.solve(rates @ prior @ rates.T + noise, rates @ prior).T
         left = np.eye(len(prior)) - gain @ rates
@@ -412,7 +418,7 @@ class GripBelief:
         return gain
 
     def _shift(self, change: Array) -> None:
-        """Apply a correction (n,); the equilibrium is updated in the next cycle."""
+        """Apply a correction (n,) of the state; the equilibrium follows in the next cycle."""
         grasp, places = self.grasp, self.grasp.state.places
         shifts = change[SHIFTS:][grasp.contacts.owners]
         moved = self._anchored @ shifts
@@ -455,7 +461,7 @@ class GripBelief:
         self._lag[1] *= left
 
     def _take(self, grasp: HeldGrip) -> None:
-        """Set the equilibrium."""
+        """Set the equilibrium, and the derivatives by the state in it."""
         self.grasp, self.grip = grasp, grasp.touching(self._friction)
         # Corrections of the contacts since, with which the equilibrium is not solved yet.
         self._anchors = grasp.anchors
@@ -482,7 +488,7 @@ class GripBelief:
         self._rates.squeeze[SHIFTS:] = mean @ by_shift[places.normal]
 
     def _resize(self, size: int) -> None:
-        """Reset the states of the contacts to their prior for other members."""
+        """Reset the contacts' shifts to their prior for another number of members."""
         before, sensitivity = self._covariance, self._sensitivity
         self._covariance = ANY**2 * np.eye(size)
         self._covariance[:SHIFTS, :SHIFTS] = before[:SHIFTS, :SHIFTS]
@@ -490,7 +496,7 @@ class GripBelief:
         self._sensitivity[:SHIFTS] = sensitivity[:SHIFTS]
 
     def _differentiate(self, grasp: HeldGrip) -> None:
-        """Compute derivatives by offsets, with fixed contacts, and by the stiffness."""
+        """Compute the derivatives by offsets at fixed contacts, and by the stiffness."""
         found, count = held_gradient(grasp), len(grasp.config.roller_positions)
         travel = travel_rates(grasp.config, grasp.contacts.members)
         along, anchors = grasp.statics.sides[:, None] * travel, slice(count + 4, None)
@@ -514,7 +520,10 @@ class GripBelief:
     def _learn(
         self, before: HeldGrip, grasp: HeldGrip, travel: Array, change: Array, elapsed: float
     ) -> None:
-        """Identify the effects of the last travel on drift, slip margin and utilisation."""
+        """Identify drift, and changes of slip margin and utilisation, from the last travel."""
+        if grasp.contacts is not before.contacts:  # a step, which the next travel does not repeat
+            self.usage, self.drift = UsageLimits(grasp), np.zeros(4)
+            return
         moved = grip_jacobian(before.config, self.grip) @ travel
         pressed = grasp.squeeze - before.squeeze - self._pending[3]
         pressed -= before.squeeze_stiffness() * moved[3]
@@ -526,13 +535,13 @@ class GripBelief:
 
 def attach_model(config: Configuration, grip: Grip, pressures: Pressures = None) -> HeldGrip:
     """
-    Return the equilibrium near the measured pose, with a `response`.
+    Return the equilibrium near the measured pose; its `response` exists.
 
     :param config: configuration of the robot.
     :param grip: grip with the object at its measured pose.
-    :param pressures: (t,) gauge pressures by tube [Pa]; None: those of the robot file.
+    :param pressures: (t,) gauge pressure of each tube [Pa]; None: the pressures of the robot file.
     :raises NotHeldError: no such equilibrium exists.
-    :raises GraspError: no such members.
+    :raises GraspError: the robot has no such members.
     :raises StructureError: see `structure_of`.
     """
     members = find_members(config.robot, grip.members).members

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Gate of joint markers, and detection of a slipping roller from inconsistent ones."""
+"""Gate of joint markers, and detection of a slipping roller from inconsistent markers."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from isotruss_ros.core.numerics.arrays import Array, Flags
 import numpy as np
 import scipy
 
-#: Probability of a valid measurement outside the gate [-].
+#: Probability that a valid measurement fails the gate [-].
 GATE_PROBABILITY = 1e-4
 
 
@@ -19,7 +19,7 @@ def passes_gate(innovation: Array, covariance: Array) -> bool:
     """
     Return whether the innovation passes the chi-square gate.
 
-    :param innovation: (m,) measured minus predicted.
+    :param innovation: (m,) measured minus predicted values.
     :param covariance: (m, m) covariance of the innovation.
     """
     return _size(innovation, covariance) <= scipy.special.chdtri(len(innovation), GATE_PROBABILITY)
@@ -29,18 +29,19 @@ def judge_markers(
     innovation: Array, covariance: Array, by_rollers: Array, reach: Array
 ) -> tuple[Flags, Array]:
     """
-    Return the consistent markers, and the slip of a roller that explains the others.
+    Return the consistent markers, and the slip of one roller that explains the other markers.
 
-    If they are not all consistent, either one roller has slipped by at most its travel, or markers
-    are wrong: the worst are rejected until the others are consistent, or all if most are not. The
-    hypothesis that explains more markers is selected.
+    If some markers are inconsistent, two hypotheses are compared. Either one roller has slipped by
+    at most its travel; or some markers are wrong. The worst marker is rejected until the others
+    are consistent; if most are inconsistent, all are rejected. The hypothesis that explains more
+    markers is selected.
 
-    :param innovation: (k, 2) measured minus predicted joints [m].
+    :param innovation: (k, 2) measured minus predicted joint positions [m].
     :param covariance: (2k, 2k) covariance of the innovation [m^2].
-    :param by_rollers: (2k, r) derivatives of the joints by the rollers.
+    :param by_rollers: (2k, r) derivatives of the joint positions by roller travel [-].
     :param reach: (r,) largest possible slip of each roller [m].
-    :return: (k,) mask of the consistent markers, and (r,) slip of the rollers under which they are
-        [m].
+    :return: (k,) mask of the consistent markers, and (r,) slip of the rollers with which they are
+        consistent [m].
     """
     count, off = len(innovation), innovation.ravel()
     every, kept = np.ones((2, count), dtype=bool)
@@ -66,10 +67,10 @@ def judge_markers(
 
 def find_swap(measured: Array, expected: Array, covariance: Array) -> tuple[int, int] | None:
     """
-    Return two markers whose swap makes all markers consistent; None without such a pair.
+    Return two markers whose swap makes all markers consistent; None if no such pair exists.
 
-    :param measured: (k, 2) measured joints [m].
-    :param expected: (k, 2) predicted joints [m].
+    :param measured: (k, 2) measured joint positions [m].
+    :param expected: (k, 2) predicted joint positions [m].
     :param covariance: (2k, 2k) covariance of the difference [m^2].
     """
     for pair in itertools.combinations(range(len(measured)), 2):
@@ -81,7 +82,7 @@ def find_swap(measured: Array, expected: Array, covariance: Array) -> tuple[int,
 
 
 def _find_slip(off: Array, covariance: Array, by_rollers: Array, reach: Array) -> Array:
-    """Return the slip of one roller, (r,), with the smallest residual of the markers [m]."""
+    """Return the slip (r,) of the one roller that minimises the residual of the markers [m]."""
     weighted = np.linalg.solve(covariance, by_rollers)
     size = np.einsum('ij,ij->j', by_rollers, weighted)
     slipped = np.clip((weighted.T @ off) / np.maximum(size, 1e-12), -reach, reach)

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Roller offsets from markers on joints, by an iterated Kalman filter."""
+"""Iterated Kalman filter of the roller offsets, from markers on joints."""
 
 from __future__ import annotations
 
@@ -13,9 +13,10 @@ from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.numerics.arrays import Array, Indices
 import numpy as np
 
-#: Correlation length of slip in travel [m].
+#: Correlation length of slip along the travel [m].
 SLIP_LENGTH = 0.1
-#: Standard deviation of unknown offsets, as after a restart of the encoders; the largest one [m].
+#: Largest standard deviation of an offset, for unknown offsets after a restart of the encoders
+#: [m].
 MAX_OFFSET_DEVIATION = 0.05
 
 
@@ -23,9 +24,9 @@ class OffsetFilter:
     """
     Gaussian belief of x = (dphi, c, m): roller offsets and constant errors of the markers.
 
-    dphi are the offsets of the r rollers [m], c the common shift of all markers (x, y) [m] and
-    their rotation about the centre of the joints [rad], m their mounting offsets from the joints
-    [m].
+    dphi are the offsets of the r rollers [m]. c has the common shift of all markers (x, y) [m] and
+    their rotation about the centre of the joints [rad]. m are the mounting offsets of the markers
+    from the joints [m].
 
     :ivar belief: belief of the state.
     :param robot: the robot with its nominal offsets.
@@ -38,7 +39,7 @@ class OffsetFilter:
         places = robot.home.nodes[:joints]
         lever = (places - places.mean(axis=0)) @ [[0.0, 1.0], [-1.0, 0.0]]
         shift = np.tile(np.eye(2), (joints, 1))
-        #: Jacobian of all markers by their constant errors.
+        #: Jacobian of all marker positions by their constant errors.
         self._constant = np.column_stack([shift, lever.ravel(), np.eye(2 * joints)])
         sizes = settings.marker_shift, settings.marker_turn, settings.joint_error
         variances = np.repeat([settings.zeros, *sizes], [self._count, 2, 1, 2 * joints]) ** 2
@@ -46,12 +47,12 @@ class OffsetFilter:
 
     @property
     def offsets(self) -> Array:
-        """Return the mean of the offsets, (r,) [m]."""
+        """Return the mean of the roller offsets, (r,) [m]."""
         return self.belief.mean[: self._count]
 
     @property
     def covariance(self) -> Array:
-        """Return the (r, r) covariance of the offsets [m^2]."""
+        """Return the covariance matrix of the roller offsets, (r, r) [m^2]."""
         return self.belief.covariance[: self._count, : self._count]
 
     def predict(self, elapsed: float, travel: Array) -> None:
@@ -59,14 +60,14 @@ class OffsetFilter:
         Propagate the covariance by process noise.
 
         :param elapsed: time since the last call [s].
-        :param travel: (r,) absolute roller travel since then [m].
+        :param travel: (r,) absolute roller travel since the last call [m].
         """
         given = self._settings
         self.inflate(given.slip**2 * SLIP_LENGTH * travel + given.drift**2 * elapsed)
 
     def inflate(self, variances: Array) -> None:
         """
-        Add to the variances of the offsets, up to that of unknown offsets.
+        Increase the variances of the offsets, up to the variance of unknown offsets.
 
         :param variances: (r,) increments [m^2].
         """
@@ -77,7 +78,7 @@ class OffsetFilter:
         self.belief = Belief(self.belief.mean, covariance)
 
     def forget(self) -> None:
-        """Inflate the variance of the offsets to that of unknown ones."""
+        """Increase the variances of the offsets to the variance of unknown offsets."""
         self.inflate(np.full(self._count, MAX_OFFSET_DEVIATION**2))
 
     def expect(
@@ -87,9 +88,9 @@ class OffsetFilter:
         Return the marker model linearised at a state.
 
         :param values: (2j,) joint positions x0, y0, x1, y1, ... [m].
-        :param rates: (2j, r) Jacobian by the offsets.
+        :param rates: (2j, r) Jacobian of the joint positions by the offsets.
         :param rows: (m,) indices of the measured coordinates.
-        :param mean: (n,) the state; None: the mean of the belief.
+        :param mean: (n,) state; None: the mean of the belief.
         """
         constant = self._constant[rows]
         mean = self.belief.mean if mean is None else mean
@@ -104,12 +105,13 @@ class OffsetFilter:
         joints: Callable[[Array], tuple[Array, Array]],
     ) -> None:
         """
-        Update the belief with markers.
+        Update the belief with measured markers.
 
-        :param measured: (m,) measured coordinates [m].
-        :param noise: (m, m) covariance of their noise [m^2].
-        :param rows: (m,) indices of these coordinates.
-        :param joints: function from offsets (r,) to values and rates, see `expect`.
+        :param measured: (m,) measured coordinates of markers [m].
+        :param noise: (m, m) covariance of the measurement noise [m^2].
+        :param rows: (m,) indices of the measured coordinates.
+        :param joints: function from offsets (r,) to the joint positions and their Jacobian, see
+            `expect`.
         """
 
         def expect(mean: Array) -> Expectation:

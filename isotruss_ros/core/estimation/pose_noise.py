@@ -1,30 +1,31 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Variance of the noise of measured poses, from steps between them."""
+"""Variance of the noise of measured poses, from the differences of successive poses."""
 
 from __future__ import annotations
 
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 
-#: Prior standard deviations of coordinates [m] and angle [rad].
+#: Prior standard deviations of the coordinates [m] and of the angle [rad].
 PRIOR_DEVIATIONS = np.array([1e-3, 1e-3, 0.009])
-#: Error of the model between poses, rotations at the characteristic radius [m].
+#: Error of the model between two poses, rotations times the characteristic radius [m].
 MODEL_ERROR = 1e-4
-#: Number of averaged poses, and equivalent number of the prior [-].
+#: Number of averaged poses, and number of poses to which the prior is equivalent [-].
 MEMORY, GUESS = 50, 4
-#: Bound of a step in standard deviations [-]; larger ones are not noise.
+#: Largest difference of poses that counts as noise, in standard deviations [-].
 MAX_STEP_SIGMAS = 3.0
 
 
 class PoseNoise:
     """
-    Estimate of the pose noise, which is white; motion of the object is slower.
+    Estimate of the variance of white pose noise; the object moves slowly compared with it.
 
-    :ivar variances: (3,) variances of x, y and the angle times the characteristic radius,
-        including the model error [m^2].
-    :param deviations: (3,) prior standard deviations of these [m].
+    :ivar variances: (3,) variances of x, y and angle times the characteristic radius, including
+        the model error [m^2].
+    :param deviations: (3,) prior standard deviations of x, y and angle times the characteristic
+        radius [m].
     """
 
     def __init__(self, deviations: Array) -> None:
@@ -34,10 +35,10 @@ class PoseNoise:
 
     def add(self, off: Array) -> None:
         """
-        Update the estimate with a pose.
+        Update the estimate with a measured pose.
 
-        :param off: (3,) difference of the pose from the prediction by roller travel, rotations at
-            the characteristic radius [m].
+        :param off: (3,) measured pose minus its prediction by roller travel, rotations times the
+            characteristic radius [m].
         """
         last, self._last = self._last, off
         if last is None:

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Merging of partial joint states, as of several broadcasters, by roller."""
+"""Merging of partial joint states of several broadcasters, by roller."""
 
 from __future__ import annotations
 
@@ -19,10 +19,9 @@ import numpy as np
 
 class RollerParts:
     """
-    Last readings of each roller, from complete or partial messages.
+    Last readings of each roller, from complete or partial joint states.
 
-    The time of the merged state is that of the oldest reading; the others are interpolated to it,
-    so that all have one age.
+    The merged state has the time of the oldest reading; newer readings are interpolated to it.
 
     :param names: names of the rollers.
     """
@@ -33,18 +32,18 @@ class RollerParts:
         self._readings = [Timeline() for _ in names]
 
     def clear(self) -> None:
-        """Drop all readings."""
+        """Discard all readings."""
         for readings in self._readings:
             readings.clear()
 
     def take(self, part: Mapping[int, tuple[float, float]], time: float, now: float) -> None:
         """
-        Store a message; readings older than a stored one of the roller are dropped.
+        Store the readings of a message, except readings older than a stored one.
 
         :param part: position [m] and speed [m/s] by index of the roller.
         :param time: time of the readings, at most now [s].
-        :param now: time on the same clock [s]; later readings are from before the clock was set
-            back, and dropped.
+        :param now: time on the same clock [s]. If the clock was set back, stored readings later
+            than now are discarded.
         """
         for number, (position, speed) in part.items():
             readings = self._readings[number]
@@ -54,7 +53,7 @@ class RollerParts:
                 readings.add(time, complex(position, speed))
 
     def merged(self) -> StampedInput | RejectedInput:
-        """Return the `RollerState` of all rollers; a rejection if some were never read."""
+        """Return the `RollerState` of all rollers; a rejection if one was never read."""
         readings = self._readings
         missing = [n for n, known in zip(self._names, readings, strict=True) if not known]
         if missing:

@@ -11,12 +11,13 @@ from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 import scipy
 
-#: Probability of a false alarm in a comparison [-]; with some twenty independent comparisons per
-#: second one false alarm in an hour.
+#: Probability of a false alarm in a comparison [-]. Some twenty independent comparisons per second
+#: then have one false alarm in an hour.
 FALSE_ALARM_PROBABILITY = 1.5e-5
-#: Smallest change of an offset under slip in standard deviations [-].
+#: Smallest change of an offset under slip, in standard deviations [-].
 SLIP_SIGMAS = -float(scipy.special.ndtri(FALSE_ALARM_PROBABILITY))
-#: Smallest change of an offset as a share of the travel [-] over an interval [s], two of them.
+#: Two tests for slip: smallest change of an offset as a share of the travel [-], over an interval
+#: [s].
 SLIP_SHARES = ((0.3, 0.25), (0.01, 4.0))
 #: Smallest change of an offset under slip [m].
 MIN_SLIP = 1e-3
@@ -24,7 +25,7 @@ MIN_SLIP = 1e-3
 
 class SlipWatch:
     """
-    Compares offsets of rollers with earlier ones.
+    Comparison of roller offsets with earlier estimates of them.
 
     :ivar slipping: (r,) mask of the slipping rollers.
     :param count: number of rollers.
@@ -36,7 +37,7 @@ class SlipWatch:
 
     def add(self, time: float, travel: Array, zeros: Array, variances: Array) -> None:
         """
-        Compare an estimate with earlier ones.
+        Compare an estimate of the offsets with earlier estimates.
 
         :param time: time of the estimate [s].
         :param travel: (r,) encoder readings [m].

@@ -12,26 +12,27 @@ from typing import NamedTuple
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.records import Record
 
-#: Largest deviation of a known squeeze relative to the squeeze [-].
+#: Largest standard deviation of a known squeeze, relative to the squeeze [-].
 MAX_KNOWN_DEVIATION = 0.5
 
 
 @dataclass(frozen=True)
 class EstimatorSettings:
     """
-    Prior standard deviations of the state of the robot.
+    Prior standard deviations and noise of the estimator's states.
 
-    :ivar zeros: roller offsets; 1 mm after calibration with markers [m].
+    :ivar zeros: standard deviation of the roller offsets [m]; 1 mm after calibration with markers.
     :ivar slip: slip of a roller as a share of its travel, independent for each 0.1 m [-].
     :ivar drift: drift of the offsets per second, also at rest [m].
     :ivar encoders: noise of an encoder reading [m].
     :ivar load: wrench on a held object, moments over its characteristic radius [N].
     :ivar load_time: correlation time of the wrench [s].
-    :ivar stiffness: factor on the stiffness of robot and tubes [-].
+    :ivar stiffness: relative error of the stiffness of robot and tubes [-].
     :ivar joint_error: model error of the joints, and mounting offset of each marker [m].
     :ivar marker_shift: common shift of all markers [m].
     :ivar marker_turn: common rotation of all markers [rad].
-    :ivar pose_error: model error of the object's pose, rotations at its characteristic radius [m].
+    :ivar pose_error: model error of the object's pose, rotations times its characteristic radius
+        [m].
     :ivar squeeze_error: relative model error of the squeeze [-].
     """
 
@@ -52,22 +53,23 @@ class EstimatorSettings:
 @dataclass(frozen=True, eq=False, repr=False)
 class StateEstimate(Record, headline=('travel', 'pose', 'squeeze', 'left_out', 'slipping')):
     """
-    Estimate of configuration, object pose and squeeze, with covariances.
+    Estimate of configuration, object pose and squeeze, with their covariances.
 
     :ivar time: time of the encoder readings [s].
     :ivar offsets: (r,) roller offsets, to be added to the encoder readings [m].
     :ivar offset_covariance: (r, r) covariance of the offsets [m^2].
     :ivar travel: (r,) corrected roller travel [m].
-    :ivar joints: (j, 2) positions in `Topology.joint_names` order, under the contact forces [m].
+    :ivar joints: (j, 2) positions of the joints under the contact forces, in
+        `Topology.joint_names` order [m].
     :ivar joint_covariance: (2j, 2j) covariance of (x0, y0, x1, y1, ...) [m^2].
-    :ivar pose: pose (x, y, angle) of the held object [m, rad]; None if not held in the model.
+    :ivar pose: pose (x, y, angle) of the held object [m, rad]; None if the model does not hold it.
     :ivar pose_covariance: (3, 3) covariance of the pose [m^2, m rad, rad^2].
-    :ivar squeeze: mean normal force of the members [N]; NaN if no object is held in the model.
-    :ivar squeeze_deviation: standard deviation of the squeeze, including that of the stiffness
-        [N].
-    :ivar used: names of joints with accepted last markers, sorted.
-    :ivar left_out: names of joints with rejected last markers, sorted.
-    :ivar swapped: names of two joints with apparently swapped markers; empty without.
+    :ivar squeeze: mean normal force of the members [N]; NaN if the model does not hold an object.
+    :ivar squeeze_deviation: standard deviation of the squeeze, including the error of the
+        stiffness [N].
+    :ivar used: names of the joints whose last markers were accepted, sorted.
+    :ivar left_out: names of the joints whose last markers were rejected, sorted.
+    :ivar swapped: names of two joints whose markers are apparently swapped; empty otherwise.
     :ivar slipping: names of slipping rollers, in `Robot.roller_names` order.
     :ivar delay: delay of the poses beyond their stamps [s].
     """
@@ -91,7 +93,7 @@ class StateEstimate(Record, headline=('travel', 'pose', 'squeeze', 'left_out', '
 
 class EstimatedTravel(NamedTuple):
     """
-    Roller offsets of an estimate for a control loop.
+    Estimated roller offsets for a control loop.
 
     :ivar offsets: (r,) roller offsets, to be added to the encoder readings [m].
     :ivar covariance: (r, r) covariance of the offsets [m^2].

@@ -4,9 +4,9 @@
 """
 State estimation of the robot from encoders, the object's pose and joint markers.
 
-Encoders do not measure slip, and offsets are as accurate as the calibration of home. Markers
-correct the offsets, see `OffsetFilter`; poses correct the state of the grip, see `GripBelief`,
-which considers the offsets with their covariance. Measurements are processed at their stamps.
+Encoders do not measure slip, and the calibration of home has errors. Markers correct the roller
+offsets, see `OffsetFilter`. Poses correct the state of the grip, see `GripBelief`; it considers
+the offsets with their covariance. Measurements are processed at the times of their stamps.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from numpy.typing import ArrayLike
 #: Number of successive messages without a consistent marker after which the offsets are unknown
 #: [-].
 MAX_INCONSISTENT_MESSAGES = 5
-#: Largest age of a measurement, and largest lead over the encoders [s].
+#: Largest age of a measurement relative to the encoders, and largest lead [s].
 OLDEST, AHEAD = 1.0, 0.05
 
 
@@ -47,7 +47,7 @@ class StateEstimator:
     :ivar settings: prior standard deviations.
     :ivar belief: belief of the grip; None without a held object.
     :param robot: the robot with its nominal offsets and stiffness.
-    :param settings: prior standard deviations; None: those without calibration.
+    :param settings: prior standard deviations; None: defaults without calibration.
     """
 
     def __init__(self, robot: Robot, settings: EstimatorSettings | None = None) -> None:
@@ -83,7 +83,7 @@ class StateEstimator:
 
     def take_encoders(self, time: float, readings: Array) -> None:
         """
-        Advance to an encoder reading; readings not later than the last are ignored.
+        Advance to an encoder reading; ignore a reading that is not later than the last.
 
         :param time: time of the reading [s].
         :param readings: (r,) roller travel since home [m].
@@ -98,10 +98,10 @@ class StateEstimator:
 
     def take_pressures(self, pressures: tuple[float, ...] | None) -> None:
         """
-        Use measured pressures in the model from now on, see `steady_pressures`.
+        Use measured pressures in the model, see `steady_pressures`.
 
         :param pressures: (t,) gauge pressures of the tubes in the order of the robot file [Pa];
-            None for the pressures of the file.
+            None: the pressures of the file.
         """
         self._pressures = steady_pressures(self._pressures, pressures)
 
@@ -113,10 +113,10 @@ class StateEstimator:
         :param time: time of the measurement [s].
         :param pose: pose of the object, robot frame.
         :param deviations: (3,) standard deviations of x, y [m] and angle [rad], positive.
-        :return: whether it was used: fresh, and of a held object.
+        :return: whether the pose was used: it is fresh and the object is held.
         :raises ConfigurationError: no configuration exists at the encoder readings.
-        :raises GraspError: the pose is not three numbers within range, or the deviations are not
-            positive ones.
+        :raises GraspError: the pose is not three numbers within range, or a deviation is not
+            positive.
         """
         what = "the object's pose (x, y, angle) [m, rad]"
         pose = Pose(*finite_array(pose, 3, what, GraspError, MAX_DISTANCE).tolist())
@@ -142,12 +142,12 @@ class StateEstimator:
         self, time: float, joints: Mapping[str, tuple[float, float]], deviation: float
     ) -> bool:
         """
-        Update the offsets with measured joints; inconsistent markers are rejected.
+        Update the offsets with measured joints; reject inconsistent markers.
 
         :param time: time of the measurement [s].
         :param joints: (x, y) by the name of the joint, robot frame [m].
         :param deviation: standard deviation of a coordinate, positive [m].
-        :return: whether some markers were used.
+        :return: whether at least one marker was used.
         :raises ConfigurationError: no configuration exists at the encoder readings.
         :raises GraspError: the robot has no such joint, or the deviation is not a positive number
             within range.
@@ -196,7 +196,7 @@ class StateEstimator:
     @single_threaded
     def estimate(self) -> StateEstimate | None:
         """
-        Return the estimate at the last encoder reading; None before the first.
+        Return the estimate at the last encoder reading; None before the first reading.
 
         :raises ConfigurationError: no configuration exists at the encoder readings.
         """
@@ -235,7 +235,7 @@ class StateEstimator:
     def _name(
         self, names: Array, used: Array, measured: Array, expected: Array, covariance: Array
     ) -> None:
-        """Store the used and the swapped markers; reset offsets without consistent ones."""
+        """Store the names of used and swapped markers; reset offsets without consistent ones."""
         self._used = tuple(sorted(names[used].tolist()))
         self._left_out = tuple(sorted(names[~used].tolist()))
         swapped = None
@@ -250,7 +250,7 @@ class StateEstimator:
             self._strange = 0
 
     def _roll(self) -> None:
-        """Roll the held object to the last reading; release it without an equilibrium."""
+        """Roll the held object to the last reading; release it if no equilibrium exists."""
         (time, readings), belief = self._readings.last, self.belief
         travel, elapsed = readings + self._zeros.offsets, time - self._rolled
         self._rolled = time
@@ -265,7 +265,7 @@ class StateEstimator:
             self.belief = None
 
     def _attach(self, pose: Pose, deviations: Array) -> GripBelief | None:
-        """Return the belief of an object certainly held at the measured pose, or None."""
+        """Return the belief of an object at the measured pose; None if it may not be held."""
         zeros = self._zeros
         self._config = self._config.moved_to(self._readings.last[1] + zeros.offsets)
         grip = self._grip.moved_to(pose)
@@ -292,17 +292,17 @@ class StateEstimator:
         return places + displaced + beyond @ (offsets - self._zeros.offsets), rates + beyond
 
     def _encoder_noise(self, rates: Array) -> Array:
-        """Return the covariance (m, m) of joints with Jacobian (m, r) by encoder noise."""
+        """Return the covariance (m, m) of coordinates by encoder noise, from a Jacobian (m, r)."""
         return self.settings.encoders**2 * rates @ rates.T
 
     def _in_time(self, time: float) -> bool:
-        """Return whether encoder readings at a time are known."""
+        """Return whether a measurement at a time can be compared with encoder readings."""
         known = self._readings
         return bool(known) and known.first[0] <= time <= known.last[0] + AHEAD
 
 
 def _positive(deviations: ArrayLike, count: int, what: str) -> Array:
-    """Return standard deviations (count,) as numbers with finite positive squares."""
+    """Return standard deviations (count,) as floats; their squares must be finite and positive."""
     checked = finite_array(deviations, count, what, GraspError, MAX_DISTANCE)
     if checked.min() <= 0.0:
         raise GraspError(f'{what}: {checked.tolist()}: must be positive')

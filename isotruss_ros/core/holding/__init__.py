@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-A free object: its equilibrium between grasping members, and its slip margin.
+Statics of a free object: equilibrium between grasping members, and slip margin.
 
 Entry points: `settle_grasp.settle_grasp`, `attach_grip`, `roll_grip`, `grasp_gradient`.
-Imports `core.contact`, `core.manipulation` and what is below them.
+Imports `core.contact`, `core.manipulation` and the layers below them.
 """

@@ -8,15 +8,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 import math
 
-#: Arrows of forces, counter-clockwise from the x axis, and of moments.
+#: Arrows of forces, counter-clockwise from the x axis, and arrows of positive and negative
+#: moments.
 FORCES, LEFT, RIGHT = '→↗↑↖←↙↓↘', '↺', '↻'
 
 
 def arrow_of(wrench: Sequence[float]) -> str:
     """
-    Return an arrow along a planar wrench; empty for a zero wrench.
+    Return an arrow for a planar wrench; empty for a zero wrench.
 
-    :param wrench: (fx, fy, m / arm) [N]; the moment is shown if it exceeds the force.
+    :param wrench: (fx, fy, m / arm) [N]. If the moment exceeds the force, the arrow shows the
+        moment.
     """
     fx, fy, m = wrench
     force = math.hypot(fx, fy)

@@ -4,8 +4,8 @@
 """
 Equilibrium of an object near its measured pose, with unknown contact history.
 
-The least friction is assumed, which determines the stiff directions; the measured pose determines
-the others.
+The equilibrium with the least friction is assumed. It determines the pose in the stiff directions;
+in the soft directions the measured pose is taken.
 """
 
 from __future__ import annotations
@@ -52,13 +52,14 @@ from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 import numpy as np
 
-#: Largest number of Newton steps from the expected equilibrium, and largest differences from it:
-#: distance [m] and relative normal forces [-].
+#: Bounds of the search from the predicted equilibrium: number of Newton steps [-], and largest
+#: distance [m] and relative difference of normal forces [-] from the prediction.
 FEW_STEPS, NEAR, LIKE = 5, 2e-3, 0.3
-#: Largest numbers of contact hypotheses of a quick search, and of Newton steps for each. It finds
-#: 95 of 100 equilibria of boxes of the whole search.
+#: Largest number of contact hypotheses in a quick search, and of Newton steps for each [-]. It
+#: finds 95 of the 100 equilibria of boxes that the whole search finds.
 QUICK_SETS, QUICK_STEPS = 2, 12
-#: Largest relative distance of a frame's origin from the middle that counts as zero [-].
+#: Largest distance of the frame's origin from the centroid that counts as zero, relative to the
+#: characteristic radius [-].
 CENTERED = 1e-3
 
 
@@ -76,14 +77,14 @@ def attach_grip(
 
     :param config: configuration of the robot.
     :param body: the object at its measured pose.
-    :param members: (m,) indices of the two or three grasping members; None: those penetrated by
-        the object, or the two nearest.
+    :param members: (m,) indices of the two or three grasping members; None: the members that the
+        object overlaps, or the two nearest.
     :param external_wrench: (fx, fy, m) on the object about the origin of its frame [N, N m]; None:
         zero.
     :param tubes: model of the tubes.
-    :param before: previous equilibrium, initial guess of the search if its contacts are alike.
-    :param quick: bound the search by the time of a control cycle.
-    :raises NotHeldError: no such equilibrium exists.
+    :param before: previous equilibrium; it is the initial guess if its contacts are similar.
+    :param quick: whether the search is limited to the time of a control cycle.
+    :raises NotHeldError: no equilibrium near the measured pose exists.
     :raises StructureError: see `structure_of`.
     """
     body = contact_body(body, 0.5 * config.robot.description.tube_diameter)
@@ -115,7 +116,7 @@ def _find_pressing(
     middle: complex,
     sets: int | None,
 ) -> HeldGrip | None:
-    """Return the equilibrium with both ends of all faces in contact, after a number of sets."""
+    """Return the equilibrium whose face ends all press, after at most `sets` hypotheses."""
     for _ in range(sets or len(contacts.owners)):
         found = find(contacts)
         if found is None:
@@ -143,7 +144,7 @@ def _find_rest(
     before: HeldGrip | None,
     steps: int,
 ) -> HeldGrip | None:
-    """Return the equilibrium at given contacts near the measured pose, if any."""
+    """Return the equilibrium near the measured pose at given contacts; None if none exists."""
     body, contacts = statics.body, statics.contacts
     conditions = rest(statics, body)
     found, motion = None, None
@@ -182,7 +183,7 @@ def _find_rest(
 
 
 def _search_centered(statics: ContactStatics, wrench: Array, steps: int) -> Array | None:
-    """Return initial unknowns whose equilibrium does not depend on the frame."""
+    """Return initial unknowns whose equilibrium does not depend on the object's frame."""
     body, shape = statics.body, statics.body.shape
     if abs(shape.centroid) <= CENTERED * body.arm:
         return start_at(statics, body)
@@ -202,7 +203,7 @@ def _search_centered(statics: ContactStatics, wrench: Array, steps: int) -> Arra
 
 
 def _is_like(grip: HeldGrip, statics: ContactStatics) -> bool:
-    """Return whether two states have alike contacts, from the same sides."""
+    """Return whether a grip has the same kind of contacts, from the same sides."""
     own, contacts = grip.contacts, statics.contacts
     pairs = (
         (own.members, contacts.members),
@@ -219,7 +220,7 @@ def _solve_nearby(
     wrench: Array,
     conditions: ContactConditions,
 ) -> tuple[ContactStatics, ContactForces] | None:
-    """Return the equilibrium near the expected one with alike forces, if any."""
+    """Return the equilibrium near the predicted one with similar forces; None if none exists."""
     start, places, known = grip.ahead(travel), grip.state.places, grip.state
     bent, structure = grip.statics.bent, statics.bent.structure
     if structure is not bent.structure:
@@ -234,7 +235,7 @@ def _solve_nearby(
 
 
 def _choices(contacts: PressedContacts) -> list[PressedContacts]:
-    """Yield contact hypotheses: full faces first, then single ends."""
+    """Yield contact hypotheses: first both ends of all faces, then with single ends."""
     faces = [own.tolist() for own in contacts.ends if len(own) > 1]
     found = []
     for dropped in itertools.product(*([None, *own] for own in faces)):
@@ -247,14 +248,15 @@ def _choices(contacts: PressedContacts) -> list[PressedContacts]:
 
 def rest(statics: ContactStatics, body: ConvexObject) -> ContactConditions:
     """
-    Return the conditions of unknown contact history, with a pose near the measured one.
+    Return the conditions of an unknown contact history, with a pose near the measured one.
 
-    Both ends of a face use the same share of friction. The measured position across the chord of
-    two members determines their squeeze, statics that of three members. The angle is the measured
-    one; with a face contact it is the one with equal use of friction by the members. Three members
-    then need no friction; without a face contact they use equal shares.
+    Two members: the measured position across the chord between the contacts determines the
+    squeeze. Three members: statics determines the squeeze. The angle is the measured one; with a
+    face contact, it is the angle at which all members use the same share of their friction. Then
+    three members need no friction; without a face contact they use equal shares. Both ends of a
+    face use equal shares.
 
-    :param statics: the equations.
+    :param statics: equations of equilibrium.
     :param body: the object at its measured pose.
     """
     contacts, places, count = statics.contacts, statics.places, len(statics.sides)

@@ -4,7 +4,7 @@
 """
 Equilibrium equations of a held object from its contacts, with an initial guess.
 
-A contact is one corner, or both ends of a face.
+A corner has one contact; a face has one at each end.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ from isotruss_ros.core.statics.bent_tubes import BentTubes
 from isotruss_ros.core.statics.structure import Structure, structure_of
 import numpy as np
 
-#: Flattening tubes of the robot file.
+#: Tubes of the robot file, with flattening.
 AS_MODELLED = TubeModel()
-#: Largest spacing of the normals of tabulated dents [rad].
+#: Step of the angles of normals for which dents are tabulated [rad].
 ANGLE_STEP = 0.01
 
 
@@ -62,7 +62,7 @@ def facing_lines(
     config: Configuration, body: ConvexObject, members: Indices
 ) -> tuple[Points, Points]:
     """
-    Return starts of members and their normals out of an object, (m,) each, x + iy [m].
+    Return the starts of members [m] and their normals away from an object, (m,) each, x + iy.
 
     :param config: configuration of the robot.
     :param body: the object at its pose.
@@ -82,13 +82,14 @@ def build_statics(
     normals: Points | None = None,
 ) -> ContactStatics:
     """
-    Return the equations of an object at given contacts with straight tubes.
+    Return the equations of equilibrium of an object at given contacts with straight tubes.
 
     :param config: configuration of the robot.
     :param body: the object at its pose.
     :param contacts: contacts of the object.
     :param tubes: model of the tubes.
-    :param normals: (k,) normals of the bent tubes, for the dents; None: straight ones.
+    :param normals: (k,) normals of the bent tubes, which determine the dents; None: the straight
+        tubes' normals.
     :raises StructureError: see `structure_of`.
     """
     structure = structure_of(config, tubes.pressure)
@@ -122,7 +123,7 @@ def start_at(statics: ContactStatics, body: ConvexObject) -> Array:
     """
     Return an initial guess of the unknowns (3 + 4k,).
 
-    :param statics: the equations.
+    :param statics: equations of equilibrium.
     :param body: the object at its measured pose.
     """
     places, bent = statics.places, statics.bent
@@ -148,13 +149,13 @@ def find_dents(
     normals: Points,
 ) -> Indentation:
     """
-    Return the dents at all contacts.
+    Return the depths of the dents at all contacts as functions of the normal forces.
 
     :param structure: the frame of the robot.
     :param body: the object at its pose.
     :param contacts: contacts of the object.
     :param tubes: model of the tubes.
-    :param normals: (k,) normals of the tubes, from the object.
+    :param normals: (k,) normals of the tubes, away from the object.
     """
     if tubes.paper_model:
         return Indentation()
@@ -170,7 +171,7 @@ def _dents(
     normals: Points,
     pressures: tuple[float, ...] | None,
 ) -> list[SkinIndentation]:
-    """Return the dents at all contacts."""
+    """Return the table of the dent at each contact."""
     tubes = config.robot.topology.tube[contacts.members]
     if body.shape.is_round:
         radius = body.shape.reach
@@ -197,7 +198,7 @@ def _dents(
 
 
 def _tabulated(shape: Shape, corner: int, normal: complex) -> float:
-    """Return the tabulated angle nearest to a normal [rad]; one for the faces at a corner."""
+    """Return the tabulated angle nearest to a normal [rad]; one for both faces at a corner."""
     faces = shape.faces_at(corner)
     if not faces:
         return ANGLE_STEP * round(cmath.phase(normal) / ANGLE_STEP)

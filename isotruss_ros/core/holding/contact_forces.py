@@ -4,8 +4,8 @@
 """
 Contacts, pose and forces of a held object, and their response to small wrenches.
 
-Contacts stick and forces redistribute with the tubes, which gives the slip margin and the change
-by moving members.
+The contacts stick, and the tubes redistribute the forces. The slip margin and the change by moving
+members follow from this response.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ CENTER, ANGLE, POSE = slice(0, 2), 2, 3
 @dataclass(frozen=True, eq=False)
 class PressedContacts:
     """
-    The k contacts of an object, in ascending order of the members.
+    The k contacts of an object, in ascending order of their members.
 
     :ivar members: (k,) indices of the members.
-    :ivar corners: (k,) corners of a polygon; zero of other shapes.
-    :ivar cuts: (k, 2) extent of the contact before and behind, see `corner_dents` [m].
+    :ivar corners: (k,) index of the polygon's corner of each contact; zero for other shapes.
+    :ivar cuts: (k, 2) extent of each contact before and behind its point, see `corner_dents` [m].
     """
 
     members: Indices
@@ -38,19 +38,19 @@ class PressedContacts:
 
     @functools.cached_property
     def owners(self) -> Indices:
-        """Return the indices (k,) of the contacts' members within the grip."""
+        """Return the number (k,) of each contact's member within the grip: 0, 1 or 2."""
         return np.cumsum(np.diff(self.members, prepend=self.members[0]) > 0)
 
     @functools.cached_property
     def ends(self) -> list[Indices]:
-        """Return the contacts of each grasping member: one, or both ends of a face."""
+        """Return the contacts of each grasping member: one, or the two ends of a face."""
         return [np.flatnonzero(self.owners == i) for i in range(int(self.owners[-1]) + 1)]
 
     def without(self, dropped: int) -> PressedContacts:
         """
-        Return the remaining contacts.
+        Return the contacts without one of them.
 
-        If one end of a face is removed, the extent of the other is unlimited.
+        If it is one end of a face, the extent of the other end becomes unlimited.
 
         :param dropped: index of the removed contact.
         """
@@ -62,14 +62,14 @@ class PressedContacts:
 
 class Places(NamedTuple):
     """
-    Indices of k contacts among the unknowns and equations.
+    Indices of the unknowns and equations of k contacts.
 
-    :ivar feet: positions along the members.
-    :ivar inclinations: inclinations of the bent tubes.
-    :ivar normal: normal forces.
-    :ivar friction: friction forces.
-    :ivar balance: rows of the balance fx, fy, m.
-    :ivar conditions: rows of friction or rolling, see `ContactConditions`.
+    :ivar feet: unknown positions along the members.
+    :ivar inclinations: unknown inclinations of the bent tubes.
+    :ivar normal: unknown normal forces.
+    :ivar friction: unknown friction forces.
+    :ivar balance: equations of the balance fx, fy, m.
+    :ivar conditions: equations of friction or rolling, see `ContactConditions`.
     :ivar size: number of unknowns.
     """
 
@@ -100,12 +100,14 @@ class ContactForces:
     """
     Pose, contacts and forces of an object at k contacts.
 
-    :ivar unknowns: (3 + 4k,) x, y [m], angle [rad], feet s_i [m], inclinations of the bent tubes
-        beta_i [rad], normal forces N_i [N], friction forces on the tubes T_i [N],
-        counter-clockwise around the object.
+    :ivar unknowns: (3 + 4k,) pose x, y [m], angle [rad]; positions s_i of the contacts along the
+        members [m]; inclinations beta_i of the bent tubes relative to the straight members [rad];
+        normal forces N_i [N]; friction forces T_i on the tubes, counter-clockwise around the
+        object [N].
     :ivar normals: (k,) unit normals from the object toward the tubes.
-    :ivar loads: (k, 3) loads on the tubes: along and across the members [N], moments [N m].
-    :ivar jacobian: (3 + 4k, 3 + 4k) Jacobian of the equations in this state.
+    :ivar loads: (k, 3) loads on the tubes: forces along and across the members [N], and moments [N
+        m].
+    :ivar jacobian: (3 + 4k, 3 + 4k) Jacobian of the equations by the unknowns.
     """
 
     unknowns: Array
@@ -115,7 +117,7 @@ class ContactForces:
 
     @functools.cached_property
     def places(self) -> Places:
-        """Return the indices of the unknowns."""
+        """Return the indices of the unknowns and equations."""
         return Places.of(len(self.normals))
 
     @property
@@ -135,12 +137,12 @@ class ContactForces:
 
     @functools.cached_property
     def friction_forces(self) -> Array:
-        """Return the friction on the tubes, (k,) counter-clockwise around the object [N]."""
+        """Return the friction forces on the tubes, (k,) counter-clockwise around the object."""
         return self.unknowns[self.places.friction]
 
     @property
     def forces(self) -> Array:
-        """Return normal and friction forces, (2k,) [N]."""
+        """Return the normal and friction forces, (2k,) [N]."""
         return np.concatenate([self.normal_forces, self.friction_forces])
 
 
@@ -150,10 +152,10 @@ class GripResponse:
     Response to a small wrench (fx, fy, m / arm) [N] at k sticking contacts.
 
     :ivar change: (3 + 4k, 3) change of the unknowns, see `ContactForces`.
-    :ivar squeeze: (3,) change of the mean normal force of the members [-].
+    :ivar squeeze: (3,) change of the mean normal force of the members by the wrench [-].
     :ivar arm: characteristic radius, see `ConvexObject.arm` [m].
-    :ivar squeeze_stiffness: derivative of the mean normal force by the opening of the members
-        [N/m].
+    :ivar squeeze_stiffness: derivative of the mean normal force by the opening of the members, see
+        `HeldGrip.squeeze_stiffness` [N/m].
     """
 
     change: Array
@@ -163,18 +165,18 @@ class GripResponse:
 
     @property
     def pose(self) -> Array:
-        """Return the compliance of x, y and angle, (3, 3) [m/N, rad/N]."""
+        """Return the compliance (3, 3) of x, y and angle [m/N, rad/N]."""
         return self.change[:POSE]
 
     @property
     def forces(self) -> Array:
-        """Return the change of normal and of friction forces, (2k, 3) [-]."""
+        """Return the changes (2k, 3) of normal and friction forces by the wrench [-]."""
         begin = (POSE + len(self.change)) // 2
         return self.change[begin:]
 
     @property
     def stiffness(self) -> Array:
-        """Return the stiffness: (3, 3), wrench (fx, fy, m) per displacement [N/m, N, N m]."""
+        """Return the matrix (3, 3) of wrench (fx, fy, m) per displacement [N/m, N, N m]."""
         stiffness = np.linalg.inv(self.pose)
         stiffness[2] *= self.arm
         return stiffness
@@ -188,12 +190,12 @@ class GripResponse:
 
 def slip_conditions(owners: Indices, friction: float) -> Array:
     """
-    Return the matrix from contact forces to margins against slip and opening.
+    Return the matrix from contact forces to the margins against slip and opening.
 
-    :param owners: (k,) index of the member of the grip of each contact.
-    :param friction: coefficient mu.
-    :return: (2m + k, 2k), by normal forces N and friction forces T of the k contacts: mu N - T of
-        m members, mu N + T of these, then N of each contact.
+    :param owners: (k,) number of each contact's member within the grip.
+    :param friction: coefficient of friction mu.
+    :return: (2m + k, 2k) matrix. Its columns are the normal forces N and friction forces T of k
+        contacts. Its rows are mu N - T of m members, mu N + T of m members, and N of each contact.
     """
     members = np.eye(int(owners[-1]) + 1)[owners].T
     presses, alone = friction * members, np.eye(len(owners), 2 * len(owners))

@@ -2,19 +2,19 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Equations of equilibrium of a convex object at several contacts, with friction on the tubes.
+Equations of equilibrium of a convex object with friction on the tubes.
 
-For any shape at k contacts on two or three members:
+The object has k contacts on two or three members:
 
     X_i = P_i + s_i e_i + u_i,  u = u_0 + C f + D s                     deformed point of contact
     X_i = c + R(theta) p(nu_i) + rho_i nu_i                             touch
     w = sum f_i,  m = sum of arms x f_i,  f_i = (N_i + i T_i) nu_i      balance
 
-with the surface point p(nu) of normal nu, and the distance rho_i from there to the centre line. A
-beam bends away from the object: contacts of a polygon are corners, or both ends of a face.
+with the surface point p(nu) of normal nu, and the distance rho_i from it to the centre line. A
+beam bends away from the object, so a polygon touches it at corners or at both ends of a face.
 Unknowns are the object's pose, the positions of the contacts along the members, the inclinations
-of the bent tubes there, and the contact forces. Rows are touch along and across the members,
-inclination, balance, and k conditions of friction or rolling.
+of the bent tubes at them, and the contact forces. Equations are touch along and across the
+members, inclination, balance, and k conditions of friction or rolling.
 """
 
 from __future__ import annotations
@@ -42,17 +42,18 @@ from isotruss_ros.core.statics.section import Pressure
 import numpy as np
 from scipy.linalg import lapack
 
-#: Tolerances of balance, relative to the squeeze [-], and of touch [m].
+#: Tolerances of the balance relative to the sum of normal forces [-], and of touch [m].
 FORCE_TOLERANCE, LENGTH_TOLERANCE = 1e-10, 1e-11
 MAX_STEPS = 40
-#: Largest motion in a step relative to the object's size [-] ...
+#: Largest translation in a Newton step relative to the object's characteristic radius [-].
 MAX_MOVE = 0.5
-#: ... and largest change of the inclination of a tube in a step, and largest inclination [rad]. A
-#: tube at a larger one has folded.
+#: Largest rotation in a Newton step, and largest inclination of a tube in equilibrium [rad];
+#: beyond it the tube folds.
 MAX_TURN, MAX_INCLINATION = 0.2, 0.5
-#: Compliance that scales forces to lengths, for one tolerance of both [m/N].
+#: Compliance that scales friction forces to lengths, so that one tolerance bounds both [m/N].
 SOFTNESS = 1e-4
-#: Conditions of friction or rolling: residual (k,) and derivative (k, 3 + 4k) in a state.
+#: Conditions of friction or rolling: residual (k,), and its derivatives (k, 3 + 4k) by the
+#: unknowns, as functions of unknowns and normals.
 ContactConditions = Callable[[Array, Points], tuple[Array, Array]]
 
 
@@ -60,9 +61,10 @@ class TubeModel(NamedTuple):
     """
     Model of the tubes that hold an object.
 
-    :ivar stiffness_scale: stiffness of the robot relative to the model [-].
-    :ivar paper_model: straight, linear tubes with round sections.
-    :ivar pressure: gauge pressure [Pa], see `tube_pressures`; None: that of the robot file.
+    :ivar stiffness_scale: ratio of the robot's stiffness to the model's [-].
+    :ivar paper_model: whether tubes are straight, linear and round, as in the paper.
+    :ivar pressure: gauge pressure [Pa], see `tube_pressures`; None: the pressure of the robot
+        file.
     """
 
     stiffness_scale: float = 1.0
@@ -71,12 +73,12 @@ class TubeModel(NamedTuple):
 
 
 class _Pushes(NamedTuple):
-    """Contact loads on the tubes at k contacts."""
+    """Loads of k contacts on the tubes."""
 
-    local: Points  #: (k,) normals along and across the members
+    local: Points  #: (k,) normals, along + i across the members
     skin: Array  #: (k,) distance of the dented skin from the centre line [m]
     softs: Array  #: (k,) derivatives of the dents by the normal forces [m/N]
-    force: Points  #: (k,) forces on the tubes along and across [N]
+    force: Points  #: (k,) forces on the tubes, along + i across [N]
     loads: Array  #: (k, 3) forces along and across [N] and moments [N m]
     rates: Array  #: (3, 3, k) derivatives by inclination, normal and friction force
 
@@ -84,18 +86,17 @@ class _Pushes(NamedTuple):
 @dataclass(frozen=True, eq=False)
 class ContactStatics:
     """
-    The equations of a convex object at k contacts.
+    Equations of equilibrium of a convex object at k contacts.
 
     :ivar bent: compliance of the bent tubes at the contacts.
     :ivar body: the object at its measured pose.
     :ivar contacts: the k contacts.
     :ivar tube_radius: radius of the tubes [m].
-    :ivar sides: (k,) +1 for an object on the right of the member (seen along its axis from its
-        start), -1 on the left.
-    :ivar indentation: depths (k,) of the dents in the skin [m] for normal forces (k,) [N], and
-        their derivatives [m/N].
-    :ivar given: (k, 3) offsets of touch along and across [m] and of inclination [rad]; or one
-        number for all.
+    :ivar sides: (k,) +1 for an object on the right of its member, seen from start to end; -1 on
+        the left.
+    :ivar indentation: depths of the dents in the skin as functions of the normal forces.
+    :ivar given: (k, 3) offsets of the equations of touch along and across [m] and of inclination
+        [rad]; or one number for all.
     """
 
     bent: BentTubes
@@ -108,22 +109,22 @@ class ContactStatics:
 
     @functools.cached_property
     def places(self) -> Places:
-        """Return the indices of the unknowns."""
+        """Return the indices of the unknowns and equations."""
         return Places.of(len(self.contacts.owners))
 
     @functools.cached_property
     def _aside(self) -> Points:
-        """Return the normals of the straight tubes along and across the members, (k,)."""
+        """Return the normals of the straight tubes as along + i across the members, (k,)."""
         return 1j * self.sides
 
     @property
     def straight_normals(self) -> Points:
-        """Return the normals of the straight tubes, from the object, (k,)."""
+        """Return the normals of the straight tubes, away from the object, (k,) x + iy."""
         return self._aside * self.bent.axis
 
     def loads(self, unknowns: Array) -> Array:
         """
-        Return the loads on the tubes, (k, 3) forces along and across [N] and moments [N m].
+        Return the loads on the tubes (k, 3): forces along and across [N], and moments [N m].
 
         :param unknowns: unknowns (3 + 4k,), see `ContactForces`.
         """
@@ -131,7 +132,7 @@ class ContactStatics:
 
     def load_rates(self, unknowns: Array, change: Array) -> Array:
         """
-        Return the derivatives of the loads on the tubes by the unknowns, (k, 3, c).
+        Return the changes (k, 3, c) of the loads on the tubes by changes of the unknowns.
 
         :param unknowns: unknowns (3 + 4k,), see `ContactForces`.
         :param change: (3 + 4k, c) changes of the unknowns.
@@ -157,7 +158,7 @@ class ContactStatics:
 
     @functools.cached_property
     def _constant(self) -> tuple[Array, Array]:
-        """Return the constant parts: balance by loads (3, k, 3), and Jacobian."""
+        """Return the constant derivatives (3, k, 3) of the balance by loads, and Jacobian."""
         places, count = self.places, len(self.sides)
         pushes, jacobian = np.zeros((3, count, 3)), np.zeros((places.size, places.size))
         forces = -self.bent.axis[:, None] * [1.0, 1j]
@@ -171,10 +172,10 @@ class ContactStatics:
         self, unknowns: Array, wrench: Array, conditions: ContactConditions
     ) -> tuple[Array, ContactForces]:
         """
-        Return the residual (3 + 4k,), and the state with its Jacobian.
+        Return the residual (3 + 4k,) of the equations, and the state with their Jacobian.
 
-        Rows are touch along and across the member and inclination by contact, then balance and the
-        conditions.
+        Rows are first touch along and across the member and inclination, contact by contact; then
+        balance; then the conditions.
 
         :param unknowns: unknowns (3 + 4k,), see `ContactForces`.
         :param wrench: (fx, fy, m / arm) on the object [N].
@@ -226,7 +227,7 @@ class ContactStatics:
 
     def rolling_rows(self, unknowns: Array, normals: Points) -> Array:
         """
-        Return the derivative (k, 3 + 4k) of the rolling invariants, see `anchors`.
+        Return the derivatives (k, 3 + 4k) of the rolling invariants by the unknowns.
 
         :param unknowns: unknowns (3 + 4k,), see `ContactForces`.
         :param normals: (k,) unit normals from the object toward the tubes.
@@ -242,9 +243,10 @@ class ContactStatics:
 
     def anchors(self, unknowns: Array, normals: Points, travel: Array, angles: Array) -> Array:
         """
-        Return the rolling invariants of the contacts, (k,) [m].
+        Return the rolling invariants (k,) of the contacts [m].
 
-            A_i = kappa_i (s_i - phi_i) - arc(arg nu_i - theta)
+        A_i = kappa_i (s_i - phi_i) - arc(arg nu_i - theta), kappa_i = -1 for an object on the
+        right
 
         :param unknowns: unknowns (3 + 4k,), see `ContactForces`.
         :param normals: (k,) unit normals from the object toward the tubes.
@@ -263,7 +265,7 @@ class ContactStatics:
         steps: int = MAX_STEPS,
     ) -> ContactForces | None:
         """
-        Return the equilibrium near a start (Newton's method), or None if it is not found.
+        Return the equilibrium near a start by Newton's method; None if it is not found.
 
         :param start: (3 + 4k,) initial unknowns.
         :param wrench: (fx, fy, m / arm) on the object [N].
@@ -299,14 +301,14 @@ class ContactStatics:
         reach: float = SETTLED_MOTION,
     ) -> tuple[ContactStatics, ContactForces] | None:
         """
-        Return the equilibrium near a start, and the equations with the tubes bent there.
+        Return the equilibrium near a start, and the equations with tubes linearised about it.
 
         :param start: (3 + 4k,) initial unknowns.
         :param wrench: (fx, fy, m / arm) on the object [N].
         :param conditions: conditions of friction or rolling.
         :param steps: largest number of Newton steps for each linearisation.
-        :param reach: largest node motion without a new linearisation [m].
-        :return: the equilibrium and the equations; None if not found.
+        :param reach: largest motion of a node without a new linearisation [m].
+        :return: the equations and the equilibrium; None if it is not found.
         """
         statics, unknowns = self, start
         for _ in range(MAX_BENDS):
@@ -322,11 +324,11 @@ class ContactStatics:
 
 def unwrapped(unknowns: Array, normals: Points, angles: Array) -> Array:
     """
-    Return the angles of normals in the object's frame, within half a turn of others, (k,) [rad].
+    Return the unwrapped angles (k,) of normals in the object's frame [rad].
 
     :param unknowns: unknowns (3 + 4k,), see `ContactForces`.
     :param normals: (k,) unit normals from the object toward the tubes.
-    :param angles: (k,) others, not wrapped [rad].
+    :param angles: (k,) previous unwrapped angles, at most half a turn away [rad].
     """
     own = normals * np.exp(-1j * unknowns[ANGLE])
     return angles + np.angle(own * np.exp(-1j * angles))

@@ -4,10 +4,10 @@
 """
 Exact derivatives of a settled grasp by the parameters of an optimiser.
 
-Slip margin and stiffness need second derivatives of the equations of equilibrium. With sticking
-contacts, J y_w = -F_w gives the response y_w to a wrench, J the Jacobian with the rows of rolling.
-So (y_w)' = -J^-1 J' y_w, and J' y_w is the mixed second derivative of F by the response and by the
-change of the grasp, both constant.
+Slip margin and stiffness need second derivatives of the equations F of equilibrium. With sticking
+contacts, J y_w = -F_w gives the response y_w to a wrench, where J is the Jacobian with the
+equations of rolling. So (y_w)' = -J^-1 J' y_w. The term J' y_w is the second derivative of F along
+the response and along the change of the grasp.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.records import Record
 import numpy as np
 
-#: Wrench of finite differences along a response relative to the squeeze [-].
+#: Wrench of the finite differences along a response, relative to the squeeze [-].
 STEP = 3e-3
-#: Relative difference of equal values [-].
+#: Largest relative difference of values that count as equal [-].
 TIE = 1e-5
 
 
@@ -37,23 +37,26 @@ class GraspGradient(
     headline=('parameters', 'gives_way', 'slip_margin', 'most_used', 'needs_most'),
 ):
     """
-    Derivatives of a `SettledGrasp` by p parameters, with constant contacts.
+    Derivatives of a `SettledGrasp` by p parameters, while its contacts are constant.
 
-    Without an equilibrium they are those of a `LostContact`: only pose and slip margin change.
+    Without an equilibrium only the derivatives of pose and slip margin are not zero, see
+    `LostContact`.
 
-    Between two members the equilibrium depends on the given pose by its depth along their bisector
-    only; between three members it does not depend on the given pose.
+    Between two members, the equilibrium depends only on one component of the given pose: the
+    position along the members' bisector. Between three members it does not depend on the given
+    pose.
 
-    :ivar parameters: columns of the parameters.
+    :ivar parameters: columns of the parameters in each derivative.
     :ivar settled: the grasp.
-    :ivar pose: (3, p) derivatives of (x, y, angle).
+    :ivar pose: (3, p) derivatives of the pose (x, y, angle).
     :ivar normal_forces: (m, p) derivatives of the normal forces, in the order of
         `SettledGrasp.normal_forces`.
-    :ivar friction_forces: (m, p) derivatives of the friction on the object, counter-clockwise.
-    :ivar required_friction: (p,) derivative of the required friction, of the first member of
+    :ivar friction_forces: (m, p) derivatives of the friction forces on the object,
+        counter-clockwise.
+    :ivar required_friction: (p,) derivatives of the required friction, for the first member in
         `needs_most`.
-    :ivar needs_most: names of the members that need the most friction; with several, as in a
-        symmetric grasp, the required friction has a kink.
+    :ivar needs_most: names of the members that need the most friction. If there are several, as in
+        a symmetric grasp, the required friction has a kink.
     :ivar utilisation: (n, p) derivatives of the largest utilisation of each member, in the order
         of `Robot.member_names`.
     :ivar most_used: names of the members with the largest utilisation.
@@ -73,12 +76,12 @@ class GraspGradient(
 
     @property
     def squeeze(self) -> Array:
-        """Return the derivatives of the mean normal force of the members, (p,)."""
+        """Return the derivatives (p,) of the mean normal force of the members."""
         return self.normal_forces.mean(axis=0)
 
     @functools.cached_property
     def stiffness(self) -> Array:
-        """Return the derivatives of the stiffness, (3, 3, p)."""
+        """Return the derivatives (3, 3, p) of the stiffness."""
         if self._changes is None:
             return np.zeros((3, 3, self.parameters.size))
         grip = self.settled.equilibrium
@@ -89,27 +92,27 @@ class GraspGradient(
 
     @property
     def slip_margin(self) -> Array:
-        """Return the derivatives of the slip margin, of the first member of `gives_way`, (p,)."""
+        """Return the derivatives (p,) of the slip margin, for the first member in `gives_way`."""
         return self.slip_margins[0]
 
     @property
     def slip_margins(self) -> Array:
-        """Return the derivatives of each of the t nearest slip conditions, (t, p)."""
+        """Return the derivatives (t, p) of the slip margin for t equally critical conditions."""
         return self._margins[0]
 
     @property
     def gives_way(self) -> tuple[str, ...]:
         """
-        Return the names of the critical members of the slip margin; none without contact.
+        Return the names of the members that slip or open first; none without an equilibrium.
 
-        With several, as in a symmetric grasp, the slip margin has a kink: it changes by the
-        smallest of `slip_margins`.
+        If there are several, as in a symmetric grasp, the slip margin has a kink; it changes by
+        the smallest of `slip_margins`.
         """
         return self._margins[1]
 
     @functools.cached_property
     def _response(self) -> Array:
-        """Return the derivatives of the response to a unit wrench, (3 + 4k, p, 3)."""
+        """Return the derivatives (3 + 4k, p, 3) of the response to a unit wrench."""
         return _response_rates(self.settled.equilibrium, *self._changes)
 
     @functools.cached_property
@@ -128,12 +131,12 @@ def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
     """
     Return the derivatives of a settled grasp by the parameters of an optimiser.
 
-    The equations of the equilibrium, F(y, p) = 0, give y' = -F_y^-1 F_p, with the Jacobian F_y and
-    the derivatives F_p at constant unknowns y. Second derivatives are computed on request of slip
-    margin or stiffness.
+    The equations of equilibrium, F(y, p) = 0, give y' = -F_y^-1 F_p, with the Jacobian F_y and the
+    derivatives F_p at constant unknowns y. Second derivatives are computed when slip margin or
+    stiffness is read.
 
     :param settled: the settled grasp.
-    :raises GraspError: the equilibrium is neutral, or that of the paper's model.
+    :raises GraspError: the equilibrium is neutral, or was computed with the paper's model.
     """
     grip = settled.equilibrium
     if grip is None:
@@ -190,16 +193,16 @@ def _lost_gradient(settled: SettledGrasp) -> GraspGradient:
 
 def _find_largest(values: Array) -> Indices:
     """
-    Return the indices (t,) of the largest values (n,), equal up to rounding.
+    Return the indices (t,) of all values that equal the largest one up to rounding.
 
-    :param values: (n,) numbers.
+    :param values: (n,) values.
     """
     largest = float(values.max())
     return np.flatnonzero(values >= largest - TIE * abs(largest))
 
 
 def _friction_rates(grip: HeldGrip, most: int, presses: Array, rubs: Array) -> Array:
-    """Return the derivatives of the required friction of a member by those of its forces, (p,)."""
+    """Return the derivatives (p,) of a member's required friction."""
     normal, friction = grip.normal_forces[most], grip.friction_forces[most]
     need = np.abs(friction) / normal
     return (np.sign(friction) * rubs[most] - need * presses[most]) / normal
@@ -207,10 +210,9 @@ def _friction_rates(grip: HeldGrip, most: int, presses: Array, rubs: Array) -> A
 
 def _response_rates(grip: HeldGrip, tubes: LoadedTubes, change: Array) -> Array:
     """
-    Return the derivatives of the response to a unit wrench (fx, fy, m / arm), (3 + 4k, n, 3).
+    Return the derivatives (3 + 4k, n, 3) of the response to a unit wrench (fx, fy, m / arm).
 
-    From J y_w = -F_w follows (y_w)' = -J^-1 J' y_w; J' y_w is the difference of the derivatives of
-    the equations along the response to a wrench.
+    See the module: J' y_w is the finite difference of `_equation_changes` along the response y_w.
     """
     size = STEP * grip.squeeze
     left = np.empty((len(change), change.shape[1] - 3, 3))
@@ -223,7 +225,7 @@ def _response_rates(grip: HeldGrip, tubes: LoadedTubes, change: Array) -> Array:
 
 
 def _equation_changes(grip: HeldGrip, tubes: LoadedTubes, change: Array, moved: Array) -> Array:
-    """Return the derivatives of the equations in all columns at unknowns moved by (3 + 4k,)."""
+    """Return the derivatives of the equations by all columns, in a state moved by (3 + 4k,)."""
     statics, places = grip.statics, grip.state.places
     unknowns = grip.state.unknowns + moved
 
@@ -246,7 +248,7 @@ def _equation_changes(grip: HeldGrip, tubes: LoadedTubes, change: Array, moved: 
 def _slip_margin_rates(
     settled: SettledGrasp, change: Array, answer: Array, parameters: GraspParameters
 ) -> tuple[Array, tuple[str, ...]]:
-    """Return the derivatives of the slip margin, (t, p) [N], and the critical members."""
+    """Return the derivatives (t, p) of the slip margin [N], and the critical members."""
     grip = settled.equilibrium
     owners, response, begin = grip.contacts.owners, grip.response, grip.state.places.normal.start
     rows = slip_conditions(owners, settled.friction)

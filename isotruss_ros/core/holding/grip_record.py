@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Record of a held grip in numbers, for the same equilibrium in another process."""
+"""Record of a held grip in numbers, to restore its equilibrium in another process."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ import numpy as np
 
 class GripRecord(NamedTuple):
     """
-    A held grip without loads, by numbers independent of robot and object.
+    A held grip without external wrench as numbers, without robot and object.
 
     :ivar travel: (r,) roller travel since home [m].
     :ivar contacts: the k contacts.
     :ivar unknowns: (3 + 4k,) unknowns, see `ContactForces`.
-    :ivar pressures: (t,) gauge pressures by tube [Pa]; None: those of the robot file.
+    :ivar pressures: (t,) gauge pressure of each tube [Pa]; None: the pressures of the robot file.
     """
 
     travel: Array
@@ -40,7 +40,7 @@ class GripRecord(NamedTuple):
         """
         Return the record of a grip.
 
-        :param grip: equilibrium without a load.
+        :param grip: equilibrium without an external wrench.
         """
         own = grip.tubes.pressure is not None
         pressures = grip.statics.bent.structure.pressures if own else None
@@ -50,14 +50,14 @@ class GripRecord(NamedTuple):
         self, config: Configuration, body: ConvexObject, external_wrench: Array | None = None
     ) -> HeldGrip | None:
         """
-        Return the grip rolled to a configuration; None without an equilibrium.
+        Return the recorded grip rolled to a configuration; None without an equilibrium.
 
-        :param config: configuration near that of the record.
+        :param config: configuration near the recorded one.
         :param body: the object at any pose.
         :param external_wrench: (fx, fy, m) on the object about the origin of its frame [N, N m];
             None: zero.
-        :raises GraspError: the object has no such contacts.
-        :raises ConfigurationError: the robot has no such configuration.
+        :raises GraspError: the object cannot have the recorded contacts.
+        :raises ConfigurationError: the robot cannot have the recorded configuration.
         :raises StructureError: see `structure_of`.
         """
         there, body = config.moved_to(self.travel), body.moved_to(self.unknowns[:3])

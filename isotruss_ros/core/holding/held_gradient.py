@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Derivatives of a held object and its robot by the estimated parameters."""
+"""Derivatives of a held object and its robot by the parameters of the estimator."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ import numpy as np
 @dataclass(frozen=True, eq=False)
 class HeldGradient:
     """
-    Pose, joints and squeeze of a held object, with derivatives.
+    Derivatives of pose, normal forces and joint positions of a held object.
 
-    Columns are, in this order: travel of the r rollers [m], the wrench (fx, fy, m / arm) on the
-    object [N], the stiffness of robot and tubes relative to the model [-], and the anchors of the
-    k contacts [m]: p = r + 4 + k.
+    The p = r + 4 + k columns are: travel of the r rollers [m], wrench (fx, fy, m / arm) on the
+    object [N], ratio of the robot's stiffness to the model's [-], and rolling invariants of the k
+    contacts [m].
 
-    :ivar pose: (3, p) derivatives of (x, y, angle).
+    :ivar pose: (3, p) derivatives of the pose (x, y, angle).
     :ivar normal_forces: (m, p) derivatives of the normal forces by grasping member.
-    :ivar joints: (2j, p) derivatives of (x0, y0, x1, y1, ...), in the order of
+    :ivar joints: (2j, p) derivatives of the joint positions (x0, y0, x1, y1, ...), in the order of
         `Topology.joint_names`.
-    :ivar places: (2j,) positions of the joints [m], see `held_joints`.
+    :ivar places: (2j,) joint positions [m], see `held_joints`.
     """
 
     pose: Array
@@ -44,9 +44,9 @@ def held_gradient(grip: HeldGrip) -> HeldGradient:
     """
     Return the derivatives of a held grip with sticking contacts.
 
-    The equations of the equilibrium, F(y, x) = 0, give y' = -F_y^-1 F_x, see `grasp_gradient`. The
-    joint positions are those of the configuration plus the displacements of the frame under the
-    contact forces.
+    The equations of the equilibrium, F(y, x) = 0, give y' = -F_y^-1 F_x, see `grasp_gradient`. A
+    joint position is its position in the configuration plus its displacement under the contact
+    forces.
 
     :param grip: equilibrium of the object.
     :raises GraspError: the equilibrium is neutral.

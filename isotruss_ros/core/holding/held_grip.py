@@ -28,14 +28,14 @@ from isotruss_ros.core.statics.wrinkling import find_utilisation, Utilisation
 import numpy as np
 from scipy.linalg import lapack
 
-#: Largest extrapolation of the previous step [-].
+#: Largest multiple of the previous change that is extrapolated [-].
 MAX_EXTRAPOLATION = 2.0
-#: Smallest slip margin of a moving object relative to the squeeze [-].
+#: Smallest slip margin of a moving object, relative to the squeeze [-].
 LEFT_MARGIN = 0.04
 
 
 class HoldStatus(enum.Enum):
-    """Hold of an object, or the violated condition."""
+    """Status of a grasp: held, or the violated condition."""
 
     HELD = 'held'
     NO_CONTACT = 'fewer than two members press on the object'
@@ -49,13 +49,13 @@ class HoldStatus(enum.Enum):
 
     @property
     def at_rest(self) -> bool:
-        """Return whether the model holds the object, even if a tube wrinkles."""
+        """Return whether the object is at rest by the model, even if a tube wrinkles."""
         return self in (HoldStatus.HELD, HoldStatus.WRINKLES)
 
 
 class NotHeldError(GraspError):
     """
-    No members hold the object.
+    Error: the members do not hold the object.
 
     :ivar hold: the violated condition.
     :param hold: the violated condition.
@@ -71,18 +71,19 @@ class HeldGrip:
     """
     Equilibrium of a convex object between two or three members, with its rolling invariants.
 
-    `attach_grip` finds it near a measured pose, `roll_grip` rolls it to other configurations.
+    `attach_grip` finds the equilibrium near a measured pose; `roll_grip` rolls it to another
+    configuration.
 
     :ivar config: the configuration.
-    :ivar body: the object in equilibrium.
+    :ivar body: the object at its pose in equilibrium.
     :ivar anchors: (k,) rolling invariants, see `ContactStatics.anchors` [m].
     :ivar angles: (k,) unwrapped angles of the normals in the object's frame [rad].
-    :ivar statics: the equations in this configuration.
+    :ivar statics: equations of equilibrium in this configuration.
     :ivar state: solution of the equations.
     :ivar wrench: (fx, fy, m / arm) on the object, see `ConvexObject.arm` [N].
     :ivar tubes: model of the tubes.
-    :ivar motion: roller travel (r,) [m] since the previous grip, and the change of the unknowns
-        (3 + 4k,); None without one.
+    :ivar motion: changes since the previous grip, of roller travel (r,) [m] and of the unknowns (3
+        + 4k,); None without a previous grip.
     """
 
     config: Configuration
@@ -97,7 +98,7 @@ class HeldGrip:
 
     @functools.cached_property
     def contacts(self) -> PressedContacts:
-        """Return the k contacts."""
+        """Return the k contacts of the object."""
         return self.statics.contacts
 
     @functools.cached_property
@@ -118,7 +119,7 @@ class HeldGrip:
 
     def touching(self, friction: float) -> Grip:
         """
-        Return the grip with the contacts of this equilibrium on straight members.
+        Return the grip that has the contacts of this equilibrium on straight members.
 
         :param friction: coefficient between tubes and object.
         """
@@ -127,31 +128,31 @@ class HeldGrip:
 
     @functools.cached_property
     def normal_forces(self) -> Array:
-        """Return the normal forces of the members, (m,) [N]."""
+        """Return the normal forces of the grasping members, (m,) [N]."""
         return self._of_members(self.state.normal_forces)
 
     @functools.cached_property
     def friction_forces(self) -> Array:
-        """Return the friction on the tubes, (m,) counter-clockwise around the object [N]."""
+        """Return the friction forces on the tubes by member, (m,) counter-clockwise [N]."""
         return self._of_members(self.state.friction_forces)
 
     def _of_members(self, forces: Array) -> Array:
-        """Return the sums (m,) of forces (k,) of contacts."""
+        """Return the sum of the forces (k,) of the contacts on each member, (m,)."""
         return np.bincount(self.contacts.owners, weights=forces)
 
     @property
     def squeeze(self) -> float:
-        """Return the mean normal force of the members [N]."""
+        """Return the mean normal force of the grasping members [N]."""
         return float(self.normal_forces.mean())
 
     @functools.cached_property
     def required_friction(self) -> float:
-        """Return the smallest coefficient of friction with which all contacts stick."""
+        """Return the smallest coefficient of friction at which all members stick."""
         return float((np.abs(self.friction_forces) / self.normal_forces).max())
 
     def hold(self, friction: float) -> HoldStatus:
         """
-        Return the hold status under a coefficient of friction.
+        Return the hold status at a coefficient of friction.
 
         :param friction: coefficient between tube and object.
         """
@@ -166,15 +167,15 @@ class HeldGrip:
         """
         Return the smallest further wrench at which a member slips or a contact opens [N].
 
-        Moments are about the centroid of the object, divided by the arm. A member slips where
-        the sums over its contacts have |T| = mu N; each end of a face opens at N = 0. Forces are
-        linear in the wrench: each condition is a plane in the space of wrenches, and the margin is
-        the distance of the nearest one.
+        Moments are about the centroid, divided by the arm. A member slips if the sums over its
+        contacts have |T| = mu N; each end of a face opens at N = 0. Forces are linear in the
+        wrench, so each condition is a plane in the space of wrenches. The margin is the distance
+        to the nearest plane.
 
         :param friction: coefficient between tube and object.
         :param more: (3,) additional wrench (fx, fy, m / arm) [N].
-        :return: the margin; negative if a member slips or a contact is in tension, zero if the
-            equilibrium is neutral.
+        :return: the margin; negative if a member slips or a contact pulls, zero if the equilibrium
+            is neutral.
         """
         if self.response is None:
             return 0.0
@@ -185,9 +186,9 @@ class HeldGrip:
 
     def weakest_direction(self, friction: float) -> Array:
         """
-        Return the direction (fx, fy, m / arm) of the smallest slip margin, (3,).
+        Return the unit wrench (fx, fy, m / arm) of the smallest slip margin, (3,).
 
-        It is a unit vector with the moment about the centroid, see `slip_margin`.
+        Its norm is 1 with the moment about the centroid, see `slip_margin`.
 
         :param friction: coefficient between tube and object.
         """
@@ -197,17 +198,17 @@ class HeldGrip:
 
     @functools.cached_property
     def about_middle(self) -> Array:
-        """Return the map of wrenches from the centroid to the frame's origin, m / arm, (3, 3)."""
+        """Return the matrix (3, 3) that moves wrenches from the centroid to the frame's origin."""
         away = (self.body.middle - self.body.center) / self.arm
         return np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-away.imag, away.real, 1.0]])
 
     def slip_reserves(self, friction: float) -> tuple[Array, Array, Array]:
         """
-        Return the margins of `slip_conditions`, (c,) [N], and their derivatives by a wrench.
+        Return the values of `slip_conditions` and their derivatives by a wrench.
 
         :param friction: coefficient between tube and object.
-        :return: the margins, the slopes (c, 3), and their sizes (c,) for wrenches about the
-            centroid.
+        :return: (c,) values [N], (c, 3) derivatives, and (c,) norms of the derivatives for
+            wrenches about the centroid.
         """
         if friction not in self._reserves:
             rows = slip_conditions(self.contacts.owners, friction)
@@ -219,25 +220,25 @@ class HeldGrip:
 
     @functools.cached_property
     def _reserves(self) -> dict[float, tuple[Array, Array, Array]]:
-        """Return `slip_reserves` from a cache by friction."""
+        """Return the cache of `slip_reserves` by coefficient of friction."""
         return {}
 
     @functools.cached_property
     def members(self) -> Indices:
-        """Return the indices of the grasping members, (m,)."""
+        """Return the indices (m,) of the grasping members."""
         first = np.searchsorted(self.contacts.owners, np.arange(self.contacts.owners[-1] + 1))
         return self.contacts.members[first]
 
     @functools.cached_property
     def sections(self) -> Utilisation:
-        """Return the utilisation of the tubes under the forces of the object."""
+        """Return the utilisation of the tubes under the contact forces."""
         bent, state = self.statics.bent, self.state
         forces = bent.end_forces(state.loads, state.feet)
         return find_utilisation(bent.structure, bent.frame, *forces)
 
     @functools.cached_property
     def nonlinearity(self) -> float:
-        """Return the relative excess force of bent over linear tubes, to first order [-]."""
+        """Return the relative excess of forces on bent tubes over those on linear tubes [-]."""
         bent, (loads, feet) = self.statics.bent, (self.state.loads, self.state.feet)
         if bent.linear:
             return 0.0
@@ -252,7 +253,7 @@ class HeldGrip:
 
     @property
     def pulling_end(self) -> int | None:
-        """Return the end of a face with the largest tension; None without tension."""
+        """Return the index of the face end with the largest tension; None without tension."""
         owners = self.contacts.owners
         return self._most_pulling(np.bincount(owners)[owners] > 1)
 
@@ -263,21 +264,21 @@ class HeldGrip:
         return self._most_pulling((np.bincount(owners)[owners] > 1) | (owners[-1] > 1))
 
     def _most_pulling(self, chosen: Flags) -> int | None:
-        """Return the chosen contact (k,) with the largest tension; None without tension."""
+        """Return the contact in a mask (k,) with the largest tension; None without tension."""
         normal = np.where(chosen, self.state.normal_forces, np.inf)
         least = int(normal.argmin())
         return least if normal[least] < 0.0 else None
 
     @functools.cached_property
     def tangent(self) -> Array:
-        """Return the Jacobian of the equations with sticking contacts, (3 + 4k, 3 + 4k)."""
+        """Return the Jacobian (3 + 4k, 3 + 4k) of the equations with sticking contacts."""
         state, tangent = self.state, self.state.jacobian.copy()
         tangent[state.places.conditions] = self.statics.rolling_rows(state.unknowns, state.normals)
         return tangent
 
     @functools.cached_property
     def response(self) -> GripResponse | None:
-        """Return the response of pose and forces to a wrench; None if singular."""
+        """Return the response of pose and forces to a wrench; None if the Jacobian is singular."""
         places, count, members = self.state.places, len(self.anchors), len(self.members)
         apart = self.statics.bent.axis.conj() * _opening(self.statics, self.state)
         right = np.zeros((places.size, 4))
@@ -294,17 +295,17 @@ class HeldGrip:
         """
         Return the derivative of the squeeze by the opening of the members, negative [N/m].
 
-        The opening is the distance between the contacts of two members, and twice the displacement
-        of each of three members away from the object.
+        For two members the opening is the distance between their contacts. For three members it is
+        twice the displacement of each member away from the object.
         """
         response = self.response
         return -0.0 if response is None else response.squeeze_stiffness
 
     def ahead(self, travel: Array) -> Array:
         """
-        Return the predicted unknowns (3 + 4k,) after some travel.
+        Return the unknowns (3 + 4k,) predicted after further travel.
 
-        :param travel: (r,) roller travel [m].
+        :param travel: (r,) further roller travel [m].
         """
         if self.motion is None:
             return self.state.unknowns
@@ -318,7 +319,7 @@ class HeldGrip:
 
 
 def _opening(statics: ContactStatics, state: ContactForces) -> Points:
-    """Return the contact velocities at an opening rate of 1 m/s, (k,) x + iy [-]."""
+    """Return the velocities (k,) of the contacts, x + iy, at an opening rate of 1 m/s [-]."""
     owners = statics.contacts.owners
     if owners[-1] > 1:
         return 0.5 * state.normals
@@ -330,7 +331,7 @@ def _opening(statics: ContactStatics, state: ContactForces) -> Points:
 
 def scaled_wrench(wrench: Array | None, arm: float) -> Array:
     """
-    Return (fx, fy, m / arm) of (fx, fy, m), zero for None [N].
+    Return the wrench (fx, fy, m / arm) [N]; zero for None.
 
     :param wrench: (fx, fy, m) about the origin of the object's frame [N, N m]; None: zero.
     :param arm: characteristic radius of the object [m].
@@ -340,7 +341,7 @@ def scaled_wrench(wrench: Array | None, arm: float) -> Array:
 
 def travel_rates(config: Configuration, members: Indices) -> Array:
     """
-    Return the derivatives of tube travel at the members' starts by roller travel, (k, r) [-].
+    Return the derivatives (k, r) of the tube travel at members' starts by roller travel [-].
 
     :param config: configuration of the robot.
     :param members: (k,) indices of the members.

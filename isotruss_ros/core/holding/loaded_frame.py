@@ -4,13 +4,13 @@
 """
 Joints and lowest frequency of a robot with a held object.
 
-A wrench on the object moves the object and the modules. The lowest natural frequency is that of
-the three motions under independent wrenches (Rayleigh and Ritz):
+A wrench on the object moves the object and the modules. The lowest natural frequency is taken over
+the motions under all wrenches w (Rayleigh and Ritz):
 
     omega^2 = min over w of  w^T C w / (w^T M w),
 
-with the compliance C of the held object, and the generalised mass M of the motions under unit
-wrenches. It is an upper bound of the true frequency.
+with the compliance C of the held object, and the generalised mass M of the three motions under
+unit wrenches. It is an upper bound of the true frequency.
 """
 
 from __future__ import annotations
@@ -28,9 +28,10 @@ import scipy.linalg
 @single_threaded
 def held_joints(grip: HeldGrip) -> Array:
     """
-    Return the joints (j, 2) of a robot with a held object, in `Topology.joint_names` order [m].
+    Return the joint positions (j, 2) of a robot with a held object [m].
 
-    They are displaced from `Configuration.nodes` by the contact forces.
+    They include the displacements by the contact forces; the order is that of
+    `Topology.joint_names`.
 
     :param grip: equilibrium of the object.
     """
@@ -41,13 +42,13 @@ def held_joints(grip: HeldGrip) -> Array:
 
 def lowest_frequency(grip: HeldGrip) -> float | None:
     """
-    Return the lowest natural frequency of an object held in equilibrium, undamped [rad/s].
+    Return the lowest undamped natural frequency of an object held in equilibrium [rad/s].
 
-    Contacts stick. The masses are those of the robot file and of the object: modules at the middle
-    of their pinch points, tubes half at each end of a member.
+    Contacts stick. The robot file and the object have the masses: a module's mass is at the
+    midpoint of its pinch points, half of a tube's mass at each end of its member.
 
     :param grip: equilibrium of the object.
-    :return: the frequency; None if a mass is unknown or the equilibrium neutral.
+    :return: the frequency; None if a mass is unknown or the equilibrium is neutral.
     :raises StructureError: see `structure_of`.
     """
     body, response = grip.body, grip.response
@@ -67,7 +68,7 @@ def lowest_frequency(grip: HeldGrip) -> float | None:
 
 
 def _inertia_of_robot(grip: HeldGrip) -> Array:
-    """Return the generalised mass of modules and tubes for unit wrenches (3, 3)."""
+    """Return the generalised mass (3, 3) of modules and tubes for unit wrenches."""
     description, topology = grip.config.robot.description, grip.config.robot.topology
     loads = grip.statics.load_rates(grip.state.unknowns, grip.response.change)
     moved = grip.statics.bent.node_changes(loads)

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Derivatives by parameters of the equations of a held object, and of the loaded robot."""
+"""Derivatives by parameters of the equilibrium of a held object and of the loaded robot."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ class GraspParameters(NamedTuple):
     Columns of the p parameters in a gradient.
 
     :ivar rollers: travel of the r rollers [m].
-    :ivar place: x, y, angle of the given pose of the object [m, rad].
-    :ivar pressures: gauge pressures of the t tubes in the order of the robot file [Pa].
+    :ivar place: x, y and angle of the object's given pose [m, rad].
+    :ivar pressures: gauge pressures of the t tubes, in the order of the robot file [Pa].
     :ivar friction: coefficient of friction [-].
     :ivar wrench: wrench fx, fy, m on the object [N, N m].
-    :ivar stiffness: stiffness of robot and tubes relative to the model [-].
+    :ivar stiffness: ratio of the robot's stiffness to the model's [-].
     :ivar size: number p of the parameters.
     """
 
@@ -44,7 +44,7 @@ class GraspParameters(NamedTuple):
     @classmethod
     def of(cls, config: Configuration) -> GraspParameters:
         """
-        Return the columns of grasps by a robot.
+        Return the columns for grasps by a robot.
 
         :param config: configuration of the robot.
         """
@@ -65,10 +65,10 @@ class ContactRates(NamedTuple):
     """
     Derivatives of k contacts by p parameters.
 
-    :ivar feet: (k, p) positions along the members [m].
-    :ivar normals: (k, p) rotations of the normals of the bent tubes [rad].
-    :ivar forces: (k, p) forces N + iT [N].
-    :ivar dents: (k, p) depths of the dents [m].
+    :ivar feet: (k, p) derivatives of the positions along the members [m].
+    :ivar normals: (k, p) rotations of the bent tubes' normals [rad].
+    :ivar forces: (k, p) derivatives of the forces N + iT [N].
+    :ivar dents: (k, p) derivatives of the depths of the dents [m].
     """
 
     feet: Array
@@ -81,10 +81,10 @@ class TubeRates(NamedTuple):
     """
     Derivatives of the tubes of a robot by p parameters.
 
-    :ivar give: (k, p) displacements of the contacts, along + i across the members [m].
-    :ivar slope: (k, p) inclinations of the bent centre lines there [rad].
+    :ivar give: (k, p) displacements of the contact places, along + i across the members [m].
+    :ivar slope: (k, p) rotations of the bent centre lines at the contacts [rad].
     :ivar nodes: (n, 3, p) displacements of the nodes of the cut frame [m, rad].
-    :ivar forces: (c, 3, p) forces N, M1 and M2 of its members [N], [N m].
+    :ivar forces: (c, 3, p) derivatives of N [N], M1 and M2 [N m] of the cut frame's members.
     """
 
     give: Points
@@ -95,17 +95,17 @@ class TubeRates(NamedTuple):
 
 class LoadedTubes:
     """
-    Bent tubes of a robot with a held object, with derivatives in p columns.
+    Bent tubes of a robot with a held object, with derivatives by p parameter changes.
 
     :ivar moved: (N, p) velocities of the nodes of the configuration, x + iy [m].
-    :ivar spins: (k, p) rotations of the members [rad].
-    :ivar dents: (k, p) changes of the dents at constant forces [m].
-    :ivar sections: derivatives of the sections, see `section_rates`.
+    :ivar spins: (k, p) rotations of the contacts' members [rad].
+    :ivar dents: (k, p) changes of the dents' depths at constant forces [m].
+    :ivar sections: derivatives of the tubes' sections, see `section_rates`.
     :param grip: equilibrium of the object.
-    :param chosen: (n, p) change of the parameters in each column.
-    :param parameters: rows of the parameters.
+    :param chosen: (n, p) change of each parameter in each column.
+    :param parameters: rows of the parameters in `chosen`.
     :param sections: derivatives of the sections; None: computed.
-    :param reach: largest node motion without a new linearisation [m].
+    :param reach: largest motion of a node without a new linearisation [m].
     """
 
     def __init__(
@@ -142,7 +142,7 @@ class LoadedTubes:
 
     def at(self, grip: HeldGrip) -> LoadedTubes:
         """
-        Return these columns about another state in the same configuration.
+        Return the derivatives by the same changes in another state of the same configuration.
 
         :param grip: equilibrium of the object in that state.
         """
@@ -150,7 +150,7 @@ class LoadedTubes:
 
     @functools.cached_property
     def _by_sections(self) -> tuple[Array, Array, Array]:
-        """Return the changes by sections and rest lengths, see `BentTubes.section_changes`."""
+        """Return the changes by sections of the tubes, see `BentTubes.section_changes`."""
         return self._bent.section_changes(self.sections)
 
     def contact_rates(self, change: Array) -> ContactRates:
@@ -169,7 +169,7 @@ class LoadedTubes:
         )
 
     def equation_rates(self) -> Array:
-        """Return the derivatives of the residual at constant unknowns, (3 + 4k, p)."""
+        """Return the derivatives (3 + 4k, p) of the residual at constant unknowns."""
         grip, spins = self._grip, self.spins
         statics, state, body = grip.statics, grip.state, grip.body
         places, axis, normals = state.places, self._bent.axis[:, None], state.normals[:, None]
@@ -200,7 +200,7 @@ class LoadedTubes:
 
     def respond(self, contacts: ContactRates) -> TubeRates:
         """
-        Return the response of the tubes.
+        Return the derivatives of the tubes from those of the contacts.
 
         :param contacts: derivatives of the contacts.
         """
@@ -231,7 +231,7 @@ class LoadedTubes:
 
     def joints(self, rates: TubeRates) -> Array:
         """
-        Return the motion of the joints, (2j, p), x and y joint by joint [m].
+        Return the derivatives (2j, p) of the joint positions (x0, y0, x1, y1, ...) [m].
 
         :param rates: derivatives of the tubes.
         """
@@ -243,7 +243,7 @@ class LoadedTubes:
 
     def utilisation(self, rates: TubeRates) -> tuple[Array, Array]:
         """
-        Return the utilisation of each member, (m,), with derivatives (m, p).
+        Return the utilisation of each member, (m,), and its derivatives (m, p).
 
         :param rates: derivatives of the tubes.
         """

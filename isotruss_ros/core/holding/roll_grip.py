@@ -4,7 +4,7 @@
 """
 Rolling of a held object with the motion of the robot, with changes of its contacts.
 
-Ends of faces open and close, and a third member comes into contact.
+Ends of faces open and close, and a third member may come into contact.
 """
 
 from __future__ import annotations
@@ -38,12 +38,13 @@ from isotruss_ros.core.statics.section import Pressure
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 
-#: Largest gap of a member that may touch, in tube diameters [-].
+#: Largest gap of a third member that is checked for contact, in tube diameters [-].
 NEAR = 0.25
-#: Largest number of changed contacts in one motion [-]: five short faces under two contacts. Fewer
-#: stop an object that rolls over several corners at once; more only prolong failing searches.
+#: Largest number of changed contacts in one motion [-], enough for five short faces under two
+#: contacts. Fewer stop an object that rolls over several corners at once; more only prolong
+#: failing searches.
 MAX_CHANGES = 12
-#: Largest number of Newton steps; the equilibrium after a short motion is near.
+#: Largest number of Newton steps [-]; few are enough after a short motion.
 STEPS = 12
 #: No contacts.
 NOTHING = np.zeros(0, dtype=np.intp)
@@ -54,13 +55,13 @@ def roll_grip(
     grip: HeldGrip, config: Configuration, external_wrench: Array | None = None
 ) -> HeldGrip | None:
     """
-    Return a grip in another configuration, contacts rolling without slip.
+    Return a grip in another configuration after its contacts have rolled without slip.
 
-    The end of a face opens when in tension, and closes when it would penetrate the member. A third
-    member in contact is part of the grip as long as it is in compression.
+    The end of a face opens if it is in tension, and closes if it would penetrate the member. A
+    third member is part of the grip while it is in compression.
 
     :param grip: equilibrium of the object.
-    :param config: configuration near that of the grip.
+    :param config: configuration near the configuration of the grip.
     :param external_wrench: (fx, fy, m) on the object about the origin of its frame [N, N m]; None:
         zero.
     :return: the grip; None without an equilibrium.
@@ -82,15 +83,15 @@ def roll_contacts(
     fresh: Indices = NOTHING,
 ) -> HeldGrip | None:
     """
-    Return the equilibrium with sticking contacts.
+    Return the equilibrium in another configuration with given, sticking contacts.
 
     :param grip: previous equilibrium.
-    :param config: configuration near that of the grip.
-    :param contacts: the contacts, (k,).
+    :param config: configuration near the configuration of the grip.
+    :param contacts: the k contacts.
     :param anchors: (k,) rolling invariants, see `ContactStatics.anchors` [m].
     :param angles: (k,) unwrapped angles of the normals in the object's frame [rad].
     :param wrench: (fx, fy, m / arm) on the object [N].
-    :param fresh: indices of new contacts, without friction.
+    :param fresh: indices of new contacts, which have no friction yet.
     :return: the grip; None without an equilibrium.
     """
     moved, kept = config.roller_positions - grip.config.roller_positions, grip.state.unknowns
@@ -133,15 +134,15 @@ def stick(
     statics: ContactStatics, anchors: Array, travel: Array, angles: Array, free: Indices
 ) -> ContactConditions:
     """
-    Return the conditions of rolling without slip, (17) integrated.
+    Return the conditions of rolling without slip, the integral of (17).
 
         kappa_i (s_i - phi_i) - arc(arg nu_i - theta) = A_i
 
-    :param statics: the equations.
+    :param statics: equations of equilibrium.
     :param anchors: (k,) invariants A_i, see `ContactStatics.anchors` [m].
     :param travel: (k,) travel phi_i of the tubes at the members' starts [m].
     :param angles: (k,) previous unwrapped angles of the normals in the object's frame [rad].
-    :param free: indices of new contacts, without friction.
+    :param free: indices of new contacts, which have no friction yet.
     """
     places = statics.places
 
@@ -158,7 +159,7 @@ def stick(
 
 
 def _lift_ends(grip: HeldGrip, changes: Iterator[int]) -> HeldGrip | None:
-    """Return the grip without face ends or a third member in tension."""
+    """Return the grip after removal of face ends and third members in tension."""
     found: HeldGrip | None = grip
     while found is not None:
         lifted = found.pulling
@@ -174,9 +175,9 @@ def _lift_ends(grip: HeldGrip, changes: Iterator[int]) -> HeldGrip | None:
 
 def _lay_down(grip: HeldGrip, changes: Iterator[int]) -> HeldGrip:
     """
-    Return the grip with the other end of a face after rolling beyond a corner.
+    Return the grip with the far end of a face in contact, after rolling onto the face.
 
-    The other end of a short face replaces this one; several short faces may follow each other.
+    The far end of a short face replaces the near one; several short faces may follow each other.
     """
     owners, corners = grip.contacts.owners, grip.contacts.corners
     alone = np.flatnonzero(np.bincount(owners)[owners] == 1)
@@ -196,7 +197,7 @@ def _lay_down(grip: HeldGrip, changes: Iterator[int]) -> HeldGrip:
 
 
 def _join(grip: HeldGrip) -> HeldGrip:
-    """Return the grip with a third member that has come into contact."""
+    """Return the grip with a third member if it has come into contact."""
     if len(grip.members) >= MAX_MEMBERS:
         return grip
     depths = member_depths(grip.config, grip.body)
@@ -216,7 +217,7 @@ def _join(grip: HeldGrip) -> HeldGrip:
 
 
 def _lay(grip: HeldGrip, k: int, face: Face, short: bool) -> HeldGrip | None:
-    """Return the equilibrium with the other end of a face, added or in place of a short one."""
+    """Return the equilibrium with the far end of a face, in place of the near end if short."""
     contacts, half = grip.contacts, 0.5 * face.length
     if short:
         corners = contacts.corners.copy()
@@ -236,7 +237,7 @@ def _add(
     angles: Array,
     after: float = 0.0,
 ) -> HeldGrip | None:
-    """Return the equilibrium with additional contacts, after those of the same member."""
+    """Return the equilibrium with additional contacts, ordered behind those of the same member."""
     order = np.argsort(np.append(contacts.members, others.members + after), kind='stable')
     pairs = (
         (contacts.members, others.members),
@@ -255,7 +256,7 @@ def _add(
 
 
 def _depth_in(grip: HeldGrip, number: int, depth: float) -> float:
-    """Return the depth of the object in another member with unbent tubes [m]."""
+    """Return the penetration depth of the object in another member, whose tube is linear [m]."""
     start, end = member_lines(grip.config)[[number]].T
     near, statics = segment_gaps(grip.body, start, end), grip.statics
     members = np.append(grip.contacts.members, number)
@@ -270,13 +271,14 @@ def _depth_in(grip: HeldGrip, number: int, depth: float) -> float:
 
 def with_pressures(grip: HeldGrip, pressures: Pressure | None) -> HeldGrip:
     """
-    Return a held grip with other tube pressures; `roll_grip` finds its equilibrium.
+    Return a held grip with other tube pressures; `roll_grip` must then find its equilibrium.
 
-    New tables of dents take longer than a control cycle: a loop ignores small changes as noise,
-    see `steady_pressures`.
+    New tables of dents take longer than a control cycle, so a loop ignores small changes, see
+    `steady_pressures`.
 
     :param grip: the grip.
-    :param pressures: gauge pressures [Pa], see `tube_pressures`; None: those of the robot file.
+    :param pressures: gauge pressures [Pa], see `tube_pressures`; None: the pressures of the robot
+        file.
     :raises StructureError: see `structure_of`.
     """
     if pressures == grip.tubes.pressure:

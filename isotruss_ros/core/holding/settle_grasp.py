@@ -29,7 +29,8 @@ from isotruss_ros.core.statics.section import Pressure
 import numpy as np
 from numpy.typing import ArrayLike
 
-#: Largest distance of the equilibrium from the measured pose, in tube diameters [-].
+#: Largest distance of the equilibrium from the measured pose of a held object, in tube diameters
+#: [-].
 MAX_DISPLACEMENT = 0.25
 
 
@@ -47,24 +48,25 @@ def settle_grasp(
     """
     Return the equilibrium of a grasped object near its measured pose.
 
-    The object is free, friction loads the tubes, and the contact history is unknown. Statics
-    determines the position across the bisector of the two grasping members and the friction
-    forces; the position along the bisector, which determines the squeeze, is the measured one.
-    `attach_grip.rest` has the conditions of other shapes and of three members.
+    The object is free, friction loads the tubes, and the contact history is unknown. For a disc
+    between two members, statics determines the friction forces and the position across the
+    members' bisector. The position along the bisector is the measured one; it determines the
+    squeeze. For other shapes and for three members see `attach_grip.rest`.
 
     :param config: configuration of the robot, with rollers at rest.
     :param body: the object at its measured pose.
-    :param friction: coefficient between tube and object, not negative; None: that of the object,
-        or 0.5.
+    :param friction: coefficient of friction between tube and object, not negative; None: the
+        coefficient of the object, or 0.5.
     :param external_wrench: (fx, fy, m) on the object about the origin of its frame [N, N m].
-    :param pressure: gauge pressure [Pa], see `tube_pressures`; None: that of the robot file.
-    :param members: names `t/j-k` of the two or three grasping members; None: those penetrated by
-        the object, or the two nearest.
+    :param pressure: gauge pressure [Pa], see `tube_pressures`; None: the pressure of the robot
+        file.
+    :param members: names `t/j-k` of the two or three grasping members; None: the members that the
+        object overlaps, or the two nearest.
     :param previous: result of a similar grasp, initial guess of the search.
     :param paper_model: see `analyze_grasp`.
     :raises GraspError: an argument is invalid.
-    :raises StructureError: a pressure is invalid, the robot is a mechanism, or its stiffness
-        laws are contradictory.
+    :raises StructureError: a pressure is invalid, the robot is a mechanism, or its stiffness laws
+        contradict each other.
     """
     mu, wrench = check_load(body, friction, external_wrench)
     body = contact_body(body, 0.5 * config.robot.description.tube_diameter)
@@ -83,10 +85,10 @@ def settle_grasp(
 
 def assess_equilibrium(given: Pose, found: HeldGrip, friction: float) -> SettledGrasp:
     """
-    Return an equilibrium with its hold status and margins.
+    Return the settled grasp of an equilibrium: its hold status and margins.
 
-    :param given: measured pose.
-    :param found: equilibrium.
+    :param given: measured pose of the object.
+    :param found: equilibrium of the object.
     :param friction: coefficient between tube and object.
     """
     sticks = found.hold(friction)
@@ -99,7 +101,7 @@ def assess_equilibrium(given: Pose, found: HeldGrip, friction: float) -> Settled
 
 
 def _judge(found: HeldGrip, given: Pose, friction: float) -> tuple[HoldStatus, str]:
-    """Return the hold status of an equilibrium, with the reason."""
+    """Return the hold status of an equilibrium and its reason in words."""
     robot = found.config.robot
     shift = abs(found.body.middle - found.body.moved_to(given).middle)
     if shift > MAX_DISPLACEMENT * robot.description.tube_diameter:

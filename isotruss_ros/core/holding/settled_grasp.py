@@ -27,18 +27,18 @@ class SettledGrasp(
     Equilibrium of a free object between two or three members, with friction on the tubes.
 
     Without an equilibrium the pose is the given one, the forces are zero, and the slip margin is
-    continued by the gap of the members, see `LostContact`.
+    continued by the members' gap to the object, see `LostContact`.
 
-    For a face contact with unknown contact history the least friction is assumed: `held`,
-    `required_friction` and `slip_margin` are the best case. In MuJoCo such a box needed a
-    coefficient of 0.87 instead of 0.59.
+    For a face contact with unknown contact history the least friction is assumed, so `held`,
+    `required_friction` and `slip_margin` are best cases. A box that needs 0.59 by this model
+    needed 0.87 in MuJoCo.
 
     :ivar hold: hold status.
-    :ivar reason: hold status in words; empty if held.
-    :ivar given: given pose, robot frame [m, rad].
+    :ivar reason: hold status in words; empty if the object is held.
+    :ivar given: given pose of the object, robot frame [m, rad].
     :ivar friction: coefficient between tube and object.
-    :ivar equilibrium: initial guess for a similar grasp; None without an equilibrium.
-    :ivar lost: gap to contact; None with an equilibrium.
+    :ivar equilibrium: equilibrium of the object; None if none was found.
+    :ivar lost: gaps of the members to the object; None with an equilibrium.
     """
 
     hold: HoldStatus
@@ -50,7 +50,7 @@ class SettledGrasp(
 
     @property
     def held(self) -> bool:
-        """Return whether the object is held; otherwise `hold` names the violated condition."""
+        """Return whether the object is held; if not, `hold` names the violated condition."""
         return self.hold is HoldStatus.HELD
 
     @property
@@ -58,14 +58,14 @@ class SettledGrasp(
         """
         Return whether contact forces within the friction cones balance the free object.
 
-        By the statics of the robot near the given pose, also if a tube wrinkles, another member is
-        in contact, or the equilibrium is unstable.
+        The forces follow from the statics of the robot near the given pose. It may hold even if a
+        tube wrinkles, another member is in contact, or the equilibrium is unstable.
         """
         return self.required_friction <= self.friction
 
     @property
     def pose(self) -> Pose:
-        """Return (x, y, angle) in equilibrium, robot frame [m, rad]."""
+        """Return the object's pose in equilibrium, (x, y, angle) in the robot frame [m, rad]."""
         return self.given if self.equilibrium is None else self.equilibrium.pose
 
     @property
@@ -86,7 +86,7 @@ class SettledGrasp(
 
     @property
     def friction_used(self) -> dict[str, float]:
-        """Return |T| / (mu N) by grasping member [-]; infinite without friction."""
+        """Return the used share |T| / (mu N) of friction by member; infinite for mu = 0."""
         with np.errstate(divide='ignore', invalid='ignore'):
             return self._named(
                 lambda grip: np.abs(grip.friction_forces) / (self.friction * grip.normal_forces)
@@ -94,7 +94,7 @@ class SettledGrasp(
 
     @property
     def required_friction(self) -> float:
-        """Return the smallest coefficient of friction for the balance; infinite if none exists."""
+        """Return the smallest coefficient of friction for equilibrium; infinite without one."""
         return math.inf if self.equilibrium is None else self.equilibrium.required_friction
 
     @cached_property
@@ -102,8 +102,8 @@ class SettledGrasp(
         """
         Return the smallest further wrench at which a member slips or opens [N].
 
-        Moments are divided by d/2, for other shapes than discs by `ConvexObject.arm`. Each end of
-        a face contact may open. Negative after slip or without an equilibrium, see `LostContact`.
+        Moments are divided by the characteristic radius, d/2 of a disc. Each end of a face contact
+        may open. The margin is negative after slip; without an equilibrium see `LostContact`.
         """
         if self.lost is not None:
             return self.lost.slip_margin
@@ -112,9 +112,9 @@ class SettledGrasp(
     @property
     def slip_direction(self) -> Array:
         """
-        Return the direction (fx, fy, m / arm) of the slip margin, a unit vector, (3,).
+        Return the unit wrench (fx, fy, m / arm) in the direction of the slip margin, (3,).
 
-        Zero without an equilibrium, and in a neutral one.
+        It is zero without an equilibrium and in a neutral equilibrium.
         """
         if self.equilibrium is None or self.equilibrium.response is None:
             return np.zeros(3)
@@ -122,40 +122,41 @@ class SettledGrasp(
 
     @property
     def gap(self) -> float:
-        """Return the gap of the members to the object [m]; 0 in an equilibrium."""
+        """Return the gap between members and object [m]; 0 in an equilibrium."""
         return 0.0 if self.lost is None else self.lost.gap
 
     @property
     def utilisation(self) -> dict[str, float]:
         """
-        Return the largest bending moment over the wrinkling moment, by member, of all members.
+        Return the largest bending moment over the wrinkling moment, for all members [-].
 
-        Above 1 a tube wrinkles, and the results are outside of the model.
+        Above 1 a tube wrinkles; then the results are outside of the model.
         """
         return self._named(lambda grip: grip.sections.used, every=True)
 
     @property
     def utilisation_places(self) -> dict[str, float]:
-        """Return the positions of the utilisation from the starts of all members [m]."""
+        """Return the distance of the largest utilisation from each member's start [m]."""
         return self._named(lambda grip: grip.sections.place, every=True)
 
     @property
     def nonlinearity(self) -> float:
-        """Return the relative excess force of bent over linear tubes, see `GraspAnalysis`."""
+        """Return the relative excess of forces on bent over linear tubes, see `GraspAnalysis`."""
         return 0.0 if self.equilibrium is None else self.equilibrium.nonlinearity
 
     @property
     def stiffness(self) -> Array:
         """
-        Return the stiffness with sticking contacts, (3, 3) [N/m, N, N m].
+        Return the stiffness of the object with sticking contacts, (3, 3) [N/m, N, N m].
 
-        The wrench (fx, fy, m) per displacement (dx, dy, dtheta); zero without an equilibrium.
+        It is the wrench (fx, fy, m) per displacement (dx, dy, dtheta); zero without an
+        equilibrium.
         """
         response = None if self.equilibrium is None else self.equilibrium.response
         return np.zeros((3, 3)) if response is None else response.stiffness
 
     def _named(self, find: Callable[[HeldGrip], Array], every: bool = False) -> dict[str, float]:
-        """Return numbers of the equilibrium by grasping member, or by every member."""
+        """Return values of the equilibrium by grasping member, or by any member."""
         if self.lost is not None and every:
             return dict.fromkeys(self.lost.config.robot.member_names, 0.0)
         grip = self.equilibrium

@@ -5,5 +5,5 @@
 Kinematics from roller travel to node positions: equations (3), (12) and (13).
 
 Entry points: `robot.Robot`, `configuration.Configuration`, `rigidity`.
-Imports `core.model` and the packages below it.
+Imports `core.model` and the layers below it.
 """

@@ -19,24 +19,24 @@ from numpy.typing import ArrayLike
 
 #: Largest change of a member in one continuation step, relative to the shortest member [-].
 MAX_MEMBER_STEP = 0.25
-#: Smallest continuation step [m]; the branch ends if it fails.
+#: Smallest continuation step [m]; if it fails, the branch of solutions ends.
 MIN_MEMBER_STEP = 1e-6
-#: Largest number of continuation steps [-]; more pass a singular configuration. Two such searches
-#: take at most 20 ms.
+#: Largest number of continuation steps [-]. A longer search passes a singular configuration. Two
+#: searches of this length take at most 20 ms.
 MAX_CONTINUATION_STEPS = 50
-#: Largest travel of a roller for first-order prediction [m].
+#: Largest roller travel that is predicted to first order [m].
 MAX_FIRST_ORDER_TRAVEL = 3e-3
 
 
 class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')):
     """
-    Configuration of a robot; made by `Robot.configuration`, immutable.
+    Configuration of a robot, immutable; `Robot.configuration` makes it.
 
     :ivar robot: the robot.
     :ivar roller_positions: (r,) travel of the tube through each roller since home [m].
-    :ivar points: (n,) node positions x + iy in the robot's frame [m].
-    :param nearby: factored matrix of a nearby configuration, for prediction and continuation;
-        None: that of this configuration.
+    :ivar points: (n,) node positions x + iy in the robot frame [m].
+    :param nearby: factorised matrix of a nearby configuration, for prediction and continuation;
+        None: the matrix of this configuration.
     """
 
     def __init__(
@@ -54,7 +54,7 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
         points.flags.writeable = False
 
     def __eq__(self, other: object) -> bool:
-        """Return whether the other configuration is equal, of an equal robot."""
+        """Return whether roller travel and robot of the other configuration are equal."""
         if type(other) is not Configuration:
             return NotImplemented
         # Called in every control cycle for cache keys.
@@ -74,12 +74,12 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
 
     @property
     def nodes(self) -> Array:
-        """Return the (n, 2) node positions in `Robot.node_names` order, robot frame [m]."""
+        """Return the node positions in `Robot.node_names` order, robot frame, (n, 2) [m]."""
         return self.points.view(np.float64).reshape(-1, 2)
 
     @cached_property
     def member_lengths(self) -> Array:
-        """Return the (m,) member lengths, pinch to pinch, in `Robot.member_names` order [m]."""
+        """Return the lengths of the members between pinch points, in module order, (m,) [m]."""
         topology, points = self.robot.topology, self.points
         ends = points.take(topology.c.take(topology.following))
         lengths = np.abs(ends - points.take(topology.b))
@@ -93,14 +93,14 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
 
     @cached_property
     def matrix(self) -> Array:
-        """Return the square matrix of (12): tube, module, bisection and ground rows, dense."""
+        """Return the dense square matrix of (12): tube, module, bisection and ground rows."""
         matrix = self.robot.constraints.matrix_of(self.gradients)
         return matrix if isinstance(matrix, np.ndarray) else matrix.toarray()
 
     @cached_property
     def factor(self) -> Factor:
         """
-        Return the factored matrix of (12).
+        Return the factorised matrix of (12).
 
         :raises ConfigurationError: the matrix is singular.
         """
@@ -113,7 +113,7 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
             ) from error
 
     def residual(self) -> Array:
-        """Return the residual of the constraints [m], of the bisection rows [rad]."""
+        """Return the residual of the constraints [m]; of the bisection rows [rad]."""
         return self.robot.constraints.residual(
             self.points, _targets(self.robot, self.roller_positions)
         )
@@ -136,12 +136,12 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
         """
         Return the configuration at other roller travel on the same branch of solutions.
 
-        :param roller_positions: (r,) travel since home [m].
-        :param nearby: factored matrix of a nearby configuration, for the first step and for the
-            returned configuration.
+        :param roller_positions: (r,) roller travel since home [m].
+        :param nearby: factorised matrix of a nearby configuration, for the first step and for the
+            result.
         :raises ConfigurationError: wrong shape or not finite; a member would have no length; or
-            the straight line in roller travel passes a singular configuration, also if it takes
-            more than `MAX_CONTINUATION_STEPS` steps.
+            the straight line in roller travel passes a singular configuration or takes more than
+            `MAX_CONTINUATION_STEPS` steps.
         """
         return self._reached(roller_positions, nearby)
 
@@ -187,7 +187,7 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
         return Configuration(robot, goal, points, nearby)
 
     def _checked(self, roller_positions: ArrayLike) -> Array:
-        """Return a checked copy of roller travel (r,); fast for arrays of a control loop."""
+        """Return a checked copy of roller travel (r,); fast for the arrays of a control loop."""
         start, goal = self.roller_positions, np.array(roller_positions)
         if goal.dtype == start.dtype and goal.shape == start.shape and np.isfinite(goal).all():
             return goal
@@ -195,9 +195,9 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
 
     def has_factor_for(self, roller_positions: Array) -> bool:
         """
-        Return whether this configuration has a factored matrix that is valid at another one.
+        Return whether this configuration's factorised matrix is valid at other roller travel.
 
-        :param roller_positions: (r,) travel since home at the other one [m].
+        :param roller_positions: (r,) other roller travel since home [m].
         """
         if 'factor' not in self.__dict__:
             return False
@@ -207,12 +207,12 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
 
     def predict(self, travel: Array) -> Configuration:
         """
-        Return the configuration after some roller travel, to first order if the travel is short.
+        Return the configuration after some roller travel; to first order if the travel is short.
 
-        First order is much faster than `moved_to`. It violates the constraints by about travel^2
-        over the length of a member: use it for prediction, not as a start of continuation.
+        The first-order prediction is much faster than `moved_to`. It violates the constraints by
+        about travel^2 over the length of a member, so it is not suitable as a start of `moved_to`.
 
-        :param travel: (r,) increment of the travel of each roller [m].
+        :param travel: (r,) change of the roller travel [m].
         :raises ConfigurationError: see `moved_to`.
         """
         if not travel.any():
@@ -224,16 +224,16 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
         return Configuration(self.robot, self.roller_positions + travel, points)
 
     def _lengthened(self, lengths: Array) -> Points:
-        """Return the nodes (n,) for longer members (m,) [m], by xdot = R^-1 (Ldot, 0) of (12)."""
+        """Return the nodes (n,) for longer members (m,), by xdot = R^-1 (Ldot, 0) of (12) [m]."""
         right = np.zeros(self.robot.constraints.n_rows)
         right[: self.robot.topology.n_modules] = lengths
         return self.points + (self._nearby or self.factor).solve(right).view(np.complex128)
 
     def roller_rows(self, node_rows: Array) -> Array:
         """
-        Map rows on node velocities to rows on roller speeds.
+        Return the rows on roller speeds that are equivalent to rows on node velocities.
 
-        Uses (12); the transposed solve has one right-hand side for each row.
+        It solves the transpose of (12) with one right-hand side for each row.
 
         :param node_rows: (k, 2n) rows on the node velocities (x0, y0, x1, y1, ...).
         :return: (k, r) rows on the roller speeds.
@@ -253,7 +253,7 @@ def _targets(robot: Mechanism, roller_positions: Array) -> Targets:
 
 class ConfigurationTracker:
     """
-    Computes configurations from measured roller travel, starting from the previous ones.
+    Computes configurations at measured roller travel, each from the previous one.
 
     :param home: initial configuration, at zero roller travel.
     """
@@ -264,9 +264,9 @@ class ConfigurationTracker:
 
     def configuration(self, roller_positions: Array) -> Configuration:
         """
-        Return the measured configuration, the same object for unchanged travel.
+        Return the configuration at measured travel; the same object if the travel is unchanged.
 
-        :param roller_positions: (r,) travel since home [m].
+        :param roller_positions: (r,) measured roller travel since home [m].
         :raises ConfigurationError: no configuration exists at this travel.
         """
         if not np.array_equal(roller_positions, self._last.roller_positions):
@@ -283,13 +283,13 @@ class ConfigurationTracker:
         self, roller_positions: Array, travel: Array
     ) -> tuple[Configuration, Configuration]:
         """
-        Return the measured configuration and a prediction after some roller travel.
+        Return the configuration at measured travel, and the prediction after further travel.
 
-        The factored matrix of the prediction is reused for the next measured configuration, so
-        that each control cycle factors once.
+        The next call reuses the factorised matrix of the prediction, so each control cycle
+        factorises once.
 
-        :param roller_positions: (r,) travel since home [m].
-        :param travel: (r,) increment of the travel [m].
+        :param roller_positions: (r,) measured roller travel since home [m].
+        :param travel: (r,) further roller travel [m].
         :raises ConfigurationError: no configuration exists at this travel.
         """
         measured = self.configuration(roller_positions)

@@ -4,8 +4,8 @@
 """
 Kinematic constraints of the nodes and their Jacobian, the matrix of equation (12).
 
-Points of the plane are complex numbers x + iy here. For a vector v with direction angle t,
-d|v| = Re(conj(e) dv) with e = v/|v|, and dt = Re(conj(g) dv) with g = i v/|v|^2: every row of the
+Points of the plane are complex numbers x + iy. For a vector v with direction angle t, d|v| =
+Re(conj(e) dv) with e = v/|v|, and dt = Re(conj(g) dv) with g = i v/|v|^2. So each row of the
 matrix is a list of nodes with one complex gradient each.
 """
 
@@ -20,13 +20,14 @@ from isotruss_ros.core.numerics.tolerances import EPSILON
 import numpy as np
 from scipy.sparse import coo_matrix, csc_matrix
 
-#: Number of coordinates above which sparse factors are faster than dense ones
-#: (nested triangles of 9 to 303 modules).
+#: Largest number of coordinates with dense matrices [-]. Beyond it sparse factorisations are
+#: faster (nested triangles of 9 to 303 modules).
 MAX_DENSE_COORDINATES = 180
 MAX_NEWTON_ITERATIONS = 12
-#: Largest contraction of the residual per step for which a factor is reused [-].
+#: Largest ratio of successive residuals at which a factorisation is reused [-].
 MAX_REUSE_CONTRACTION = 0.1
-#: Predicted residual, relative to the tolerance, below which no residual is evaluated [-].
+#: Predicted residual, relative to the tolerance, below which the residual is not evaluated again
+#: [-].
 RESIDUAL_CHECK_SHARE = 0.01
 
 
@@ -34,13 +35,13 @@ RESIDUAL_CHECK_SHARE = 0.01
 class Targets:
     """Right-hand sides of the constraints."""
 
-    lengths: Array  #: (4m,) lengths of members, AB, AC and BC [m]
+    lengths: Array  #: (4m,) lengths of members, AB, AC and BC, m of each [m]
     ground: Array  #: (g,) grounded coordinates [m]
 
 
 class Constraints:
     """
-    Residuals and matrix of the rows of (12), in its order: tube, module, bisection, ground.
+    Residuals and matrix of (12), with rows in its order: tube, module, bisection, ground.
 
     :param topology: the robot's connections.
     """
@@ -70,7 +71,7 @@ class Constraints:
         self._sparse = self._sparse_structure() if self.n_columns > MAX_DENSE_COORDINATES else None
 
     def _sparse_structure(self) -> csc_matrix:
-        """Return the sparsity pattern; its data are indices into the values."""
+        """Return the sparsity pattern, whose data are indices into the values."""
         rows = np.concatenate([np.repeat(self._rows, 2), self._ground_rows])
         columns = np.concatenate(
             [
@@ -87,7 +88,7 @@ class Constraints:
 
         :param points: (n,) nodes [m].
         :param targets: prescribed lengths and grounded coordinates.
-        :return: (5m + g,) residuals of members, modules [m], bisection (3) [rad] and ground [m].
+        :return: (5m + g,) residuals: members and modules [m], bisection (3) [rad], ground [m].
         """
         stretched = self.spans(points)
         return np.concatenate(
@@ -99,7 +100,7 @@ class Constraints:
         )
 
     def _bisection(self, stretched: Points) -> Array:
-        """Return the difference of the two angles of (3) between the rod and the sides."""
+        """Return the difference of the two angles of (3), between rod and sides [rad]."""
         side, to_b, to_c, _ = stretched.reshape(4, -1)
         rod = (to_b + to_c).conj()
         turned = -side * side[self._topology.previous] * rod * rod
@@ -107,7 +108,7 @@ class Constraints:
 
     def spans(self, points: Points) -> Points:
         """
-        Return the vectors (4m,) of members, AB, AC and BC from start to end [m].
+        Return the vectors (4m,) of members, AB, AC and BC from start to end, x + iy [m].
 
         :param points: (n,) nodes [m].
         """
@@ -118,17 +119,17 @@ class Constraints:
         Return the Jacobian of the residual by the node coordinates (x0, y0, x1, y1, ...).
 
         :param points: (n,) nodes [m].
-        :return: (5m + g, 2n), dense or, for a large robot, sparse.
+        :return: (5m + g, 2n) matrix, dense, or sparse for a large robot.
         """
         return self.matrix_of(self.gradients(points))
 
     def gradients(self, points: Points) -> Points:
         """
-        Return the entries of the matrix: gradients of rows by nodes, as complex numbers.
+        Return the entries of the matrix: gradients of rows by nodes as complex numbers.
 
         :param points: (n,) nodes [m].
-        :return: (13m,) entries: 4m of the lengths of members, AB, AC and BC [-], their 4m
-            negatives, and 5m of the bisection rows [1/m].
+        :return: (13m,) entries: 4m by the lengths of members, AB, AC and BC [-], their negatives,
+            and 5m of the bisection rows [1/m].
         """
         m = self._topology.n_modules
         spans = self.spans(points).reshape(4, m)
@@ -144,9 +145,9 @@ class Constraints:
 
     def matrix_of(self, values: Points) -> Array | csc_matrix:
         """
-        Return the matrix with given entries; see `matrix`.
+        Return the matrix that has given entries; see `matrix`.
 
-        :param values: (13m,) the entries, see `gradients`.
+        :param values: (13m,) entries, see `gradients`.
         """
         if self._sparse is not None:
             data = np.concatenate([values.view(np.float64), np.ones(len(self._ground_rows))])
@@ -162,15 +163,15 @@ class Constraints:
 
     def second_derivative(self, points: Points, weights: Array, motions: Array) -> Array:
         """
-        Return the gradient of the scalar weights^T matrix motion by the nodes.
+        Return the gradient of the scalar weights^T matrix motion by the node coordinates.
 
-        Second derivatives: d2|v|[a, b] = (n . a) (n . b) / |v| with n across v, and
-        d2t[a, b] = -Im(a b / v^2) for the direction angle t of v.
+        The second derivatives are d2|v|[a, b] = (n . a) (n . b) / |v| with the unit normal n of v,
+        and d2t[a, b] = -Im(a b / v^2) with the direction angle t of v.
 
         :param points: (n,) nodes [m].
-        :param weights: (5m + g, p) factors of the rows.
-        :param motions: (2n, p) velocities of the nodes.
-        :return: (2n, p) derivatives by the node coordinates, one column for each pair.
+        :param weights: (5m + g, p) factors of the rows, one column for each scalar.
+        :param motions: (2n, p) velocities of the nodes, one column for each scalar.
+        :return: (2n, p) derivatives by the node coordinates, one column for each scalar.
         """
         m = self._topology.n_modules
         stretched = (points[self._heads] - points[self._tails])[:, None]
@@ -201,15 +202,16 @@ def follow_branch(
     tolerance: float = 1e-12,
 ) -> Points | None:
     """
-    Move nodes to new targets on the same branch of solutions.
+    Move nodes to new targets along the same branch of solutions.
 
-    Predictor-corrector: a tangent step (12), then modified Newton steps with few factorizations.
+    A predictor takes a tangent step (12); a corrector takes modified Newton steps with few
+    factorisations.
 
     :param constraints: the robot's constraints.
     :param points: (n,) nodes that fulfil the constraints for nearby targets [m].
-    :param targets: the new lengths and ground.
-    :param factor: factored matrix at `points`, if available.
-    :param tolerance: bound of the residual, [m] and [rad]; rounding is 1e-15, hardware 1e-4.
+    :param targets: new lengths and grounded coordinates.
+    :param factor: factorised matrix at `points`; None: computed.
+    :param tolerance: largest residual [m, rad]; rounding is 1e-15, accuracy of hardware 1e-4.
     :return: (n,) nodes; None if the step is too long or no configuration exists.
     """
     # Rounding error of a residual relative to the coordinates.

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Penetration depths of an object in the unloaded members, and the removal of overlaps."""
+"""Penetration depths of an object in the undeformed members, and removal of overlaps."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import numpy as np
 
 def member_lines(config: Configuration) -> Points:
     """
-    Return the undeformed centre lines (m, 2) of the members, pinch to pinch [m].
+    Return the undeformed centre lines (m, 2) of the members, pinch point to pinch point [m].
 
     :param config: configuration of the robot.
     """
@@ -24,7 +24,7 @@ def member_lines(config: Configuration) -> Points:
 
 def member_depths(config: Configuration, body: ConvexObject) -> Array:
     """
-    Return the penetration depth in each unloaded member, negative if apart, (m,) [m].
+    Return the penetration depth (m,) of an object in each undeformed member; negative if apart.
 
     :param config: configuration of the robot.
     :param body: the object at its pose.
@@ -41,10 +41,11 @@ def member_depths(config: Configuration, body: ConvexObject) -> Array:
 
 def push_out(config: Configuration, body: ConvexObject) -> ConvexObject:
     """
-    Return an object translated out of the members that overlap it.
+    Return an object after translation out of all members that overlap it.
 
-    Quasi-static, without friction: translations along the normal of the deepest member, until no
-    member overlaps. If members enclose the object, the result of the last translation is returned.
+    The object is translated along the normal of the member with the deepest overlap, until no
+    member overlaps it. If members enclose the object, the result of the last translation is
+    returned.
 
     :param config: configuration of the robot.
     :param body: the object at its pose.

@@ -4,22 +4,23 @@
 """
 Distances between parts of a robot, and between the robot and an object.
 
-Three kinds of parts, m of each; distances are between surfaces [m], negative where they overlap:
+Distances are between surfaces [m], negative for an overlap. There are three kinds of parts, m of
+each:
 
 - a member is its straight tube from pinch point to pinch point;
-- a module is a disc round the middle of its pinch points B and C that holds the pinched tube:
-  radius s/2 + tube radius;
-- a rod is the straight line from that middle to the joint A. It has no thickness: the required
-  minimum clearance must include half of it.
+- a module is a disc around the midpoint of its pinch points B and C, which contains the pinched
+    tube: its radius is s/2 + tube radius;
+- a rod is the straight line from that midpoint to the joint A. It has no thickness, so the
+    required clearance must include half of its real thickness.
 
-All distances are those of a point with a radius from a straight segment with a radius. Two
-segments that do not cross are nearest at an end of one of them, and every end is the middle of a
-module, a joint, or inside the disc of a module. So the pairs are modules with members, rods and
-modules, and joints with members and rods.
+Each distance is the distance of a point from a segment, minus two radii. Two segments that do not
+cross are nearest at an end of one of them. Every end is a joint, the midpoint of a module, or
+inside the disc of a module. So the pairs are modules with members, rods and modules, and joints
+with members and rods.
 
 Pairs of parts that are fixed to each other are excluded: a member with the modules, rods and
-joints at its ends. Rods that share a joint meet there; the modules at their other ends form a
-pair, which separates these rods as well.
+joints at its ends. Rods that share a joint meet at it; the pair of their modules keeps these rods
+apart as well.
 """
 
 from __future__ import annotations
@@ -36,13 +37,14 @@ import numpy as np
 
 def nearest_on_segment(point: Points, start: Points, end: Points) -> tuple[Array, Points, Array]:
     """
-    Return the distances (k,) of points from straight segments [m], with nearest points.
+    Return the distances (k,) of points from straight segments [m], and the nearest points.
 
-    :param point: (k,) or one for all [m].
+    :param point: (k,) points, or one for all segments, x + iy [m].
     :param start: (k,) start points of the segments [m].
-    :param end: (k,) end points, possibly equal to the start points [m].
-    :return: distances; unit vectors (k,) from the segments to the points, normal to a segment with
-        the point on it; positions of the nearest points along the segments (k,), 0 to 1.
+    :param end: (k,) end points [m]; they may equal the start points.
+    :return: distances (k,) [m]; unit vectors (k,) from the segments to the points, normal to a
+        segment that contains its point; positions (k,) of the nearest points on the segments, 0 to
+        1.
     """
     arm, along = point - start, end - start
     squares = np.maximum(along.real**2 + along.imag**2, COINCIDENCE**2)
@@ -63,7 +65,7 @@ def _middles(points: Points, nodes: Indices) -> Points:
 
 
 def _add(rows: Points, nodes: Indices, gradients: Points) -> None:
-    """Add to each row the gradient by the two nodes of a midpoint."""
+    """Add to each row the gradients by the two nodes of a midpoint."""
     row = np.arange(len(rows))
     for own in nodes:
         rows[row, own] += 0.5 * gradients
@@ -71,7 +73,7 @@ def _add(rows: Points, nodes: Indices, gradients: Points) -> None:
 
 class CollisionModel:
     """
-    Parts of a robot, and their pairs to be kept apart.
+    Parts of a robot, and the pairs of parts that must stay apart.
 
     :ivar part_radii: (3m,) radii of the parts around their segments [m], read-only.
     :param robot: the robot.
@@ -110,7 +112,7 @@ class CollisionModel:
         return [f'{points[self._first[i]]} and {segments[self._second[i]]}' for i in pairs]
 
     def part_names(self) -> list[str]:
-        """Return the (3m,) names of the parts: members, modules, rods."""
+        """Return the names (3m,) of the parts: members, modules, rods."""
         return [
             *(f'member {name}' for name in self._robot.member_names),
             *(f'module {name}' for name in self._robot.module_names),
@@ -122,13 +124,13 @@ class CollisionModel:
         Return the distances between the surfaces of pairs [m].
 
         :param config: configuration of the robot.
-        :param pairs: (k,) indices of pairs; default all.
+        :param pairs: (k,) indices of pairs; by default, all pairs.
         """
         return self._nearest(config, pairs)[0] - self._reach[pairs]
 
     def gradients(self, config: Configuration, pairs: Indices) -> Array:
         """
-        Return the gradients of the distances of pairs by the nodes.
+        Return the gradients of pairs' distances by the nodes.
 
         :param config: configuration of the robot.
         :param pairs: (k,) indices of pairs.
@@ -146,10 +148,11 @@ class CollisionModel:
         Return the distances between an object and parts of the robot, with gradients.
 
         :param config: configuration of the robot.
-        :param body: the object in its place.
-        :param parts: (k,) indices of parts: members, modules, rods, m of each; default all.
-        :return: (k,) distances [m], negative for penetration; (k, 2n) rows on the node velocities
-            [-], and (k, 3) rows on the twist of the object vx, vy [-], omega [m], robot frame.
+        :param body: the object at its pose.
+        :param parts: (k,) indices of parts: members, modules, rods, m of each; by default, all
+            parts.
+        :return: (k,) distances [m], negative for an overlap; (k, 2n) rows on the node velocities
+            [-]; (k, 3) rows on the object's twist vx, vy [-], omega [m] in the robot frame.
         """
         starts, ends = self.part_ends(config, parts)
         found = segment_gaps(body, starts, ends)
@@ -170,10 +173,10 @@ class CollisionModel:
         self, config: Configuration, parts: Indices | slice = slice(None)
     ) -> tuple[Points, Points]:
         """
-        Return the start and end points of the segments of parts, (k,) each [m].
+        Return the start and end points (k,) of the segments of parts, x + iy [m].
 
         :param config: configuration of the robot.
-        :param parts: indices of parts; default all.
+        :param parts: (k,) indices of parts; by default, all parts.
         """
         start, end = (
             _middles(config.points, nodes[:, parts]) for nodes in (self._start, self._end)
@@ -184,13 +187,13 @@ class CollisionModel:
         self, config: Configuration, parts: Indices | slice, shares: Array, normals: Points
     ) -> Points:
         """
-        Return the gradients of the distances of parts from fixed points by the nodes.
+        Return the gradients by the nodes of the parts' distances from fixed points.
 
         :param config: configuration of the robot.
-        :param parts: (k,) indices of parts, or all.
-        :param shares: (k,) nearest positions along their segments, 0 to 1.
-        :param normals: (k,) unit vectors from the nearest positions to the points.
-        :return: (k, n) rows on the node velocities, x + iy [-].
+        :param parts: (k,) indices of parts.
+        :param shares: (k,) positions of the nearest points on their segments, 0 to 1.
+        :param normals: (k,) unit vectors from the nearest points to the fixed points, x + iy.
+        :return: (k, n) rows on the node velocities as complex numbers [-].
         """
         rows = np.zeros((len(shares), len(config.points)), dtype=np.complex128)
         _add(rows, self._start[:, parts], -(1.0 - shares) * normals)
@@ -199,7 +202,7 @@ class CollisionModel:
 
 
 def _measured(robot: Mechanism) -> Array:
-    """Return the mask of pairs of points (modules, joints) and segments, (m + j, 3m)."""
+    """Return the mask (m + j, 3m) of the pairs of points (modules, joints) and segments."""
     topology = robot.topology
     m = topology.n_modules
     joint = np.concatenate([topology.joint, np.arange(len(topology.joint_names))])
@@ -219,7 +222,7 @@ def _measured(robot: Mechanism) -> Array:
 @functools.lru_cache(maxsize=16)
 def collision_model(robot: Mechanism) -> CollisionModel:
     """
-    Return the collision model of a robot, cached by robot.
+    Return the collision model of a robot from a cache.
 
     :param robot: the robot.
     """

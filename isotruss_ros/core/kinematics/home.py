@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Home configuration: given joints, modules turned until the bisection constraints hold.
+Home configuration: given joints, with modules turned such that the bisection constraints hold.
 
-The joint A lies outside the corner of the tube: the rod runs from A to the middle of the pinch
-points B and C, into the triangle, and the two sides of the tube go on from there. With locked
-rollers the structure must be rigid there, and kinematically determinate.
+The joint A is outside of the tube's corner. The rod goes from A into the triangle, to the midpoint
+of the pinch points B and C, at which the two sides of the tube begin. At home and with locked
+rollers, the structure must be rigid and kinematically determinate.
 """
 
 from __future__ import annotations
@@ -21,10 +21,11 @@ from isotruss_ros.core.numerics.tolerances import COINCIDENCE, MAX_NEWTON_ITERAT
 import numpy as np
 from scipy.sparse import csc_matrix
 
-#: Smallest angle of a corner from straight or folded [rad]; a module has no inner side below it.
+#: Smallest deviation of a corner from straight and from folded [rad]; below it, a module has no
+#: inner side.
 MIN_CORNER_ANGLE = np.deg2rad(1.0)
-#: Largest condition number at home [-]; the nine-member preset has 5e2, and a robot beyond this is
-#: a mechanism in double precision.
+#: Largest condition number of the matrix of (12) at home [-]; a robot beyond it is a mechanism in
+#: double precision. The nine-member preset has 5e2.
 MAX_CONDITION = 1e8
 
 
@@ -32,13 +33,13 @@ def place_home(
     description: RobotDescription, topology: Topology, constraints: Constraints
 ) -> Points:
     """
-    Return the nodes at home.
+    Return the nodes at home, (n,) x + iy [m].
 
     :param description: content of the robot file.
     :param topology: the robot's connections.
     :param constraints: constraints of the robot.
-    :return: (n,) nodes as complex numbers [m].
-    :raises RobotFileError: a module does not fit its corner, or a member its limits.
+    :return: nodes in the order of the topology.
+    :raises RobotFileError: a module does not fit its corner, or a member is outside of its limits.
     """
     joints = np.array([complex(*place) for place in description.joints.values()])
     inward, left = _corners(description, topology, joints)
@@ -66,7 +67,7 @@ def place_home(
 def _corners(
     description: RobotDescription, topology: Topology, joints: Points
 ) -> tuple[Points, Array]:
-    """Return the inward direction at each corner, and +1 if its next side is on the left."""
+    """Return the inward direction at each corner, and 1 if its next side is on the left."""
     here = joints[topology.joint]
     ahead = joints[topology.joint[topology.following]] - here
     back = joints[topology.joint[topology.previous]] - here
@@ -95,7 +96,7 @@ def _points(topology: Topology, joints: Points, angles: Array, b_arm: Points) ->
 def _bisection(
     topology: Topology, constraints: Constraints, points: Points
 ) -> tuple[Array, csc_matrix]:
-    """Return the bisection residual (m,) and its (m, m) derivative by the modules' angles."""
+    """Return the bisection residual (m,), and its derivatives (m, m) by the modules' angles."""
     m, own = topology.n_modules, np.arange(topology.n_modules)
     targets = Targets(np.abs(constraints.spans(points)), np.zeros(len(topology.grounded)))
     bisection = np.split(constraints.residual(points, targets), [4 * m, 5 * m])[1]
@@ -164,15 +165,16 @@ def _misfit(
 
 def require_determinate(source: str, topology: Topology, matrix: Array | csc_matrix) -> None:
     """
-    Raise RobotFileError if matrix (12) at home is not square and regular.
+    Raise RobotFileError if the matrix of (12) at home is not square and regular.
 
-    With locked rollers the structure must be rigid and determinate: redundant members or supports
-    would resist the rollers.
+    With locked rollers the structure must be rigid and determinate, because redundant members or
+    supports would resist the rollers.
 
-    :param source: the robot file, for the message.
+    :param source: robot file, for the error message.
     :param topology: the robot's connections.
     :param matrix: (5m + g, 2n) Jacobian of the constraints at home, with scaled rows.
-    :raises RobotFileError: names the moving joints or the number of redundant constraints.
+    :raises RobotFileError: the structure is not determinate; the message names the moving joints
+        or the number of redundant constraints.
     """
     m, joints, grounded = topology.n_modules, len(topology.joint_names), len(topology.grounded)
     needed = 2 * joints - m

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Data of a robot that do not depend on its configuration."""
+"""Data of a robot that are independent of its configuration."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from numpy.typing import ArrayLike
 
 class Mechanism:
     """
-    A robot without a configuration; see `Robot`, which adds home.
+    Robot without a configuration; `Robot` adds home.
 
     :ivar name: the robot's name.
-    :ivar frame: name of the coordinate frame in which the robot lives.
-    :ivar node_names: kinematic nodes: joints j, then t/j/B and t/j/C by module.
-    :ivar member_names: members t/j-k in module order.
-    :ivar module_names: modules t/j in the order of the robot file.
-    :ivar roller_names: driven modules, in the order of all roller arrays.
+    :ivar frame: name of the robot's coordinate frame.
+    :ivar node_names: names of the kinematic nodes: joints j, then t/j/B and t/j/C of each module.
+    :ivar member_names: names t/j-k of the members, in module order.
+    :ivar module_names: names t/j of the modules, in the order of the robot file.
+    :ivar roller_names: names of the driven modules, in the order of all roller arrays.
     :ivar description: content of the robot file.
     :ivar topology: names and index arrays of joints, modules, members and rollers.
-    :ivar constraints: the rows of equation (12).
-    :ivar home: the `Configuration` at zero roller travel, in `Robot` only.
-    :ivar home_targets: the lengths and the grounded coordinates at home.
+    :ivar constraints: constraints of equation (12).
+    :ivar home: `Configuration` at zero roller travel; only in `Robot`.
+    :ivar home_targets: lengths and grounded coordinates at home.
     """
 
     home_targets: Targets
@@ -45,10 +45,10 @@ class Mechanism:
 
     def check_rollers(self, values: ArrayLike, what: str) -> Array:
         """
-        Return a checked copy of one number for each roller.
+        Return a checked copy of an array with one number for each roller.
 
         :param values: (r,) numbers in the order of `roller_names`.
-        :param what: name of the numbers, for the message.
+        :param what: name of the numbers, for the error message.
         :raises ConfigurationError: not (r,) finite numbers.
         """
         names = self.roller_names

@@ -4,13 +4,13 @@
 """
 Rigidity index: the scaled smallest singular value of the matrix of (12).
 
-The bisection rows [1/m] are multiplied by the rod length h, and so are dimensionless like the
-other rows: the singular values are independent of the robot's size. The rigidity index is the
-smallest of them divided by its value at home: 1 at home, 0 where the robot with locked rollers is
-a mechanism.
+The bisection rows [1/m] are multiplied by the rod length h. Then all rows are dimensionless, and
+the singular values do not depend on the robot's size. The rigidity index is the smallest singular
+value divided by that at home. It is 1 at home and 0 if the robot with locked rollers is a
+mechanism.
 
-Block inverse iteration with the available factor replaces a full singular value decomposition. A
-block finds the smallest value also if singular values are close or change their order.
+Block inverse iteration with the factorised matrix replaces a full singular value decomposition. A
+block finds the smallest value even if singular values are close or change their order.
 """
 
 from __future__ import annotations
@@ -24,16 +24,17 @@ from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 import numpy as np
 
-#: Vectors in the block [-]; the error falls by (s_1 / s_5)^2 per iteration, typically to 1/20.
+#: Number of vectors in the block [-]. The error falls by (s_1 / s_5)^2 per iteration, typically to
+#: 1/20.
 BLOCK_SIZE = 4
-#: Inverse iterations on M^T M [-]; the decomposition of the block counts as half of one.
+#: Number of inverse iterations on M^T M [-]; the decomposition of the block counts as a half.
 ITERATIONS = 3
 
 
 class Modes(NamedTuple):
-    """Modes of the smallest singular values, in ascending order."""
+    """Modes of the p smallest singular values, in ascending order."""
 
-    values: Array  #: (p,) singular values over the smallest one at home
+    values: Array  #: (p,) singular values, divided by the smallest one at home
     rows: Array  #: (5m + g, p) left singular vectors, by rows of (12)
     nodes: Array  #: (2n, p) right singular vectors: node velocities
 
@@ -42,9 +43,9 @@ class RigidityIndex:
     """
     Rigidity index of a robot's configurations.
 
-    :ivar weights: (13m,) weights of the entries of the matrix in the order of
-        `Constraints.gradients`: the weighted norm of a perturbation bounds the change of the index
-        (Weyl; the Frobenius norm bounds the spectral norm).
+    :ivar weights: (13m,) weights of the entries `Constraints.gradients`. The weighted norm of a
+        perturbation bounds the change of the index (Weyl; the Frobenius norm bounds the spectral
+        norm).
     :param robot: the robot; its index at home is 1.
     """
 
@@ -66,7 +67,7 @@ class RigidityIndex:
 
     def modes(self, config: Configuration) -> Modes:
         """
-        Return the modes of the smallest singular values in one configuration.
+        Return the modes of the smallest singular values in a configuration.
 
         :param config: configuration of the robot.
         :raises ConfigurationError: the matrix is exactly singular.
@@ -75,10 +76,10 @@ class RigidityIndex:
 
     def gradients(self, config: Configuration, modes: Modes) -> Array:
         """
-        Return the gradients of the indices by the nodes, u^T dM v over the value at home.
+        Return the gradients of the singular values by the nodes, u^T dM v over the value at home.
 
         :param config: configuration of the robot.
-        :param modes: modes in this configuration, all or the first ones.
+        :param modes: all or the first modes in this configuration.
         :return: (p, 2n) rows on the node velocities (x0, y0, x1, y1, ...) [1/m].
         """
         turning = config.robot.constraints.second_derivative(
@@ -104,7 +105,7 @@ class RigidityIndex:
 @single_threaded
 def rigidity_index(robot: Robot) -> RigidityIndex:
     """
-    Return the rigidity index of a robot, cached by robot.
+    Return the rigidity index of a robot from a cache.
 
     :param robot: the robot.
     """

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The robot: kinematics of the robot that a robot file describes."""
+"""Robot with its kinematics, from the description of a robot file."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ class Robot(
     data=('name', 'frame', 'node_names', 'member_names', 'roller_names', 'description'),
 ):
     """
-    An isoperimetric truss robot, immutable.
+    Isoperimetric truss robot, immutable.
 
     :ivar home: the `Configuration` at zero roller travel.
-    :param description: see `robot_file.read_robot_file`.
-    :raises RobotFileError: the robot is not rigid or overconstrained, a module does not fit, or
+    :param description: content of a robot file, see `robot_file.read_robot_file`.
+    :raises RobotFileError: the robot is not rigid or is overconstrained, a module does not fit, or
         parts overlap at home.
     """
 
@@ -49,7 +49,7 @@ class Robot(
         _refuse_collision(self)
 
     def __eq__(self, other: object) -> bool:
-        """Return whether the other robot is of an equal description, from which all follows."""
+        """Return whether the description of the other robot is equal."""
         return type(other) is Robot and self.description == other.description
 
     def __hash__(self) -> int:
@@ -69,7 +69,7 @@ class Robot(
         Continuation along the straight line of roller travel from `near` selects the branch.
 
         :param roller_positions: (r,) travel of the tube through each roller since home [m].
-        :param near: start of the continuation, default home; a close one saves time.
+        :param near: start of the continuation; None: home. A close one saves time.
         :raises ConfigurationError: wrong shape, not finite, or no such configuration.
         """
         return (near or self.home).moved_to(roller_positions)
@@ -96,9 +96,10 @@ def _made_of(description: bytes) -> Robot:
 
 def load_robot(name_or_path: str | Path) -> Robot:
     """
-    Load a robot.
+    Return the robot of a preset or a robot file.
 
-    :param name_or_path: the name of a preset (`nine_member`, `triangle`) or the path of a file.
-    :raises RobotFileError: names the file, the key, the value and the valid range.
+    :param name_or_path: name of a preset (`nine_member`, `triangle`), or path of a robot file.
+    :raises RobotFileError: the robot file is invalid; the message names the file, the key, the
+        value and the valid range.
     """
     return Robot(read_robot_file(name_or_path))

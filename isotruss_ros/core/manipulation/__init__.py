@@ -5,5 +5,5 @@
 Inverse kinematics from object twist to roller velocities: equations (11), (14) to (20).
 
 Entry points: `solve_twist.solve_twist`, `grip.Grip`, `rolling_grip.RollingGrip`, `limits`.
-Imports `core.statics` and the packages below it, not `core.contact`.
+Imports `core.statics` and the layers below it, not `core.contact`.
 """

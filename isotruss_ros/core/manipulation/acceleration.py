@@ -4,9 +4,9 @@
 """
 Limit of the roller accelerations from one control cycle to the next.
 
-The command moves on a straight line from the previous to the desired one, as far as every roller
-may change its speed. Both ends fulfil the constraints of contacts and limits, which are linear in
-the speeds; so does every point between them.
+The command lies on the straight line from the previous to the desired command. It is as close to
+the desired one as the largest change of a roller's speed admits. Both ends of the line fulfil the
+linear constraints of contacts and limits, so every point of it does.
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ def limit_acceleration(
     command: RollerCommand, previous: Array, change: float, find_rows: Callable[[], Rows]
 ) -> RollerCommand:
     """
-    Return the closest command to a desired one with limited change of all roller speeds.
+    Return the closest command to a desired one within the largest change of roller speeds.
 
-    Where the limits of the configuration require a faster stop, the rollers decelerate at their
-    largest rate.
+    If limits of the configuration require a faster stop, the rollers decelerate at their largest
+    rate.
 
     :param command: desired command.
     :param previous: (r,) roller speeds of the previous cycle [m/s].
     :param change: largest change of a speed, positive [m/s].
-    :param find_rows: returns the rows of the limits at the configuration of the command, see
-        `stack_rows`.
+    :param find_rows: function that returns the rows of the limits at the command's configuration,
+        see `stack_rows`.
     """
     wanted = command.roller_velocities
     if np.abs(wanted - previous).max() <= change:
@@ -55,7 +55,7 @@ def limit_acceleration(
 
 def limit_change(speeds: Array, previous: Array, change: float) -> Array:
     """
-    Return the speeds (r,) on the line to the desired ones within the largest change [m/s].
+    Return the speeds (r,) closest to desired ones on the line from the previous speeds [m/s].
 
     :param speeds: (r,) desired speeds [m/s].
     :param previous: (r,) speeds of the previous cycle [m/s].
@@ -67,7 +67,7 @@ def limit_change(speeds: Array, previous: Array, change: float) -> Array:
 
 
 def _keep_contacts(rows: Array | None, speeds: Array) -> Array:
-    """Return the projection of speeds (r,) on the null space of the rows (g, r) [m/s]."""
+    """Return the projection of speeds (r,) on the null space of contact rows (g, r) [m/s]."""
     if rows is None or not len(rows):
         return speeds
     return speeds - np.linalg.lstsq(rows, rows.dot(speeds), rcond=None)[0]
@@ -83,11 +83,11 @@ def _brake(speeds: Array, rows: Rows) -> Array:
 
 def _largest_share(away: Array, step: Array, change: float) -> float:
     """
-    Return the largest share of a step, 0 to 1, that keeps a sum within a bound.
+    Return the largest share of a step, 0 to 1, at which all components keep a bound.
 
-    :param away: (r,) sum without the step.
-    :param step: (r,) the step.
-    :param change: largest magnitude of the sum, positive.
+    :param away: (r,) values without the step.
+    :param step: (r,) change of the values by the whole step.
+    :param change: bound of their magnitudes, positive.
     """
     moving = step != 0.0
     shares = (np.copysign(change, step[moving]) - away[moving]) / step[moving]

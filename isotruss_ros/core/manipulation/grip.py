@@ -5,9 +5,8 @@
 Grip of an object between any two or three members, with its contacts.
 
 Members are undeformed centre lines from pinch point to pinch point. A contact is the point of the
-object's surface farthest toward the member; a face on a member, see `contact_patch`, has contacts
-at both ends, so it can neither lift nor rotate. Points of the plane are complex numbers,
-as in `constraints`.
+object's surface farthest toward the member. A face on a member has contacts at both ends, see
+`contact_patch`, so it can neither lift nor rotate. Points of the plane are complex numbers x + iy.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ from isotruss_ros.core.numerics.arrays import Indices
 import numpy as np
 from numpy.typing import ArrayLike
 
-#: Number of members that hold an object.
+#: Smallest and largest number of members that hold an object [-].
 MIN_MEMBERS, MAX_MEMBERS = 2, 3
 
 
@@ -36,14 +35,14 @@ class Grip:
     """
     An object with its grasping members, in any configuration.
 
-    :ivar members: names `t/j-k` of two members, or three.
-    :ivar body: the object in its place in the robot frame.
-    :ivar friction: coefficient between tubes and object; if left out the object's own, or
-        `DEFAULT_FRICTION` where it has none.
-    :ivar corners: numbers of the corners that touch each member, one or both ends of a face, where
-        a model of the held object has them; None for those of the planned indentation, see
-        `contact_patch`.
-    :raises GraspError: not two or three different names, no such object, or no such coefficient.
+    :ivar members: names `t/j-k` of two or three members.
+    :ivar body: the object at its pose in the robot frame.
+    :ivar friction: coefficient of friction between tubes and object; by default the object's own,
+        or `DEFAULT_FRICTION`.
+    :ivar corners: by member, indices of the corners in contact: one, or both ends of a face. None:
+        the contacts of the planned indentation, see `contact_patch`.
+    :raises GraspError: not two or three different names, no such object, or an invalid
+        coefficient.
     """
 
     members: tuple[str, ...]
@@ -52,7 +51,7 @@ class Grip:
     corners: tuple[tuple[int, ...], ...] | None = None
 
     def __post_init__(self) -> None:
-        """Check the number of members; their names are checked against a robot when used."""
+        """Check the number of members; a robot checks their names later."""
         try:
             friction = self.body.friction_or(self.friction)
         except AttributeError:
@@ -71,14 +70,14 @@ class Grip:
 
     @property
     def center(self) -> complex:
-        """Return the origin of the object's frame, to which its twist belongs, x + iy [m]."""
+        """Return the origin of the object's frame, the point of its twist, x + iy [m]."""
         return self.body.center
 
     def moved_to(self, pose: ArrayLike) -> Grip:
         """
         Return the grip with the object at another pose.
 
-        :param pose: pose of the object's frame in the robot frame (x, y, angle) [m, rad].
+        :param pose: pose (x, y, angle) of the object's frame in the robot frame [m, rad].
         :raises GraspError: the pose is not three finite numbers within range.
         """
         moved = object.__new__(Grip)
@@ -90,8 +89,8 @@ class Grip:
         """
         Return the grip with known contacts.
 
-        :param owners: (k,) which member each contact is of, rising.
-        :param corners: (k,) numbers of the corners that touch there.
+        :param owners: (k,) number of each contact's member within the grip, ascending.
+        :param corners: (k,) index of the corner in contact.
         """
         touched = [tuple(corners[owners == i].tolist()) for i in range(len(self.members))]
         found = object.__new__(Grip)
@@ -103,11 +102,11 @@ class Grip:
         cls, robot: Robot, module: str, body: ConvexObject, friction: float | None = None
     ) -> Grip:
         """
-        Return the grip by the two members that meet at a module, as in the paper.
+        Return the grip of the two members that meet at a module, as in the paper.
 
         :param robot: the robot.
         :param module: name `t/j` of the module.
-        :param body: the object in its place in the robot frame.
+        :param body: the object at its pose in the robot frame.
         :param friction: coefficient between tubes and object; see `Grip`.
         :raises GraspError: the robot has no such module, or see `Grip`.
         """
@@ -116,7 +115,7 @@ class Grip:
 
 def members_at(robot: Mechanism, module: str) -> tuple[str, str]:
     """
-    Return the names of the two members that meet at a module: next and previous.
+    Return the names of the two members that meet at a module: the next and the previous one.
 
     :param robot: the robot.
     :param module: name `t/j` of the module.
@@ -132,19 +131,19 @@ def members_at(robot: Mechanism, module: str) -> tuple[str, str]:
 
 
 class MemberNodes(NamedTuple):
-    """Indices of members, their end nodes and rollers."""
+    """Indices of k members, their end nodes and rollers."""
 
-    members: Indices  #: (k,) numbers of the members: those of the modules that they leave
-    lines: Indices  #: (k, 2) nodes B at which they start, and C at which they end
-    driven: Indices  #: (d,) which of the k members start at a module with a roller
-    rollers: Indices  #: (d,) numbers of these rollers
-    entries: Indices  #: (4 k,) places of the entries of `member_rows` among (3 k, n)
+    members: Indices  #: (k,) indices of the members, equal to those of the modules at their starts
+    lines: Indices  #: (k, 2) nodes B at the members' starts, and C at their ends
+    driven: Indices  #: (d,) positions, among the k, of members that start at a roller
+    rollers: Indices  #: (d,) indices of these rollers
+    entries: Indices  #: (4 k,) flat indices of the entries of `member_rows` in (3 k, n)
 
 
 @functools.lru_cache(maxsize=256)
 def find_members(robot: Robot, names: tuple[str, ...]) -> MemberNodes:
     """
-    Return the indices of members and of their nodes, read-only.
+    Return the indices of members and their nodes, read-only.
 
     :param robot: the robot.
     :param names: (k,) names `t/j-k`.
@@ -178,22 +177,22 @@ class GripContact(NamedTuple):
 
     owner: int  #: index of the member within the grip
     start: complex  #: start of the member, robot frame [m]
-    normal: complex  #: unit vector out of the object into the member
+    normal: complex  #: unit vector from the object toward the member
     point: complex  #: point of the object's surface, robot frame [m]
-    corner: int  #: number of the corner that touches, see `Shape.corner_at`
-    side: float  #: +1 where the object is left of the member, -1 where it is right
+    corner: int  #: index of the corner in contact, see `Shape.corner_at`
+    side: float  #: +1 for an object on the left of the member, -1 on the right
 
 
 @functools.lru_cache(maxsize=8)
 def find_contacts(config: Configuration, grip: Grip) -> list[GripContact]:
     """
-    Return the contacts of the members with the object; the last few results are cached.
+    Return the contacts of the members with the object, from a cache of the last few results.
 
     :param config: configuration of the robot.
     :param grip: the grip.
-    :return: one for each member, two for a member along a face, in the order of the members.
-    :raises GraspError: no such member; or a member does not touch the object between its ends
-        within a gap or penetration of one tube diameter.
+    :return: contacts in the order of the members: one for each, two for a member along a face.
+    :raises GraspError: no such member; or a member does not touch the object between its ends,
+        with a gap or penetration of at most one tube diameter.
     """
     nodes = find_members(config.robot, grip.members)
     tube = config.robot.description.tube_diameter
@@ -229,7 +228,7 @@ def find_contacts(config: Configuration, grip: Grip) -> list[GripContact]:
 def _check_touch(
     grip: Grip, owners: list[int], places: list[tuple[float, float]], tube: float
 ) -> None:
-    """Raise for a member without contact; a face may extend beyond its end."""
+    """Raise GraspError for a member without contact; a face may extend beyond a member's end."""
     for number, name in enumerate(grip.members):
         own = [place for owner, place in zip(owners, places, strict=True) if owner == number]
         gap = min((gap for gap, _ in own), key=abs)

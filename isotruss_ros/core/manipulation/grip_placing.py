@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Placement of objects in contact with given members."""
+"""Poses of objects in contact with given members."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ def place_between(
     indentation: float = 0.0,
 ) -> Grip:
     """
-    Return a grip of an object in contact with members, at equal depth in all of them.
+    Return a grip of an object in contact with members, at equal depth in all members.
 
-    Of several such poses the nearest to the middle of the members is returned. For three members,
-    or parallel ones, the depths are as equal as possible.
+    If several poses exist, the pose nearest to the middle of the members is returned. For three
+    members, or parallel ones, the depths are as equal as possible.
 
     :param config: configuration of the robot.
-    :param members: names `t/j-k` of two members, or three.
+    :param members: names `t/j-k` of two or three members.
     :param shape: shape of the object.
     :param angle: angle of the object in the robot frame [rad].
     :param indentation: penetration into the undeformed skin of the tubes [m].
@@ -85,8 +85,8 @@ def tangent_center(
     :param diameter: diameter of the object [m].
     :param indentation: shift of the centre toward the corner of the two members [m].
     :return: (x, y) in the robot frame [m].
-    :raises GraspError: no such module, diameter not positive, indentation not finite, or the
-        object would have to be behind the module or beyond the end of a member.
+    :raises GraspError: no such module; the diameter is not positive; the indentation is not
+        finite; or the object would be behind the module or beyond the end of a member.
     """
     (depth,) = finite_array([indentation], 1, 'indentation [m]', GraspError)
     nodes = find_members(config.robot, members_at(config.robot, module))

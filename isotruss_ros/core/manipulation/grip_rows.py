@@ -2,13 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Grip Jacobian: J_h(q) qdot = G^T nu solved for the twist nu.
+Grip Jacobian: the grasp constraint J_h(q) qdot = G^T nu, solved for the twist nu.
 
-J_h maps to the velocities of the tubes' material at the contacts, G^T to those of the object's
-surface; contacts roll. The tube is inextensible, so that the material of a straight member moves
-as a rigid body, along the member with the roller at its start. By (12) the roller at its end gives
-the same motion. For a cylinder between the two members of one module the rows are those of (14) to
-(18).
+J_h qdot is the velocity of the tubes' material at the contacts, G^T nu that of the object's
+surface; they are equal, because contacts roll. The tube is inextensible, so the material of a
+straight member moves as a rigid body. Along the member it has the speed of the roller at the
+member's start; by (12), the roller at its end gives the same. For a cylinder between the two
+members of one module, the rows are (14) to (18).
 """
 
 from __future__ import annotations
@@ -29,16 +29,16 @@ def grip_jacobian(config: Configuration, grip: Grip) -> Array:
     """
     Return the Jacobian from roller speeds to the object's motion in a grip: (19) after (12).
 
-    The first three rows are the twist, the others the residual of J_h(q) qdot = G^T nu: contacts
-    are kept where it is zero. The last few Jacobians are cached.
+    The first three rows give the twist. The other g rows give the residual of J_h(q) qdot = G^T
+    nu; it is zero if the contacts are kept. The last few Jacobians are cached.
 
     :param config: configuration of the robot.
     :param grip: the grip.
-    :return: (3 + g, r) for 1 m/s at each roller, robot frame: rows vx, vy [m/s] and omega [rad/s]
-        of the object, then the opening rate (of the distance between the contacts of two members;
-        for three twice the speed of each away from the object), and g - 1 other rows, all [m/s]; g
-        is 1 for two point contacts, 2 with one face, 3 with two faces, and 2 k - 3 for k contacts
-        of three members. Read-only.
+    :return: (3 + g, r) for roller speeds of 1 m/s, read-only. Rows: vx, vy [m/s] and omega [rad/s]
+        of the object in the robot frame; the opening rate [m/s], which is the rate of the distance
+        between the contacts of two members, or twice the speed of each of three members away from
+        the object; g - 1 other residuals [m/s]. g is 1 for two point contacts, 2 with one face, 3
+        with two faces, and 2 k - 3 for k contacts on three members.
     :raises GraspError: see `find_contacts`; or all contacts coincide.
     :raises ConfigurationError: the configuration is singular.
     """
@@ -63,12 +63,12 @@ def _require_apart(distance: float) -> None:
 
 def member_rows(config: Configuration, names: tuple[str, ...]) -> Array:
     """
-    Return the Jacobian of the material velocity in members.
+    Return the Jacobian of the velocity of the tube's material in members.
 
     :param config: configuration of the robot.
     :param names: (m,) names of the members.
-    :return: (3 m, r) rows vx, vy of the material at the start of the member, robot frame [-], and
-        the angular velocity of the member (16) [1/m], member by member.
+    :return: (3 m, r) rows, three for each member: vx, vy of the material at the member's start in
+        the robot frame [-], and the angular velocity of the member (16) [1/m].
     :raises GraspError: the robot has no such member.
     :raises ConfigurationError: the configuration is singular.
     """
@@ -93,8 +93,9 @@ def contact_rows(config: Configuration, grip: Grip) -> tuple[Array, Array]:
 
     :param config: configuration of the robot.
     :param grip: the grip.
-    :return: J_h (2 k, r), rows vx, vy contact by contact, by roller speeds, and G^T (2 k, 3), by
-        the twist vx, vy [m/s], omega [rad/s], in the robot frame.
+    :return: J_h (2 k, r), velocities vx, vy of each contact by roller speeds [-]; and G^T (2 k,
+        3), velocities vx, vy of each contact by the twist vx, vy [-], omega [m], in the robot
+        frame.
     :raises GraspError: see `find_contacts`.
     :raises ConfigurationError: the configuration is singular.
     """
@@ -112,10 +113,10 @@ def contact_rows(config: Configuration, grip: Grip) -> tuple[Array, Array]:
 
 def _misfits(rigid: Array, normals: Array) -> Array:
     """
-    Return an orthogonal basis of the complement of the range of G^T, (2 k, 2 k - 3).
+    Return an orthogonal basis (2 k, 2 k - 3) of the complement of the range of G^T.
 
-    The first vector moves each member away from the object by 0.5 m/s, minus its projection on the
-    range of G^T.
+    The first vector is a motion of each member away from the object at 0.5 m/s, minus its
+    projection on the range of G^T.
     """
     basis, factor = np.linalg.qr(np.column_stack([rigid, 0.5 * normals]), mode='complete')
     basis[:, 3] *= factor[3, 3]
@@ -124,15 +125,15 @@ def _misfits(rigid: Array, normals: Array) -> Array:
 
 def rows_of_two(grip: Grip, contacts: Sequence[GripContact], members: Array) -> Array:
     """
-    Return `grip_jacobian` of two members with a subset of their contacts.
+    Return the rows of `grip_jacobian` for two members with some of their contacts.
 
-    Replaces the solution of the constraint in `contact_rows`. The object turns with the member of
-    a face contact, else with the line through both points; their middle moves with the mean
-    velocity.
+    This is the explicit solution of the constraint in `contact_rows`. The object rotates with the
+    member of a face contact, else with the line through both points. The midpoint of the points
+    moves with their mean velocity.
 
     :param grip: grip of two members.
     :param contacts: contacts with the object.
-    :param members: (6, r) rows, see `member_rows`.
+    :param members: (6, r) rows of the two members, see `member_rows`.
     :raises GraspError: the contacts coincide.
     """
     first, *one = (contact for contact in contacts if contact.owner == 0)

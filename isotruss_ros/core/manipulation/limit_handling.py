@@ -2,17 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Execution of a task under limits: scaled, or sliding along the limits.
+Execution of a twist under limits, by scaling or by sliding along the limits.
 
-Scaling keeps the direction of the twist. Sliding scales for roller speed limits only, which do not
-depend on the configuration, and then projects the twist on the set of admissible ones. Its
-component along the twist is at least that of scaling: both are admissible, and the projection on a
-convex set that contains the origin has the larger component.
+Scaling keeps the direction of the twist. Sliding scales the twist only for roller speed limits,
+which do not depend on the configuration. Then it projects the twist on the convex set of
+admissible twists. The projection's component along the twist is at least that of scaling.
 
 Close to degeneracy (nearly empty admissible sets, rollers that hardly move the object) full roller
-speed would produce a thousandth of the twist, with alternating sign from cycle to cycle. There
-regularization trades progress against roller speed. Sliding may then be slower than scaling by a
-few per cent of the twist.
+speed would produce a thousandth of the twist, with a sign that alternates from cycle to cycle. So
+regularisation reduces roller speed at the expense of progress. Sliding may then be slower than
+scaling by a few per cent of the twist.
 """
 
 from __future__ import annotations
@@ -30,23 +29,24 @@ from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.numerics.tolerances import ROUNDING
 import numpy as np
 
-#: Largest ratio of admissible progress to that of the least-cost solution at full speed [-].
+#: Largest ratio of the admissible progress to that of the least-cost solution at full speed [-].
 MAX_SCALE = 1e4
-#: Slack of a binding row relative to the roller speeds [-].
+#: Largest slack of a binding row relative to the roller speeds [-].
 BINDING_TOLERANCE = 1e-7
-#: Smallest regularization weight [-]; makes the closest point unique.
+#: Smallest regularisation weight [-]; it makes the closest point unique.
 MIN_REGULARIZATION = 1e-6
-#: Number of rollers above which the active-row method is faster (benchmarks/scaling.py).
+#: Largest number of rollers with all rows at once; beyond it, active rows are faster
+#: (benchmarks/scaling.py) [-].
 MAX_ROLLERS_WITH_ALL_ROWS = 60
-#: Initial number of rows, and smallest number of rows added at a time [-].
+#: Initial number of active rows, and smallest number of rows added at a time [-].
 ROW_BATCH = 16
-#: Full roller speed is used where the surface of the object moves at 2 / `PROGRESS_WEIGHT` of it
-#: or more along the twist, less below [-]. In loops slower than `REFERENCE_PERIOD` [s], the weight
-#: falls with the period. Its inverse is the weight of the speeds against the error of the twist
-#: when sliding.
+#: Weight of progress against roller speed [-]. Full roller speed is used if the object's surface
+#: moves along the twist at 2 / `PROGRESS_WEIGHT` of it or more. When sliding, the inverse is the
+#: weight of roller speeds against the twist's error. In loops slower than `REFERENCE_PERIOD` [s],
+#: the weight decreases with the period.
 PROGRESS_WEIGHT, REFERENCE_PERIOD = 100.0, 1e-2
 
-#: Solver: cost, task and rows to speeds (n,) and progress.
+#: Solver: function from cost, task and rows to speeds (n,) and progress.
 Solver: TypeAlias = Callable[[Array, Array, Rows], tuple[Array, float]]
 
 
@@ -55,8 +55,10 @@ class LimitHandling:
     """
     Behaviour of a command at binding limits.
 
-    :ivar slide_along_limits: slide along limits of the configuration instead of stopping.
-    :ivar period: period of the control loop [s]; enables regularization. Zero: largest progress.
+    :ivar slide_along_limits: whether the command slides along limits of the configuration;
+        otherwise it is scaled.
+    :ivar period: period of the control loop, which determines the regularisation [s]; 0: no
+        regularisation, largest progress.
     """
 
     slide_along_limits: bool = False
@@ -71,14 +73,14 @@ def apply_limits(
     handling: LimitHandling,
 ) -> tuple[Array, float, Status, tuple[str, ...]]:
     """
-    Return the command of a task under the limits.
+    Return the command that executes a task under the limits.
 
     :param config: configuration of the robot.
-    :param task: the task.
+    :param task: desired motion.
     :param limits: the limits.
     :param rows: rows of the limits, see `stack_rows`.
     :param handling: behaviour at binding limits.
-    :return: roller velocities (r,) [m/s], scale, status and names of the limits that bind.
+    :return: roller velocities (r,) [m/s], scale, status, and names of the binding limits.
     :raises SolverError: a quadratic program was not solved.
     """
     reach, max_speed = task.reach, config.robot.description.max_speed
@@ -135,9 +137,9 @@ def apply_limits(
 
 def _solve(task: Task, solve: Solver, rows: Rows, guess: Array | None) -> tuple[Array, float]:
     """
-    Solve a quadratic program with all rows or, on a large robot, with the active rows.
+    Solve a quadratic program with all rows; on a large robot, with the active rows.
 
-    Without a guess all rows are used: without regularization many rows bind.
+    Without a guess all rows are used, because many rows bind without regularisation.
     """
     working, equality = task.reach.working, task.reach.rows
     if guess is not None and len(working.places) > MAX_ROLLERS_WITH_ALL_ROWS:
@@ -149,21 +151,21 @@ def solve_by_few_rows(
     solve: Solver, even: Array, equality: Array, rows: Rows, guess: Array
 ) -> tuple[Array, float]:
     """
-    Solve a quadratic program of the twist by its active rows.
+    Solve a quadratic program of the twist with its active rows only.
 
-    In place of `solve(cost, equality, rows)`. A solution with some of the rows that fulfils all
-    others is the solution with all: the programs are strictly convex, and what is left out only
-    has to be admitted. So rows are added as they are violated, a few times. With the rows S the
-    least-cost speeds are combinations of as many vectors as there are rows in the task and in S:
-    u = E y with |C E y| = |y|, and y in the span of E^T [J^T, G_S^T], since what is at right
-    angles to it costs and changes nothing else.
+    It replaces `solve(cost, equality, rows)`. The programs are strictly convex, so a solution with
+    some rows that fulfils all other rows is the solution with all rows. Violated rows are added
+    until none is violated, a few times. With the rows S, the least-cost speeds are u = E y with |C
+    E y| = |y| and y in the span of E^T [J^T, G_S^T]: a component normal to the span increases the
+    cost and changes nothing else. So there are only as many variables as rows.
 
     :param solve: solver for given rows, in reduced variables.
-    :param even: (w, w) E, see `WorkingRollers`.
-    :param equality: (k, w) J, the task on the working rollers.
+    :param even: (w, w) matrix E, see `WorkingRollers`.
+    :param equality: (k, w) task J on the working rollers.
     :param rows: all rows of the limits, with bounds in the units of the program.
-    :param guess: (w,) speeds; the rows closest to their bounds form the initial set.
-    :return: (w,) speeds and the progress.
+    :param guess: (w,) speeds; the rows closest to their bounds at these speeds form the initial
+        set.
+    :return: (w,) speeds, and the progress.
     :raises SolverError: a program was not solved.
     """
     task = equality.dot(even)
@@ -185,5 +187,5 @@ def solve_by_few_rows(
 
 
 def _largest(values: Array, count: int) -> Indices:
-    """Return the indices of the largest values."""
+    """Return the indices of the largest values, `count` of them."""
     return np.argsort(-values, kind='stable')[:count]

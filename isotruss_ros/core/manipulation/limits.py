@@ -4,7 +4,7 @@
 """
 Limits: rows lower <= G phidot <= upper of the quadratic program.
 
-Zero speed fulfils every limit: a robot beyond a bound may stop or return, not move further.
+Zero speed fulfils every limit. A robot beyond a bound may stop or return, but not move further.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ APPROACH_RATE = 10.0
 
 
 class Rows(NamedTuple):
-    """Rows lower <= matrix @ phidot <= upper, with lower <= 0 <= upper."""
+    """Limits as rows lower <= matrix @ phidot <= upper, with lower <= 0 <= upper."""
 
-    matrix: Array  #: (k, r) on the roller speeds [-]
-    lower: Array  #: (k,) [m/s]
-    upper: Array  #: (k,) [m/s]
+    matrix: Array  #: (k, r) coefficients of the roller speeds [-]
+    lower: Array  #: (k,) lower bounds [m/s]
+    upper: Array  #: (k,) upper bounds [m/s]
 
     def slack(self, speeds: Array) -> Array:
         """
-        Return the slack of the (k,) rows, negative if violated [m/s].
+        Return the distance of each row (k,) from its bound, negative if violated [m/s].
 
         :param speeds: (r,) roller speeds [m/s].
         """
@@ -50,15 +50,15 @@ class Rows(NamedTuple):
 
 
 class Limit(Protocol):
-    """A limit on the roller speeds."""
+    """Protocol of a limit on the roller speeds."""
 
     @property
     def status(self) -> Status:
-        """Return the status of a command limited by this limit."""
+        """Return the status of a command that this limit reduces."""
 
     @property
     def can_slide(self) -> bool:
-        """Return whether commands may slide along this limit, with `slide_along_limits`."""
+        """Return whether commands can slide along this limit, with `slide_along_limits`."""
 
     def rows(self, config: Configuration) -> Rows:
         """
@@ -84,9 +84,9 @@ def _speed_rows(count: int, max_speed: float) -> Rows:
 
 @dataclass(frozen=True)
 class RollerSpeedLimit:
-    """Bound of the roller speeds."""
+    """Upper bound of the roller speeds."""
 
-    max_speed: float  #: positive [m/s]
+    max_speed: float  #: largest roller speed, positive [m/s]
     status: ClassVar[Status] = Status.SLOWED_ROLLER_SPEED
     can_slide: ClassVar[bool] = False
 
@@ -104,13 +104,13 @@ class MemberLengthLimit:
     """
     Bounds of the member lengths, enforced by an exponential approach.
 
-    The speed toward a bound is at most `rate` times the distance. A loop at `rate` [Hz] or faster
-    never violates the bound, since lengths are linear in roller travel. The deceleration is at
-    most `rate` times the largest roller speed.
+    The speed toward a bound is at most `rate` times the distance from it. Lengths are linear in
+    roller travel, so a loop at `rate` [Hz] or faster never violates the bound. The deceleration is
+    at most `rate` times the largest roller speed.
     """
 
-    min_length: float  #: pinch to pinch [m]
-    max_length: float  #: pinch to pinch [m]
+    min_length: float  #: smallest length, pinch point to pinch point [m]
+    max_length: float  #: largest length, pinch point to pinch point [m]
     rate: float = APPROACH_RATE  #: decay rate of the distance from a bound [1/s]
     status: ClassVar[Status] = Status.SLOWED_MEMBER_LENGTH
     can_slide: ClassVar[bool] = True
@@ -148,7 +148,7 @@ def stack_rows(config: Configuration, limits: Sequence[Limit]) -> Rows:
     Return the stacked rows of several limits, in their order.
 
     :param config: configuration of the robot.
-    :param limits: the limits, perhaps none.
+    :param limits: the limits, possibly none.
     """
     if not limits:
         return Rows(np.zeros((0, len(config.roller_positions))), np.zeros(0), np.zeros(0))
@@ -160,7 +160,7 @@ def name_binding_rows(
     config: Configuration, limits: Sequence[Limit], binding: Flags
 ) -> tuple[Status, tuple[str, ...]]:
     """
-    Return the status of the first binding limit and the names of all binding rows.
+    Return the status of the first binding limit, and the names of all binding rows.
 
     :param config: configuration of the robot.
     :param limits: the limits.

@@ -4,13 +4,13 @@
 """
 Rolling of an object in a grip: its pose is a function of the configuration, without drift.
 
-A contact that rolls keeps the distance of the object from the member, and the place of the tube's
-material that it touches less the arc of the object that has been unrolled on it:
+A rolling contact has two invariants: the gap of the object from the member, and the anchor, which
+is the touched place of the tube's material minus the unrolled arc of the object:
 
     Im(conj(e) (p - B)) = gap,   Re(conj(e) (p - B)) - phi - arc = anchor
 
-with B the start of the member, e its direction, p the point of contact, phi the travel of the tube
-into the member; the constraint J_h(q) qdot = G^T nu is the derivative. Distances are counted
+with the start B of the member, its direction e, the point of contact p, and the travel phi of the
+tube into the member. Their derivative is the constraint J_h(q) qdot = G^T nu. Gaps are positive
 toward the object, arcs along the member.
 """
 
@@ -37,18 +37,20 @@ import numpy as np
 @dataclass(frozen=True, eq=False)
 class RollingGrip:
     """
-    A grip in one configuration, with its rolling invariants.
+    Grip in one configuration, with the rolling invariants of its k contacts.
 
     :ivar config: the configuration.
-    :ivar grip: the grip, the object in its place.
-    :ivar angles: (m,) of the object's normals toward the members in its frame, not wrapped [rad].
-    :ivar owners: (k,) which member each contact is of: one for each, or both ends of a face.
-    :ivar corners: (k,) which corner of a polygon touches there.
-    :ivar kept: (2, k) gaps of the object from the members' centre lines, and anchors of the
-        contacts along the tubes, which stay [m].
-    :ivar sides: (m,) +1 where the object is left of the member, -1 where it is right.
-    :ivar misfit: the largest deviation from what is kept [m]: by so much members have come
-        closer, moved apart or slipped, since the rollers did not keep the contacts.
+    :ivar grip: the grip, with the object at its pose.
+    :ivar angles: (m,) unwrapped angles of the normals toward the members, in the object's frame
+        [rad].
+    :ivar owners: (k,) number of each contact's member within the grip: one contact for each
+        member, or two for a face.
+    :ivar corners: (k,) index of the polygon's corner in contact.
+    :ivar kept: (2, k) invariants: gaps of the object from the centre lines, and anchors along the
+        tubes [m].
+    :ivar sides: (m,) +1 for an object on the left of the member, -1 on the right.
+    :ivar misfit: largest deviation from the invariants [m]: members have come closer, moved apart
+        or slipped, because the rollers did not keep the contacts.
     """
 
     config: Configuration
@@ -63,10 +65,10 @@ class RollingGrip:
     @classmethod
     def attach(cls, config: Configuration, grip: Grip) -> RollingGrip:
         """
-        Return the grip of an object in contact.
+        Return the rolling grip of an object in contact.
 
         :param config: configuration of the robot.
-        :param grip: the grip, with the object in its place.
+        :param grip: the grip, with the object at its pose.
         :raises GraspError: see `find_contacts`.
         """
         contacts = find_contacts(config, grip)
@@ -89,12 +91,13 @@ class RollingGrip:
         """
         Return the grip rolled to another configuration.
 
-        A face that lies on a member may lift at one of its ends. Where the rollers did not keep
-        the contacts, the pose is the one with the least squares of what is off, and `misfit` the
-        largest.
+        A face on a member may lift at one of its ends. If the rollers did not keep the contacts,
+        the pose minimises the squared deviations from the invariants, and `misfit` is the largest
+        deviation.
 
-        :param config: near to the present one: the object turns by less than half a turn.
-        :raises GraspError: there is no such pose; or a member does not touch the object any more.
+        :param config: configuration near the current one; the object rotates by less than half a
+            turn.
+        :raises GraspError: no such pose exists; or a member does not touch the object any more.
         """
         rolled = self._rolled(config)
         if rolled.misfit <= ROUNDING or len(self.owners) == len(self.sides):
@@ -117,13 +120,13 @@ class RollingGrip:
         return rolled
 
     def _clears(self, rolled: RollingGrip) -> bool:
-        """Return whether the corners in contact here do not penetrate the members there."""
+        """Return whether this grip's contact corners penetrate no member after rolling."""
         body, lines = rolled.grip.body, rolled._lines(rolled.config)
         touch = self._touch_there(lines, body.center, body.pose.angle, self.corners)
         return bool((touch.values[0] >= self.kept[0] - rolled.misfit - ROUNDING).all())
 
     def _rolled(self, config: Configuration) -> RollingGrip:
-        """Return the grip in another configuration, with these contacts."""
+        """Return the grip in another configuration with the same contacts."""
         body, lines, corners = self.grip.body, self._lines(config), self.corners
         center, angle = body.center, body.pose.angle
         for step in range(MAX_NEWTON_ITERATIONS):
@@ -156,7 +159,7 @@ class RollingGrip:
         )
 
     def _lowest(self, normals: Points) -> Indices:
-        """Return the corners (k,) in contact: both ends of a face, or the extreme one."""
+        """Return the corners (k,) in contact: both ends of a face, or the farthest corner."""
         if not self._shape.faces_at(0):
             return self.corners
         alone = np.bincount(self.owners) == 1
@@ -165,12 +168,12 @@ class RollingGrip:
 
     @functools.cached_property
     def _shape(self) -> Shape:
-        """Return the shape of the object as tubes meet it."""
+        """Return the shape of the object for contacts, see `contact_body`."""
         tube = self.config.robot.description.tube_diameter
         return contact_body(self.grip.body, 0.5 * tube).shape
 
     def _unwrapped(self, normals: Points, angle: float) -> Array:
-        """Return the angles of normals (m,) in the object, unwrapped to the previous ones."""
+        """Return the angles (m,) of normals in the object's frame, unwrapped."""
         return self.angles + np.angle(normals * np.exp(-1j * (angle + self.angles)))
 
     def _lines(self, config: Configuration) -> _Lines:
@@ -184,14 +187,14 @@ class RollingGrip:
         return _Lines(starts, axes, axes * (-1j * self.sides), travel)
 
     def _touch(self, lines: _Lines) -> _Touch:
-        """Return the rolling invariants at the pose of the object."""
+        """Return the invariants at the pose of the object."""
         body = self.grip.body
         return self._touch_there(lines, body.center, body.pose.angle, self.corners)
 
     def _touch_there(
         self, lines: _Lines, center: complex, angle: float, corners: Indices
     ) -> _Touch:
-        """Return the rolling invariants at a pose, with given corners."""
+        """Return the invariants at a given pose with given corners."""
         shape, turn, owners = self._shape, cmath.rect(1.0, angle), self.owners
         own = lines.normals * turn.conjugate()
         points = shape.surface_at(corners, own[owners])[0]
@@ -207,7 +210,7 @@ class RollingGrip:
 
 
 class _Touch(NamedTuple):
-    """The k contacts of an object at a pose."""
+    """Invariants of the k contacts of an object at a pose."""
 
     values: Array  #: (2, k) gaps and anchors, see `RollingGrip.kept` [m]
     rows: Array  #: (2 k, 3) derivatives of gaps and anchors by the object's twist
@@ -216,19 +219,19 @@ class _Touch(NamedTuple):
 class _Lines(NamedTuple):
     """The m members of a grip in one configuration."""
 
-    starts: Points  #: x + iy [m]
-    axes: Points  #: their directions
-    normals: Points  #: unit vectors out of the object
-    travel: Array  #: travel of the tubes into the members at their starts [m]
+    starts: Points  #: starts of the members, x + iy [m]
+    axes: Points  #: unit vectors along the members, x + iy
+    normals: Points  #: unit normals away from the object, x + iy
+    travel: Array  #: travel of the tubes into the members [m]
 
 
 def roll_object(grip: Grip, start: Configuration, end: Configuration) -> Grip:
     """
     Return a grip rolled to another configuration; see `RollingGrip`.
 
-    :param grip: the grip in the first one.
-    :param start: the first configuration.
-    :param end: the other one, near to it.
-    :raises GraspError: a member does not touch the object, before or after.
+    :param grip: grip in the first configuration.
+    :param start: first configuration.
+    :param end: second configuration, near the first.
+    :raises GraspError: a member does not touch the object in one of the configurations.
     """
     return RollingGrip.attach(start, grip).moved_to(end).grip

@@ -2,12 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Rolling of a polygon over its corners for twists inadmissible with face contacts.
+Rolling of a polygon over its corners, for twists that are not admissible with face contacts.
 
-As long as faces of the object lie on members they stay there. A twist that they do not admit may
-be one for which the object rolls over an end of a face, while the other end lifts: where statics
-has a balance with the force at that end alone. Two members balance with forces along one line, in
-the friction cones of both.
+Contacts at both ends of a face do not admit all twists. For other twists the object may roll over
+one end of the face while the other end lifts. This needs a balance of forces with the force at
+that end only. Two members balance if their forces act along one line in both friction cones.
 """
 
 from __future__ import annotations
@@ -31,12 +30,12 @@ MIN_GAIN = 1e-6
 
 def roll_off_faces(config: Configuration, grip: Grip, reach: Reach, twist: Array) -> Reach:
     """
-    Return the reachable twists for the subset of contacts with the smallest residual twist.
+    Return the reachable twists of the subset of contacts with the smallest residual twist.
 
     :param config: configuration of the robot.
     :param grip: the grip.
-    :param reach: reach with all contacts, the result if no other is closer.
-    :param twist: (3,) of the object, not zero [m/s, rad/s].
+    :param reach: reachable twists with all contacts; the result if no subset is closer.
+    :param twist: (3,) twist of the object, not zero [m/s, rad/s].
     :raises ConfigurationError: the configuration is singular.
     """
     contacts = find_contacts(config, grip)
@@ -60,7 +59,7 @@ def roll_off_faces(config: Configuration, grip: Grip, reach: Reach, twist: Array
 
 
 def _missed(reach: Reach, twist: Array) -> float:
-    """Return the unreachable share of a twist."""
+    """Return the norm of a twist's unreachable part, relative to the twist."""
     unit = reach.weights * (twist / np.abs(twist).max())
     left = unit - reach.directions.T @ (reach.directions @ unit)
     return math.sqrt(left @ left) / math.sqrt(unit @ unit)
@@ -70,11 +69,11 @@ def rolled_corners(
     contacts: Sequence[GripContact], friction: float
 ) -> Iterator[list[GripContact]]:
     """
-    Return the remaining contacts of an object that rolls over ends of faces.
+    Yield the contacts that remain when an object rolls over ends of faces.
 
-    :param contacts: contacts of two members; with three, faces stay on them.
+    :param contacts: contacts of two members; for three members nothing is yielded.
     :param friction: coefficient between tubes and object.
-    :return: for each choice that statics has a balance for.
+    :return: subsets of the contacts that admit a balance of forces.
     """
     if contacts[-1].owner != 1 or len(contacts) == 2:
         return
@@ -87,15 +86,15 @@ def rolled_corners(
 
 
 def _choices(own: list[GripContact]) -> list[list[GripContact]]:
-    """Return the possible remaining contacts of a member: all, or either end of a face."""
+    """Return the possible remaining contacts of a member: all, or one end of a face."""
     return [own] if len(own) == 1 else [own, own[:1], own[1:]]
 
 
 def _balances(other: list[GripContact], one: list[GripContact], angle: float) -> bool:
     """
-    Return whether both friction cones contain a common line through the contacts.
+    Return whether a line through the contacts of two members is in both friction cones.
 
-    The first is a single point, the second one too or a face.
+    The first member has one contact, the second one or two.
     """
     point, normal = other[0].point, one[0].normal
     # Directions of the force at `other`: in its own cone, and against one in the cone of `one`.

@@ -48,7 +48,7 @@ def check_joint(robot: Mechanism, name: str) -> None:
 
     :param robot: the robot.
     :param name: name of the joint.
-    :raises GraspError: the robot has no such joint; names the existing ones.
+    :raises GraspError: the robot has no such joint; the message names the existing joints.
     """
     names = robot.topology.joint_names
     if name not in names:
@@ -69,13 +69,13 @@ def solve_joint_velocity(
     """
     Return the least-cost (11) roller velocities for given velocities of joints.
 
-    Unreachable velocities are replaced by the closest reachable ones; at binding limits they are
-    scaled or deflected, as in `solve_twist`.
+    Unreachable velocities are replaced by the closest reachable ones. At binding limits they are
+    scaled or projected, as in `solve_twist`.
 
     :param config: configuration of the robot.
-    :param velocities: (vx, vy) by joint in the robot frame [m/s]; other joints are unconstrained.
+    :param velocities: (vx, vy) by joint in the robot frame [m/s]; other joints are free.
     :param failed: names of failed rollers, which stand still.
-    :param limits: limits in place of those of the robot file.
+    :param limits: limits instead of those of the robot file; None: those of the file.
     :param handling: behaviour at binding limits.
     :raises GraspError: no such joint, no velocities, a velocity that is not two finite numbers, or
         no such roller.

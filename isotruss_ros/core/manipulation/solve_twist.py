@@ -47,26 +47,26 @@ def solve_twist(
     """
     Return the least-cost (11) roller velocities for a twist of the object (20).
 
-    The object keeps its contacts (for a disc at a module the opening angle (14)) unless an opening
-    rate is given; every tube keeps its length (13). A twist that is unreachable, or would break
-    contacts, is replaced by the closest reachable one in the norm |v|^2 + |omega d/2|^2, and the
-    status is `UNREACHABLE`; a polygon rolls over the end of a face where statics allows it, see
-    `roll_off_faces`. At binding limits the twist is scaled or, with `slide_along_limits`,
-    projected on the admissible twists, see `apply_limits`.
+    The object keeps its contacts (a disc at a module keeps the opening angle (14)) unless an
+    opening rate is given. Every tube keeps its length (13). A twist that is unreachable or would
+    break contacts is replaced by the closest reachable one in the norm |v|^2 + |omega d/2|^2; then
+    the status is `UNREACHABLE`. A polygon rolls over the end of a face if statics admits it, see
+    `roll_off_faces`. At binding limits the twist is scaled, or with `slide_along_limits` projected
+    on the admissible twists, see `apply_limits`.
 
     :param config: configuration of the robot.
     :param grip: the object and its grasping members.
     :param twist: (3,) vx, vy [m/s], omega [rad/s] of the object in the robot frame.
     :param failed: names of failed rollers, which stand still.
-    :param limits: limits in place of those of the robot file.
+    :param limits: limits instead of those of the robot file; None: those of the file.
     :param handling: behaviour at binding limits.
     :param opening_rate: rate of the distance between the contacts of two members, or twice the
-        speed of each of three members away from the object [m/s]: right-hand side of the fourth
-        row of (19). It is scaled with the twist; while sliding by roller speed limits only, and
-        zero if the others do not admit it.
-    :param cost: (r, r) J of (11) as a positive definite form of the roller speeds; None for the
-        cost of the paper, the squared change of the member lengths. A cost W of the node
-        velocities is `rows.T @ W @ rows` with `rows = config.roller_rows(np.eye(len(W)))`.
+        speed of each of three members away from the object [m/s]. It is the right-hand side of the
+        fourth row of (19). It is scaled with the twist; when sliding, by roller speed limits only,
+        and it is zero if the other limits do not admit it.
+    :param cost: (r, r) positive definite matrix J of (11) by roller speeds; None: the paper's
+        cost, the squared change of the member lengths. A cost W of the node velocities is `rows.T
+        @ W @ rows` with `rows = config.roller_rows(np.eye(len(W)))`.
     :raises GraspError: the grip, the twist, the cost or a name in `failed` is invalid.
     :raises ConfigurationError: the configuration is singular.
     :raises SolverError: a quadratic program was not solved.
@@ -87,7 +87,7 @@ def solve_twist(
 
 @functools.lru_cache(maxsize=8)
 def _find_reach(config: Configuration, grip: Grip, working: WorkingRollers) -> Reach:
-    """Return the twists of the object that keep its contacts; the last few results are cached."""
+    """Return the twists of the object that keep its contacts, from a cache of the last few."""
     weights = np.array([1.0, 1.0, grip.body.arm])
     return Reach.of(grip_jacobian(config, grip), working, weights)
 
@@ -101,14 +101,14 @@ def carry_out(
     opening_rate: float = 0.0,
 ) -> RollerCommand:
     """
-    Return the least-cost (11) roller velocities for a motion under the limits.
+    Return the least-cost (11) roller velocities for a desired motion under limits.
 
     :param config: configuration of the robot.
     :param reach: reachable motions of the working rollers.
     :param desired: (k,) desired motion.
-    :param limits: limits of rollers and configuration; None for those of the robot file.
+    :param limits: limits of rollers and configuration; None: those of the robot file.
     :param handling: behaviour at binding limits.
-    :param opening_rate: right-hand side of the grip's row [m/s].
+    :param opening_rate: right-hand side of the grip's opening row [m/s].
     :raises SolverError: a quadratic program was not solved.
     """
     task = find_task(reach, desired, opening_rate)
@@ -135,17 +135,17 @@ def solve_twist_ahead(
     handling: LimitHandling = SCALING,
 ) -> RollerCommand:
     """
-    Return roller velocities for the configuration predicted after `lead` seconds.
+    Return the roller velocities for the configuration predicted after `lead` seconds.
 
-    Explicit midpoint rule: with lead = age of the measurement + half of the interval for which the
-    command is held, the local error is of third order instead of second.
+    This is the explicit midpoint rule. With lead = age of the measurement + half of the interval
+    of the command, the local error is of third order instead of second.
 
     :param config: configuration of the robot.
     :param grip: the object and its grasping members.
     :param twist: (3,) vx, vy [m/s], omega [rad/s] of the object in the robot frame.
-    :param lead: not negative [s].
+    :param lead: time of the prediction, not negative [s].
     :param failed: names of failed rollers, which stand still.
-    :param limits: limits in place of those of the robot file.
+    :param limits: limits instead of those of the robot file; None: those of the file.
     :param handling: behaviour at binding limits.
     :raises GraspError: see `solve_twist`; or lead is negative or not finite.
     :raises ConfigurationError: see `solve_twist`, or no predicted configuration exists.
@@ -163,13 +163,13 @@ def solve_twist_ahead(
 @single_threaded
 def reachable_twists(config: Configuration, grip: Grip, failed: Collection[str] = ()) -> Array:
     """
-    Return a basis of the object's twists that the working rollers can produce.
+    Return a basis of the object's twists that the working rollers can produce with all contacts.
 
     :param config: configuration of the robot.
     :param grip: the object and its grasping members.
     :param failed: names of failed rollers, which stand still.
-    :return: (k, 3) basis of twists vx, vy [m/s], omega [rad/s] in the robot frame, orthonormal in
-        the norm |v|^2 + |omega d/2|^2, that keep all contacts.
+    :return: (k, 3) twists vx, vy [m/s], omega [rad/s] in the robot frame, orthonormal in the norm
+        |v|^2 + |omega d/2|^2.
     :raises GraspError: the grip or a name in `failed` is invalid.
     :raises ConfigurationError: the configuration is singular.
     """

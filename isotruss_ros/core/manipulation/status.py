@@ -16,8 +16,8 @@ class Status(enum.IntEnum):
     """
     Status codes of a command, equal to those of isotruss_msgs/ManipulationStatus.
 
-    Below 30 the rollers follow the command. From 30 on they are stopped, but the squeeze of a
-    slipped object is still regulated.
+    With codes below 30 the rollers follow the command. From 30 on the rollers are stopped; only
+    the squeeze of a slipped object is still controlled.
     """
 
     OK = 0  #: the commanded twist is executed
@@ -71,16 +71,16 @@ class RollerCommand(
     :ivar roller_velocities: (r,) speed of the tube through each roller [m/s].
     :ivar achieved_twist: (3,) vx, vy [m/s], omega [rad/s] of the object in the robot frame,
         computed from `roller_velocities`.
-    :ivar scale: scale of the (closest reachable) twist by limits, 0 to 1; when sliding, the
-        component along it.
+    :ivar scale: factor on the twist, or on the closest reachable one, by limits, 0 to 1; when
+        sliding, the relative component along it.
     :ivar status: status code.
-    :ivar limiting: names of rollers, members and other parts with binding limits, empty at scale
+    :ivar limiting: names of the rollers, members and other parts whose limits bind; empty at scale
         1.
     :ivar reachable_dof: number of independent motions of the object that the working rollers can
-        produce, 0 to 3; 0 if the rollers are stopped without valid inputs.
-    :ivar motion: (3, r) Jacobian of the twist by roller speeds; None if they are stopped.
+        produce, 0 to 3; 0 in a halt without valid inputs.
+    :ivar motion: (3, r) Jacobian of the twist by roller speeds; None in a halt.
     :ivar contact_rows: (g, r) contact constraints on the roller speeds, zero for failed rollers;
-        None if they are stopped.
+        None in a halt.
     """
 
     roller_velocities: Array
@@ -98,7 +98,7 @@ class RollerCommand(
 
         :param share: factor on the velocities, 0 to 1.
         :param status: new status code.
-        :param names: names of the parts that limit it, appended to `limiting`.
+        :param names: names of the limiting parts, appended to `limiting`.
         """
         return replace(
             self,

@@ -5,7 +5,7 @@
 Reachable twists of a grasped object, and the task (20).
 
 The rows are the contact constraints of a grip on the roller speeds, see `grip_rows`. Node
-velocities are eliminated by (12): the unknowns are the speeds of the working rollers.
+velocities are eliminated by (12), so the unknowns are the speeds of the working rollers.
 """
 
 from __future__ import annotations
@@ -25,29 +25,30 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import lapack
 
-#: Smallest singular value of a reachable direction [m/s at the surface for 1 m/s at the rollers].
+#: Smallest singular value of a reachable direction: surface speed [m/s] for roller speeds of 1
+#: m/s.
 RANK_TOLERANCE = 1e-5
 #: Basis of all twists.
 IDENTITY = np.eye(3)
 IDENTITY.flags.writeable = False
-#: Largest speed of a twist in the program [m/s]; keeps the roller speeds finite.
+#: Largest speed of a twist in the program [m/s]; it keeps the roller speeds finite.
 MAX_TWIST_SPEED = 1e290
 
 
 @dataclass(frozen=True, eq=False)
 class WorkingRollers:
-    """The working rollers with the cost of their speeds."""
+    """Working rollers with the cost of their speeds."""
 
     count: int  #: number of all rollers
-    places: Indices  #: (w,) their indices among all rollers
-    cost: Array  #: (w, w) C^T C, the cost (11) of their speeds [-]
-    even: Array  #: (w, w) E with |C E y| = |y|: variables of unit cost [-]
+    places: Indices  #: (w,) indices of the working rollers
+    cost: Array  #: (w, w) cost C^T C (11) of their speeds [-]
+    even: Array  #: (w, w) matrix E with |C E y| = |y|: variables y of unit cost [-]
 
     def take(self, rows: Array) -> Array:
         """
-        Return a copy of the columns of these rollers.
+        Return the columns of rows that belong to these rollers, as a copy.
 
-        :param rows: (..., r) on the speeds of all rollers.
+        :param rows: (..., r) coefficients of the speeds of all rollers.
         """
         return rows.take(self.places, -1)
 
@@ -55,7 +56,7 @@ class WorkingRollers:
         """
         Return these rollers with another cost (11) of their speeds.
 
-        The cost is scaled to the trace of the cost of the paper.
+        The cost is scaled to the trace of the paper's cost.
 
         :param cost: (r, r) cost of the speeds of all rollers, symmetric and positive definite.
         :raises GraspError: the cost is not symmetric and positive definite.
@@ -80,7 +81,7 @@ class WorkingRollers:
 
     def spread(self, speeds: Array) -> Array:
         """
-        Return the speeds of all rollers [m/s], zero for failed ones.
+        Return the speeds of all rollers; zero for failed ones [m/s].
 
         :param speeds: (w,) speeds of the working rollers [m/s].
         """
@@ -109,23 +110,24 @@ def working_rollers(robot: Robot, failed: frozenset[str]) -> WorkingRollers:
 
 
 def _even(cost: Array) -> Array:
-    """Return E (w, w) with |C E y| = |y| for a cost C^T C."""
+    """Return the matrix E (w, w) with |C E y| = |y| for a cost C^T C."""
     return np.linalg.inv(np.linalg.cholesky(cost)).T
 
 
 class Reach(NamedTuple):
     """
-    Reachable twists: those that the working rollers can produce without breaking contacts.
+    Reachable twists, which the working rollers can produce without breaking contacts.
 
-    All rows are speeds of the object's surface, comparable for rotation and translation.
+    All rows are speeds of the object's surface, so translation and rotation have the same unit.
 
     :ivar working: the working rollers.
-    :ivar motion: (3, r) rows of the twist on the speeds of all rollers; of joints, (k, r).
+    :ivar motion: (3, r) twist by the speeds of all rollers; for joints, (k, r) velocities.
     :ivar rows: (k + g, w) rows of (20) on the speeds of the working rollers [-]: components of the
-        twist along the directions, then the contact constraints that the rollers affect.
+        twist along the directions, then the contact constraints that the rollers can violate.
     :ivar directions: (k, 3) orthonormal basis of the reachable twists.
     :ivar weights: (3,) factors from vx, vy, omega to surface speeds: 1, 1, d/2 [m].
-    :ivar opening: (g,) factors from an opening rate to right-hand sides of the contact rows [-].
+    :ivar opening: (g,) factors from the opening rate to the right-hand sides of the contact rows
+        [-].
     """
 
     working: WorkingRollers
@@ -148,11 +150,11 @@ class Reach(NamedTuple):
     @classmethod
     def of(cls, jacobian: Array, working: WorkingRollers, weights: Array) -> Reach:
         """
-        Compute the reachable twists.
+        Return the reachable twists of a grip Jacobian.
 
         :param jacobian: (3 + g, r) grip Jacobian, see `grip_jacobian`; for joints (k, r).
         :param working: the working rollers.
-        :param weights: (3,) factors, see `Reach`; for joints (k,) ones.
+        :param weights: (3,) factors, see `Reach`; for joints, (k,) ones.
         """
         count, rows = len(weights), working.take(jacobian)
         rows[:count] *= weights[:, None]
@@ -178,14 +180,15 @@ class Reach(NamedTuple):
 
 class Task(NamedTuple):
     """
-    The commanded twist, projected on the reachable ones.
+    Commanded twist, projected on the reachable twists.
 
-    :ivar reach: the reachable twists, with the rows of (20).
-    :ivar direction: (k + g,) unit vector of the closest reachable twist in these rows.
-    :ivar speed: norm of the twist [m/s], zero if no part of it is reachable.
-    :ivar status: `OK` if it is the commanded twist, else `UNREACHABLE`; `IDLE` without a command.
-    :ivar free: (w,) least-cost roller speeds for 1 m/s of it, without limits.
-    :ivar velocities: (r,) least-cost speeds of all rollers for the whole of it [m/s].
+    :ivar reach: reachable twists, with the rows of (20).
+    :ivar direction: (k + g,) unit vector of the closest reachable twist, in the rows of (20).
+    :ivar speed: norm of the closest reachable twist [m/s].
+    :ivar status: `OK` if it equals the commanded twist, else `UNREACHABLE`; `IDLE` without a
+        command.
+    :ivar free: (w,) least-cost roller speeds for the norm 1 m/s, without limits.
+    :ivar velocities: (r,) least-cost speeds of all rollers for the closest reachable twist [m/s].
     """
 
     reach: Reach
@@ -201,8 +204,8 @@ def find_task(reach: Reach, twist: Array, opening_rate: float = 0.0) -> Task:
     Return the closest reachable twist (20) with its least-cost (11) roller speeds.
 
     :param reach: the reachable twists.
-    :param twist: (3,) vx, vy [m/s], omega [rad/s] in the robot frame.
-    :param opening_rate: right-hand side of the grip's row [m/s], zero in the paper.
+    :param twist: (3,) commanded twist vx, vy [m/s], omega [rad/s] in the robot frame.
+    :param opening_rate: right-hand side of the grip's opening row [m/s]; zero in the paper.
     """
     direction, working = np.zeros(len(reach.rows)), reach.working
     opening = (reach.opening * opening_rate).tolist() if opening_rate else []
@@ -237,12 +240,12 @@ def find_task(reach: Reach, twist: Array, opening_rate: float = 0.0) -> Task:
 
 def least_cost(even: Array, equality: Array, direction: Array) -> Array:
     """
-    Return the minimiser u (w,) of (11) under (20): J u = direction, without limits.
+    Return the minimiser u (w,) of the cost (11) under the task J u = direction, without limits.
 
-    Replaces `even @ numpy.linalg.lstsq(equality @ even, direction)[0]` at full rank.
+    It replaces `even @ numpy.linalg.lstsq(equality @ even, direction)[0]` at full rank.
 
-    :param even: (w, w) E with |C E y| = |y|, see `WorkingRollers`.
-    :param equality: (k, w) J, of full row rank.
+    :param even: (w, w) matrix E, see `WorkingRollers`.
+    :param equality: (k, w) matrix J of full row rank.
     :param direction: (k,) right-hand side.
     """
     # (20): u = E y with the minimum-norm y of J E y = direction.

@@ -8,9 +8,9 @@ Quadratic programs (QP) of the task: largest progress under limits at the least 
     subject to J u = s * direction,  0 <= s <= reach,  lower <= G u <= upper
 
 The second term is an exact penalty: its slope is at least rho / 2, larger than any saving in the
-first term. So s is maximal up to |C u|^2 / rho, and the cost minimal at that s. The direction must
-be scaled so that u and s are of equal magnitude. Without binding limits `least_cost` is the
-solution. `project_target` deviates from the direction at binding limits.
+first term. So s is maximal up to |C u|^2 / rho, and the cost is minimal at this s. The direction
+must be scaled such that u and s have equal magnitudes. Without binding limits the solution is
+`least_cost`. At binding limits `project_target` deviates from the direction.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.qp import QuadraticProgram, solve_qp
 import numpy as np
 
-#: Penalties rho [-], relative to |C u|^2 with |u| of order 1, tried in turn. The first is exact to
-#: rounding; at degenerate vertices smaller ones give up progress earlier.
+#: Penalties rho relative to |C u|^2 with |u| of order 1, tried one after another [-]. The first is
+#: exact to rounding; at degenerate vertices smaller ones sacrifice progress.
 PENALTIES = (1e8, 1e6, 1e4, 1e2, 1.0)
 NO_SOLUTION = (
     'the quadratic program of the manipulation has no solution; '
@@ -39,15 +39,15 @@ def maximize_progress(
     penalty: float = PENALTIES[0],
 ) -> tuple[Array, float]:
     """
-    Maximise s; all quantities are dimensionless, |u| is O(1).
+    Return the speeds with the largest progress s; quantities are dimensionless, |u| is O(1).
 
-    :param cost: (r, r) C^T C, positive definite.
-    :param equality: (k, r) J, of full row rank.
+    :param cost: (r, r) matrix C^T C, positive definite.
+    :param equality: (k, r) matrix J of full row rank.
     :param direction: (k,) value of J u at s = 1.
-    :param reach: the largest useful s, positive.
-    :param limited: (l, r) G with its bounds, so that u = 0 is a solution.
-    :param penalty: rho, weight of missing progress against the cost; large for largest progress.
-    :return: u (r,) and s.
+    :param reach: largest useful s, positive.
+    :param limited: (l, r) rows G with their bounds, which u = 0 fulfils.
+    :param penalty: weight rho of missing progress against the cost.
+    :return: speeds u (r,), and progress s.
     :raises SolverError: no solution was found.
     """
     inequality, lower, upper = limited
@@ -81,19 +81,19 @@ def project_target(
     regularization: float,
 ) -> Array:
     """
-    Return the least-cost u that minimises the distance of J u from a target under bounds.
+    Return the speeds u of least cost with the smallest distance of J u from a target.
 
-    Minimises 1/2 |J u - target|^2 + regularization/2 |C u|^2 over the first `rank` rows of J; the
-    others are equalities, with J u = 0 if the bounds do not admit their targets. All quantities
-    are dimensionless, |u| is O(1).
+    It minimises 1/2 |J u - target|^2 + regularization/2 |C u|^2 over the first `rank` rows of J.
+    The other rows are equalities; if the bounds do not admit their targets, J u = 0. All
+    quantities are dimensionless, |u| is O(1).
 
-    :param cost: (r, r) C^T C, positive definite.
-    :param equality: (k, r) J.
-    :param target: (k,) desired J u.
+    :param cost: (r, r) matrix C^T C, positive definite.
+    :param equality: (k, r) matrix J.
+    :param target: (k,) desired value of J u.
     :param rank: number of rows of J in the least squares.
-    :param limited: (l, r) G with its bounds, so that u = 0 is admissible.
-    :param regularization: weight of the cost; small for the smallest distance.
-    :return: (r,)
+    :param limited: (l, r) rows G with their bounds, which u = 0 fulfils.
+    :param regularization: weight of the cost against the distance, small.
+    :return: (r,) speeds u.
     :raises SolverError: no solution was found.
     """
     inequality, lower, upper = limited

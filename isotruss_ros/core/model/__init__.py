@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Models of the robot and the object: robot files, presets, topology, shapes, poses.
+Models of robot and object: robot files, presets, topology, shapes, poses.
 
 Entry points: `robot_file.read_robot_file`, `convex_object.ConvexObject`, `shapes`, `pose.Pose`.
 Imports `core.numerics`.

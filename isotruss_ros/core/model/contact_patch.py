@@ -4,9 +4,9 @@
 """
 Contact patch of a convex shape and a tube: one corner, or the two ends of a face.
 
-No angle threshold separates a face from a corner: a second corner is a contact if it penetrates
-the straight tube. A face shorter than the tube's radius is one contact. Twist, rolling, planner,
-guard and the model of a held object take their contacts from here.
+A face is in contact at both ends if both corners penetrate the straight tube; the angle of the
+face has no threshold. A face shorter than the tube radius is one contact. This module defines the
+contacts for twist, rolling, planner, guard and the model of a held object.
 """
 
 from __future__ import annotations
@@ -17,18 +17,19 @@ from typing import NamedTuple
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.shapes import Shape
 
-#: Assumed depth of objects without penetration, in tube radii [-].
+#: Assumed depth of an object that does not penetrate a tube yet, in tube radii [-].
 PLANNED_DEPTH = 0.02
-#: Relative difference of equal depths [-]; of such corners the nearest to the middle is used.
+#: Largest relative difference of depths that count as equal [-]; then the corner nearest to the
+#: centroid is taken.
 TIE_TOLERANCE = 1e-6
 
 
 def contact_body(body: ConvexObject, tube_radius: float) -> ConvexObject:
     """
-    Return the contact shape of an object: the smooth outline sampled by short faces.
+    Return an object for contacts: short faces that sample a smooth outline become smooth.
 
     :param body: the object.
-    :param tube_radius: radius of the tubes, the length of the shortest face [m].
+    :param tube_radius: radius of the tubes [m]; shorter faces are samples.
     """
     return body.smoothed(tube_radius)
 
@@ -38,8 +39,8 @@ class PatchEnd(NamedTuple):
 
     corner: int  #: index of the corner, see `Shape.corner_at`
     point: complex  #: point of the surface, x + iy in the object's frame [m]
-    height: float  #: height toward the tube from the origin of the object's frame [m]
-    along: float  #: length of the faces from the deepest corner, counter-clockwise [m]
+    height: float  #: height toward the tube, from the origin of the object's frame [m]
+    along: float  #: distance from the deepest corner along the faces, counter-clockwise [m]
 
 
 def contact_patch(
@@ -49,10 +50,11 @@ def contact_patch(
     Return one or two ends of the contact patch of a shape and a tube, counter-clockwise.
 
     :param shape: shape of the object, see `contact_body`.
-    :param normal: unit vector from the object toward the straight tube, x + iy in its frame.
+    :param normal: unit vector from the object toward the straight tube, x + iy in the object's
+        frame.
     :param tube_radius: radius of the tube [m].
     :param skin: height of the straight tube's skin along the normal, from the origin of the
-        object's frame; infinite before the tube is pressed [m].
+        object's frame [m]; infinite before the tube is pressed.
     """
     corner, back = shape.corner_at(normal), normal.conjugate()
     point, short = shape.point_at(corner, normal), tube_radius

@@ -20,25 +20,26 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 ORIGIN = Pose(0.0, 0.0, 0.0)
-#: Assumed coefficient of friction between a tube and an object without a value of its own [-].
+#: Coefficient of friction between a tube and an object whose own coefficient is unknown [-].
 DEFAULT_FRICTION = 0.5
 
 
 @dataclass(frozen=True)
 class ConvexObject:
     """
-    A convex object at a pose in the robot frame.
+    Convex object at a pose in the robot frame.
 
     :ivar shape: a `Disc`, `Polygon` or `Ellipse`, in the object's frame.
     :ivar pose: pose of the object's frame in the robot frame (x, y, angle) [m, rad].
-    :ivar mass: None where it is not known [kg].
-    :ivar center_of_mass: (x, y) in the object's frame; the centroid of the area if None [m].
-    :ivar friction: coefficient between this object and the tubes; None: that of the grasp [-].
-    :ivar center: the origin of the object's frame in the robot frame, x + iy [m].
+    :ivar mass: mass of the object [kg]; None if unknown.
+    :ivar center_of_mass: (x, y) in the object's frame [m]; None: the centroid of the area.
+    :ivar friction: coefficient of friction between this object and the tubes [-]; None: the
+        coefficient of the grasp.
+    :ivar center: origin of the object's frame in the robot frame, x + iy [m].
     :ivar turn: direction of the object's x axis in the robot frame, cos + i sin.
-    :ivar middle: centroid of the area in the robot frame, x + iy, inside the object [m].
-    :ivar arm: characteristic radius, half the mean width; turns moments into forces [m].
-    :raises GraspError: a number is not usable.
+    :ivar middle: centroid of the area in the robot frame, x + iy [m].
+    :ivar arm: characteristic radius, half of the mean width [m]; moments are divided by it.
+    :raises GraspError: a number is not finite or not within its range.
     """
 
     shape: Shape
@@ -52,7 +53,7 @@ class ConvexObject:
     arm: float = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        """Check the numbers."""
+        """Check the fields, and set the derived quantities."""
         if not callable(getattr(self.shape, 'nearest', None)):
             raise GraspError(f'shape {self.shape!r}: must be a Disc, a Polygon or an Ellipse')
         self._put(self.pose)
@@ -86,21 +87,22 @@ class ConvexObject:
         cls, center: tuple[float, float], diameter: float, friction: float | None = None
     ) -> ConvexObject:
         """
-        Return an object with a circular cross-section: a cylinder at angle 0.
+        Return a disc at angle 0.
 
         :param center: (x, y) in the robot frame [m].
         :param diameter: diameter d of the object [m].
-        :param friction: coefficient between it and the tubes; None: that of the grasp [-].
-        :raises GraspError: a number is not usable.
+        :param friction: coefficient of friction between object and tubes [-]; None: the
+            coefficient of the grasp.
+        :raises GraspError: a number is not finite or not within its range.
         """
         x, y = finite_array(center, 2, "the object's centre [m]", GraspError)
         return cls(Disc(diameter), Pose(float(x), float(y), 0.0), friction=friction)
 
     def friction_or(self, given: float | None) -> float:
         """
-        Return the coefficient of friction: the given one, the object's own or the default.
+        Return the coefficient of friction: a given one, the object's own or the default.
 
-        :param given: coefficient of the grasp; None: the object's, or `DEFAULT_FRICTION` [-].
+        :param given: coefficient of the grasp [-]; None: the object's own, or `DEFAULT_FRICTION`.
         """
         if given is not None:
             return given
@@ -110,7 +112,7 @@ class ConvexObject:
         """
         Return the object at another pose.
 
-        :param pose: pose of its frame in the robot frame (x, y, angle) [m, rad].
+        :param pose: pose (x, y, angle) of the object's frame in the robot frame [m, rad].
         :raises GraspError: the pose is not three finite numbers within range.
         """
         moved = object.__new__(ConvexObject)
@@ -121,9 +123,9 @@ class ConvexObject:
 
     def smoothed(self, length: float) -> ConvexObject:
         """
-        Return the object with the smooth outline that its corners sample, see `Shape.smoothed`.
+        Return the object with its corners replaced by the smooth outline that they sample.
 
-        :param length: length of the shortest face that is no such sample [m].
+        :param length: length of the shortest face that is not a sample, see `Shape.smoothed` [m].
         """
         shape = self.shape.smoothed(length)
         if shape is self.shape:
@@ -152,7 +154,7 @@ class ConvexObject:
 
     def support(self, normals: Points) -> Array:
         """
-        Return the support function of the object about its frame's origin, (c,) [m].
+        Return the support function (c,) of the object about the origin of its frame [m].
 
         :param normals: (c,) outward unit normals of the tangents in the robot frame, x + iy.
         """
@@ -160,39 +162,40 @@ class ConvexObject:
 
     def nearest(self, points: Points) -> SurfacePoints:
         """
-        Return the nearest points of the surface, with normals in the robot frame.
+        Return the points of the surface nearest to given points, with normals in the robot frame.
 
-        :param points: (c,) x + iy in the robot frame, outside or inside [m].
+        :param points: (c,) points x + iy in the robot frame, outside or inside the object [m].
         """
         found = self.shape.nearest((points - self.center) * self.turn.conjugate())
         return found._replace(normals=found.normals * self.turn)
 
     def outline(self, spacing: float = 0.005) -> Points:
         """
-        Return points along the surface, counter-clockwise in the robot frame, (k,) x + iy [m].
+        Return points (k,) along the surface, counter-clockwise, x + iy in the robot frame [m].
 
-        :param spacing: largest distance of the points where the surface is curved [m].
+        :param spacing: largest distance of successive points where the surface is curved [m].
         """
         return self.center + self.turn * self.shape.outline(spacing)
 
 
 class SegmentGaps(NamedTuple):
-    """Gaps between an object and line segments; arrays over segments."""
+    """Gaps between an object and k line segments."""
 
-    gaps: Array  #: (k,) distance from the surface, negative where the line penetrates it [m]
-    normals: Points  #: (k,) unit vectors out of the object toward the segments, robot frame
-    shares: Array  #: (k,) position of the nearest point along the segment, 0 to 1
+    gaps: Array  #: (k,) distances from the surface, negative if the segment penetrates it [m]
+    normals: Points  #: (k,) unit vectors from the object toward the segments, robot frame
+    shares: Array  #: (k,) position of the nearest point on each segment, 0 to 1
 
 
 def segment_gaps(body: ConvexObject, starts: Points, ends: Points) -> SegmentGaps:
     """
     Return the gaps between an object and line segments, with their directions.
 
-    The direction points from the object's centroid to the line of the segment.
+    The gap is measured along the normal of the segment's line that points away from the object's
+    centroid.
 
-    :param body: the object in its place.
-    :param starts: (k,) where the segments begin, robot frame [m].
-    :param ends: (k,) where they end, perhaps where they begin [m].
+    :param body: the object at its pose.
+    :param starts: (k,) starts of the segments, robot frame, x + iy [m].
+    :param ends: (k,) ends of the segments, robot frame, x + iy [m]; they may equal the starts.
     """
     spans = ends - starts
     lengths = np.abs(spans)

@@ -12,10 +12,10 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Module:
-    """Dimensions [m], rigidities and mass of the roller modules (see docs/robot_file.md)."""
+    """Dimensions, rigidities and mass of the roller modules (see docs/robot_file.md)."""
 
     pinch_separation: float  #: distance s of the pinch points B and C [m]
-    rod_length: float  #: length h of the rod from the joint to the middle of BC [m]
+    rod_length: float  #: length h of the rod from the joint to the midpoint of BC [m]
     guide_ring_distance: float  #: distance g of the guide rings from the pinch points [m]
     axial_rigidity: float  #: EA of the rigid parts [N]
     flexural_rigidity: float  #: EI of the rigid parts [N m^2]
@@ -24,7 +24,7 @@ class Module:
 
 @dataclass(frozen=True)
 class Tube:
-    """The closed tube through `joints`; the module at joint `passive` has no motor."""
+    """Closed tube through `joints`; the module at the joint `passive` has no motor."""
 
     name: str  #: name of the tube
     joints: tuple[str, ...]  #: names of the joints in the order in which the tube visits them
@@ -34,30 +34,29 @@ class Tube:
 @dataclass(frozen=True)
 class RobotDescription:
     """
-    Content of a robot file after the check of its form, before that of its mechanics.
+    Content of a robot file after the check of its form, before the check of its mechanics.
 
-    Lengths in m, speeds in m/s; `pressures` are gauge pressures by tube, in the order of the file
-    [Pa]; `stiffness` is the block of the file as it stands.
-
-    :ivar source: path of the robot file, for messages.
+    :ivar source: path of the robot file, for error messages.
     :ivar name: name of the robot.
-    :ivar frame: name of the coordinate frame in which the robot lives.
+    :ivar frame: name of the robot's coordinate frame.
     :ivar joints: home positions (x, y) of the joints by name [m].
     :ivar tubes: the closed tubes.
     :ivar module: dimensions of the roller modules.
     :ivar tube_diameter: outer diameter of the tubes [m].
-    :ivar pressures: gauge pressures, in the order of the tubes [Pa].
-    :ivar local_stiffness: factor on the theoretical stiffness of the section to flattening [-].
-    :ivar stiffness_scale: factor on the stiffness of the tubes in the model [-].
+    :ivar pressures: gauge pressures by tube, in the order of the file [Pa].
+    :ivar local_stiffness: ratio of the section's stiffness against flattening to the theoretical
+        one [-].
+    :ivar stiffness_scale: ratio of the tubes' stiffness to the model's [-].
     :ivar tube_mass: mass of the tubes per length [kg/m].
     :ivar damping_ratio: damping ratio of the slowest mode [-].
-    :ivar calibration: block `calibration` of the robot file: deviations of home and stiffness.
-    :ivar stiffness: block `stiffness` of the robot file.
-    :ivar supports: grounded axes by joint, of x and y.
+    :ivar calibration: block `calibration` of the robot file: standard deviations of home and
+        stiffness.
+    :ivar stiffness: block `stiffness` of the robot file, unchanged.
+    :ivar supports: grounded axes (`x`, `y`) by joint.
     :ivar max_speed: largest speed of a roller [m/s].
     :ivar max_acceleration: largest acceleration of a roller [m/s^2].
-    :ivar min_length: smallest length of a member, pinch to pinch [m].
-    :ivar max_length: largest length of a member, pinch to pinch [m].
+    :ivar min_length: smallest length of a member, pinch point to pinch point [m].
+    :ivar max_length: largest length of a member, pinch point to pinch point [m].
     """
 
     source: str
@@ -82,5 +81,5 @@ class RobotDescription:
 
     @property
     def braking_rate(self) -> float:
-        """Return the largest decay rate of speeds within the acceleration limit [1/s]."""
+        """Return the largest decay rate of roller speeds within the acceleration limit [1/s]."""
         return self.max_acceleration / self.max_speed

@@ -18,14 +18,14 @@ from isotruss_ros.core.numerics.tolerances import MAX_NEWTON_ITERATIONS, ROUNDIN
 import numpy as np
 import scipy
 
-#: Largest ratio of the semi-axes [-]; a thinner ellipse is a sheet.
+#: Largest ratio of the semi-axes [-].
 MAX_ASPECT_RATIO = 1e3
 
 
 @dataclass(frozen=True)
 class Ellipse(Shape):
     """
-    An ellipse around the origin of the object's frame, its axes along x and y.
+    Ellipse around the origin of the object's frame, with axes along x and y.
 
     :raises GraspError: the semi-axes are not two positive numbers within range.
     """
@@ -34,7 +34,7 @@ class Ellipse(Shape):
     centroid: ClassVar[complex] = 0j
 
     def __post_init__(self) -> None:
-        """Check the numbers."""
+        """Check the semi-axes."""
         a, b = finite_array(self.semi_axes, 2, 'semi_axes [m]', GraspError)
         fits = min(a, b) >= MIN_DIAMETER and max(a, b) <= MAX_SIZE
         if not fits or max(a, b) > MAX_ASPECT_RATIO * min(a, b):
@@ -79,7 +79,7 @@ class Ellipse(Shape):
 
     def radius_rates(self, normals: Points) -> Array:
         """
-        Return the derivatives of the radii of curvature by the angle of the normal, (k,) [m/rad].
+        Return the derivatives (k,) of the radius of curvature by the normal's angle [m/rad].
 
         :param normals: (k,) outward unit normals, x + iy.
         """
@@ -108,7 +108,7 @@ class Ellipse(Shape):
         return SurfacePoints(long * gaps, signed, long * radii)
 
     def unroll(self, angles: Array, corners: Indices) -> Array:
-        """Return the arcs from the end of the x axis to given normals; see `Shape.unroll`."""
+        """Return the arc lengths from the x axis to given normals; see `Shape.unroll`."""
         a, b = self.semi_axes
         # The parameter of the point: its normal is along (cos t / a, sin t / b).
         parameter = np.angle(a * np.cos(angles) + 1j * b * np.sin(angles))
@@ -124,10 +124,11 @@ class Ellipse(Shape):
 
 def _foot(u: Array, v: Array, flat: float) -> tuple[Array, Array]:
     """
-    Return the feet in the first quadrant on the ellipse with semi-axes 1 and b = flat.
+    Return the nearest points on an ellipse with semi-axes 1 and b = flat, in the first quadrant.
 
-    The foot is (u / (t + 1), b^2 v / (t + b^2)) and fulfils the equation of the ellipse, which is
-    convex and decreasing in t: Newton's method from below converges. The unknown is s = t + b^2.
+    The nearest point of (u, v) is (u / (t + 1), b^2 v / (t + b^2)). It fulfils the equation of the
+    ellipse, which is convex and decreasing in t, so Newton's method converges from below. The
+    unknown is s = t + b^2.
     """
     square = flat**2
     rest = 1.0 - square

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Objects from YAML, a file or the text of a parameter.
+Objects from YAML: a file, or the text of a parameter.
 
     shape: polygon                            # or disc, with diameter; or ellipse, with semi_axes
     vertices: [[0, 0], [0.3, 0], [0.3, 0.2], [0, 0.2]]
@@ -35,11 +35,11 @@ OPTIONAL_KEYS = ('mass', 'center_of_mass', 'friction')
 
 def read_object(path_or_text: str | Path) -> ConvexObject:
     """
-    Read an object from a YAML file, or from YAML itself; its pose is the origin.
+    Read an object from a YAML file or a YAML text; its pose is the origin.
 
-    :param path_or_text: the path of a file, or a text that begins with `{`.
-    :raises ObjectFileError: the file is missing, not YAML 1.2, or describes no object; names the
-        file, the key and what would be right.
+    :param path_or_text: path of a file, or a text that begins with `{`.
+    :raises ObjectFileError: the file is missing, is not YAML 1.2, or does not describe an object.
+        The message names file, key and valid range.
     """
     if isinstance(path_or_text, str) and path_or_text.lstrip().startswith('{'):
         source, text = 'object', path_or_text
@@ -51,11 +51,12 @@ def read_object(path_or_text: str | Path) -> ConvexObject:
 
 def make_object(content: Any, source: str) -> ConvexObject:
     """
-    Return the object given by keys and values; its pose is the origin.
+    Return the object that keys and values describe; its pose is the origin.
 
     :param content: content of a file, or of a message.
     :param source: name of the file or message, for errors.
-    :raises ObjectFileError: it describes no object; names the key and what would be right.
+    :raises ObjectFileError: the content does not describe an object. The message names key and
+        valid range.
     """
     if not isinstance(content, Mapping):
         raise ObjectFileError(

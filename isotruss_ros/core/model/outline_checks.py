@@ -14,7 +14,7 @@ from isotruss_ros.core.numerics.arrays import Array, finite_array, Points
 from isotruss_ros.core.numerics.tolerances import ROUNDING
 import numpy as np
 
-#: Largest number of vertices [-]; more are a mistake of the user.
+#: Largest number of vertices [-]; a larger number is taken for a mistake.
 MAX_VERTICES = 1000
 
 
@@ -35,9 +35,9 @@ def check_outline(vertices: object, corner_radius: object) -> tuple[Points, Arra
 
 def polygon_moments(corners: Points) -> tuple[float, complex, float]:
     """
-    Return the integrals of 1, z and |z|^2 over a polygon, positive if counter-clockwise.
+    Return the integrals of 1, z and |z|^2 over a polygon; positive if counter-clockwise.
 
-    :param corners: (k,) its vertices, x + iy [m].
+    :param corners: (k,) vertices of the polygon, x + iy [m].
     """
     following = np.roll(corners, -1)
     cross = (corners.conj() * following).imag
@@ -47,7 +47,7 @@ def polygon_moments(corners: Points) -> tuple[float, complex, float]:
 
 
 def _validate_vertices(vertices: object) -> Points:
-    """Return vertices as an array (k,) x + iy."""
+    """Return the vertices as an array (k,) x + iy [m]."""
     try:
         count = len(vertices)  # type: ignore[arg-type]
     except TypeError:
@@ -72,7 +72,7 @@ def _validate_vertices(vertices: object) -> Points:
 
 
 def _validate_radii(radius: object, count: int) -> Array:
-    """Return the radii at the vertices, (k,)."""
+    """Return the corner radii at the vertices as an array (k,) [m]."""
     if isinstance(radius, Sequence) and not isinstance(radius, str):
         radii = finite_array(radius, count, 'corner_radius [m], one for each vertex', GraspError)
     else:
@@ -123,7 +123,7 @@ def _check_convex(corners: Points) -> None:
 
 
 def _check_fit(corners: Points, radii: Array) -> None:
-    """Raise GraspError if the arcs of a side are longer than the side."""
+    """Raise GraspError if the arcs at both ends of a side do not fit on the side."""
     sides = np.roll(corners, -1) - corners
     half = 0.5 * np.abs(np.angle(sides * np.roll(sides, 1).conj()))
     taken = radii * np.tan(half)

@@ -19,30 +19,31 @@ from isotruss_ros.core.model.smooth_outline import CONIC_POINTS, SmoothOutline
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 import numpy as np
 
-#: Largest turning angle at corners that sample a smooth outline [rad]: regular polygons with 13 or
-#: more, and 24 on an ellipse with an aspect ratio below 1.9.
+#: Largest turning angle at corners that sample a smooth outline [rad]. Regular polygons with 13 or
+#: more corners do, and 24 corners on an ellipse with an aspect ratio below 1.9.
 MAX_SAMPLE_TURN = 0.5
 
 
 @dataclass(frozen=True)
 class Polygon(Shape):
     """
-    A convex polygon with sharp corners, or with corners rounded by arcs tangent to both sides.
+    Convex polygon with sharp corners, or with corners rounded by arcs tangent to both sides.
 
-    A polygon with many corners samples a smooth outline, see `smoothed`.
+    A polygon with many corners may sample a smooth outline, see `smoothed`.
 
-    :ivar vertices: (x, y) of three or more vertices in the object's frame, in either sense; stored
-        counter-clockwise, without a repeated last one [m].
-    :ivar corner_radius: radius of the arcs, one for all corners or one for each vertex [m]; 0:
-        sharp.
-    :raises GraspError: the polygon is not convex, or an arc does not fit; names the vertex.
+    :ivar vertices: (x, y) of three or more vertices in the object's frame [m], in either sense,
+        without repetition of the first. They are stored counter-clockwise.
+    :ivar corner_radius: radius of the arcs [m]: one for all corners, or one for each vertex; 0 for
+        sharp corners.
+    :raises GraspError: the polygon is not convex, or an arc does not fit; the message names the
+        vertex.
     """
 
     vertices: tuple[tuple[float, float], ...]
     corner_radius: float | tuple[float, ...] = 0.0
 
     def __post_init__(self) -> None:
-        """Check the numbers and orient the vertices counter-clockwise."""
+        """Check the fields, and orient the vertices counter-clockwise."""
         corners, radii = check_outline(self.vertices, self.corner_radius)
         step = 1 if polygon_moments(corners - corners[0])[0] > 0.0 else -1
         vertices = tuple((float(z.real), float(z.imag)) for z in corners[::step])
@@ -58,7 +59,7 @@ class Polygon(Shape):
 
     @cached_property
     def normals(self) -> Points:
-        """Return the outward unit normals of the sides, (k,): from each vertex to the next."""
+        """Return the outward unit normal of each side from a vertex to the next, (k,)."""
         sides = np.roll(self.corners, -1) - self.corners
         return -1j * sides / np.abs(sides)
 
@@ -79,7 +80,7 @@ class Polygon(Shape):
 
     @cached_property
     def arc_centers(self) -> Points:
-        """Return the centres of the arcs, (k,) x + iy [m]; the vertices where they are sharp."""
+        """Return the centres (k,) of the arcs, x + iy [m]; a sharp corner is its own centre."""
         middle = self.normals + np.roll(self.normals, 1)
         inward = middle / np.abs(middle) / np.cos(0.5 * self.turns)
         return self.corners - self.radii * inward
@@ -141,11 +142,11 @@ class Polygon(Shape):
 
     @cached_property
     def _directions(self) -> Array:
-        """Return the angles of the sides' normals relative to the first one, (k,) [rad]."""
+        """Return the angles (k,) of the sides' normals relative to the first normal [rad]."""
         return np.append(0.0, np.cumsum(self.turns[1:]))
 
     def _corner_of(self, normals: Points) -> Indices:
-        """Return the vertices (c,) whose normal cones contain the directions (c,)."""
+        """Return the index (c,) of the vertex whose normal cone contains each direction (c,)."""
         angles = np.angle(normals * self.normals[0].conj()) % (2.0 * np.pi)
         return self._directions.searchsorted(angles) % len(self.vertices)
 
@@ -161,7 +162,7 @@ class Polygon(Shape):
         return self.arc_centers[at] + self.radii[at] * normals
 
     def corner_at(self, normal: complex) -> int:
-        """Return the extreme corner along a normal; see `Shape.corner_at`."""
+        """Return the farthest corner along a normal; see `Shape.corner_at`."""
         facing, directions, _ = self._numbers
         # As `_corner_of`.
         angle = cmath.phase(normal * facing[0]) % (2.0 * math.pi)
@@ -191,12 +192,12 @@ class Polygon(Shape):
         ]
 
     def surface_at(self, corners: Indices, normals: Points) -> tuple[Points, Array]:
-        """Return points of the arcs at corners with given normals; see `Shape.surface_at`."""
+        """Return points with given normals on corners' arcs; see `Shape.surface_at`."""
         radii = self.radii[corners]
         return self.arc_centers[corners] + radii * normals, radii
 
     def unroll(self, angles: Array, corners: Indices) -> Array:
-        """Return the arcs to points of the arcs at corners; see `Shape.unroll`."""
+        """Return the arc lengths to points on corners' arcs; see `Shape.unroll`."""
         middles, starts = self._unrolled_corners
         middle = middles[corners]
         turns = np.round((angles - middle) / (2.0 * np.pi))
@@ -205,7 +206,7 @@ class Polygon(Shape):
 
     @cached_property
     def _unrolled_corners(self) -> tuple[Array, Array]:
-        """Return the angles of the mid normals of the corners, and the arcs to them."""
+        """Return the angles (k,) of the corners' middle normals, and the arc lengths to them."""
         turns, along = self.turns, 1j * self.normals
         middles = np.angle(self.normals[0]) - 0.5 * turns[0]
         middles = middles + np.append(0.0, np.cumsum(0.5 * (turns[1:] + turns[:-1])))
@@ -241,35 +242,37 @@ class Polygon(Shape):
 
     @cached_property
     def _facing(self) -> tuple[Points, Points]:
-        """Return the conjugate normals of the sides before and after the vertices, (k,)."""
+        """Return the conjugate normals (k,) of the sides before, and after, the vertices."""
         begins = self.normals.conj()
         return begins, np.roll(begins, 1)
 
     def rounded(self, length: float) -> Polygon:
         """
-        Return the polygon with corners rounded to the resolution of segments of a given length.
+        Return the polygon with corners rounded to the resolution of contact points.
 
-        A segment centred on a corner underestimates its height by a quarter of its length times
-        the slope of the sides; the arc removes the same height.
+        A contact point represents a segment of tube. A segment centred on a corner underestimates
+        the corner's height by a quarter of its length times the slope of the sides. The arc
+        removes the same height.
 
-        :param length: length of the segments [m].
+        :param length: length of tube that each contact point represents [m].
         """
         return _rounded(self, length)
 
     def smoothed(self, length: float) -> Shape:
         """
-        Return the smooth curve through the corners, if all are samples of one.
+        Return the smooth curve through the corners; the polygon itself if it is not a sample.
 
-        The corners turn by less than `MAX_SAMPLE_TURN`, and a convex curve through them exists.
+        It is a sample if all corners turn by less than `MAX_SAMPLE_TURN`, all faces are shorter
+        than the length, and a convex curve through the corners exists.
 
-        :param length: below which all faces are [m].
+        :param length: length of the shortest face that is not a sample [m].
         """
         longest = np.abs(np.roll(self.arc_centers, -1) - self.arc_centers).max()
         return self if self._curve is None or longest >= length else self._curve
 
     @cached_property
     def _curve(self) -> SmoothOutline | None:
-        """Return the smooth curve through the corners where these are farthest out, if any."""
+        """Return the smooth curve through the farthest points of the corners, if it exists."""
         if len(self.vertices) < CONIC_POINTS or self.turns.max() >= MAX_SAMPLE_TURN:
             return None
         outward = self.normals + np.roll(self.normals, 1)
@@ -297,7 +300,7 @@ class Polygon(Shape):
 
 @functools.lru_cache(maxsize=64)
 def _rounded(polygon: Polygon, length: float) -> Polygon:
-    """Return `Polygon.rounded` from a cache of the last few."""
+    """Return `Polygon.rounded` from a cache of the last few polygons."""
     half = 0.5 * polygon.turns
     sides = np.abs(np.roll(polygon.corners, -1) - polygon.corners)
     room = 0.5 * np.minimum(sides, np.roll(sides, 1)) / np.tan(half)

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Poses in the robot frame and the range of object coordinates."""
+"""Poses in the robot frame, and the range of object coordinates."""
 
 from __future__ import annotations
 
@@ -12,27 +12,29 @@ from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 from numpy.typing import ArrayLike
 
-#: Smallest size and largest distance of an object [m]; their products neither vanish nor overflow.
+#: Smallest size and largest distance of an object [m]; products of them neither vanish nor
+#: overflow.
 MIN_DIAMETER, MAX_DISTANCE = 1e-9, 1e9
-#: Largest size [m] and mass [kg] of an object: several times what a robot of a few metres holds. A
-#: tenth would refuse objects of the examples, ten times would take centimetres for metres.
+#: Largest size [m] and mass [kg] of an object, several times what a robot of a few metres holds. A
+#: tenth would refuse objects of the examples; with ten times, centimetres would be taken for
+#: metres.
 MAX_SIZE, MAX_MASS = 10.0, 100.0
 
 
 class Pose(NamedTuple):
     """Position x, y [m] and angle [rad] in the robot frame."""
 
-    x: float  #: in the robot frame [m]
-    y: float  #: in the robot frame [m]
-    angle: float  #: counter-clockwise from the x axis [rad]
+    x: float  #: coordinate x in the robot frame [m]
+    y: float  #: coordinate y in the robot frame [m]
+    angle: float  #: angle, counter-clockwise from the x axis [rad]
 
 
 def pose_difference(pose: ArrayLike, other: ArrayLike) -> Array:
     """
-    Return the difference of two poses (3,) [m, rad], its angle wrapped to (-pi, pi].
+    Return the first pose minus the second, (3,) [m, rad]; the angle is wrapped to (-pi, pi].
 
-    :param pose: x, y [m], angle [rad] in the robot frame.
-    :param other: the other one.
+    :param pose: first pose x, y [m], angle [rad] in the robot frame.
+    :param other: second pose.
     """
     away = np.subtract(pose, other)
     away[2] = math.remainder(away[2], 2.0 * math.pi)

@@ -11,7 +11,7 @@ from isotruss_ros.core.errors import RobotFileError
 
 
 def config_directory() -> Path:
-    """Return the folder of the presets."""
+    """Return the folder of the preset files."""
     return Path(__file__).resolve().parents[2] / 'config'
 
 
@@ -22,10 +22,10 @@ def preset_names() -> list[str]:
 
 def find_robot_file(name_or_path: str | Path) -> Path:
     """
-    Return the file of a preset or the path itself.
+    Return the path of a preset's file, or a given path.
 
-    :param name_or_path: the name of a preset, or the path of a robot file (ending in .yaml).
-    :raises RobotFileError: there is no such preset and no such file.
+    :param name_or_path: name of a preset, or path of a robot file (ending in .yaml).
+    :raises RobotFileError: neither such a preset nor such a file exists.
     """
     given = str(name_or_path)
     if given in preset_names():

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Read a robot file: parse YAML, check it, and return the description."""
+"""Reading of robot files: parse YAML, check it, and return the description."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from isotruss_ros.core.model.safe_yaml import parse_yaml, read_text
 from isotruss_ros.core.model.stiffness_law import find_contradictions, read_laws
 
 DEFAULT_FRAME = 'truss'
-#: Default time from rest to the largest roller speed, if the file has no acceleration [s]. Equal
-#: to the time constant of the approach to member length limits.
+#: Time from rest to the largest roller speed, if the file has no acceleration [s]. It equals the
+#: time constant of the approach to limits of member lengths.
 DEFAULT_RISE_TIME = 0.1
-#: Optional keys of the block `tube`, with their names in the description.
+#: Optional keys of the block `tube`, with the names of their fields in the description.
 TUBE_KEYS = {
     'stiffness_scale': 'stiffness_scale',
     'local_stiffness': 'local_stiffness',
@@ -31,11 +31,11 @@ TUBE_KEYS = {
 
 def read_robot_file(name_or_path: str | Path) -> RobotDescription:
     """
-    Read and check the form of a robot file.
+    Read a robot file and check its form.
 
-    :param name_or_path: the name of a preset, or the path of a robot file.
-    :raises RobotFileError: the file is missing, not YAML 1.2, or not a robot; each line names the
-        file, the key, the value and the valid range.
+    :param name_or_path: name of a preset, or path of a robot file.
+    :raises RobotFileError: the file is missing, is not YAML 1.2, or does not describe a robot.
+        Each line of the message names the file, the key, the value and the valid range.
     """
     path = find_robot_file(name_or_path)
     text = read_text(path, 'a robot file', RobotFileError)
@@ -47,9 +47,9 @@ def describe_robot(path: Path, content: Any) -> RobotDescription:
     """
     Return the checked description of a robot file's content.
 
-    :param path: path of the file, for messages.
-    :param content: plain values, lists and mappings, as they are in the file.
-    :raises RobotFileError: the content describes no robot; see `read_robot_file`.
+    :param path: path of the file, for error messages.
+    :param content: plain values, lists and mappings from the file.
+    :raises RobotFileError: the content does not describe a robot; see `read_robot_file`.
     """
     check_form(path, content)
     joints = {name: (float(x), float(y)) for name, (x, y) in content['joints'].items()}
@@ -99,7 +99,7 @@ def _check_stiffness(
     limits: Mapping[str, float],
     module: Module,
 ) -> Iterator[str]:
-    """Yield lengths and pressures of this file at which its stiffness model is invalid."""
+    """Yield lengths and pressures of a robot file at which its stiffness model is invalid."""
     if stiffness['model'] == 'power_law':
         lengths = limits['min_length'], limits['max_length']
         ring = module.guide_ring_distance
@@ -119,7 +119,7 @@ def _cross_check(
     limits: Mapping[str, float],
     pressure: float | Mapping[str, float],
 ) -> Iterator[str]:
-    """Yield unresolved cross-references between names, which the schema cannot express."""
+    """Yield wrong references between names of a robot file, which the schema cannot express."""
     known = ', '.join(joints)
     used = {joint for tube in tubes for joint in tube.joints}
     for tube in tubes:

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Check the form of a robot file by its JSON schema."""
+"""Check of the form of a robot file by its JSON schema."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ from isotruss_ros.core.model.units import likely_unit
 if TYPE_CHECKING:
     import jsonschema
 
-#: Largest magnitude of a number; larger ones are typing errors and overflow in products.
+#: Largest magnitude of a number [-]; larger numbers are typing errors and overflow in products.
 MAX_MAGNITUDE = 1e12
-#: Largest number of reported mistakes [-].
+#: Largest number of reported faults [-].
 MAX_COMPLAINTS = 50
 
 
 def check_form(path: Path, content: Any) -> None:
     """
-    Raise one error with all complaints, so that a file is corrected in one pass.
+    Raise one error with all faults of a robot file, so it can be corrected at once.
 
-    :param path: path of the robot file, for messages.
+    :param path: path of the robot file, for error messages.
     :param content: plain values from YAML.
     :raises RobotFileError: the content violates the schema.
     """
@@ -48,11 +48,11 @@ def check_form(path: Path, content: Any) -> None:
 
 def refuse_if_any(path: Path, complaints: Iterable[str]) -> None:
     """
-    Raise RobotFileError if there are complaints.
+    Raise RobotFileError if there are faults.
 
-    :param path: path of the robot file, for messages.
-    :param complaints: lines without the path.
-    :raises RobotFileError: has one complaint on each line, at most `MAX_COMPLAINTS`.
+    :param path: path of the robot file, for error messages.
+    :param complaints: faults, one line each, without the path.
+    :raises RobotFileError: the message has one fault on each line, at most `MAX_COMPLAINTS`.
     """
     first = [f'{path}: {line}' for line in itertools.islice(complaints, MAX_COMPLAINTS + 1)]
     if len(first) > MAX_COMPLAINTS:
@@ -62,7 +62,7 @@ def refuse_if_any(path: Path, complaints: Iterable[str]) -> None:
 
 
 def _is_number(_checker: jsonschema.TypeChecker, value: Any) -> bool:
-    """Return whether a value is a finite number: YAML and JSON Schema allow NaN and infinity."""
+    """Return whether a value is a finite number; YAML and JSON Schema allow NaN and infinity."""
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         return False
     return value == value and -MAX_MAGNITUDE <= value <= MAX_MAGNITUDE
@@ -70,9 +70,10 @@ def _is_number(_checker: jsonschema.TypeChecker, value: Any) -> bool:
 
 def _unique_texts(_validator: Any, wanted: bool, value: Any, _schema: Any) -> Iterator[Any]:
     """
-    Yield an error for repeated texts; items of other types have an error of their own.
+    Yield an error for repeated texts.
 
-    Replaces the check of jsonschema, whose time is quadratic in the length.
+    It replaces the check of jsonschema, whose time is quadratic in the length. Items that are not
+    texts have an error of their own.
     """
     texts = [item for item in value if isinstance(item, str)] if isinstance(value, list) else []
     if wanted and len(set(texts)) < len(texts):
@@ -130,7 +131,7 @@ def _explain(error: jsonschema.ValidationError) -> Iterator[str]:
 
 
 def _plausible(error: jsonschema.ValidationError) -> str:
-    """Return the violated range of a number, and the unit that explains it."""
+    """Return the violated range of a number, and the unit in which it would be valid."""
     if error.validator not in ('minimum', 'maximum'):
         return ''
     low = error.schema.get('minimum', error.schema.get('exclusiveMinimum'))

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""YAML from outside, parsed within bounds of size and depth."""
+"""Parser of YAML from outside, with bounds of size and depth."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 from ruamel.yaml.events import AliasEvent, CollectionEndEvent, CollectionStartEvent, ScalarEvent
 
-#: Largest file [characters]; a robot of 300 modules needs 30 kB.
+#: Largest size of a file [characters]; a robot of 300 modules needs 30 kB.
 MAX_FILE_SIZE = 200_000
-#: Largest nesting depth [-]; robot files need four, and parsing is quadratic in the depth.
+#: Largest nesting depth [-]. Robot files need four; the time of parsing is quadratic in the depth.
 MAX_NESTING_DEPTH = 8
 #: Longest scalar [characters]; Python does not print longer integers.
 MAX_SCALAR_LENGTH = 1000
@@ -26,9 +26,9 @@ def read_text(path: Path, kind: str, error: type[IsotrussError]) -> str:
     Return the text of a file.
 
     :param path: path of the file.
-    :param kind: kind of file with its article, for messages.
-    :param error: the exception to raise.
-    :raises IsotrussError: of the given class: the file is missing, too long or not UTF-8.
+    :param kind: kind of file with its article, for error messages.
+    :param error: class of the exception to raise.
+    :raises IsotrussError: the file is missing, too long or not UTF-8; of the given class.
     """
     try:
         with path.open('rb') as file:
@@ -48,11 +48,11 @@ def parse_yaml(source: object, text: str, kind: str, refusal: type[IsotrussError
     """
     Return the content of a YAML 1.2 text: plain values, lists and mappings.
 
-    :param source: origin of the text, for messages.
-    :param text: the YAML.
-    :param kind: kind of texts in the plural, for messages.
-    :param refusal: the exception to raise.
-    :raises IsotrussError: of the given class: the text is not YAML, or of another type.
+    :param source: origin of the text, for error messages.
+    :param text: YAML text.
+    :param kind: kind of texts in the plural, for error messages.
+    :param refusal: class of the exception to raise.
+    :raises IsotrussError: the text is not YAML, or is of another type; of the given class.
     """
     try:
         depth = 0

@@ -4,10 +4,10 @@
 """
 Convex cross-sections of objects, given by their support functions.
 
-The support function h(n) is the distance from the origin of the tangent with the outward normal n.
-The signed distance to a point x is the maximum of x . n - h(n) over all normals, outside and
-inside; the maximising normal is the outward normal at the foot of x. Points and normals are
-complex numbers x + iy in the object's frame.
+The support function h(n) is the distance of the tangent with the outward normal n from the origin.
+The signed distance of a point x, outside or inside, is the maximum of x . n - h(n) over all
+normals n. The maximising n is the outward normal at the surface point nearest to x. Points and
+normals are complex numbers x + iy in the object's frame.
 """
 
 from __future__ import annotations
@@ -26,11 +26,13 @@ import numpy as np
 
 class SurfacePoints(NamedTuple):
     """
-    Nearest points of a surface; the foot of a point is `point - gap * normal`.
+    Surface points nearest to given points: for each point, `point - gap * normal`.
 
-    :ivar gaps: (c,) distance from the surface, negative inside [m].
-    :ivar normals: (c,) outward unit normals at the feet, x + iy; at a corner one within its cone.
-    :ivar radii: (c,) radius of curvature there [m]: 0 at a sharp corner, infinite on a face.
+    :ivar gaps: (c,) distances of the points from the surface, negative inside [m].
+    :ivar normals: (c,) outward unit normals at the nearest points, x + iy; at a corner, one normal
+        of its cone.
+    :ivar radii: (c,) radii of curvature at the nearest points [m]: 0 at a sharp corner, infinite
+        on a face.
     """
 
     gaps: Array
@@ -39,19 +41,19 @@ class SurfacePoints(NamedTuple):
 
 
 class Face(NamedTuple):
-    """A straight face of a shape, as a neighbour of one of its end corners."""
+    """Straight face of a shape, as a neighbour of one of its two corners."""
 
-    step: int  #: 1 if the face begins at that corner, counter-clockwise, -1 if it ends there
-    corner: int  #: index of the corner at its other end
+    step: int  #: 1 for the face after that corner, counter-clockwise; -1 for the face before it
+    corner: int  #: index of the corner at the other end of the face
     normal: complex  #: outward unit normal, x + iy
     length: float  #: length between the corners, or between the centres of their arcs [m]
 
 
 class Shape(ABC):
     """
-    A convex cross-section, in the frame of the object.
+    Convex cross-section in the frame of the object.
 
-    User-defined shapes derive from this class. Methods with a body here are valid for smooth
+    User-defined shapes derive from this class. Its methods with a body are valid for smooth
     shapes; shapes with faces or corners override them.
     """
 
@@ -71,12 +73,12 @@ class Shape(ABC):
     @property
     @abstractmethod
     def perimeter(self) -> float:
-        """Return the length of the outline [m]; over 2 pi it is the mean of h(n)."""
+        """Return the length of the outline [m], which is 2 pi times the mean of h(n)."""
 
     @property
     @abstractmethod
     def centroid(self) -> complex:
-        """Return the centroid of the area, x + iy, which is inside [m]."""
+        """Return the centroid of the area, x + iy [m]."""
 
     @property
     @abstractmethod
@@ -90,7 +92,7 @@ class Shape(ABC):
 
     def support(self, normals: Points) -> Array:
         """
-        Return the support function h(n), (c,) [m].
+        Return the support function h(n) for normals, (c,) [m].
 
         :param normals: (c,) outward unit normals of the tangents, x + iy.
         """
@@ -99,14 +101,14 @@ class Shape(ABC):
     @abstractmethod
     def support_points(self, normals: Points) -> Points:
         """
-        Return support points, (c,) x + iy [m]; for the normal of a face, one of its ends.
+        Return the points on tangents, (c,) x + iy [m]; on a tangent along a face, one of its ends.
 
-        :param normals: (c,) outward unit normals of the tangents, x + iy, or one.
+        :param normals: (c,) outward unit normals of the tangents, x + iy, or a single normal.
         """
 
     def corner_at(self, normal: complex) -> int:
         """
-        Return the index of the extreme corner along a normal; 0 for a smooth shape.
+        Return the index of the farthest corner along a normal; 0 for a smooth shape.
 
         :param normal: outward unit normal, x + iy.
         """
@@ -132,17 +134,18 @@ class Shape(ABC):
     @abstractmethod
     def surface_at(self, corners: Indices, normals: Points) -> tuple[Points, Array]:
         """
-        Return points of the surface with given normals, and radii of curvature, (k,) each [m].
+        Return points (k,) of the surface with given normals [m], and their radii of curvature [m].
 
-        :param corners: (k,) indices of the corners; their arcs extend beyond their ends.
+        :param corners: (k,) index of the corner of each point. Its arc is extended beyond its
+            ends.
         :param normals: (k,) outward unit normals, x + iy.
         """
 
     def radius_rates(self, normals: Points) -> Array:
         """
-        Return the derivatives of the radii of curvature by the angle of the normal, (k,) [m/rad].
+        Return the derivatives (k,) of the radius of curvature by the normal's angle [m/rad].
 
-        Zero for circles and arcs; shapes with varying radius override it.
+        They are zero for circles and arcs; shapes with varying radius override the method.
 
         :param normals: (k,) outward unit normals, x + iy.
         """
@@ -151,37 +154,37 @@ class Shape(ABC):
     @abstractmethod
     def unroll(self, angles: Array, corners: Indices) -> Array:
         """
-        Return the arc lengths from a fixed point of the surface to given normals, (k,) [m].
+        Return the arc lengths (k,) from a fixed point of the surface to given normals [m].
 
-        A shape that rolls on a line touches it where its normal points at the line. Rotation
-        unrolls the arc between the contact points, and a face all at once. A full rotation unrolls
-        the perimeter.
+        A shape that rolls on a line touches it at the point whose normal is normal to the line. A
+        rotation unrolls the arc between two contact points, and a face at once. A full rotation
+        unrolls the perimeter.
 
-        :param angles: (k,) angles of the outward normals, not wrapped [rad].
+        :param angles: (k,) unwrapped angles of the outward normals [rad].
         :param corners: (k,) indices of the corners in contact, see `corner_at`.
         """
 
     @abstractmethod
     def nearest(self, points: Points) -> SurfacePoints:
         """
-        Return the nearest points of the surface.
+        Return the points of the surface nearest to given points.
 
-        :param points: (c,) x + iy, outside or inside [m].
+        :param points: (c,) points x + iy, outside or inside [m].
         """
 
     def rounded(self, length: float) -> Shape:
         """
-        Return the shape with corners rounded to the resolution of segments of a given length.
+        Return the shape with corners rounded to the resolution of contact points.
 
-        :param length: length of the segments [m].
+        :param length: length of tube that each contact point represents [m].
         """
         return self
 
     def smoothed(self, length: float) -> Shape:
         """
-        Return the smooth shape that this one samples: of polygons, a curve through the corners.
+        Return the smooth shape that this shape samples; of a polygon, a curve through its corners.
 
-        :param length: length of the shortest face that is no such sample [m].
+        :param length: length of the shortest face that is not a sample [m].
         """
         return self
 
@@ -193,16 +196,16 @@ class Shape(ABC):
     @abstractmethod
     def outline(self, spacing: float) -> Points:
         """
-        Return points along the surface, counter-clockwise and without repetition, (k,) [m].
+        Return points (k,) along the surface, counter-clockwise and without repetition [m].
 
-        :param spacing: largest distance of the points where the surface is curved [m].
+        :param spacing: largest distance of successive points where the surface is curved [m].
         """
 
 
 @dataclass(frozen=True)
 class Disc(Shape):
     """
-    A circle around the origin of the object's frame.
+    Circle around the origin of the object's frame.
 
     :raises GraspError: the diameter is not a positive number within range.
     """
@@ -212,7 +215,7 @@ class Disc(Shape):
     centroid: ClassVar[complex] = 0j
 
     def __post_init__(self) -> None:
-        """Check the number."""
+        """Check the diameter."""
         (size,) = finite_array([self.diameter], 1, "the object's diameter [m]", GraspError)
         if size <= 0.0:
             raise GraspError(f"the object's diameter {self.diameter!r} m: must be positive")
@@ -259,7 +262,7 @@ class Disc(Shape):
         return SurfacePoints(away - radius, normalize(points), np.full(len(points), radius))
 
     def unroll(self, angles: Array, corners: Indices) -> Array:
-        """Return the arcs to points with given normals, (k,) [m]; see `Shape.unroll`."""
+        """Return the arc lengths to points with given normals; see `Shape.unroll`."""
         return 0.5 * self.diameter * angles
 
     def outline(self, spacing: float) -> Points:
@@ -272,7 +275,7 @@ def normalize(vectors: Points) -> Points:
     """
     Return unit vectors; the zero vector becomes i.
 
-    :param vectors: (c,) x + iy [m].
+    :param vectors: (c,) vectors x + iy.
     """
     sizes = np.abs(vectors)
     if sizes.all():

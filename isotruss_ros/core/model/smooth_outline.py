@@ -4,10 +4,10 @@
 """
 Smooth convex curves through the corners of polygons that sample a curved outline.
 
-The tangent at a corner is that of the conic through it and the two corners on either side, exact
-for circles and ellipses. The distance h of tangents from the centroid is a periodic quintic spline
-of the normal's angle through the corners, so that the point (h + i h') n on a tangent and the
-radius of curvature h + h'' are continuous.
+The tangent at a corner is the tangent of a conic through this corner and two corners on either
+side; it is exact for circles and ellipses. The distance h of the tangents from the centroid is a
+periodic quintic spline of the normal's angle. So the surface point (h + i h') n and the radius of
+curvature h + h'' are continuous.
 """
 
 from __future__ import annotations
@@ -26,18 +26,18 @@ import scipy
 CONIC_POINTS = 5
 #: Degree of the polynomials between two corners [-].
 DEGREE = 5
-#: Samples of the curve between two corners, for bounds and initial guesses [-].
+#: Number of samples of the curve between two corners, for bounds and initial guesses [-].
 SAMPLES = 4
 
 
 @dataclass(frozen=True)
 class SmoothOutline(Shape):
     """
-    The smooth curve through the corners of a convex polygon.
+    Smooth curve through the corners of a convex polygon.
 
-    Area, centroid and radius of gyration are those of the polygon.
+    Area, centroid and radius of gyration are taken from the polygon.
 
-    :ivar vertices: (x, y) of the corners, counter-clockwise; `CONIC_POINTS` or more [m].
+    :ivar vertices: (x, y) of `CONIC_POINTS` or more corners, counter-clockwise [m].
     """
 
     vertices: tuple[tuple[float, float], ...]
@@ -83,7 +83,7 @@ class SmoothOutline(Shape):
 
     @cached_property
     def _angles(self) -> Array:
-        """Return the angles of the normals at the corners, and the first again, (n + 1,) [rad]."""
+        """Return the angles (n + 1,) of the normals at the corners, with the first again [rad]."""
         tangents = conic_tangents(self.corners)
         turns = np.angle(np.roll(tangents, -1) / tangents)
         return float(np.angle(-1j * tangents[0])) + np.append(0.0, np.cumsum(turns))
@@ -91,9 +91,10 @@ class SmoothOutline(Shape):
     @cached_property
     def _pieces(self) -> Array:
         """
-        Return polynomials from corner to corner, (5, DEGREE + 2, n) by falling powers.
+        Return the polynomials between corners, (5, DEGREE + 2, n) by falling powers.
 
-        Of the integral of h by the angle from the corner, h, and its first three derivatives.
+        The five functions of the angle from the corner are the integral of h, h, and its first
+        three derivatives.
         """
         away = self.corners - self.centroid
         heights = (away * np.exp(-1j * self._angles[:-1])).real
@@ -110,13 +111,13 @@ class SmoothOutline(Shape):
 
     @cached_property
     def _sampled(self) -> Array:
-        """Return angles of normals all around, with all corners, (SAMPLES n,) [rad]."""
+        """Return angles (SAMPLES n,) of normals all around, including all corners [rad]."""
         shares = np.arange(SAMPLES) / SAMPLES
         return (self._angles[:-1, None] + np.diff(self._angles)[:, None] * shares).ravel()
 
     @cached_property
     def is_convex(self) -> bool:
-        """Return whether the curve turns to the left everywhere, and once around."""
+        """Return whether the curve turns to the left everywhere, and goes around once."""
         around = abs(self._angles[-1] - self._angles[0] - 2.0 * np.pi) < 1e-9
         if not around or np.diff(self._angles).min() <= 0.0:
             return False
@@ -124,13 +125,13 @@ class SmoothOutline(Shape):
         return bool((found[1] + found[3]).min() > 0.0)
 
     def _around(self, angles: Array) -> Array:
-        """Return the integral of h from the first corner, and derivatives, (5, k)."""
+        """Return the integral of h from the first corner, h and its derivatives, (5, k)."""
         angles = self._angles[0] + (angles - self._angles[0]) % (2.0 * np.pi)
         pieces = self._angles[1:-1].searchsorted(angles, 'right')
         return self._at(pieces, angles)
 
     def _at(self, pieces: Indices, angles: Array) -> Array:
-        """Return the polynomials of some pieces at angles, (5, k)."""
+        """Return the values (5, k) of polynomials `_pieces` at angles."""
         powers = (angles - self._angles[pieces]) ** np.arange(DEGREE + 1, -1, -1)[:, None]
         return np.einsum('dpk,pk->dk', self._pieces[:, :, pieces], powers)
 
@@ -146,7 +147,7 @@ class SmoothOutline(Shape):
 
     def radius_rates(self, normals: Points) -> Array:
         """
-        Return the derivatives of the radii of curvature by the angle of the normal, (k,) [m/rad].
+        Return the derivatives (k,) of the radius of curvature by the normal's angle [m/rad].
 
         :param normals: (k,) outward unit normals, x + iy.
         """
@@ -154,7 +155,7 @@ class SmoothOutline(Shape):
         return np.asarray(found[2] + found[4])
 
     def unroll(self, angles: Array, corners: Indices) -> Array:
-        """Return the arcs to points with given normals, (k,) [m]; see `Shape.unroll`."""
+        """Return the arc lengths to points with given normals; see `Shape.unroll`."""
         found = self._around(angles)
         turns = np.floor((angles - self._angles[0]) / (2.0 * np.pi))
         return np.asarray(found[0] + found[2] + self.perimeter * turns)
@@ -195,12 +196,12 @@ class SmoothOutline(Shape):
 
 def conic_tangents(points: Points) -> Points:
     """
-    Return the directions of the tangents at points of a closed curve, (n,) unit vectors x + iy.
+    Return the unit tangents (n,) of a closed curve at points, x + iy.
 
-    Those of the conic through each point and the two on either side, by Pascal's theorem in
-    homogeneous coordinates.
+    Each is the tangent of the conic through the point and two points on either side, by Pascal's
+    theorem in homogeneous coordinates.
 
-    :param points: (n,) counter-clockwise, x + iy; `CONIC_POINTS` or more [m].
+    :param points: (n,) `CONIC_POINTS` or more points, counter-clockwise, x + iy [m].
     """
     size = np.abs(points - points.mean()).max()
     # A hexagon on the conic, two of whose corners are the point: that side is the tangent.

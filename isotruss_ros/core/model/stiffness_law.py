@@ -4,9 +4,9 @@
 """
 Measured stiffness laws k = C p^a L^b of a robot file, and their consistency as beams.
 
-The axial law is for a member between two roller modules: L is its length from pinch to pinch. The
-transverse and the rotary laws are for a tube between guide rings: L is its length from ring to
-ring (section III-A of the paper).
+In the axial law, L is the length of a member from pinch point to pinch point. In the transverse
+and the rotary laws, L is the length of tube from guide ring to guide ring (section III-A of the
+paper).
 """
 
 from __future__ import annotations
@@ -17,14 +17,16 @@ from typing import Any, NamedTuple
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 
-#: Range of stiffnesses; values beyond come from constants in other units and overflow.
+#: Range of stiffnesses in SI units; values outside come from constants in other units, and
+#: overflow.
 MIN_STIFFNESS, MAX_STIFFNESS = 1e-30, 1e30
-#: Relative rounding error of the ratio 12 k_rotary / (k_transverse L^2) against its bound 4 [-].
+#: Relative rounding error of the ratio 12 k_rotary / (k_transverse L^2), whose lower bound is 4
+#: [-].
 RATIO_TOLERANCE = 1e-9
 
 
 class Law(NamedTuple):
-    """An end stiffness k = C p^a L^b, all in SI units."""
+    """Power law k = C p^a L^b of an end stiffness, in SI units."""
 
     C: float  #: factor
     a: float  #: exponent of the gauge pressure
@@ -34,9 +36,10 @@ class Law(NamedTuple):
         """
         Return the stiffness k; zero or infinite on underflow or overflow.
 
-        :param length: (k,) pinch to pinch for an axial law, ring to ring for the others [m].
-        :param pressure: (k,) gauge [Pa].
-        :return: (k,) [N/m], rotary [N m/rad].
+        :param length: (k,) lengths L [m]: pinch point to pinch point for an axial law, else guide
+            ring to guide ring.
+        :param pressure: (k,) gauge pressures p [Pa].
+        :return: (k,) stiffnesses [N/m]; of a rotary law [N m/rad].
         """
         with np.errstate(over='ignore', under='ignore'):
             return np.exp(np.log(self.C) + self.a * np.log(pressure) + self.b * np.log(length))
@@ -44,9 +47,9 @@ class Law(NamedTuple):
 
 def read_laws(block: Mapping[str, Any]) -> dict[str, Law]:
     """
-    Return the power laws of a `stiffness` block by mode.
+    Return the power laws of a block `stiffness` by mode.
 
-    :param block: block of a robot file with the model `power_law`, its form checked.
+    :param block: block of a robot file with the model `power_law`, whose form is checked.
     """
     modes = ('axial', 'transverse', 'rotary')
     # As floats: YAML also has integers, which overflow differently.
@@ -60,16 +63,16 @@ def find_contradictions(
     ring: float,
 ) -> Iterator[str]:
     """
-    Yield lengths and pressures at which the laws have no stiffness, or not that of a beam.
+    Yield lengths and pressures at which the laws have no stiffness, or no beam fulfils them.
 
-    The ratio 12 k_rotary / (k_transverse L^2) of a beam is 4 + 12 EI / (GA L^2), at least 4. The
-    ratio of two power laws is a power law: at least 4 at both ends of a range of lengths, it is at
-    least 4 between them. The length at which it is 4 follows in closed form.
+    A beam has the ratio 12 k_rotary / (k_transverse L^2) = 4 + 12 EI / (GA L^2), at least 4. For
+    two power laws the ratio is a power law. So if it is at least 4 at both ends of a range of
+    lengths, it is at least 4 in the range. The length with the ratio 4 follows in closed form.
 
-    :param laws: axial, transverse and rotary.
+    :param laws: power laws by mode: axial, transverse and rotary.
     :param pressures: gauge pressures by tube [Pa].
-    :param limits: shortest and longest member, pinch to pinch [m].
-    :param ring: distance g from a pinch point to its guide ring [m].
+    :param limits: shortest and longest member, pinch point to pinch point [m].
+    :param ring: distance g of each guide ring from its pinch point [m].
     """
     if limits[0] <= 2.0 * ring:
         yield (
@@ -97,7 +100,7 @@ def find_contradictions(
 def _contradiction(
     laws: Mapping[str, Law], pressure: float, limits: tuple[float, float], ring: float, case: str
 ) -> Iterator[str]:
-    """Yield the range of lengths at which no beam has both stiffnesses."""
+    """Yield the range of lengths at which no beam has the transverse and the rotary stiffness."""
     transverse, rotary = laws['transverse'], laws['rotary']
     slope = rotary.b - transverse.b - 2.0
     level = (

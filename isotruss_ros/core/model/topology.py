@@ -20,23 +20,23 @@ class Topology:
     """
     Index arrays over modules i = 0..m-1, in the order of the robot file.
 
-    Nodes are numbered joints first, then B and C of module after module. Member i leaves module i
-    at B and enters module `following[i]` at C, so members and modules share their numbers.
+    Nodes are first the joints, then B and C of each module. Member i goes from B of module i to C
+    of module `following[i]`, so members and modules have the same indices.
     """
 
     joint_names: tuple[str, ...]  #: names of the joints, in the order of the robot file
     tube_names: tuple[str, ...]  #: names of the tubes, in the order of the robot file
     module_names: tuple[str, ...]  #: names t/j of the modules, tube by tube
-    joint: Indices  #: (m,) node A of each module
-    following: Indices  #: (m,) next module along the tube
-    previous: Indices  #: (m,) previous module along the tube
-    tube: Indices  #: (m,) tube of each module
-    driven: Indices  #: (r,) modules with a motor
+    joint: Indices  #: (m,) index of node A of each module
+    following: Indices  #: (m,) index of the next module along the tube
+    previous: Indices  #: (m,) index of the previous module along the tube
+    tube: Indices  #: (m,) index of the tube of each module
+    driven: Indices  #: (r,) indices of the modules with a motor
     grounded: Indices  #: (g,) grounded coordinates, numbered 2 node + (0 for x, 1 for y)
 
     @cached_property
     def n_modules(self) -> int:
-        """Return the number of modules, which is the number of members."""
+        """Return the number of modules, equal to the number of members."""
         return len(self.module_names)
 
     @cached_property
@@ -46,33 +46,33 @@ class Topology:
 
     @cached_property
     def b(self) -> Indices:
-        """Return node B of each module, (m,)."""
+        """Return the index of node B of each module, (m,)."""
         return len(self.joint_names) + 2 * np.arange(self.n_modules)
 
     @cached_property
     def c(self) -> Indices:
-        """Return node C of each module, (m,)."""
+        """Return the index of node C of each module, (m,)."""
         return self.b + 1
 
     @cached_property
     def end(self) -> Indices:
-        """Return the node at which each member ends: C of the following module, (m,)."""
+        """Return the index (m,) of the node at each member's end: C of the following module."""
         return self.c[self.following]
 
     @cached_property
     def before_driven(self) -> Indices:
-        """Return the module before each driven module, (r,)."""
+        """Return the index (r,) of the module before each driven module."""
         return self.previous[self.driven]
 
     @cached_property
     def node_names(self) -> tuple[str, ...]:
-        """Return the names of the kinematic nodes: joints, then t/j/B and t/j/C."""
+        """Return the names of the kinematic nodes: joints, then t/j/B and t/j/C of each module."""
         pinch = [f'{module}/{node}' for module in self.module_names for node in 'BC']
         return (*self.joint_names, *pinch)
 
     @cached_property
     def member_names(self) -> tuple[str, ...]:
-        """Return the members' names t/j-k, in module order."""
+        """Return the names t/j-k of the members, in module order."""
         ends = self.joint[self.following]
         return tuple(
             f'{module}-{self.joint_names[end]}'
@@ -87,9 +87,9 @@ class Topology:
     @cached_property
     def incidence(self) -> Array:
         """
-        Return the incidence matrix C, (m, r), in Ldot = C phidot.
+        Return the incidence matrix C of Ldot = C phidot, by members and rollers, (m, r).
 
-        The columns of C sum to zero over each tube, which gives (13).
+        The columns of C sum to zero over each tube; (13) follows from this.
         """
         matrix = np.zeros((self.n_modules, self.n_modules))
         members = np.arange(self.n_modules)
@@ -100,7 +100,7 @@ class Topology:
 
 def make_topology(description: RobotDescription) -> Topology:
     """
-    Return the topology of a robot, numbered in the order of its file.
+    Return the topology of a robot, in the order of its file.
 
     :param description: description of the robot.
     """
@@ -131,9 +131,9 @@ def make_topology(description: RobotDescription) -> Topology:
 
 def check_roller_names(what: str, names: Iterable[str], roller_names: Sequence[str]) -> None:
     """
-    Raise GraspError if names are not those of rollers.
+    Raise GraspError if names do not belong to rollers.
 
-    :param what: source of the names, for the error.
+    :param what: source of the names, for the error message.
     :param names: names to check.
     :param roller_names: names of the robot's rollers.
     :raises GraspError: the robot has no such rollers.

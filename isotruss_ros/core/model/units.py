@@ -1,11 +1,11 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Probable units of values out of their range."""
+"""Probable units of values outside of their range."""
 
 from __future__ import annotations
 
-#: Other units of each SI unit, with their sizes in it.
+#: Other units of each SI unit, with their sizes in the SI unit.
 UNITS = {
     'm': {'cm': 1e-2, 'mm': 1e-3},
     'm/s': {'cm/s': 1e-2, 'mm/s': 1e-3},
@@ -21,11 +21,12 @@ def likely_unit(value: float, unit: str, low: float, high: float) -> str:
     """
     Return a clause that names the units in which a value would be within its range.
 
-    :param value: value as written, out of its range.
-    :param unit: SI unit in which it was read; no clause if it has no alternatives.
-    :param low: least value of the range, in the SI unit.
+    :param value: value as written, outside of its range.
+    :param unit: SI unit in which the value was read.
+    :param low: smallest value of the range, in the SI unit.
     :param high: largest value of the range, in the SI unit.
-    :return: for example `; in cm it would be 0.102 m`; empty if no unit explains the value.
+    :return: clause, for example `; in cm it would be 0.102 m`; empty if no unit explains the
+        value.
     """
     fitting = [
         f'in {name} it would be {float(f"{value * size:.4g}"):g} {unit}'

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Checked conversion of input to arrays of finite numbers, and of points to pairs of numbers."""
+"""Checked conversion of input to arrays of finite numbers, and of points to coordinates."""
 
 from __future__ import annotations
 
@@ -25,12 +25,13 @@ def finite_array(
     """
     Return a copy of `count` finite real numbers as an array (count,).
 
-    :param values: the numbers.
+    :param values: values to convert.
     :param count: required length.
-    :param what: name of the numbers, for the message.
-    :param error: the exception to raise.
+    :param what: name of the values, for the error message.
+    :param error: class of the exception to raise.
     :param most: largest allowed magnitude.
-    :raises IsotrussError: of the given class; names the input and the requirement.
+    :raises IsotrussError: the values are invalid; of the given class, names the input and the
+        requirement.
     """
     return _finite(values, (count,), what, error, most)
 
@@ -45,12 +46,13 @@ def finite_rows(
     """
     Return a copy of rows of finite real numbers as an array (n, columns).
 
-    :param values: the rows, perhaps none.
+    :param values: rows to convert, possibly none.
     :param columns: required length of each row.
-    :param what: name of the rows, for the message.
-    :param error: the exception to raise.
+    :param what: name of the rows, for the error message.
+    :param error: class of the exception to raise.
     :param most: largest allowed magnitude.
-    :raises IsotrussError: of the given class; names the input and the requirement.
+    :raises IsotrussError: the rows are invalid; of the given class, names the input and the
+        requirement.
     """
     rows = np.shape(values)[:1] if hasattr(values, 'shape') else (len(values),)
     return _finite(values, (*rows, columns), what, error, most)
@@ -83,8 +85,8 @@ def _finite(
 
 def as_xy(vectors: NDArray[np.complex128]) -> NDArray[np.float64]:
     """
-    Return vectors x + iy, (c,), as an array of x and y, (c, 2).
+    Return vectors (c,) x + iy as an array (c, 2) of x and y.
 
-    :param vectors: (c,) x + iy.
+    :param vectors: (c,) vectors x + iy.
     """
     return np.ascontiguousarray(vectors).view(np.float64).reshape(-1, 2)

@@ -2,12 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Run linear algebra of this package on one BLAS thread.
+Linear algebra of this package on one BLAS thread.
 
-The matrices of a robot have some hundred rows. OpenBLAS distributes such a product over all cores,
-and the busy waiting of its threads takes longer than the product. The number of threads is a
-setting of the process: it is set at the begin of a solve and restored at its end, and applies to
-other threads of the user in the meantime. Other BLAS libraries are not changed.
+The matrices of a robot have some hundred rows. OpenBLAS distributes their products over all cores;
+the busy waiting of its threads then takes longer than the product. The number of threads is a
+setting of the process. It is set at the begin of a solve and restored at its end; in the meantime
+it applies to all threads of the user. Other BLAS libraries are not changed.
 """
 
 from __future__ import annotations
@@ -22,7 +22,8 @@ from typing import NamedTuple, ParamSpec, TypeVar
 import numpy as np
 from scipy.linalg import lapack
 
-#: OpenBLAS is built under these names: of Linux distributions, NumPy 1, SciPy, and NumPy 2.
+#: Prefixes and suffixes of OpenBLAS's functions, as built by Linux distributions, NumPy 1, SciPy
+#: and NumPy 2.
 PREFIXES, SUFFIXES = ('', 'scipy_'), ('', '64_')
 
 P = ParamSpec('P')
@@ -30,7 +31,7 @@ R = TypeVar('R')
 
 
 class Library(NamedTuple):
-    """A BLAS library with a settable number of threads."""
+    """BLAS library whose number of threads can be set."""
 
     count: Callable[[], int]  # type: ignore[assignment]  #: returns the number of threads
     set_count: Callable[[int], None]  #: sets the number of threads
@@ -56,7 +57,7 @@ def find_libraries() -> tuple[Library, ...]:
 
 class OneThread:
     """
-    Context with one BLAS thread; of overlapping contexts the first sets, the last restores.
+    Context with one BLAS thread; of overlapping contexts, the last to end restores the number.
 
     :param libraries: the libraries.
     """
@@ -94,7 +95,7 @@ ONE_THREAD = OneThread()
 
 def single_threaded(function: Callable[P, R]) -> Callable[P, R]:
     """
-    Return a function that runs another one with one BLAS thread.
+    Return a function that runs with one BLAS thread.
 
     :param function: function to run.
     """

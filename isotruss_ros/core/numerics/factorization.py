@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Factorizations of square matrices for repeated solves with the matrix and its transpose."""
+"""Factorisations of square matrices for repeated solves with the matrix and its transpose."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from scipy.sparse.linalg import LinearOperator, onenormest, splu
 
 class DenseFactor:
     """
-    LU of a dense matrix; faster than sparse LU up to some hundred rows.
+    LU factorisation of a dense matrix; faster than a sparse one up to some hundred rows.
 
-    :param matrix: (n, n), overwritten.
+    :param matrix: (n, n) matrix; it is overwritten.
     """
 
     def __init__(self, matrix: Array) -> None:
@@ -52,9 +52,9 @@ class DenseFactor:
 
 class SparseFactor:
     """
-    LU of a sparse matrix (SuperLU), ordered by minimum degree for less fill-in.
+    LU factorisation of a sparse matrix (SuperLU), with minimum-degree ordering.
 
-    :param matrix: (n, n).
+    :param matrix: (n, n) matrix.
     """
 
     def __init__(self, matrix: csc_matrix) -> None:
@@ -65,7 +65,7 @@ class SparseFactor:
             raise np.linalg.LinAlgError(str(error)) from error
 
     def __reduce__(self) -> tuple[type[SparseFactor], tuple[csc_matrix]]:
-        """Pickle the matrix, since SuperLU's factors cannot be."""
+        """Return the matrix for pickling, because SuperLU's factors cannot be pickled."""
         return SparseFactor, (self._matrix,)
 
     def solve(self, right: Array) -> Array:
@@ -77,15 +77,15 @@ class SparseFactor:
         return self._lu.solve(right, trans='T')
 
 
-#: A factored square matrix.
+#: Factorisation of a square matrix.
 Factor = DenseFactor | SparseFactor
 
 
 def factorize(matrix: Array | csc_matrix) -> Factor:
     """
-    Factor a matrix; a dense one is overwritten.
+    Factorise a matrix; a dense matrix is overwritten.
 
-    :param matrix: (n, n).
+    :param matrix: (n, n) matrix.
     :raises numpy.linalg.LinAlgError: the matrix is exactly singular.
     """
     return DenseFactor(matrix) if isinstance(matrix, np.ndarray) else SparseFactor(matrix)
@@ -93,10 +93,11 @@ def factorize(matrix: Array | csc_matrix) -> Factor:
 
 def factorize_with_condition(matrix: Array | csc_matrix) -> tuple[Factor | None, float]:
     """
-    Factor a matrix and estimate its condition number in the 1-norm; a dense matrix is kept.
+    Factorise a matrix and estimate its condition number; a dense matrix is not overwritten.
 
-    :param matrix: (n, n).
-    :return: the factor, and the estimate; None and infinity if the matrix is exactly singular.
+    :param matrix: (n, n) matrix.
+    :return: factorisation, and estimated condition number in the 1-norm [-]; None and infinity if
+        the matrix is exactly singular.
     """
     norm = float(np.abs(matrix).sum(axis=0).max())
     try:
@@ -120,15 +121,15 @@ def factorize_with_condition(matrix: Array | csc_matrix) -> tuple[Factor | None,
     return factor, condition if np.isfinite(condition) else float('inf')
 
 
-#: Matrices of fewer rows than this are inverted together.
+#: Largest number of rows plus one of matrices that are inverted together [-].
 FEW_ROWS = 13
 
 
 def invert_symmetric(matrices: Array) -> Array:
     """
-    Return the inverses of symmetric matrices.
+    Return the inverses of symmetric, regular matrices.
 
-    :param matrices: (b, n, n), most often positive definite, not singular.
+    :param matrices: (b, n, n) matrices, usually positive definite.
     """
     if matrices.shape[1] < FEW_ROWS:
         return np.linalg.inv(matrices)
@@ -143,16 +144,16 @@ def invert_symmetric(matrices: Array) -> Array:
     return found
 
 
-#: Diagonal regularisation of constraint rows for the count of pivots, relative to the matrix [-].
+#: Diagonal regularisation of constraint rows in the count of pivots, relative to the matrix [-].
 CONSTRAINT_REGULARIZATION = 1e-7
 
 
 def count_negative_pivots(matrix: Array | csc_matrix, constraints: int) -> int:
     """
-    Return the number of negative pivots of the factors L D L^T of a symmetric matrix.
+    Return the number of negative pivots of the factorisation L D L^T of a symmetric matrix.
 
-    :param matrix: (n, n), scaled to 1: a stiffness bordered by constraints.
-    :param constraints: number of last rows, whose diagonal is zero.
+    :param matrix: (n, n) stiffness bordered by constraints, with entries scaled to 1.
+    :param constraints: number of constraints, which are the last rows and have a zero diagonal.
     """
     if isinstance(matrix, np.ndarray):
         factors, pivots, _ = lapack.dsytrf(matrix, lower=True)

@@ -12,11 +12,12 @@ problem (Lawson and Hanson, Solving Least Squares Problems, 1974, chapter 23, LD
 
     minimize |y|  subject to  y . column <= room  for each column
 
-The search is finite also at degenerate vertices, where dual active-set solvers fail occasionally,
-and it needs SciPy alone: one solver with and without ROS. Each answer is checked by duality.
+The search is finite even at degenerate vertices, where dual active-set solvers fail occasionally.
+It needs only SciPy, so the solver is the same with and without ROS. Each solution is checked by
+duality.
 
-Contact is such a program with x >= 0 alone, a linear complementarity problem (LCP), equation (8).
-Block principal pivoting solves it in a few steps.
+Contact is a program with the only constraint x >= 0, a linear complementarity problem (LCP),
+equation (8). Block principal pivoting solves it in a few steps.
 """
 
 from __future__ import annotations
@@ -35,30 +36,31 @@ import numpy as np
 import scipy
 from scipy.linalg import cholesky, lapack, solve_triangular
 
-#: Tolerance of the inequalities, relative to their largest coefficient times 1 + |x|, with nearly
-#: dependent active constraints (else `ROUNDING`), and relative duality gap of |y|^2 [-].
+#: Tolerance of the inequalities if active constraints are nearly dependent (else `ROUNDING`),
+#: relative to the largest coefficient times 1 + |x|; and relative duality gap of |y|^2 [-].
 LOOSE_TOLERANCE = 1e-8
-#: Perturbations of the bounds, relative to the size of the solution [-], tried in turn at
-#: degenerate vertices, where rounding disturbs the search.
+#: Perturbations of the bounds relative to the size of the solution [-]. They are tried one after
+#: another at degenerate vertices, where rounding disturbs the search.
 BOUND_PERTURBATIONS = (0.0, 1e-12, 1e-11, 1e-10, 1e-9)
-#: Tolerance of gaps and complementarity [m]; of forces, divided by the smallest compliance.
+#: Tolerance of gaps and complementarity [m]; divided by the smallest compliance it is the
+#: tolerance of forces.
 GAP_TOLERANCE = 1e-9
-#: Block exchanges without progress before least squares [-].
+#: Number of block exchanges without progress after which least squares is used [-].
 MAX_BLOCK_EXCHANGES = 10
 
 
 class QuadraticProgram(NamedTuple):
     """
-    A strictly convex quadratic program; all quantities are without units.
+    Strictly convex quadratic program in quantities without units.
 
-    :ivar hessian: (n, n) P, positive definite.
-    :ivar gradient: (n,) q.
-    :ivar rows: (l, n) G.
-    :ivar bounds: (l,) h; infinite without a bound.
-    :ivar lower: (n,) lower bounds of x, infinite without a bound; None: no bounds at all.
-    :ivar upper: (n,) upper bounds of x, None together with `lower`.
-    :ivar equality: (k, n) A, of full row rank; None: no equalities.
-    :ivar target: (k,) b.
+    :ivar hessian: (n, n) matrix P, positive definite.
+    :ivar gradient: (n,) vector q.
+    :ivar rows: (l, n) matrix G.
+    :ivar bounds: (l,) vector h; infinite entries do not bound.
+    :ivar lower: (n,) lower bounds of x, possibly infinite; None: no lower and upper bounds.
+    :ivar upper: (n,) upper bounds of x; None if `lower` is None.
+    :ivar equality: (k, n) matrix A of full row rank; None: no equalities.
+    :ivar target: (k,) vector b.
     """
 
     hessian: Array
@@ -75,9 +77,9 @@ def solve_qp(problem: QuadraticProgram) -> Array | None:
     """
     Return the solution of a quadratic program.
 
-    :param problem: the program.
-    :return: (n,) the optimal point; None if the constraints contradict each other, or P is not
-        positive definite.
+    :param problem: quadratic program.
+    :return: (n,) optimal point; None if the constraints contradict each other or P is not positive
+        definite.
     """
     rows, bounds = _inequalities(problem)
     free, start = _free_space(problem)
@@ -122,7 +124,7 @@ def solve_qp(problem: QuadraticProgram) -> Array | None:
 
 
 def _inequalities(problem: QuadraticProgram) -> tuple[Array, Array]:
-    """Return all rows and bounds of C x <= d."""
+    """Return matrix C and bounds d of all inequalities C x <= d."""
     rows, bounds = problem.rows, problem.bounds
     if problem.lower is not None and problem.upper is not None:
         unit = np.eye(len(problem.gradient))
@@ -133,7 +135,7 @@ def _inequalities(problem: QuadraticProgram) -> tuple[Array, Array]:
 
 
 def _free_space(problem: QuadraticProgram) -> tuple[Array, Array]:
-    """Return an orthonormal null space (n, f) of the equalities, and one solution."""
+    """Return an orthonormal null space (n, f) of the equalities, and one solution (n,)."""
     n = len(problem.gradient)
     if problem.equality is None:
         return np.eye(n), np.zeros(n)
@@ -147,9 +149,9 @@ def _free_space(problem: QuadraticProgram) -> tuple[Array, Array]:
 
 
 class Nearest(NamedTuple):
-    """Nearest point of a polyhedron to the origin."""
+    """Point of a polyhedron nearest to the origin."""
 
-    point: Array  #: (f,) y
+    point: Array  #: (f,) point y
     active: Indices  #: (a,) indices of the active constraints
 
 
@@ -157,12 +159,13 @@ def find_nearest(columns: Array, room: Array, size: float, relaxation: float) ->
     """
     Return the point of a polyhedron nearest to the origin.
 
-    :param columns: (f, l) normals of its planes, of any length.
-    :param room: (l,) upper bounds of y . column.
-    :param size: an estimate of |y|, not negative.
-    :param relaxation: perturbation of the bounds in the active-set search, relative to the size; 0
-        or small.
-    :return: None if the constraints contradict each other, or rounding disturbed the search.
+    :param columns: (f, l) normals of the polyhedron's planes, of any length.
+    :param room: (l,) upper bounds of y . column, one for each plane.
+    :param size: estimate of |y|, not negative.
+    :param relaxation: perturbation of the bounds in the active-set search relative to the size,
+        zero or small [-].
+    :return: nearest point; None if the constraints contradict each other, or rounding disturbed
+        the search.
     """
     lengths = np.sqrt(np.einsum('fl,fl->l', columns, columns))
     lengths[lengths <= COINCIDENCE * lengths.max(initial=0.0)] = np.inf
@@ -204,10 +207,10 @@ def solve_least_squares(matrix: Array, right: Array) -> Array:
     """
     Return the minimum-norm least-squares solution of matrix x = right.
 
-    Replaces `numpy.linalg.lstsq(matrix, right, rcond=COINCIDENCE)`, without singular values.
+    It replaces `numpy.linalg.lstsq(matrix, right, rcond=COINCIDENCE)`, without singular values.
 
-    :param matrix: (m, n), of any rank, m and n at least 1.
-    :param right: (m,)
+    :param matrix: (m, n) matrix of any rank, with m and n at least 1.
+    :param right: (m,) right-hand side.
     """
     rows, columns = matrix.shape
     padded = np.zeros((max(rows, columns), 1))
@@ -221,13 +224,13 @@ def solve_complementarity(compliance: Array, gaps: Array, active: Flags) -> tupl
     """
     Solve the contact LCP f >= 0, g = gaps + compliance @ f >= 0, f g = 0, equations (6) and (8).
 
-    Block principal pivoting (Judice and Pires, 1994) takes a few steps or cycles; after a cycle
-    nonnegative least squares follows.
+    Block principal pivoting (Judice and Pires, 1994) takes a few steps. If it cycles, nonnegative
+    least squares follows.
 
-    :param compliance: (c, c) symmetric positive definite [m/N].
+    :param compliance: (c, c) compliance, symmetric positive definite [m/N].
     :param gaps: (c,) gaps without contact forces [m].
-    :param active: (c,) initial guess of the points in contact.
-    :return: forces (c,) [N] and the mask of points in contact.
+    :param active: (c,) mask of the points in contact, initial guess.
+    :return: forces (c,) [N], and mask (c,) of the points in contact.
     :raises SolverError: the matrix is not positive definite.
     """
     active = active.copy()
@@ -262,7 +265,7 @@ def _by_least_squares(compliance: Array, gaps: Array) -> tuple[Array, Flags]:
 
 
 def _closing(compliance: Array, gaps: Array, active: Flags) -> Array:
-    """Return the forces (of any sign) that close the gaps at the active points."""
+    """Return the forces (c,) of any sign that close the gaps at the active points [N]."""
     places = np.flatnonzero(active)
     if not len(places):
         return np.zeros(0)

@@ -14,16 +14,16 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-#: Longest array and text shown in full [numbers, characters].
+#: Length of the longest array [numbers] and text [characters] that is shown in full.
 MAX_SHOWN_NUMBERS, MAX_SHOWN_CHARACTERS = 12, 90
 
 
 class Record:
     """
-    Base class of results.
+    Base class of results, whose data are public fields and properties.
 
-    The data of a result are its fields, except those with `repr=False`, and its properties. A
-    class attribute `data` replaces them. The `headline` is shown.
+    The data of a result are its properties and its fields without `repr=False`. A class attribute
+    `data` replaces them. The `repr` shows the data of `headline`.
 
     :cvar headline: names of the data that are shown, the most important first.
     :cvar data: names of all data; empty for fields and properties.
@@ -36,7 +36,7 @@ class Record:
     def __init_subclass__(
         cls, headline: tuple[str, ...] = (), data: tuple[str, ...] = (), **rest: Any
     ) -> None:
-        """Store the names of the data; these methods replace those of a dataclass."""
+        """Store the names of the data; the methods below replace those of a dataclass."""
         super().__init_subclass__(**rest)
         cls.headline, cls.data = headline or cls.headline, data or cls.data
 
@@ -50,7 +50,7 @@ class Record:
         return '\n  '.join([type(self).__name__, *lines])
 
     def _repr_html_(self) -> str:
-        """Return the headline as tables: one of numbers, one with a row for each name."""
+        """Return the headline as tables: one of numbers, and one with a row for each name."""
         values = {name: getattr(self, name) for name in _shown(type(self))}
         by_name = {name: each for name, each in values.items() if isinstance(each, Mapping)}
         rows = [
@@ -73,7 +73,7 @@ class Record:
         return table
 
     def __eq__(self, other: object) -> bool:
-        """Return whether the other object is of the same class and has equal data."""
+        """Return whether the other object has the same class and equal data."""
         if type(other) is not type(self):
             return NotImplemented
         names = _names(type(self))
@@ -117,7 +117,7 @@ def as_plain(value: Any) -> Any:
 
 def is_equal(value: Any, other: Any) -> bool:
     """
-    Return whether two values are equal, arrays by their numbers; NaN equals NaN.
+    Return whether two values are equal; arrays are compared by their numbers, NaN equals NaN.
 
     :param value: first value.
     :param other: second value.

@@ -5,5 +5,5 @@
 Object paths and roller trajectories: timing and tracking.
 
 Entry points: `object_path.ObjectPath`, `path_servo.PathServo`, `roller_trajectory`.
-Imports `core.safety` and the packages below it, not `core.estimation`, planning or the servo.
+Imports `core.safety` and the layers below it, not `core.estimation`, planning or the servo.
 """

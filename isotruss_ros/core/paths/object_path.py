@@ -5,10 +5,10 @@
 Path of the object: interpolated poses as a function of time.
 
 Position and angle are interpolated linearly between poses, the angle in the shorter direction. The
-duration of a segment is the larger of that of the centre at `speed` and that of the rotation at
-`turn_rate`. A smooth path is a centripetal Catmull-Rom spline through the poses, without cusps or
-loops between two poses (Yuksel, Schaefer and Keyser, Computer-Aided Design 2011), sampled in short
-segments.
+duration of a segment is the larger one of the centre's translation at `speed` and the rotation at
+`turn_rate`. A smooth path is a centripetal Catmull-Rom spline through the poses, sampled in short
+segments; it has no cusps or loops between two poses (Yuksel, Schaefer and Keyser, Computer-Aided
+Design 2011).
 """
 
 from __future__ import annotations
@@ -23,30 +23,30 @@ import numpy as np
 from numpy.typing import ArrayLike
 import scipy
 
-#: Largest number of poses [-] and duration [s] of a valid path.
+#: Largest number of poses [-] and longest duration [s] of a valid path.
 MAX_POSES, MAX_DURATION = 10_000, 86_400.0
 #: Approximate length [m] and rotation [rad] of a segment of a smooth path.
 PIECE, PIECE_TURN = 0.005, 0.02
 MAX_PIECES_OF_A_SPAN = 200
-#: Largest number of segments of a smooth path [-]; bounds time and memory.
+#: Largest number of segments of a smooth path [-]; it bounds time and memory.
 MAX_PIECES = 100_000
 
 
 class ObjectPath:
     """
-    Poses of the object with their times.
+    Path of the object: poses with their times.
 
-    :ivar poses: (n, 3) x, y [m] and unwrapped angle [rad] in the robot frame, beginning with the
-        angle of the first pose.
+    :ivar poses: (n, 3) x, y [m] and unwrapped angle [rad] in the robot frame; the angle of the
+        first pose is as given.
     :ivar times: (n,) times of the poses, from 0 [s].
     :ivar duration: duration of the path [s].
-    :ivar length: length of the path of the centre [m].
-    :param poses: (n, 3) two or more poses; repeated ones are removed.
+    :ivar length: length of the centre's path [m].
+    :param poses: (n, 3) two or more poses x, y [m], angle [rad]; repeated poses are removed.
     :param speed: speed of the centre along the path [m/s].
     :param turn_rate: largest angular velocity [rad/s].
-    :param smooth: spline through the poses instead of straight segments.
-    :param first: index of the first pose in errors.
-    :raises PathError: names the invalid value and its valid range.
+    :param smooth: whether a spline through the poses replaces straight segments.
+    :param first: index of the first pose in error messages.
+    :raises PathError: a value is invalid; the message names it and its valid range.
     """
 
     def __init__(
@@ -65,7 +65,7 @@ class ObjectPath:
         self.times = np.concatenate([[0.0], np.cumsum(self._durations())])
 
     def _durations(self) -> Array:
-        """Return the durations of the segments (n - 1,) [s]."""
+        """Return the durations (n - 1,) of the segments [s]."""
         steps = np.diff(self.poses, axis=0)
         length = np.hypot(steps[:, 0], steps[:, 1])
         with np.errstate(over='ignore'):  # of all but no speed; refused below
@@ -108,7 +108,7 @@ def _limit(name: str, value: float, most: float, unit: str) -> float:
 
 
 def _checked(poses: ArrayLike, first: int) -> Array:
-    """Return the poses as checked numbers (n, 3)."""
+    """Return the poses as an array (n, 3) of checked numbers."""
     try:
         array = np.asarray(poses, dtype=np.float64)
     except (TypeError, ValueError) as error:
@@ -145,7 +145,7 @@ def _unwrapped(poses: Array, first: int) -> Array:
 
 
 def _distinct(poses: Array) -> Array:
-    """Return the poses without repetitions."""
+    """Return the poses without repeated ones."""
     cells = np.round(poses / ROUNDING)
     differs = (np.diff(cells, axis=0) != 0.0).any(axis=1)
     if not differs.any():

@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Path servo: follow, pause or abort a path in each control cycle, by the validity of its inputs.
+Path servo, which follows, pauses or aborts a path in each control cycle.
 
-A missing, stale or rejected pose ends the path. While the manipulation is stopped, or its feedback
-stale, path time is stopped and the twist zero.
+A missing, stale or rejected pose ends the path. While the manipulation is stopped or its feedback
+is stale, path time stops and the twist is zero.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ import numpy as np
 
 
 class PathOutcome(enum.IntEnum):
-    """Result of path following, equal to isotruss_msgs/FollowObjectPath."""
+    """Results of path following, equal to those of isotruss_msgs/FollowObjectPath."""
 
     REACHED = 0
     CANCELLED = 1
@@ -45,10 +45,10 @@ class ServoFeedback(NamedTuple):
     """
     Feedback of the manipulation on the last twist.
 
-    :ivar code: code of the `Status`.
+    :ivar code: status code, see `Status`.
     :ivar scale: executed share of the twist, 0 to 1.
-    :ivar message: the reason in words.
-    :ivar frequency: lowest natural frequency of the held object; 0 if unknown [rad/s].
+    :ivar message: reason of the status in words.
+    :ivar frequency: lowest natural frequency of the held object [rad/s]; 0 if unknown.
     """
 
     code: int
@@ -59,11 +59,11 @@ class ServoFeedback(NamedTuple):
 
 class Step(NamedTuple):
     """
-    Output of one control cycle.
+    Output of the path servo in one control cycle.
 
     :ivar twist: (3,) twist of the object, robot frame [m/s, rad/s].
-    :ivar outcome: result of path following, None while it is active.
-    :ivar message: the result in words.
+    :ivar outcome: result of path following; None while the path is active.
+    :ivar message: result in words.
     :ivar tracking: state of the tracking; None if unknown.
     """
 
@@ -73,7 +73,7 @@ class Step(NamedTuple):
     tracking: Tracking | None
 
 
-#: Outcomes by final phase.
+#: Result of path following by final phase.
 OUTCOMES = {
     PathPhase.REACHED: PathOutcome.REACHED,
     PathPhase.OFF_PATH: PathOutcome.OFF_PATH,
@@ -83,14 +83,15 @@ OUTCOMES = {
 
 class PathServo:
     """
-    State of path following: settings and the latest value of each input.
+    State of path following: settings, and the latest value of each input.
 
-    :ivar pose: input of the measured `Pose` of the object, robot frame.
-    :ivar servo_feedback: input of the `ServoFeedback` of the manipulation.
-    :ivar rollers: input of the measured `RollerState`, for the feasibility check of paths.
-    :ivar held_grip: input of the `GripRecord` of the loop that holds the object, for the same.
-    :ivar estimate: input of the `EstimatedTravel` with the offsets of the rollers; None without.
-    :ivar tracker: tracker of the current or last path; None before the first.
+    :ivar pose: input of the object's measured `Pose`, robot frame.
+    :ivar servo_feedback: input of the manipulation's `ServoFeedback`.
+    :ivar rollers: input of the measured `RollerState`, for the feasibility of paths.
+    :ivar held_grip: input of the `GripRecord` of the loop that holds the object, for the
+        feasibility of paths.
+    :ivar estimate: input of the `EstimatedTravel` with the roller offsets; None without one.
+    :ivar tracker: tracker of the current or last path; None before the first path.
     :param period: period of the control loop [s].
     :param timeout: largest age of inputs [s].
     """
@@ -111,13 +112,13 @@ class PathServo:
         Return the measured pose of the object.
 
         :param now: time on the clock of the inputs [s].
-        :raises InputError: its pose is missing, stale or invalid.
+        :raises InputError: the object's pose is missing, stale or invalid.
         """
         return require_fresh(now, self.timeout, object_pose=self.pose)[0].value
 
     def begin(self, path: ObjectPath, settings: TrackingSettings, now: float) -> None:
         """
-        Start a path; its first cycle is the next one.
+        Start a path; the next cycle is its first.
 
         :param path: path of the object.
         :param settings: settings of the tracking.
@@ -140,7 +141,7 @@ class PathServo:
 
     def decide(self, now: float) -> Step:
         """
-        Return the output of the current cycle; invalid inputs never raise.
+        Return the output of the current cycle; an invalid input raises no error.
 
         :param now: time on the clock of the inputs [s].
         """
@@ -163,7 +164,7 @@ class PathServo:
         return Step(tracking.twist, outcome, message, tracking)
 
     def _last_feedback(self, now: float) -> ServoFeedback:
-        """Return the feedback on the last twist; a halt if unknown."""
+        """Return the feedback on the last twist; a halt if it is unknown."""
         try:
             (given,) = require_fresh(now, self.timeout, status=self.servo_feedback)
         except InputError as error:

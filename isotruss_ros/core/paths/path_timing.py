@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Path time: runs slower where the robot lags, without jumps."""
+"""Path time, which runs slower if the robot lags, without jumps."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import math
 
 from isotruss_ros.core.inputs import Timeline
 
-#: Length of the history of path time, the largest age of a measurement [s].
+#: Length of the history of path time, and so the largest age of a measurement [s].
 HISTORY_DURATION = 1.0
-#: Smallest rate under limits of the robot [-]: the rest of the path may leave them.
+#: Smallest rate while limits slow the robot [-]; the next part of the path may be free of them.
 MIN_LIMITED_RATE = 0.1
 
 
@@ -21,13 +21,14 @@ class PathClock:
 
     :ivar time: path time [s].
     :ivar rate: derivative of path time by time [-].
-    :ivar ramp_time: time from rest to rate 1 and back [s].
+    :ivar ramp_time: time from rest to rate 1, and back [s].
     :ivar waited: time since the last progress [s].
-    :ivar period: period of the control loop, variable along the path [s].
+    :ivar period: period of the control loop [s]; may vary along the path.
     :param duration: duration of the path [s].
-    :param ramp_time: time from rest to rate 1 and back [s].
+    :param ramp_time: initial ramp time [s].
     :param progress_timeout: largest time without progress [s].
-    :param period: period of the control loop; cycles longer than two are clipped to two [s].
+    :param period: initial period of the control loop [s]; an elapsed time is clipped to two
+        periods.
     """
 
     def __init__(
@@ -44,12 +45,12 @@ class PathClock:
 
     @property
     def at_end(self) -> bool:
-        """Return whether path time is at the end of the path."""
+        """Return whether path time has reached the end of the path."""
         return self.time >= self._duration
 
     @property
     def time_left(self) -> float:
-        """Return the remaining time without slow-down, with ramps up and down [s]."""
+        """Return the remaining time with ramps up and down, without further slow-down [s]."""
         left = self._duration - self.time
         peak = min(1.0, math.sqrt(left / self.ramp_time + 0.5 * self.rate**2))
         cruise = left - (peak**2 - 0.5 * self.rate**2) * self.ramp_time
@@ -57,7 +58,7 @@ class PathClock:
 
     def time_then(self, elapsed: float, age: float) -> float:
         """
-        Return the path time of a past moment [s].
+        Return the path time at a past moment [s].
 
         :param elapsed: time since the last call of `advance` [s].
         :param age: age of the moment [s].
@@ -66,7 +67,7 @@ class PathClock:
 
     def step(self, elapsed: float) -> float:
         """
-        Return the elapsed time, clipped so that a late cycle does not jump ahead [s].
+        Return an elapsed time, clipped to two periods against jumps after a late cycle [s].
 
         :param elapsed: time since the last cycle [s].
         """
@@ -74,12 +75,12 @@ class PathClock:
 
     def advance(self, elapsed: float, room: float, scale: float, held: bool) -> None:
         """
-        Advance path time to its value one cycle from now.
+        Advance path time by one cycle.
 
         :param elapsed: time since the last call [s].
-        :param room: rate limit by the lag of the robot, 0 to 1; applied at once.
-        :param scale: scale of the last twist by limits of the robot, 0 to 1; applied along the
-            ramp, since the feedback is some cycles late.
+        :param room: bound of the rate by the robot's lag, 0 to 1; it applies at once.
+        :param scale: scale of the last twist by limits of the robot, 0 to 1; it applies along the
+            ramp, because the feedback is some cycles late.
         :param held: whether the robot is stopped.
         """
         self._now += max(elapsed, 0.0)

@@ -2,14 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Path tracking: feed-forward of the path and feedback of the measured pose.
+Path tracking: feed-forward by the path, and feedback of the measured pose.
 
     twist = r * (d pose of the path / d tau)  +  K * (pose of the path - measured pose)
 
 Each coordinate of the object is an integrator of its twist; slip, noise and kinematic errors are
 disturbances at its input. The error decays at the rate K and is bounded by disturbance / K for any
-length of the path. Path time runs at the rate r = d tau / dt from 0 to 1: slower where the robot
-lags, monotonic and without jumps.
+length of the path. Path time tau runs at the rate r = d tau / dt from 0 to 1. It is monotonic, has
+no jumps, and is slower if the robot lags.
 """
 
 from __future__ import annotations
@@ -27,20 +27,21 @@ from isotruss_ros.core.paths.object_path import ObjectPath
 from isotruss_ros.core.paths.path_timing import PathClock
 import numpy as np
 
-#: Largest product of gain K and delay of the loop [-]. An integrator under feedback with a delay
-#: of up to T is stable for K T < 3/2 (Yorke 1970); a gain margin of 2 remains.
+#: Largest product of the gain K and the delay of the loop [-]. An integrator under feedback with a
+#: delay of up to T is stable for K T < 3/2 (Yorke 1970); so a gain margin of 2 remains.
 MAX_GAIN_DELAY_PRODUCT = 0.75
 #: Peak deviation of an object with natural frequency omega under a step of acceleration a, in
-#: units of a / omega^2 [-]: 2 without damping, more with the lag of the loop.
+#: units of a / omega^2 [-]. It is 2 without damping, and larger with the lag of the loop.
 PEAK_DEVIATION_FACTOR = 2.5
-#: Shares of the tolerances between which path time slows from full rate to standstill [-].
+#: Errors relative to the tolerance at which path time begins to slow down, and at which it stops
+#: [-].
 FREE, STANDING = 0.5, 0.9
-#: Bound of the feedback as a share of the path's speed and turn rate [-].
+#: Largest feedback relative to the path's speed and turn rate [-].
 MAX_FEEDBACK_SHARE = 0.5
 
 
 class PathPhase(enum.Enum):
-    """Phase of path following."""
+    """Phases of path following."""
 
     FOLLOWING = enum.auto()  #: path time runs at full rate
     SLOWED = enum.auto()  #: path time runs slower: the robot lags or is at its limits
@@ -51,7 +52,7 @@ class PathPhase(enum.Enum):
     STUCK = enum.auto()  #: without progress for too long
 
 
-#: Final phases.
+#: Final phases of path following.
 FINISHED = frozenset({PathPhase.REACHED, PathPhase.OFF_PATH, PathPhase.STUCK})
 
 
@@ -66,7 +67,7 @@ class TrackingSettings:
     :ivar angle_gain: decay rate of the orientation error [1/s].
     :ivar ramp_time: time from rest to the full speed of the path, and back [s].
     :ivar progress_timeout: largest time without progress [s].
-    :raises PathError: names the value and its valid range.
+    :raises PathError: a value is invalid; the message names it and its valid range.
     """
 
     position_tolerance: float = 0.01
@@ -77,14 +78,15 @@ class TrackingSettings:
     progress_timeout: float = 3.0
 
     def __post_init__(self) -> None:
-        """Refuse values that are not positive numbers; gains may be 0."""
+        """Raise PathError for values that are not positive numbers; gains may be 0."""
         for name, value in vars(self).items():
             if not (value > 0.0 or (value == 0.0 and name.endswith('gain'))) or value == math.inf:
                 raise PathError(f'{name} {value!r}: must be a positive number')
 
 
-#: Tracking settings, speed [m/s] and turn rate [rad/s] of the return of an object displaced by #:
-#: the closing grip; slow enough to excite no oscillation of robots with masses.
+#: Tracking settings, speed [m/s] and turn rate [rad/s] for the return of an object that the
+#: closing grip has displaced. They are slow enough not to excite oscillations of robots with
+#: masses.
 RETURN_SETTINGS = TrackingSettings(position_tolerance=0.0025)
 RETURN_SPEED, RETURN_TURN_RATE = 0.002, 0.02
 
@@ -95,11 +97,11 @@ class Tracking(NamedTuple):
 
     :ivar phase: phase of path following.
     :ivar twist: (3,) twist of the object, robot frame [m/s, rad/s].
-    :ivar position_error: error at the time of the measurement [m].
-    :ivar angle_error: error of orientation at that time, not negative [rad].
-    :ivar progress: share of path time, 0 to 1.
+    :ivar position_error: error of position at the time of the measurement [m].
+    :ivar angle_error: error of orientation at the time of the measurement, not negative [rad].
+    :ivar progress: path time relative to the path's duration, 0 to 1.
     :ivar time_left: remaining time at full rate [s].
-    :ivar message: result in words and numbers, in final phases.
+    :ivar message: result in words and numbers; empty before a final phase.
     """
 
     phase: PathPhase
@@ -134,9 +136,9 @@ class PathTracker:
 
     def allow_for_inertia(self, frequency: float) -> None:
         """
-        Extend the ramp so that inertial deviations stay within the free share of the tolerance.
+        Extend the ramp; deviations by inertia then stay within the free share of the tolerance.
 
-        :param frequency: lowest natural frequency of the held object; 0 if unknown [rad/s].
+        :param frequency: lowest natural frequency of the held object [rad/s]; 0 if unknown.
         """
         if frequency > 0.0:
             settings, path = self.settings, self.path
@@ -149,14 +151,14 @@ class PathTracker:
 
     @property
     def rms_position_error(self) -> float:
-        """Return the root mean square position error over time so far [m]."""
+        """Return the root mean square of the position error so far [m]."""
         return math.sqrt(self._squares / self._watched) if self._watched > 0.0 else 0.0
 
     def update(
         self, measured: Pose, age: float, elapsed: float, scale: float = 1.0, held: bool = False
     ) -> Tracking:
         """
-        Return the output for the next cycle.
+        Return the output of the tracking for the next cycle.
 
         :param measured: measured pose of the object.
         :param age: age of the pose [s].
@@ -203,7 +205,7 @@ class PathTracker:
         self._squares += step * position_error * position_error  # of any size: ** would raise
 
     def _feedback(self, error: Array, age: float) -> Array:
-        """Return the feedback twist (3,), within its bounds."""
+        """Return the bounded feedback twist (3,)."""
         settings, path = self.settings, self.path
         most = MAX_GAIN_DELAY_PRODUCT / (age + self.clock.period)
         twist = error * min(settings.position_gain, most)
@@ -217,9 +219,9 @@ class PathTracker:
         """
         Return the phase of path following.
 
-        :param share: error divided by its tolerance.
-        :param over: whether path time was at the end at the time of the measurement.
-        :param pace: rate limit by the robot's lag and limits.
+        :param share: error relative to its tolerance.
+        :param over: whether path time had reached the end at the time of the measurement.
+        :param pace: rate of path time that the robot's lag and limits admit.
         """
         if share > 1.0:
             return PathPhase.OFF_PATH
@@ -235,7 +237,7 @@ class PathTracker:
         return PathPhase.SLOWED if pace < 1.0 else PathPhase.FOLLOWING
 
     def _words(self, phase: PathPhase, error: str) -> str:
-        """Return the message of a final phase; empty for other phases."""
+        """Return the message of a final phase; empty for any other phase."""
         where = 'the end of the path' if self.clock.at_end else 'the path'
         if phase is PathPhase.STUCK:
             return f'no progress for {self.clock.waited:.3g} s, {error} off {where}'

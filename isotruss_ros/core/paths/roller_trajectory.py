@@ -4,9 +4,9 @@
 """
 Roller trajectories: piecewise linear roller travel with parabolic blends, and its tracking.
 
-The servo starts at the measured positions and closes the loop over them. Trajectory time stops
-while a roller lags. A missing, stale or rejected input, or a violated tolerance of the goal, ends
-the trajectory.
+The servo starts at the measured positions and controls them in a closed loop. Trajectory time
+stops while a roller lags. A missing, stale or rejected input ends the trajectory, and so does a
+violated tolerance of the goal.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ from numpy.typing import ArrayLike
 POSITION_GAIN = 5.0
 #: Largest distance of the rollers from the first waypoint [m].
 START_TOLERANCE = 0.01
-#: Tolerance of the last waypoint [m] and time within it at the end [s]; larger tolerance of drives
-#: or encoders of low resolution [m].
+#: End tolerance of the rollers [m], and time within it at the end [s]; larger end tolerance for
+#: imprecise drives or encoders of low resolution [m].
 TOLERANCE, SETTLING_TIME, NEAR_TOLERANCE = 2e-5, 0.1, 5e-4
-#: Largest lag of a roller while trajectory time runs [m].
+#: Largest lag of a roller at which trajectory time runs [m].
 MAX_LAG = 5e-3
 #: Largest time without progress [s].
 PROGRESS_TIMEOUT = 3.0
-#: Largest advance of trajectory time in a cycle [s]; longer ones would cut corners.
+#: Largest advance of trajectory time in a cycle [s]; larger ones would cut corners.
 MAX_TIME_STEP = 0.2
 
 
@@ -41,15 +41,15 @@ class RollerTrajectory:
     """
     Waypoints of the rollers with times, connected by straight lines.
 
-    Corners, start and end have parabolic blends at the largest acceleration, centred on the
-    waypoint. The duration is longer by half of the first blend.
+    Start, corners and end have parabolic blends with the largest acceleration, centred on the
+    waypoint. The first blend extends the duration by half of its own.
 
     :ivar duration: duration of the trajectory [s].
     :param robot: the robot.
-    :param positions: (k, r) waypoints [m], at least one.
+    :param positions: (k, r) one or more waypoints [m].
     :param times: (k,) times of the waypoints, increasing from 0, at most a day [s].
-    :raises ConfigurationError: wrong shapes, numbers that are not finite, times that do not
-        increase or are too long, or speed or acceleration beyond the limits of the rollers.
+    :raises ConfigurationError: wrong shapes; numbers that are not finite; times that do not
+        increase or are too long; speed or acceleration beyond the limits of the rollers.
     """
 
     def __init__(self, robot: Robot, positions: ArrayLike, times: ArrayLike) -> None:
@@ -83,7 +83,7 @@ class RollerTrajectory:
         self.duration = float(self._times[-1] + self._halves[-1])
 
     def _round_corners(self, robot: Robot, steps: Array) -> Array:
-        """Return half of the durations (k,) of the blends [s]."""
+        """Return half of the duration (k,) of each blend [s]."""
         changes = np.abs(np.diff(self._slopes, axis=0)).max(axis=1)
         most = robot.description.max_acceleration
         needed = 0.5 * (changes[1:] + changes[:-1])
@@ -99,7 +99,7 @@ class RollerTrajectory:
 
     def at(self, time: float) -> RollerState:
         """
-        Return desired roller positions and velocities at a time [s], at rest before and after.
+        Return the desired roller positions and velocities at a time; at rest before and after.
 
         :param time: time since the start [s].
         """
@@ -122,11 +122,11 @@ class RollerTrajectory:
 
 class RollerStep(NamedTuple):
     """
-    Output of one control cycle.
+    Output of the trajectory servo in one control cycle.
 
     :ivar speeds: (r,) commanded roller speeds [m/s].
     :ivar ended: whether the trajectory has ended, successfully or not.
-    :ivar failure: reason of a failure; empty if active or successful.
+    :ivar failure: reason of a failure; empty without one.
     :ivar at_goal: whether the failure is a timeout at the goal.
     """
 
@@ -164,7 +164,7 @@ class RollerTrajectoryServo:
 
     @property
     def wanted(self) -> RollerState | None:
-        """Return desired positions and velocities of the rollers; None without a trajectory."""
+        """Return the desired state of the rollers; None without a trajectory."""
         return None if self._trajectory is None else self._trajectory.at(self.time)
 
     def begin(
@@ -175,12 +175,12 @@ class RollerTrajectoryServo:
         tolerances: TrajectoryTolerances | None = None,
     ) -> None:
         """
-        Start a trajectory in place of any other; a rejected one changes nothing.
+        Start a trajectory in place of the current one; a rejected trajectory changes nothing.
 
-        :param trajectory: the new one.
+        :param trajectory: new trajectory.
         :param now: time on the clock of the inputs [s].
-        :param start: start time, with the rollers at rest until then [s]; at once if None.
-        :param tolerances: tolerances of the goal; those of the servo if None.
+        :param start: start time, before which the rollers are at rest [s]; None: at once.
+        :param tolerances: tolerances of the goal; None: the servo's own.
         :raises InputError: the joint states are missing, timed out or rejected.
         :raises ConfigurationError: the trajectory does not begin at the measured positions.
         """
@@ -192,9 +192,9 @@ class RollerTrajectoryServo:
 
     def check_start(self, trajectory: RollerTrajectory, now: float) -> RollerState:
         """
-        Return the measured roller state; raise if a trajectory does not begin there.
+        Return the measured roller state; raise an error if a trajectory does not begin at it.
 
-        :param trajectory: trajectory to start.
+        :param trajectory: trajectory that is to start.
         :param now: time on the clock of the inputs [s].
         :raises InputError: the joint states are missing, timed out or rejected.
         :raises ConfigurationError: the trajectory does not begin at the measured positions.
@@ -216,7 +216,7 @@ class RollerTrajectoryServo:
 
     def decide(self, now: float) -> RollerStep:
         """
-        Return the output of the current cycle; invalid inputs never raise.
+        Return the output of the current cycle; an invalid input raises no error.
 
         :param now: time on the clock of the inputs [s].
         """
@@ -252,7 +252,7 @@ class RollerTrajectoryServo:
         now: float,
         elapsed: float,
     ) -> RollerStep:
-        """Advance trajectory time, stop it for a lagging roller, or end at rest."""
+        """Advance trajectory time, stop it if a roller lags, or end at rest."""
         ahead, positions = min(self.time + elapsed, trajectory.duration), state.positions
         behind = trajectory.at(self.time).positions - positions
         error = trajectory.at(ahead).positions - positions
@@ -287,7 +287,7 @@ class RollerTrajectoryServo:
         return RollerStep(np.clip(speeds, -limit, limit), False, '')
 
     def _gives_up(self, trajectory: RollerTrajectory, at_end: bool, now: float) -> bool:
-        """Return whether rollers short of the end have timed out."""
+        """Return whether rollers that have not reached the end have timed out."""
         goal_time = self._tolerances.goal_time
         if goal_time is not None and now > self._start + trajectory.duration + goal_time:
             return True

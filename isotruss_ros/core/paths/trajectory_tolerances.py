@@ -15,10 +15,10 @@ import numpy as np
 
 class Tolerance(NamedTuple):
     """
-    Largest deviations of measured from desired roller states; infinite if unbounded.
+    Largest deviations of measured from desired roller states; infinite without a bound.
 
-    :ivar positions: (r,) [m].
-    :ivar velocities: (r,) [m/s].
+    :ivar positions: (r,) deviations of positions [m].
+    :ivar velocities: (r,) deviations of velocities [m/s].
     """
 
     positions: Array
@@ -28,11 +28,11 @@ class Tolerance(NamedTuple):
         self, names: Sequence[str], wanted: RollerState, measured: RollerState
     ) -> str:
         """
-        Return the deviating roller and its deviation in words; empty within the tolerance.
+        Return in words a roller beyond the tolerance, and its deviation; empty if there is none.
 
         :param names: names of the rollers.
-        :param wanted: desired state.
-        :param measured: measured state.
+        :param wanted: desired state of the rollers.
+        :param measured: measured state of the rollers.
         """
         for what, unit, bounds, off in (
             ('', 'm', self.positions, wanted.positions - measured.positions),
@@ -52,10 +52,10 @@ class TrajectoryTolerances(NamedTuple):
     """
     Tolerances of a trajectory goal.
 
-    :ivar path: tolerance along the trajectory; None: unbounded, trajectory time stops for lagging
-        rollers.
-    :ivar goal: tolerance at its end; None: that of the servo.
-    :ivar goal_time: largest delay of the end, infinite if unbounded [s]; None: that of the servo.
+    :ivar path: tolerance along the trajectory; None: no bound, trajectory time stops if a roller
+        lags.
+    :ivar goal: tolerance at the end; None: the servo's own.
+    :ivar goal_time: largest delay of the end, infinite without a bound [s]; None: the servo's own.
     """
 
     path: Tolerance | None = None

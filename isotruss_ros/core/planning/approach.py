@@ -4,7 +4,7 @@
 """
 Approach of the grasping members to the object, the first step of the search.
 
-The steps from the current configuration are kinematic and admissible, so that they form the path.
+The approach is kinematic. Each of its steps is admissible, so the steps form the path.
 """
 
 from __future__ import annotations
@@ -21,23 +21,25 @@ from isotruss_ros.core.planning.facing import balances, CONE_SHARE, find_facing,
 from isotruss_ros.core.planning.violations import RequirementError
 import numpy as np
 
-#: Gap of the grasping members at the end, and its tolerance, in tube diameters [-].
+#: Gap of the grasping members at the end of the approach, and its tolerance, in tube diameters
+#: [-].
 STANDOFF, STANDOFF_TOLERANCE = 0.06, 0.02
-#: Tolerance of the rotation of the members at the end [rad].
+#: Tolerance of the members' rotation at the end of the approach [rad].
 TURN_TOLERANCE = 1e-3
-#: Largest number of steps, and of successive steps with less progress than the tolerance of the
-#: standoff [tube diameters, rad].
+#: Largest number of steps [-], and of successive steps with less progress than the tolerance of
+#: the gap [tube diameters, rad].
 MAX_STEPS, MAX_IDLE_STEPS = 100, 12
 
 
 def approach(config: Configuration, closing: Closing) -> Iterator[Configuration]:
     """
-    Yield the path of the grasping members toward the object, into directions of force closure.
+    Yield the path of the grasping members toward the object, in directions of force closure.
 
-    The current configuration is the first; the path is linear in roller travel between them.
+    The path begins at the current configuration. Between configurations it is linear in roller
+    travel.
 
     :param config: configuration of the robot.
-    :param closing: members and object of the closing motion.
+    :param closing: closing motion with members and object.
     :raises RequirementError: the members do not reach the object.
     :raises SolverError: a quadratic program was not solved.
     """
@@ -63,10 +65,10 @@ def approach(config: Configuration, closing: Closing) -> Iterator[Configuration]
 
 def _find_turn(config: Configuration, closing: Closing) -> tuple[float, Closing]:
     """
-    Return the missing rotation of the grasping members [rad], and the closing motion for it.
+    Return the missing rotation of the grasping members [rad], and the closing motion with it.
 
-    No rotation is needed in directions of force closure. Otherwise two members are rotated to the
-    nearest such directions.
+    Directions of force closure need no rotation. Otherwise two members are rotated to the nearest
+    directions of force closure.
     """
     normals, angle = closing.normals(config), closing.friction_angle
     radius = 0.5 * config.robot.description.tube_diameter

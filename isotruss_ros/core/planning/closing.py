@@ -18,21 +18,21 @@ from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.core.planning.violations import RequirementError, SearchTally
 import numpy as np
 
-#: Largest share of the distance from a bound that a step uses [-].
+#: Largest step toward a bound, relative to the distance from it [-].
 BOUND_SHARE = 0.5
-#: Indentation of a first contact, in tube diameters [-].
+#: Indentation at the first contact, in tube diameters [-].
 FIRST_INDENTATION = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
 class Closing:
-    """Closing motion: the object, the grasping members and the bounds."""
+    """Closing motion: object, grasping members and bounds."""
 
     body: ConvexObject  #: the object at rest
     members: tuple[int, ...]  #: indices of the grasping members
-    limits: tuple[Limit, ...]  #: limits of a step, the motion in a unit of time
+    limits: tuple[Limit, ...]  #: limits of a step as a motion in 1 s
     min_rigidity: float  #: smallest rigidity index, 1 at home [-]
-    friction_angle: float = 0.0  #: angle of the friction cones of an open grip [rad]
+    friction_angle: float = 0.0  #: half angle of the usable friction cones [rad]
     nominal_posture: Array | None = None  #: (r,) nominal roller positions [m]; None without
     facing: Points | None = None  #: (s,) desired unit normals, x + iy; None: no rotation
     tubes: TubeModel = AS_MODELLED  #: model of the tubes
@@ -40,7 +40,7 @@ class Closing:
 
     def normals(self, config: Configuration) -> Points:
         """
-        Return the unit normals from the object to the grasping members, (s,) x + iy.
+        Return unit vectors from the object to the grasping members, (s,) x + iy.
 
         :param config: configuration of the robot.
         """
@@ -49,12 +49,12 @@ class Closing:
 
 @dataclass(frozen=True, eq=False)
 class SearchState:
-    """Configuration with the bounded quantities of a closing step."""
+    """Configuration with the quantities that bounds of a closing step limit."""
 
     config: Configuration  #: the configuration
-    gaps: Array  #: (3m,) gaps of members, modules and rods [m]; negative: indentation
+    gaps: Array  #: (3m,) gaps of members, modules and rods [m]; negative if indented
     gaps_by_nodes: Array  #: (3m, 2n) derivatives of the gaps by the node coordinates [-]
-    modes: Modes  #: smallest singular values, 1 at home; the first is the rigidity index
+    modes: Modes  #: modes of the smallest singular values; the first is the rigidity index
     distances: Array  #: (p,) distances of the pairs of `CollisionModel` [m]
 
     @property
@@ -69,7 +69,7 @@ class SearchState:
 
     def check_bounds(self, rigidity: float, clearance: float, gaps: Array) -> None:
         """
-        Check the bounds of a configuration.
+        Raise RequirementError if the configuration violates a bound.
 
         :param rigidity: smallest rigidity index.
         :param clearance: smallest distance of the pairs of `CollisionModel` [m].

@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Closing in place: increasing squeeze on a free object that remains at rest.
+Closing in place: the squeeze on a free object increases while the object is at rest.
 
-Two members face the object with force closure at first contact. Then contacts roll, by the
-mechanics of the elastic plant, and the squeeze increases while the object is at rest. A path
-computed for an object fixed to the ground would displace a free one by several centimetres.
+Two members have force closure at first contact. Then contacts roll, by the mechanics of the
+elastic plant, and the squeeze increases at constant pose of the object. A path that is computed
+for a fixed object would displace a free one by several centimetres.
 """
 
 from __future__ import annotations
@@ -33,15 +33,16 @@ from isotruss_ros.core.planning.requirements import GraspRequirements
 from isotruss_ros.core.planning.violations import RequirementError
 import numpy as np
 
-#: Displacement of an object at rest, rotations at its characteristic radius [m].
+#: Largest displacement of an object at rest, rotations times the characteristic radius [m].
 PLACE_TOLERANCE = 1e-4
-#: First indentation of a face contact with both ends, in tube diameters [-].
+#: First indentation of a face that has contact at both ends, in tube diameters [-].
 FACE_INDENTATION = 0.01
 #: Increment of the indentation of two members between waypoints, in tube diameters [-].
 CLOSING_STEP = 0.12
-#: Largest increment of the squeeze of three members between waypoints [N]; at most it doubles.
+#: Largest increase of the squeeze of three members between waypoints [N]; it doubles at most.
 MAX_SQUEEZE_STEP = 4.0
-#: Factor on the increments from the first violated bound on [-]; the second one ends the closing.
+#: Factor on the increments after the first violation of a bound [-]; the second violation ends the
+#: closing.
 REFINEMENT = 0.34
 
 
@@ -52,7 +53,7 @@ def close_in_place(
     Yield grips with increasing squeeze until a bound is reached.
 
     :param touch: configuration in which the members touch the object.
-    :param closing: members and object of the closing motion.
+    :param closing: closing motion with members and object.
     :param needs: requirements of the grasp.
     :raises SolverError: a quadratic program, or the contact, was not solved.
     :raises StructureError: see `structure_of`.
@@ -80,7 +81,7 @@ def close_in_place(
 
 
 def _hold(touch: Configuration, closing: Closing) -> HeldGrip:
-    """Return the initial equilibrium of the object."""
+    """Return the first equilibrium of the object."""
     diameter = touch.robot.description.tube_diameter
     one, other = contact_ends(closing.body, closing.normals(touch), 0.5 * diameter)
     depth = FIRST_INDENTATION if (one == other).all() else FACE_INDENTATION
@@ -89,7 +90,7 @@ def _hold(touch: Configuration, closing: Closing) -> HeldGrip:
 
 
 def _judge(grasp: HeldGrip, closing: Closing, needs: GraspRequirements) -> ClosedGrip:
-    """Return a grip with its loads; raise on slip or a violated bound."""
+    """Return a grip with its loads; raise RequirementError on slip or a violated bound."""
     _check_hold(grasp, needs.friction)
     closing.tally.analyses += 1
     moved = pose_difference(grasp.pose, closing.body.pose) * (1.0, 1.0, grasp.arm)

@@ -4,13 +4,13 @@
 """
 One step of closing the grasping members on an object: a quadratic program (QP).
 
-    minimize    1/2 |g + (dg/dphi) u - target|^2 + 1/2 a^2 |turn - facing|^2 + 1/2 w |u - n|^2
-    subject to  limits, gaps of all that must not touch, rigidity, clearance,  |u| <= longest step
+minimize 1/2 |g + (dg/dphi) u - target|^2 + 1/2 a^2 |turn - facing|^2 + 1/2 w |u - n|^2 subject to
+limits, gaps of other parts, rigidity, clearance, |u| <= longest step
 
-u is the roller travel of the step, n that to the nominal posture, a is `TURNING_ARM` and w
-`MOTION_WEIGHT`. Steps form a path: the configuration at the end of each is evaluated, and the step
-is halved if it violates a requirement. Lengths are relative to the mean member length at home or
-to the tube's diameter, for robots of any size.
+u is the roller travel of the step, n the travel to the nominal posture, g are the gaps of the
+grasping members, a is `TURNING_ARM` and w is `MOTION_WEIGHT`. The configuration at the end of each
+step is evaluated; a step that violates a requirement is halved. So the steps form a path. Lengths
+are relative to the mean member length at home or to the tube diameter, for robots of any size.
 """
 
 from __future__ import annotations
@@ -31,24 +31,25 @@ import numpy as np
 MAX_STEP, MAX_GAP_STEP = 0.035, 0.027
 #: Largest rotation of a member in a step [rad].
 MAX_TURN_STEP = 0.1
-#: Weight of the rollers' motion against that of the gaps [-].
+#: Weight of the rollers' motion relative to the gaps [-].
 MOTION_WEIGHT = 1e-4
-#: Length that scales rotations against gaps [m].
+#: Length that scales rotations relative to gaps [m].
 TURNING_ARM = 0.3
-#: Clearance of other parts from the object, in tube diameters [-].
+#: Smallest gap between the object and other parts, in tube diameters [-].
 CLEARANCE = 0.1
-#: Smallest distance of parts, and largest constrained distance, in mean member lengths [-].
+#: Smallest distance between parts, and largest distance that is constrained, in mean member
+#: lengths [-].
 SELF_CLEARANCE, NEAR = 0.01, 0.15
-#: Largest overshoot of a grasping member, in tube diameters [-].
+#: Largest overshoot of a grasping member beyond its target, in tube diameters [-].
 MAX_OVERSHOOT = 0.015
 
 
 def press(config: Configuration, closing: Closing, depths: Array) -> Configuration:
     """
-    Move the grasping members to given indentations, with the object at rest.
+    Move the grasping members to given indentations while the object is at rest.
 
     :param config: initial configuration.
-    :param closing: members and object of the closing motion.
+    :param closing: closing motion with members and object.
     :param depths: (s,) indentation of each grasping member [m].
     :raises RequirementError: a requirement stops the motion.
     :raises SolverError: a quadratic program was not solved.
@@ -70,10 +71,11 @@ def take_closing_step(
     Move the gaps of the grasping members toward their targets by one step.
 
     :param state: state at the start of the step.
-    :param closing: members and object of the closing motion.
+    :param closing: closing motion with members and object.
     :param targets: (s,) gaps of the grasping members [m].
-    :param share: share of the longest step, initially 1, then as returned by the previous step.
-    :return: the state at the end, and the share for the next step.
+    :param share: length of the step relative to the longest step: first 1, then the result of the
+        previous step.
+    :return: state at the end of the step, and share for the next step.
     :raises RequirementError: no step is admissible.
     :raises SolverError: the quadratic program was not solved.
     """
@@ -105,9 +107,9 @@ def solve_step(state: SearchState, closing: Closing, targets: Array, share: floa
     Return the roller travel (r,) of one step [m].
 
     :param state: state at the start of the step.
-    :param closing: members and object of the closing motion.
+    :param closing: closing motion with members and object.
     :param targets: (s,) gaps of the grasping members [m].
-    :param share: share of the longest step.
+    :param share: length of the step relative to the longest step.
     :raises SolverError: the quadratic program was not solved.
     """
     config, members = state.config, list(closing.members)
@@ -146,10 +148,10 @@ def solve_step(state: SearchState, closing: Closing, targets: Array, share: floa
 
 def _bound_rows(state: SearchState, closing: Closing, targets: Array) -> tuple[Array, Array]:
     """
-    Return the bounds of a step u as rows (k, r) with bounds (k,): rows u >= bounds.
+    Return the bounds of a step u as rows (k, r) and bounds (k,): rows u >= bounds.
 
-    They bound gaps (targets (s,) for grasping members [m], a clearance for others), rigidity,
-    distances of near parts of the robot, and limits.
+    They bound the gaps of grasping members (by targets (s,) [m]) and of other parts (by the
+    clearance), the rigidity, the distances of near parts, and the limits.
     """
     config, members, robot = state.config, list(closing.members), state.config.robot
     collisions, length = collision_model(robot), robot.home.member_lengths.mean()

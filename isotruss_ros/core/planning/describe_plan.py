@@ -14,18 +14,18 @@ from isotruss_ros.core.planning.grasp_plan import GraspPlan, PlannedGrasp
 from isotruss_ros.core.planning.violations import violation_in_words
 import numpy as np
 
-#: Speed near the object as a share of the largest one [-]: unequal lags let one member touch first
-#: and push the object.
+#: Roller speed near the object relative to the largest speed [-]. With unequal lags at high speed
+#: one member would touch first and push the object.
 NEAR_SPEED_SHARE = 0.25
 
 
 def export_figures(grasp: PlannedGrasp) -> dict[str, Any]:
     """
-    Return the characteristic data of a grasp by name: module, members, roller positions, scores.
+    Return the data of a grasp by name: module, members, roller positions, scores.
 
-    The module is empty if the members of the grip do not meet at one.
+    The module is empty if the members of the grip do not meet at a module.
 
-    :param grasp: the grasp; see `PlannedGrasp` for the data and units.
+    :param grasp: planned grasp; see `PlannedGrasp` for the data and units.
     """
     numbers = [field.name for field in fields(grasp) if field.type == 'float']
     return {
@@ -37,10 +37,12 @@ def export_figures(grasp: PlannedGrasp) -> dict[str, Any]:
 
 def export_path(grasp: PlannedGrasp) -> dict[str, Any]:
     """
-    Return the path to a grasp: `path` (k, r) [m], `times` (k,) [s], and the row `touch`.
+    Return the path to a grasp: `path` (k, r) [m], `times` (k,) [s] and the row `touch`.
 
-    :param grasp: the grasp; the speed is the rollers' limit, and `NEAR_SPEED_SHARE` of it from
-        two waypoints before the touch.
+    The speed is the limit of the rollers, and `NEAR_SPEED_SHARE` of it from two waypoints before
+    the touch on.
+
+    :param grasp: planned grasp.
     """
     near = np.arange(len(grasp.path) - 1) >= grasp.touch - 2
     times = path_times(grasp.path, grasp.config.robot.description, near)
@@ -54,7 +56,7 @@ def path_times(path: Array, limits: RobotDescription, near: Array) -> Array:
     :param path: (k, r) roller positions [m].
     :param limits: largest speed and acceleration of the rollers.
     :param near: (k - 1,) mask of the segments with `NEAR_SPEED_SHARE` of the speed.
-    :return: (k,) times from the start, the first 0 [s].
+    :return: (k,) times of the waypoints, from 0 [s].
     """
     speeds = np.where(near, NEAR_SPEED_SHARE * limits.max_speed, limits.max_speed)
     steps = np.diff(path, axis=0)
@@ -74,7 +76,7 @@ def path_times(path: Array, limits: RobotDescription, near: Array) -> Array:
 
 def plan_in_words(plan: GraspPlan) -> str:
     """
-    Return a plan in words: the best grasp, or the closest violation.
+    Return a plan in words: the best grasp, or the closest violation without a grasp.
 
     :param plan: the plan.
     """
@@ -90,7 +92,7 @@ def plan_in_words(plan: GraspPlan) -> str:
 
 
 def _grasp_in_words(grasp: PlannedGrasp) -> str:
-    """Return members and forces of a grasp in words, with a note if outside of the model."""
+    """Return members and forces of a grasp in words, with a note if it is outside of the model."""
     outside = '; a tube wrinkles, these numbers are outside of the model'
     where = '' if grasp.module is None else f'at {grasp.module} '
     return (

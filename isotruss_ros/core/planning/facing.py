@@ -4,10 +4,10 @@
 """
 Directions of members toward an object with force closure.
 
-Two balanced forces act along one line. The required friction is given by the angle between this
-line and the normals, at the best points within the contacts: a face on a member is in contact at
-any of its points, see `contact_patch`. Three members that enclose the object balance with forces
-within their cones.
+Two balanced forces act along one line. The required friction is the tangent of the angle between
+this line and the normals, for the best line through the contacts. A face can have contact at any
+of its points, see `contact_patch`. Three members that enclose the object balance with forces
+within their friction cones.
 """
 
 from __future__ import annotations
@@ -23,20 +23,20 @@ from isotruss_ros.core.numerics.tolerances import ROUNDING
 import numpy as np
 import scipy
 
-#: Shares of the friction cones for closed and for open grips [-].
+#: Usable share of the friction angle in planned closed grips, and in open grips [-].
 CONE_SHARE, USED_SHARE = 0.75, 0.85
-#: Weight of rotation of the members against friction angle [-].
+#: Weight of the members' rotation relative to the friction angle [-].
 TURN_WEIGHT = 0.3
 
 
 def contact_ends(body: ConvexObject, normals: Points, tube_radius: float) -> tuple[Points, Points]:
     """
-    Return the ends of the contacts with straight members, the more clockwise ends first.
+    Return both ends of each contact with straight members, the more clockwise ends first.
 
     :param body: the object at its pose.
-    :param normals: (s,) unit vectors from the object into the members, robot frame.
+    :param normals: (s,) unit vectors from the object toward the members, robot frame.
     :param tube_radius: radius of the members [m].
-    :return: (s,) each, x + iy from the origin of the object's frame, robot frame [m].
+    :return: two arrays (s,), x + iy from the origin of the object's frame, in robot axes [m].
     """
     shape, own = contact_body(body, tube_radius).shape, normals * body.turn.conjugate()
     first, last = _patch_ends(shape, own.tobytes(), tube_radius)
@@ -45,7 +45,7 @@ def contact_ends(body: ConvexObject, normals: Points, tube_radius: float) -> tup
 
 @functools.lru_cache(maxsize=64)
 def _patch_ends(shape: Shape, facing: bytes, tube_radius: float) -> tuple[Points, Points]:
-    """Return the ends of the contacts with members in some directions, in the object's frame."""
+    """Return both ends of the contacts with members in given directions, in the object's frame."""
     normals = np.frombuffer(facing, dtype=np.complex128)
     if not shape.faces_at(0):
         points = shape.support_points(normals)
@@ -57,7 +57,7 @@ def _patch_ends(shape: Shape, facing: bytes, tube_radius: float) -> tuple[Points
 
 @functools.lru_cache(maxsize=16)
 def _face_normals(shape: Shape) -> Points:
-    """Return the normals of the faces of a shape, counter-clockwise, (k,)."""
+    """Return the normals (k,) of the faces of a shape, counter-clockwise."""
     corner, normals = 0, []
     while faces := shape.faces_at(corner):
         normals.append(faces[-1].normal)
@@ -71,11 +71,11 @@ def friction_angles(
     body: ConvexObject, normals: Points, others: Points, tube_radius: float
 ) -> Array:
     """
-    Return the smallest friction angles at which two members balance, (s,) [rad].
+    Return the smallest friction angles (s,) at which pairs of members balance [rad].
 
     :param body: the object at its pose.
-    :param normals: (s,) unit vectors from the object to the first members, robot frame.
-    :param others: (s,) unit vectors to the second members.
+    :param normals: (s,) unit vectors from the object toward the first members, robot frame.
+    :param others: (s,) unit vectors from the object toward the second members, robot frame.
     :param tube_radius: radius of the members [m].
     """
     clockwise, counter = contact_ends(body, normals, tube_radius)
@@ -94,11 +94,11 @@ def friction_angles(
 
 def balances(body: ConvexObject, normals: Points, angle: float, tube_radius: float) -> bool:
     """
-    Return whether members facing an object balance with forces within friction cones.
+    Return whether members balance an object with forces within their friction cones.
 
     :param body: the object at its pose.
-    :param normals: (s,) unit vectors out of the object into the members, robot frame.
-    :param angle: angle of the cones [rad].
+    :param normals: (s,) unit vectors from the object toward the members, robot frame.
+    :param angle: half angle of the friction cones [rad].
     :param tube_radius: radius of the members [m].
     """
     if len(normals) == 2:  # closed form instead of the least squares below
@@ -121,14 +121,15 @@ def find_facing(
     turning: float = TURN_WEIGHT,
 ) -> Points | None:
     """
-    Return directions of two members with force closure, the best ones near the current ones.
+    Return the best directions of two members with force closure near the current directions.
 
     :param body: the object at its pose.
-    :param normals: (2,) current unit vectors from the object to the members, robot frame.
-    :param angle: angle of the usable friction cones [rad].
+    :param normals: (2,) current unit vectors from the object toward the members, robot frame.
+    :param angle: half angle of the usable friction cones [rad].
     :param tube_radius: radius of the members [m].
-    :param turning: weight of rotation of the members against friction angle [-].
-    :return: (2,) such directions, or None.
+    :param turning: weight of the members' rotation relative to the friction angle [-].
+    :return: (2,) unit vectors from the object toward the members; None if no such directions
+        exist.
     """
     # Directions in the object's frame, so that the contacts of one search serve the next.
     firsts = np.exp(2j * np.pi * np.arange(72) / 72)

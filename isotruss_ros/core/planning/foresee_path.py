@@ -23,19 +23,19 @@ from isotruss_ros.core.numerics.arrays import Array, finite_array, finite_rows
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 import numpy as np
 
-#: Length of a step, rotations at the characteristic radius [m], and largest number of steps; the
-#: steps of longer paths are longer.
+#: Length of a step, with rotations times the characteristic radius [m], and largest number of
+#: steps [-]; long paths have longer steps.
 STEP, MAX_STEPS = 0.005, 400
-#: Smallest scale of a step by limits [-]; a smaller one ends the path.
+#: Smallest scale of a step by limits [-]; a smaller scale ends the path.
 MIN_STEP_SCALE = 0.5
 
 
 class Foresight(NamedTuple):
-    """Result of the prediction along a path."""
+    """Predicted motion of a held object along a path."""
 
-    pose: Pose  #: last reached pose
-    share: float  #: reached share of the path, 0 to 1
-    slip_margin: float  #: smallest slip margin [N]
+    pose: Pose  #: last pose that is reached
+    share: float  #: share of the path that is reached, 0 to 1
+    slip_margin: float  #: smallest slip margin on the path [N]
     why: str  #: reason of an early end; empty at the end of the path
 
 
@@ -52,14 +52,13 @@ def foresee_grip(
     Predict the motion of a held object along a path, see `foresee_path`.
 
     :param config: configuration of the robot.
-    :param body: the object at its held pose.
-    :param friction: coefficient between tubes and object.
+    :param body: the object at its pose in the grip.
+    :param friction: coefficient of friction between tubes and object.
     :param poses: poses of the path, see `foresee_path`.
-    :param record: grip of the loop that holds the object. Without one, or where its contacts
-        would slip on the path: the equilibrium with unknown contact history, as in the loop.
+    :param record: grip of the loop that holds the object. None, or if its contacts would slip on
+        the path: the equilibrium with unknown contact history.
     :param tubes: model of the tubes.
-    :return: the prediction; None if no members hold the object, as a pushed object has no slip
-        margin.
+    :return: predicted motion; None if no members hold the object.
     :raises IsotrussError: see `foresee_path`.
     """
     (friction,) = finite_array([friction], 1, 'friction', GraspError).tolist()
@@ -79,14 +78,14 @@ def foresee_grip(
 @single_threaded
 def foresee_path(held: HeldGrip, friction: float, poses: Array) -> Foresight:
     """
-    Predict the motion of a held object along a path, from rest to rest, at constant squeeze.
+    Predict the motion of a held object along a path from rest to rest, at constant squeeze.
 
-    Contacts stick and roll. External loads and barriers are left out. The motion ends where the
-    slip margin is less than `LEFT_MARGIN` of the squeeze.
+    Contacts roll without slip. External loads and barriers are not included. The motion ends if
+    the slip margin is less than `LEFT_MARGIN` of the squeeze.
 
     :param held: equilibrium of the object at the first pose.
-    :param friction: coefficient between tubes and object.
-    :param poses: (n, 3) x, y [m] and angle [rad] of the object, without jumps by full turns.
+    :param friction: coefficient of friction between tubes and object.
+    :param poses: (n, 3) x, y [m] and unwrapped angle [rad] of the object.
     :raises GraspError: the poses are not finite numbers within range, or the members do not touch
         the object at the first pose, see `solve_twist`.
     :raises ConfigurationError: the configuration is singular.
@@ -125,7 +124,7 @@ def foresee_path(held: HeldGrip, friction: float, poses: Array) -> Foresight:
 def _take_step(
     held: HeldGrip, friction: float, force: float, displacement: Array
 ) -> tuple[HeldGrip | None, str]:
-    """Return the grip after a displacement (3,) [m, rad], or the reason of its absence."""
+    """Return the grip after a displacement (3,) [m, rad]; None and a reason if none exists."""
     grip = held.touching(friction)
     opening = (force - held.squeeze) / held.squeeze_stiffness()
     command = solve_twist(held.config, grip, displacement, opening_rate=opening)
@@ -138,7 +137,7 @@ def _take_step(
 
 
 def _divide(poses: Array, arm: float) -> Array:
-    """Return the poses (n, 3) of the steps along a path."""
+    """Return the poses (n, 3) at the steps along a path."""
     along = np.abs(np.diff(poses, axis=0)) * (1.0, 1.0, arm)
     lengths = np.concatenate([[0.0], np.cumsum(np.hypot.reduce(along, axis=1))])
     count = min(max(math.ceil(lengths[-1] / STEP), 1), MAX_STEPS)

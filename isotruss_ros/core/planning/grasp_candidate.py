@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Evaluation of a grasp candidate, from its seed to the planned grasp, in any process."""
+"""Evaluation of a grasp candidate from its seed to the planned grasp, in any process."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def judge_candidate(
     :param config: configuration of the robot.
     :param closing: closing motion of the seed.
     :param needs: requirements of the grasp.
-    :return: the grasp, or None; and the tally with the closest violation.
+    :return: planned grasp, or None; and the tally with the closest violation.
     """
     grasp, tally = None, closing.tally
     try:
@@ -59,10 +59,10 @@ def close_grip(
     The squeeze increases until the score decreases or a bound is reached.
 
     :param opened: configuration with the members near the object.
-    :param closing: closing motion.
+    :param closing: closing motion with members and object.
     :param needs: requirements of the grasp.
-    :return: the path and the grip; None if no grip is admissible: the tally of the closing motion
-        has the violation.
+    :return: path and grip; None if no grip is admissible. Then the tally of the closing motion has
+        the violation.
     :raises SolverError: a quadratic program, or the contact, was not solved.
     :raises StructureError: see `structure_of`.
     """
@@ -84,7 +84,7 @@ def close_grip(
 
 
 def _check_carry(grip: ClosedGrip, needs: GraspRequirements) -> None:
-    """Raise RequirementError if the object slips on the required path."""
+    """Raise RequirementError if the object slips on the path `carry`."""
     tubes = TubeModel(paper_model=needs.paper_model)
     poses = np.array(needs.carry)
     found = foresee_grip(grip.config, grip.body, needs.friction, poses, tubes=tubes)
@@ -100,7 +100,7 @@ def _planned(
     pressed: list[Configuration],
     grip: ClosedGrip,
 ) -> PlannedGrasp:
-    """Return the planned grasp with its path: open, then in contact."""
+    """Return the planned grasp, with its path from the open grip to the contact."""
     configs, analysis, loads = (*opened, *pressed), grip.analysis, grip.loads
     path = np.array([config.roller_positions for config in configs])
     travel = float(np.abs(np.diff(path, axis=0)).sum(axis=0).max())

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Result of the search: grasps with timed paths."""
+"""Result of the grasp search: grasps with their paths."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ class ClosedGrip(NamedTuple):
     """
     A grip with contact forces on the object.
 
-    The slip margin is zero if the free object is not held, None if the grip violates requirements;
-    see `SettledGrasp.slip_margin`.
+    The slip margin is zero if the free object is not held, and None if the grip violates
+    requirements; see `SettledGrasp.slip_margin`.
     """
 
     config: Configuration  #: configuration of the robot
     body: ConvexObject  #: the object at its pose after closing
     analysis: GraspAnalysis  #: analysis of the fixed object
-    loads: dict[str, float]  #: see `GraspRequirements.find_loads`
+    loads: dict[str, float]  #: loads, see `GraspRequirements.find_loads`
     squeeze: float  #: mean normal force of the grasping members [N]
     slip_margin: float | None  #: slip margin of the free object [N], see above
 
@@ -39,10 +39,10 @@ class PlannedGrasp(
     Record, headline=('members', 'squeeze', 'slip_margin', 'utilisation', 'roller_positions')
 ):
     """
-    A grasp that fulfils the requirements, with the path to it.
+    Grasp that fulfils the requirements, with the path to it.
 
-    The path is linear between its rows. A held object may have no closure by friction (10), which
-    is that of the fixed object.
+    The path is linear between its rows. Closure by friction (10) concerns a fixed object; a held
+    object may have none.
     """
 
     grip: Grip  #: grasping members, and the object at its pose after closing
@@ -53,26 +53,26 @@ class PlannedGrasp(
     squeeze: float  #: mean normal force of the grasping members on the free object [N]
     slip_margin: float  #: slip margin of the free object [N]; zero if not held
     closure_margin: float  #: closure margin of the fixed object [N]; negative without closure
-    required_friction: float  #: see `GraspAnalysis.required_friction`
-    max_contact_force: float  #: largest normal force of a member, fixed or free object [N]
-    total_force: float  #: larger sum of normal forces, fixed or free object [N]
-    utilisation: float  #: largest utilisation of a member [-]; above 1 outside of the model
-    nonlinearity: float  #: see `GraspAnalysis.nonlinearity` [-]
-    travel: float  #: path length of the roller that travels furthest [m]
-    rigidity: float  #: the smallest rigidity index along the path, 1 at home
+    required_friction: float  #: required friction of the fixed object [-]
+    max_contact_force: float  #: largest normal force on the fixed or the free object [N]
+    total_force: float  #: sum of normal forces on the fixed or the free object, the larger one [N]
+    utilisation: float  #: largest utilisation of a member [-]; above 1, outside of the model
+    nonlinearity: float  #: nonlinearity of the contact forces, see `GraspAnalysis` [-]
+    travel: float  #: largest travel of a roller along the path [m]
+    rigidity: float  #: smallest rigidity index along the path, 1 at home [-]
     path: Array  #: (k, r) roller positions from the current ones to the grasp [m]
-    touch: int  #: row of `path` of first contact, by all grasping members
+    touch: int  #: row of `path` at which all grasping members have contact first
 
     @property
     def module(self) -> str | None:
-        """Return the name `t/j` of the module at which the grip's two members meet, if any."""
+        """Return the name `t/j` of the module at which two grasping members meet, if any."""
         robot, members = self.config.robot, set(self.grip.members)
         at_module = (name for name in robot.module_names if members == {*members_at(robot, name)})
         return next(at_module, None)
 
     @property
     def outside_model(self) -> bool:
-        """Return whether a tube wrinkles, which invalidates all results."""
+        """Return whether a tube wrinkles; then all results are invalid."""
         return self.utilisation > 1.0
 
     @property
@@ -87,14 +87,14 @@ class GraspPlan(
     Sequence[PlannedGrasp],
     headline=('best', 'complete', 'closest_violation', 'computing_time'),
 ):
-    """Result of a search; as a sequence, its grasps."""
+    """Result of a grasp search; as a sequence it contains the grasps."""
 
     grasps: tuple[PlannedGrasp, ...]  #: distinct grasps, best first
-    complete: bool  #: whether the search was completed, not stopped
-    closest_violation: Violation | None  #: violation of the closest candidate, without a grasp
+    complete: bool  #: whether the search was completed; false if it was stopped
+    closest_violation: Violation | None  #: violation of the closest candidate if there is no grasp
     evaluations: int  #: number of evaluated configurations
     analyses: int  #: number of static analyses
-    computing_time: float  #: [s]
+    computing_time: float  #: computing time [s]
 
     @overload
     def __getitem__(self, place: int) -> PlannedGrasp: ...
@@ -118,10 +118,10 @@ class GraspPlan(
 
 @dataclass(frozen=True)
 class Progress:
-    """Progress of a search."""
+    """Progress of a grasp search."""
 
-    evaluations: int  #: configurations evaluated so far
-    found: int  #: grasps so far
+    evaluations: int  #: number of evaluated configurations so far
+    found: int  #: number of grasps so far
     best: float | None  #: score of the best grasp; None without one
-    share: float  #: share of computed candidates of all rounds, 0 to 1
-    time_left: float | None  #: estimate [s]; None without one
+    share: float  #: computed candidates relative to those of all rounds, 0 to 1
+    time_left: float | None  #: estimated remaining time [s]; None without an estimate

@@ -4,8 +4,8 @@
 """
 Motion in place: change of the squeeze of a held object at constant pose.
 
-Contacts of the held object roll, by the mechanics of the elastic plant. Newton steps of the
-rollers with exact derivatives of the equilibrium reach the desired squeeze and pose.
+Contacts of the held object roll, by the mechanics of the elastic plant. Newton steps in roller
+travel, with exact derivatives of the equilibrium, lead to the desired squeeze and pose.
 """
 
 from __future__ import annotations
@@ -28,18 +28,20 @@ from isotruss_ros.core.planning.closing import Closing, evaluate_state
 from isotruss_ros.core.planning.violations import RequirementError
 import numpy as np
 
-#: Largest number of Newton iterations of a waypoint [-].
+#: Largest number of Newton iterations for a waypoint [-].
 MAX_CORRECTIONS = 12
-#: Tolerances of the squeeze, relative [-], and of the pose, rotations at the characteristic radius
-#: [m].
+#: Relative tolerance of the squeeze [-], and tolerance of the pose with rotations times the
+#: characteristic radius [m].
 SQUEEZE_TOLERANCE, PLACE_TOLERANCE = 1e-3, 2e-5
-#: Relative tolerance of the forces of three members against those in balance without friction [-].
+#: Relative tolerance of the forces of three members, compared with those of a balance without
+#: friction [-].
 EVENNESS_TOLERANCE = 0.02
-#: Weights of x, y, angle and evenness in units of their tolerances, if not all are reachable [-].
+#: Weights of the residuals of x, y, angle and the forces of three members, in units of their
+#: tolerances, if not all residuals can vanish [-].
 RESIDUAL_WEIGHTS = np.array([1.0, 1.0, 0.05, 10.0, 10.0, 10.0])
-#: Weight of the rollers' motion [1/m^2].
+#: Weight of roller travel [1/m^2].
 MOTION_WEIGHT = 2e4
-#: Largest residual ratio of successive steps [-]; slower convergence ends the iteration.
+#: Largest ratio of the residuals of successive steps [-]; slower convergence ends the iteration.
 MAX_CONTRACTION = 0.7
 
 
@@ -47,8 +49,8 @@ def hold_between(config: Configuration, closing: Closing) -> HeldGrip:
     """
     Return the equilibrium of an object between the members of a grip, with rolling contacts.
 
-    :param config: configuration in contact.
-    :param closing: the grip.
+    :param config: configuration with contact.
+    :param closing: closing motion with members and object.
     :raises RequirementError: the object is not held, or another member is in contact.
     :raises StructureError: see `structure_of`.
     """
@@ -69,8 +71,8 @@ def squeeze_in_place(grasp: HeldGrip, force: float, closing: Closing) -> HeldGri
 
     :param grasp: equilibrium of the object, from `roll_grip`.
     :param force: mean normal force of the members, positive [N].
-    :param closing: the grip, the desired pose of the object, and the bounds of the motion.
-    :raises RequirementError: a requirement that ends the motion.
+    :param closing: closing motion with members, object at the desired pose, and bounds.
+    :raises RequirementError: a requirement ends the motion.
     :raises StructureError: see `structure_of`.
     """
     evened = len(closing.members) if len(closing.members) > 2 else 0
@@ -128,7 +130,7 @@ def squeeze_in_place(grasp: HeldGrip, force: float, closing: Closing) -> HeldGri
 
 
 def _missing(grasp: HeldGrip, force: float, body: ConvexObject) -> Array:
-    """Return the errors of squeeze [N], pose [m, rad] and, for three members, forces of a grip."""
+    """Return the errors of squeeze [N], pose [m, rad] and, for three members, of their forces."""
     missing = np.append(force - grasp.squeeze, pose_difference(body.pose, grasp.pose))
     owners = grasp.contacts.owners
     if owners[-1] < 2:
@@ -140,7 +142,7 @@ def _missing(grasp: HeldGrip, force: float, body: ConvexObject) -> Array:
 
 
 def _check_place(grasp: HeldGrip, closing: Closing) -> None:
-    """Raise RequirementError if a grip violates a bound or displaces the object."""
+    """Raise RequirementError if a grip violates a bound or has displaced the object."""
     state = evaluate_state(grasp.config, grasp.body)
     least = np.zeros(len(state.gaps))
     least[list(closing.members)] = -np.inf

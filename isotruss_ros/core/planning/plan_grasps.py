@@ -2,11 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Search for grasps: open grips by kinematics, then indentations of the members by statics.
+Search for grasps: approach by kinematics, then closing by statics.
 
-Each round has a number of seeds: grasping members, their directions toward the object, and a
-nominal posture for the remaining freedom. Kinematics moves every seed to an open grip, or rejects
-it; statics closes it. The first round has promising seeds, the others random postures.
+Each round has a number of seeds. A seed has grasping members, their directions toward the object,
+and a nominal posture for the remaining freedom. Kinematics moves each seed to an open grip or
+rejects it; statics closes the grip. The first round has promising seeds; the following rounds have
+random postures.
 """
 
 from __future__ import annotations
@@ -32,7 +33,8 @@ import numpy as np
 
 #: Largest overlap of a free object with the robot [m].
 OVERLAP_TOLERANCE = 1e-6
-#: Largest roller difference of equal grasps with equal members, in mean member lengths [-].
+#: Largest difference of roller positions of equal grasps by the same members, in mean member
+#: lengths [-].
 EQUALITY_SHARE = 0.02
 #: Period of the check for a stop while an executor computes [s].
 POLL_INTERVAL = 0.05
@@ -51,28 +53,24 @@ def plan_grasps(
     max_rounds: int = 5,
 ) -> GraspPlan:
     """
-    Return grasps of a free object inside a loop of the robot, with the paths to them.
+    Return grasps of a free object inside a loop of the robot, with paths to them.
 
-    Candidates are all pairs and triples of members around the object, of any tubes, unless the
-    requirements name a module or members. The ranking is by slip margin, unless another measure is
-    required.
-
-    A seed gives one plan on any number of cores: candidates are ranked in their order, independent
-    of the process.
+    Candidates are all pairs and triples of members around the object, unless the requirements name
+    a module or members. Grasps are ranked by slip margin, unless the requirements name another
+    measure. The plan depends on the seed, but not on the number of cores.
 
     :param config: configuration of the robot.
-    :param body: the object; its own friction coefficient has precedence over the required one.
+    :param body: the object; its own coefficient of friction has precedence over the required one.
     :param requirements: requirements of a grasp; None: `GraspRequirements()`.
     :param seed: seed of the random postures.
-    :param executor: executor of the candidates, a process pool or that of a Dask client; None:
-        this process.
-    :param on_progress: callback at the start of a round and after every candidate.
-    :param should_stop: function called before every candidate, with an executor every
-        `POLL_INTERVAL`; a stopped plan has the grasps so far.
-    :param thorough: whether to compute all candidates of a round, or only until enough grasps are
-        found.
-    :param max_rounds: largest number of rounds, which end with enough grasps; all but the first
-        are random.
+    :param executor: executor of the candidates, for example a process pool or the executor of a
+        Dask client; None: this process.
+    :param on_progress: callback at the start of each round and after each candidate.
+    :param should_stop: function that is called before each candidate, and with an executor every
+        `POLL_INTERVAL`. If it returns true, the search stops with the grasps so far.
+    :param thorough: whether all candidates of a round are computed; otherwise the round ends with
+        enough grasps.
+    :param max_rounds: largest number of rounds; a round is the last if enough grasps are found.
     :raises GraspError: unknown module or members, or an invalid seed.
     :raises StructureError: the robot cannot be analysed.
     """
@@ -117,7 +115,7 @@ class _Search:
         self.stopped, self.tally = False, SearchTally()
 
     def judge(self, closings: list[Closing], thorough: bool) -> None:
-        """Compute the grasps of seeds: of all, or only until enough are found."""
+        """Compute the grasps of seeds: of all seeds, or until enough grasps are found."""
         self._known += len(closings)
         self._report()
         for grasp, tally in self._judge_each(closings):
@@ -160,7 +158,7 @@ class _Search:
     def _judge_each(
         self, closings: list[Closing]
     ) -> Iterator[tuple[PlannedGrasp | None, SearchTally]]:
-        """Yield the results of seeds in their order, until stopped."""
+        """Yield the results of seeds in their order until the search is stopped."""
         if self._executor is None:
             for closing in closings:
                 if self._check_stop():

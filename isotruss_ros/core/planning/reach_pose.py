@@ -25,13 +25,13 @@ from isotruss_ros.core.safety.shape_guard import ShapeGuard
 import numpy as np
 from numpy.typing import ArrayLike
 
-#: Length of a step of the object, rotations at its characteristic radius [m].
+#: Length of a step of the object, with rotations times the characteristic radius [m].
 STEP = 2e-3
-#: Speed of the twists, low enough for limits of the configuration not to slow early [m/s].
+#: Speed of the object in a step [m/s]; so low that limits of the configuration slow it late.
 STEP_SPEED = 0.02
-#: Smallest scale of a step by limits [-]; a smaller one ends the motion.
+#: Smallest scale of a step by limits [-]; a smaller scale ends the motion.
 MIN_STEP_SCALE = 0.05
-#: Largest ratio of the number of steps to that without limits [-].
+#: Largest ratio of the number of steps to the number without limits [-].
 MAX_STEP_RATIO = 20
 
 
@@ -41,14 +41,14 @@ class ReachedPose(Record, headline=('status', 'why', 'share', 'pose', 'roller_po
 
     config: Configuration  #: configuration at the end of the motion
     pose: Pose  #: pose of the object at the end
-    share: float  #: reached share of the motion, 0 to 1
-    status: Status  #: OK if the pose is reached; else the limit
-    why: str  #: the limit in words; empty if the pose is reached
+    share: float  #: share of the motion that is reached, 0 to 1
+    status: Status  #: OK if the pose is reached, else the status of the limit
+    why: str  #: limit in words; empty if the pose is reached
     path: Array  #: (k, r) roller positions along the motion, from the initial ones [m]
 
     @property
     def roller_positions(self) -> Array:
-        """Return the (r,) roller positions at the end of the motion [m]."""
+        """Return the roller positions at the end of the motion, (r,) [m]."""
         return self.config.roller_positions
 
 
@@ -59,13 +59,13 @@ def reach_pose(
     """
     Move a held object on a straight line to a pose, and return the roller positions.
 
-    Contacts roll, by (19) and (20) in each step, within limits of member lengths and barriers.
-    Forces are not computed: see `foresee_path`.
+    Contacts roll, by (19) and (20) in each step, within the limits of member lengths and the
+    barriers. Forces are not computed; for forces see `foresee_path`.
 
     :param config: initial configuration.
     :param grip: initial grip.
-    :param pose: desired (x, y, angle), with the shorter rotation [m, rad].
-    :param guard: the barriers; None: those of `ShapeGuard(robot)`.
+    :param pose: desired pose (x, y, angle) [m, rad]; the shorter rotation is taken.
+    :param guard: guard with the barriers; None: `ShapeGuard(robot)`.
     :raises GraspError: the pose is not three finite numbers within range, or the members do not
         touch the object.
     """
@@ -98,7 +98,7 @@ def reach_pose(
 def _take_step(
     rolling: RollingGrip, step: Array, guard: ShapeGuard
 ) -> tuple[RollingGrip | None, Status, str]:
-    """Return the grip after a displacement (3,), or None, with the status and the reason."""
+    """Return the grip after a displacement (3,), the status and a reason; None if it ended."""
     config, grip = rolling.config, rolling.grip
     duration = STEP / STEP_SPEED
     watch = guard.watch(config, grip)

@@ -4,7 +4,7 @@
 """
 Release of a held object: unloading in place, opening of the grip, retreat.
 
-The squeeze decreases at constant pose of the object. Once it is negligible, the members move away
+The squeeze decreases at constant pose of the object. When it is negligible, the members move away
 from the object at rest.
 """
 
@@ -33,10 +33,10 @@ from isotruss_ros.core.planning.requirements import MIN_RIGIDITY
 from isotruss_ros.core.planning.violations import RequirementError, Violation
 import numpy as np
 
-#: Shares of the squeeze at the waypoints of the unloading [-]. The squeeze left at the last one
-#: moves the object by its share of the deflection.
+#: Squeeze at the waypoints of the unloading relative to the initial squeeze [-]. At the end the
+#: object moves by the last share of its deflection.
 UNLOADING_SHARES = (0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 0.04, 0.015, 0.005, 0.002)
-#: Smallest normal force of a pressing member [N].
+#: Smallest normal force of a member in contact [N].
 MIN_CONTACT_FORCE = 0.01
 #: Opening of the grip in place before the retreat, in tube diameters [-].
 FIRST_OPENING = 0.015
@@ -44,9 +44,9 @@ FIRST_OPENING = 0.015
 
 @dataclass(frozen=True, eq=False)
 class Release:
-    """Path of a release, or the violation."""
+    """Path of a release, or the violated requirement."""
 
-    path: Array  #: (k, r) roller positions from the present ones [m]; empty with a violation
+    path: Array  #: (k, r) roller positions from the current ones [m]; empty with a violation
     apart: int  #: first row of `path` without contact
     violation: Violation | None = None  #: violated requirement; None without one
     turned: float = 0.0  #: predicted rotation of the object during the release [rad]
@@ -62,14 +62,14 @@ def plan_release(
     max_turn: float = math.inf,
 ) -> Release:
     """
-    Plan the release of a held object and the retreat.
+    Plan the release of a held object and the retreat of the members.
 
     :param config: configuration of the robot.
     :param body: the object at its measured pose.
-    :param members: names `t/j-k` of the two or three members that hold it.
-    :param clearance: gap of each of these members at the end, positive, at most the length of all
-        members together [m].
-    :param record: grip of the loop that holds the object; None, or no equilibrium of it: the
+    :param members: names `t/j-k` of the two or three members that hold the object.
+    :param clearance: gap of each of these members at the end [m], positive, at most the sum of all
+        member lengths.
+    :param record: grip of the loop that holds the object. None, or without an equilibrium: the
         equilibrium with unknown contact history.
     :param max_turn: largest predicted rotation of the object [rad].
     :raises GraspError: no such members, or a clearance out of range.
@@ -107,10 +107,9 @@ def _unload(
     config: Configuration, closing: Closing, held: HeldGrip | None
 ) -> tuple[list[Configuration], Closing]:
     """
-    Return the path of decreasing squeeze, and the closing motion with the object at its end.
+    Return the path of decreasing squeeze, and the closing motion at its end.
 
-    The path is its start only without contact forces. A grip of few rollers moves the object a
-    little.
+    Without contact forces the path has only its start. With few rollers the object moves a little.
     """
     path, diameter = [config], config.robot.description.tube_diameter
     if float(member_depths(config, closing.body).max()) <= FIRST_INDENTATION * diameter:

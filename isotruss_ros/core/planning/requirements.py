@@ -20,12 +20,12 @@ from isotruss_ros.core.planning.violations import RequirementError
 from isotruss_ros.core.statics.wrinkling import MAX_UTILISATION
 import numpy as np
 
-#: Smallest rigidity index along the path, 1 at home.
+#: Smallest rigidity index along the path, 1 at home [-].
 MIN_RIGIDITY = 0.15
 
 
 class Measure(str, Enum):
-    """Criteria of the ranking."""
+    """Criteria by which grasps are ranked."""
 
     SLIP_MARGIN = 'slip_margin'  #: largest slip margin of the free object [N]
     CLOSURE_MARGIN = 'closure_margin'  #: largest closure margin of the fixed object [N]
@@ -39,33 +39,33 @@ class GraspRequirements:
     """
     Requirements of a grasp of a free object.
 
-    The path `carry` is shifted to the held pose. A grasp whose object slips on this path, see
-    `foresee_path`, is rejected.
+    The path `carry` is shifted to the held pose. A grasp is rejected if its object slips on this
+    path, see `foresee_path`.
 
     :raises GraspError: a value is invalid.
     """
 
-    friction: float = DEFAULT_FRICTION  #: coefficient between tube and object, not negative
-    external_wrench: tuple[float, float, float] = (0.0, 0.0, 0.0)  #: about its centre [N, N m]
-    module: str | None = None  #: module `t/j` of the two grasping members; None: any
+    friction: float = DEFAULT_FRICTION  #: coefficient of friction, not negative [-]
+    external_wrench: tuple[float, float, float] = (0.0, 0.0, 0.0)  #: on the object [N, N m]
+    module: str | None = None  #: module `t/j` at which the grasping members meet; None: any
     members: tuple[str, ...] | None = None  #: names of the two or three grasping members
-    squeeze: float | None = None  #: normal force of each member [N]; None: the best one
+    squeeze: float | None = None  #: normal force of each member [N]; None: the best force
     min_slip_margin: float = 0.0  #: smallest `SettledGrasp.slip_margin`, not negative [N]
     min_margin: float | None = None  #: smallest `GraspAnalysis.closure_margin` [N]; None: any
     max_contact_force: float = math.inf  #: largest normal force of a member [N]
     max_total_force: float = math.inf  #: largest sum of the normal forces [N]
-    max_utilisation: float = MAX_UTILISATION  #: largest utilisation; above 1 outside of the model
+    max_utilisation: float = MAX_UTILISATION  #: largest utilisation of a member [-]
     min_rigidity: float = MIN_RIGIDITY  #: smallest rigidity index along the path, 1 at home
     min_length: float | None = None  #: shortest member [m]; None: that of the robot file
     max_length: float | None = None  #: longest member [m]; None: that of the robot file
     measure: Measure = Measure.SLIP_MARGIN  #: criterion of the ranking
-    direction: tuple[float, float, float] = (0.0, 1.0, 0.0)  #: for `STIFFNESS` [m, m, rad]
-    carry: tuple[tuple[float, float, float], ...] = ()  #: poses of a path [m, rad]
+    direction: tuple[float, float, float] = (0.0, 1.0, 0.0)  #: direction of `STIFFNESS` [m, rad]
+    carry: tuple[tuple[float, float, float], ...] = ()  #: path of poses [m, rad]
     paper_model: bool = False  #: see `analyze_grasp`
     count: int = 3  #: number of distinct grasps, at least 1
 
     def __post_init__(self) -> None:
-        """Check the values; names are checked against a robot when the search begins."""
+        """Check the values; names are checked against a robot at the begin of a search."""
         for name in ('external_wrench', 'direction'):
             values = finite_array(getattr(self, name), 3, f'requirement {name}', GraspError)
             object.__setattr__(self, name, tuple(values.tolist()))
@@ -97,7 +97,7 @@ class GraspRequirements:
         self, analysis: GraspAnalysis, normal_forces: Iterable[float], utilisation: Iterable[float]
     ) -> dict[str, float]:
         """
-        Return the loads of a grasp by requirement, the larger of fixed and free object.
+        Return the loads of a grasp by requirement, the larger one of fixed and free object.
 
         :param analysis: analysis of the fixed object.
         :param normal_forces: normal forces of the members on the free object [N].
@@ -116,7 +116,7 @@ class GraspRequirements:
 
     def check_bound(self, name: str, value: float) -> None:
         """
-        Check a value against its bound.
+        Raise RequirementError if a value violates its bound.
 
         :param name: name of the requirement, with prefix `min_` or `max_`.
         :param value: value of the grasp.
@@ -128,10 +128,11 @@ class GraspRequirements:
 
     def rate_grip(self, grip: ClosedGrip, shortness: float) -> float:
         """
-        Return the score of a grip by the measure; larger is better.
+        Return the score of a grip by the measure; a larger score is better.
 
         :param grip: admissible grip.
-        :param shortness: score by the measure of travel, decreasing with the length of the path.
+        :param shortness: score for the measure of travel, which decreases with the length of the
+            path.
         """
         if self.measure is Measure.TRAVEL:
             return shortness

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Searches for grasps in a background thread, with a pool of worker processes."""
+"""Search for grasps in a background thread, with a pool of worker processes."""
 
 from __future__ import annotations
 
@@ -47,10 +47,10 @@ class Answer(NamedTuple):
 
 class Stop:
     """
-    Condition of a stop: on request or at the time limit.
+    Condition for a stop: a request, or the time limit.
 
     :ivar requested: whether a stop was requested.
-    :param time_limit: time limit from now [s]; none if 0.
+    :param time_limit: time limit from now [s]; 0: no limit.
     """
 
     def __init__(self, time_limit: float = 0.0) -> None:
@@ -63,15 +63,15 @@ class Stop:
         return max(0.0, self._deadline - time.monotonic())
 
     def __call__(self) -> bool:
-        """Return whether to stop now, for `plan_grasps`."""
+        """Return whether the search must stop now, for `plan_grasps`."""
         return self.requested or self.time_left == 0.0
 
 
 class Searcher:
     """
-    Searches without blocking the caller; the processes start with the first search.
+    Search that does not block the caller; its processes start with the first search.
 
-    :param workers: see `WorkerPool`.
+    :param workers: number of processes, see `WorkerPool`.
     """
 
     def __init__(self, workers: int) -> None:
@@ -88,13 +88,13 @@ class Searcher:
         time_limit: float = 0.0,
     ) -> None:
         """
-        Start a search, if none is running.
+        Start a search if none is running.
 
-        :param config: see `plan_grasps`, also for the next three.
+        :param config: configuration of the robot, see `plan_grasps`.
         :param body: the object.
         :param requirements: requirements of the grasps.
         :param seed: seed of the search.
-        :param time_limit: time limit of the search [s]; none if 0.
+        :param time_limit: time limit of the search [s]; 0: no limit.
         """
         self._search, self._stop = Future(), Stop(time_limit)
         self._progress = Progress(0, 0, None, 0.0, None)
@@ -102,15 +102,15 @@ class Searcher:
         threading.Thread(target=self._run, args=(self._search, arguments), daemon=True).start()
 
     def progress(self) -> Progress | None:
-        """Return the progress and the estimated remaining time of the search; None without one."""
+        """Return the progress and remaining time of the search; None without a search."""
         return None if self._search is None else self._progress
 
     def cancel(self) -> None:
-        """Stop the search soon, with its grasps so far."""
+        """Stop the search soon; its result has the grasps so far."""
         self._stop.requested = True
 
     def answer(self) -> Answer | None:
-        """Return the result of the search once; None while it runs or without one."""
+        """Return the result of the search once; None while it runs or without a search."""
         if self._search is None or not self._search.done():
             return None
         search, self._search = self._search, None

@@ -26,7 +26,7 @@ import numpy as np
 SIGHT_LINES = 180
 #: Largest number of seeds of a round [-].
 MAX_SEEDS = 8
-#: Standard deviation of random nominal roller positions, in mean member lengths [-].
+#: Standard deviation of random nominal postures, in mean member lengths [-].
 RANDOM_POSTURE = 0.3
 
 
@@ -38,11 +38,11 @@ def find_seeds(
 
     :param config: configuration of the robot.
     :param body: the object.
-    :param needs: requirements of a grasp; a required module or members are the only grasping
-        members.
+    :param needs: requirements of the grasp. Only a required module or required members are
+        grasping members.
     :param seed: seed of the random numbers.
-    :param number: index of the round, from 0. Later rounds have random cones and postures, and
-        repeat members if there are few.
+    :param number: index of the round, from 0. Later rounds have random friction cones and
+        postures, and repeat members if there are few.
     :raises RequirementError: no seeds exist.
     :raises GraspError: unknown required module or members.
     """
@@ -91,7 +91,7 @@ def find_seeds(
 
 def required_members(robot: Mechanism, needs: GraspRequirements) -> frozenset[int]:
     """
-    Return the indices of the required members; None for any.
+    Return the indices of the members that may be grasping members; None for any members.
 
     :param robot: the robot.
     :param needs: requirements of a grasp.
@@ -108,7 +108,7 @@ def enclosing_members(config: Configuration, point: complex) -> tuple[int, ...]:
     Return the members in line of sight of a point; none if a line of sight leaves the robot.
 
     :param config: configuration of the robot.
-    :param point: x + iy in the robot frame [m].
+    :param point: point x + iy in the robot frame [m].
     """
     topology, points = config.robot.topology, config.points
     count = topology.n_modules

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Violations of requirements by candidates, in numbers and words, and the closest one."""
+"""Violations of requirements by candidates, in numbers and words."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from typing import Any
 
 from isotruss_ros.core.errors import IsotrussError
 
-#: Sentences by requirement, in the order of the search: later ones are closer to a grasp.
+#: Sentences by requirement, in the order of the search; a violation of a later one is closer to a
+#: grasp.
 SENTENCES_BY_REQUIREMENT = {
     'free': 'the robot touches the object already: the gap between them is {value:.4g} m',
     'enclosed': 'no members go all around the object',
@@ -30,7 +31,7 @@ SENTENCES_BY_REQUIREMENT = {
     'squeeze': 'limits end the closing at {value:.4g} N of each member; must be {bound:.4g} N',
     'held': 'no pose near the object balances the forces of the members',
 }
-#: Sentences by requirement of the last stage, whose violations are compared by relative size.
+#: Sentences by requirement of the last stage; their violations are compared by relative size.
 BOUNDS = {
     'min_slip_margin': 'the slip margin is {value:.4g} N, and must be {bound:.4g} N',
     'force_closure': 'it takes a friction coefficient of {value:.4g}, there is {bound:.4g}',
@@ -44,7 +45,7 @@ BOUNDS = {
 
 @dataclass(frozen=True)
 class Violation:
-    """The requirement that a grasp candidate violates."""
+    """Requirement that a grasp candidate violates."""
 
     requirement: str  #: name of the requirement
     value: float  #: value of the candidate
@@ -52,7 +53,7 @@ class Violation:
 
     @property
     def distance(self) -> float:
-        """Return the distance of the candidate from a grasp, for comparisons [-]."""
+        """Return a measure of the candidate's distance from an admissible grasp [-]."""
         if self.requirement in BOUNDS:
             low, high = sorted((max(self.value, 0.0), self.bound))
             return 1.0 - low / high if high > 0.0 else 1.0
@@ -63,20 +64,20 @@ class Violation:
 
 
 class RequirementError(IsotrussError):
-    """A requirement is violated; the arguments are the fields of a `Violation`."""
+    """Error: a requirement is violated; its arguments are the fields of a `Violation`."""
 
 
 @dataclass
 class SearchTally:
-    """Tally of a search: evaluations, and the closest violation."""
+    """Tally of a search: numbers of evaluations, and the closest violation."""
 
     evaluations: int = 0  #: number of computed configurations
     analyses: int = 0  #: number of calls of `analyze_grasp`
-    closest: Violation | None = None  #: first of the closest violations
+    closest: Violation | None = None  #: closest violation; the first of equal ones
 
     def record(self, violation: Violation) -> None:
         """
-        Store a violation if it is the closest one.
+        Store a violation if it is closer than the stored one.
 
         :param violation: violation of a candidate.
         """
@@ -85,7 +86,7 @@ class SearchTally:
 
     @contextlib.contextmanager
     def recording(self) -> Iterator[None]:
-        """Attach a RequirementError of this block to the candidate."""
+        """Record a RequirementError of this block as a violation."""
         try:
             yield
         except RequirementError as error:
@@ -93,7 +94,7 @@ class SearchTally:
 
     def add(self, other: SearchTally) -> None:
         """
-        Add another tally.
+        Add the numbers and the violation of another tally.
 
         :param other: the other tally.
         """
@@ -105,9 +106,9 @@ class SearchTally:
 
 def export_violation(violation: Violation | None) -> dict[str, Any]:
     """
-    Return the violated requirement with value and bound; empty without one.
+    Return the violated requirement with its value and bound; empty for None.
 
-    :param violation: closest violation of a search.
+    :param violation: closest violation of a search; None without one.
     """
     if violation is None:
         return {}

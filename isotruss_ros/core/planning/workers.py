@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Worker processes of the search: one core each, ended with their owner."""
+"""Worker processes of the search, one for each core, which end with their parent process."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ import os
 import signal
 import threading
 
-#: Environment of one BLAS thread per process, set before NumPy is loaded: more threads would
+#: Environment for one BLAS thread per process, set before NumPy is loaded; more threads would
 #: compete for the cores.
 SINGLE_THREAD_ENVIRONMENT = dict.fromkeys(
     ('OPENBLAS_NUM_THREADS', 'OMP_NUM_THREADS', 'MKL_NUM_THREADS'), '1'
 )
-#: Niceness of the workers [-], so that control loops have priority.
+#: Niceness of the workers [-], which gives priority to control loops.
 NICENESS = 5
 #: Largest number of processes [-].
 MAX_WORKERS = 256
@@ -35,13 +35,13 @@ def core_count() -> int:
 
 class WorkerPool(contextlib.AbstractContextManager):
     """
-    Processes from the first task until `close`, or until the end of this process.
+    Pool of processes, which start with the first task and end at `close` or with this process.
 
-    They are spawned, since forking a process with threads is unsafe.
+    They are spawned, because forking a process with threads is unsafe.
 
-    :ivar executor: executor for `plan_grasps`. After the death of a worker it is broken: close the
-        pool and create another.
-    :param workers: number of processes; 0: number of cores.
+    :ivar executor: executor for `plan_grasps`. It is broken after the death of a worker; then
+        close the pool and make another.
+    :param workers: number of processes; 0: the number of cores.
     """
 
     def __init__(self, workers: int = 0) -> None:
@@ -58,14 +58,14 @@ class WorkerPool(contextlib.AbstractContextManager):
         """
         End the processes at once, and join them.
 
-        Must not be called while another thread submits tasks.
+        It must not be called while another thread submits tasks.
         """
         self._wanted.close()
         self.executor.shutdown(cancel_futures=True)
 
 
 class _Worker(SpawnProcess):
-    """A process with one BLAS thread that ignores Ctrl-C."""
+    """Process with one BLAS thread that ignores Ctrl-C."""
 
     def start(self) -> None:
         before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
@@ -77,14 +77,14 @@ class _Worker(SpawnProcess):
 
 
 class _Context(SpawnContext):
-    """Makes workers."""
+    """Multiprocessing context whose processes are workers."""
 
     Process = _Worker
 
 
 @contextlib.contextmanager
 def _environment(values: dict[str, str]) -> Iterator[None]:
-    """Set environment variables for processes started in the block."""
+    """Set environment variables for the processes that start in the block."""
     before = {name: os.environ.get(name) for name in values}
     os.environ.update(values)
     try:
@@ -104,6 +104,6 @@ def _begin(wanted: Connection) -> None:
 
 
 def _end_with(wanted: Connection) -> None:
-    """End this process after its pool is closed or its parent has ended."""
+    """End this process when its pool is closed or its parent has ended."""
     wanted.poll(None)
     os._exit(1)

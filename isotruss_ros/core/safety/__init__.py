@@ -5,5 +5,5 @@
 Safety of motions: clearances, control barrier functions, detection of failed rollers.
 
 Entry points: `shape_guard.ShapeGuard`, `barriers`, `roller_failure.FailureDetector`.
-Imports `core.holding` and the packages below it.
+Imports `core.holding` and the layers below it.
 """

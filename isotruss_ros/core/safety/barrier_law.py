@@ -8,9 +8,9 @@ A margin h is the difference between a value and its lower bound. Its rate is bo
 
     dh/dt >= -rate h / (1 - h / band),   h reduced by a small safety margin,
 
-a class-K function of h: unbounded above `band`, zero at the safety margin. Since a command is
-constant during a sample, a discrete-time bound applies as well: a share of the margin is left at
-the end of the sample, including effects of second order.
+a class-K function of h, which is unbounded above `band` and zero at the safety margin. A command
+is constant during a sample, so a discrete-time bound applies as well: a share of the margin must
+remain at the end of the sample, including effects of second order.
 """
 
 from __future__ import annotations
@@ -27,23 +27,24 @@ from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.numerics.tolerances import EPSILON, ROUNDING
 import numpy as np
 
-#: Safety margin, at which motion stops, as a share of the band [-]; covers effects of second
+#: Safety margin at which motion stops, as a share of the band [-]; it covers effects of second
 #: order.
 SAFETY_MARGIN_SHARE = 0.01
-#: Smallest share of a margin, and of the safety margin, left after a sample of any length [-].
+#: Smallest share of a margin, and of the safety margin, that remains after a sample of any length
+#: [-].
 LEFT_MARGIN = 0.1
-#: Tolerance beyond the bound for effects of second order: the band times the squared travel of the
-#: rollers in units of this length [m].
+#: Roller travel in which effects of second order are as large as the band [m]; they grow with its
+#: square.
 SECOND_ORDER_LENGTH = 0.05
 
 
 @dataclass(frozen=True)
 class BarrierLaw:
     """
-    Lower bound of values, and bound of their rate of approach.
+    Lower bound of values, and bound of the rate at which they approach it.
 
     :ivar bound: smallest allowed value.
-    :ivar band: margin above which the rate is unbounded, in units of the value.
+    :ivar band: margin above which the rate is unbounded, in the unit of the value.
     :ivar rate: largest decay rate of a small margin [1/s].
     """
 
@@ -63,7 +64,7 @@ class BarrierLaw:
 
     def class_k_bound(self, margins: Array) -> Array:
         """
-        Return the bound of the decrease of margins [1/s], infinite above the band.
+        Return the largest decrease rates (k,) of margins [1/s]; infinite above the band.
 
         :param margins: (k,) margins.
         """
@@ -71,16 +72,16 @@ class BarrierLaw:
 
     def discrete_bound(self, margins: Array, duration: float, travel: float) -> Array:
         """
-        Return the smallest margins at the end of a sample.
+        Return the smallest admissible margins (k,) at the end of a sample.
 
-        Margins below `LEFT_MARGIN` of the safety margin, or beyond the bound, must not
-        decrease, so that errors of a fraction of the safety margin are harmless. Effects of second
-        order are tolerated there (else the robot would stop in every other sample), but not across
-        the bound.
+        Margins below `LEFT_MARGIN` of the safety margin, and negative ones, must not decrease, so
+        errors of a fraction of the safety margin are harmless. A decrease by effects of second
+        order is tolerated unless it crosses the bound; otherwise the robot would stop in every
+        other sample.
 
         :param margins: (k,) margins at the start of the sample.
         :param duration: duration of the sample, positive [s].
-        :param travel: largest travel of a roller in this or the previous sample [m].
+        :param travel: largest roller travel in this or the previous sample [m].
         """
         last = LEFT_MARGIN * self.safety_margin
         left = np.maximum(margins, last)
@@ -98,17 +99,17 @@ class BarrierLaw:
             return self.rate * left / (1.0 - share)
 
 
-#: Indices of values, or all values.
+#: Indices of values; a slice for all values.
 Selection: TypeAlias = Indices | slice
 ALL_VALUES = slice(None)
 
 
 class ActiveValues(NamedTuple):
     """
-    Values of a barrier within its band in one configuration.
+    Values of a barrier that are within its band in one configuration.
 
     :ivar indices: (k,) indices of the values.
-    :ivar values: (k,) the values.
+    :ivar values: (k,) values.
     :ivar node_rows: (k, 2n) derivatives by the node coordinates.
     :ivar roller_rows: (k, r) further derivatives by the travel of the rollers; None: zero.
     """
@@ -123,18 +124,19 @@ NO_ACTIVE_VALUES = ActiveValues(np.zeros(0, dtype=np.intp), np.zeros(0), np.zero
 
 
 class Barrier(Protocol):
-    """A lower bound on functions of the configuration."""
+    """Protocol of a lower bound on functions of the configuration."""
 
     @property
     def status(self) -> Status:
-        """Return the status of a command limited by this barrier."""
+        """Return the status of a command that this barrier reduces."""
 
     @property
     def needs_object(self) -> bool:
         """
         Return whether the values depend on the object.
 
-        Such a barrier applies only while an object is held, which the guard moves with the step.
+        Such a barrier applies only while an object is held; the guard moves the object with the
+        robot.
         """
 
     @property
@@ -170,8 +172,8 @@ class BarrierViolation(NamedTuple):
     """Violation of a barrier by a motion."""
 
     share: float  #: admissible share of the motion
-    status: Status  #: status of a command limited by it
-    names: tuple[str, ...]  #: name of the value
+    status: Status  #: status of a command that the barrier reduces
+    names: tuple[str, ...]  #: names of the value's parts
 
 
 class BarrierLimit:
@@ -193,7 +195,7 @@ class BarrierLimit:
 
     @property
     def status(self) -> Status:
-        """Return the status of a command limited by this limit."""
+        """Return the status of a command that this limit reduces."""
         return self.barrier.status
 
     def rows(self, config: Configuration) -> Rows:
@@ -214,13 +216,13 @@ class BarrierLimit:
         duration: float,
     ) -> BarrierViolation | None:
         """
-        Return the violation of the discrete-time bound by a motion, None if admissible.
+        Return the violation of the discrete-time bound by a motion; None if it is admissible.
 
-        :param end: configuration at its end.
-        :param grip: grip at its end; None without an object.
+        :param end: configuration at the end of the motion.
+        :param grip: grip at the end of the motion; None without an object.
         :param travel: (r,) roller travel of the motion [m].
-        :param velocities: (r,) roller velocities before it [m/s].
-        :param duration: duration of the motion; the rows are those of its midpoint [s].
+        :param velocities: (r,) roller velocities before the motion [m/s].
+        :param duration: duration of the motion [s]; the limit belongs to its midpoint.
         """
         law = self.barrier.law
         before = self.margins - 0.5 * duration * (self.matrix @ velocities)
@@ -237,13 +239,13 @@ class BarrierLimit:
 
 def _admissible_share(room: Array, slope: Array, change: Array) -> Array:
     """
-    Return the share of a motion at which the decrease of margins reaches its bound.
+    Return the share of a motion at which the decrease of a margin reaches its bound.
 
-    The margin is interpolated by a parabola in the share, from slope and end value.
+    The margin is a parabola in the share, by its slope at the start and its value at the end.
 
-    :param room: allowed decrease, not negative.
-    :param slope: derivative by the share at the start.
-    :param change: change at the end.
+    :param room: largest decrease, not negative.
+    :param slope: derivative of the margin by the share at the start.
+    :param change: change of the margin by the whole motion.
     """
     root = np.sqrt(np.maximum(slope**2 - 4.0 * (change - slope) * room, 0.0))
     return np.minimum(2.0 * room / np.maximum(root - slope, EPSILON), 1.0)

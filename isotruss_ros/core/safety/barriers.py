@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Barriers: rigidity, and clearances between parts of the robot and to its object.
+Barriers of rigidity, of clearances between parts of the robot, and of clearances to the object.
 
-A Verlet neighbour list selects the distances to evaluate.
+A Verlet neighbour list selects the distances that are evaluated.
 """
 
 from __future__ import annotations
@@ -44,10 +44,10 @@ class Measured(NamedTuple):
 
     def holds(self, config: Configuration, grip: Grip | None) -> bool:
         """
-        Return whether no pair can be close in another state.
+        Return whether no pair can be close in another configuration.
 
-        :param config: configuration of the robot.
-        :param grip: grip in this state; False if only one of the two states has a grip.
+        :param config: the other configuration.
+        :param grip: grip in that configuration; None without one.
         """
         if self.spare <= 0.0:
             return False
@@ -59,7 +59,7 @@ class Measured(NamedTuple):
 
 
 def _moved(grip: Grip, then: Grip) -> float:
-    """Return a bound of the object's displacement [m]; infinite for another object."""
+    """Return an upper bound of the object's displacement [m]; infinite for another object."""
     if grip.members != then.members:
         return math.inf
     body, before = grip.body, then.body
@@ -70,11 +70,11 @@ def _moved(grip: Grip, then: Grip) -> float:
 
 class NeighborList:
     """
-    Pairs of parts that may be close, evaluated only when necessary.
+    Pairs of parts that may be close, evaluated only if necessary.
 
-    The results are exact: the distance of two parts changes at most by the displacements of both.
-    Near pairs are in a list. Pairs outside are evaluated when they may have entered it, pairs of
-    the list when one may be close.
+    The results are exact, because the distance of two parts changes at most by the displacements
+    of both. Near pairs are in a list. All pairs are evaluated if one may have entered the list;
+    the pairs of the list are evaluated if one may be close.
 
     :param near: largest distance of close pairs [m].
     """
@@ -152,7 +152,7 @@ class SelfCollisionBarrier:
 
 class ObjectBarrier:
     """
-    Clearance between the robot and the held object outside the grip, see `CollisionModel`.
+    Clearance between the held object and the parts of the robot outside of the grip.
 
     :param robot: the robot.
     :param law: law of the distance between surfaces [m].
@@ -176,7 +176,7 @@ class ObjectBarrier:
         return ActiveValues(parts, distances, *grip_gradients(config, grip, parts))
 
     def values(self, config: Configuration, grip: Grip, indices: Selection) -> Array:
-        """Return the distances of parts, inf for parts of the grip [m]; see `Barrier.values`."""
+        """Return the distances of parts [m], infinite for the grip's; see `Barrier.values`."""
         far = self.law.active_below + NEIGHBOR_SKIN
         return object_distances(config, grip.body, grip.members, far, indices)
 
@@ -190,10 +190,11 @@ class RigidityBarrier:
     """
     Rigidity index of the configuration, see `rigidity_index`.
 
-    All singular values near the bound are included: the order of close ones may change in a step.
+    All singular values near the bound are included, because the order of close ones may change in
+    a step.
 
     :param robot: the robot.
-    :param law: law of the rigidity index, 1 at home [-].
+    :param law: law of the rigidity index [-].
     """
 
     status = Status.SLOWED_RIGIDITY
@@ -219,7 +220,7 @@ class RigidityBarrier:
 
     def change(self, config: Configuration, other: Configuration) -> float:
         """
-        Return a bound of the difference of the rigidity indices of two configurations.
+        Return an upper bound of the change of the rigidity index between two configurations.
 
         :param config: first configuration.
         :param other: second configuration.

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Margins of a configuration to singularity and collision."""
+"""Margins of a configuration against singularity and collision."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ import numpy as np
 
 class ShapeMargins(NamedTuple):
     """
-    Margins of a configuration to singularity and collision.
+    Margins of a configuration against singularity and collision.
 
     :ivar rigidity: rigidity index, 1 at home, 0 at a singular configuration.
-    :ivar clearance: smallest distance between surfaces of parts [m], negative if they overlap; see
-        `CollisionModel`.
-    :ivar object_clearance: smallest distance between the object and parts outside the grip [m];
-        inf without an object.
-    :ivar nearest: names of the parts at `clearance`.
-    :ivar nearest_to_object: name of the part at `object_clearance`, empty without an object.
+    :ivar clearance: smallest distance between surfaces of the robot's parts [m], negative for an
+        overlap; see `CollisionModel`.
+    :ivar object_clearance: smallest distance between the object and the parts outside of the grip
+        [m]; infinite without an object.
+    :ivar nearest: names of the two parts with this clearance.
+    :ivar nearest_to_object: name of the part with this object clearance; empty without an object.
     """
 
     rigidity: float
@@ -46,12 +46,12 @@ def shape_margins(
     config: Configuration, body: ConvexObject | None = None, members: tuple[str, ...] = ()
 ) -> ShapeMargins:
     """
-    Return the margins of a configuration to singularity, self-collision and object collision.
+    Return the margins against singularity, self-collision and collision with the object.
 
     :param config: configuration of the robot.
-    :param body: an object in the plane of the robot; None for none.
-    :param members: names of the grasping members, which are excluded, see `object_distances`.
-        None: no part is excluded.
+    :param body: object in the plane of the robot; None: no object.
+    :param members: names of the grasping members, which are excluded, see `object_distances`;
+        empty: no part is excluded.
     :raises GraspError: the robot has no such members.
     """
     try:
@@ -82,11 +82,11 @@ def object_distances(
 
     :param config: configuration of the robot.
     :param body: the object at its pose.
-    :param members: names of the grasping members; empty for a free object. They are excluded, with
-        a module at which two of them meet and the rods at its joint.
+    :param members: names of the grasping members; empty for a free object. These members are
+        excluded, and a module at which two of them meet, with the rods at its joint.
     :param far: distance beyond which a lower bound is returned [m].
-    :param parts: indices of parts: members, modules, rods, m of each; default all.
-    :return: (k,) distances, inf for excluded parts.
+    :param parts: indices of parts: members, modules, rods, m of each; by default, all parts.
+    :return: (k,) distances; infinite for excluded parts.
     :raises GraspError: no such members.
     """
     model = collision_model(config.robot)
@@ -108,8 +108,8 @@ def grip_gradients(config: Configuration, grip: Grip, parts: Indices) -> tuple[A
     :param config: configuration of the robot.
     :param grip: the grip, with rolling contacts.
     :param parts: (k,) indices of parts.
-    :return: (k, 2n) gradients by the nodes for the motion of the parts, and (k, r) by roller
-        travel for the motion of the object [-].
+    :return: (k, 2n) gradients by the nodes, due to the motion of the parts, and (k, r) gradients
+        by roller travel, due to the motion of the object [-].
     :raises GraspError: see `find_contacts`.
     :raises ConfigurationError: the configuration is singular.
     """
@@ -120,7 +120,7 @@ def grip_gradients(config: Configuration, grip: Grip, parts: Indices) -> tuple[A
 
 @functools.lru_cache(maxsize=64)
 def _left_out(robot: Robot, members: tuple[str, ...]) -> Array:
-    """Return the mask of excluded parts (3m,)."""
+    """Return the mask (3m,) of excluded parts."""
     topology, own = robot.topology, find_members(robot, members).members
     held = np.zeros((3, topology.n_modules), dtype=bool)
     held[0, own] = True

@@ -2,11 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Detection of failed rollers: commanded without motion for a given time.
+Detection of failed rollers, which do not move under a command for a given time.
 
-The ranges (maximum minus minimum) of commanded and measured travel are compared. The detection is
-insensitive to delays between command and motion, to oscillating commands, and to noise without
-drift.
+The ranges (maximum minus minimum) of commanded and measured travel are compared. So delays,
+oscillating commands, and noise without drift have no effect.
 """
 
 from __future__ import annotations
@@ -17,25 +16,25 @@ from isotruss_ros.core.model.topology import check_roller_names
 from isotruss_ros.core.numerics.arrays import Array, Flags
 import numpy as np
 
-#: Commanded time without motion after which a roller has failed [s].
+#: Time without motion under a command after which a roller has failed [s].
 FAILURE_TIME = 1.0
 #: Smallest commanded speed that counts, above stiction [m/s].
 MIN_SPEED = 0.002
-#: Smallest commanded range that counts, over the mean commanded speed [s]: drives need not follow
-#: faster oscillations.
+#: Smallest commanded range that counts, divided by the mean commanded speed [s]. Drives need not
+#: follow faster oscillations.
 MIN_SWING_TIME = 0.1
-#: Measured share of the commanded range that proves motion [-].
+#: Smallest measured share of the commanded range that proves motion [-].
 MIN_SHARE = 0.25
 #: Largest delay between command and motion [s].
 SETTLING_TIME = 0.2
-#: Commanded range after which a working roller is timed anew [m].
+#: Commanded range after which the timing of a working roller restarts [m].
 EVIDENT_TRAVEL = 0.02
-#: Largest interval of samples that count; they must not run back [s].
+#: Largest interval between two samples that are compared; their times must increase [s].
 MAX_GAP = 0.5
 
 
 class _Range:
-    """Running minimum and maximum of numbers (r,), each since its last reset."""
+    """Running minimum and maximum of r numbers, each since its last reset."""
 
     def __init__(self, count: int) -> None:
         self.least, self.most = np.zeros(count), np.zeros(count)
@@ -54,15 +53,16 @@ class _Range:
 
 class FailureDetector:
     """
-    Compares commanded and measured travel of the rollers.
+    Detector of failed rollers by commanded and measured travel.
 
-    Rollers without commands are never flagged. A flag is latched until reset: at zero speed a
-    roller cannot prove that it works.
+    A roller without commands is never flagged. A flag remains until it is reset, because a roller
+    at zero speed cannot prove that it works.
 
     :ivar failed: names of the failed rollers.
-    :ivar failure_time: see below; may change at any time.
+    :ivar failure_time: time without motion under a command after which a roller has failed [s];
+        may change at any time.
     :param names: names of the rollers.
-    :param failure_time: commanded time without motion after which a roller has failed [s].
+    :param failure_time: initial value of the attribute [s].
     """
 
     def __init__(self, names: Sequence[str], failure_time: float = FAILURE_TIME) -> None:
@@ -82,7 +82,7 @@ class FailureDetector:
         """
         Clear the flags of rollers and restart their comparison.
 
-        :param names: names of rollers; default all.
+        :param names: names of the rollers; None: all rollers.
         :raises GraspError: the robot has no such roller.
         """
         cleared = frozenset(self._names if names is None else names)
@@ -94,8 +94,8 @@ class FailureDetector:
         """
         Compare a sample of the measured travel with the commands.
 
-        :param positions: (r,) measured travel [m].
-        :param time: time of the sample; repeated times are ignored [s].
+        :param positions: (r,) measured roller travel [m].
+        :param time: time of the sample [s]; a repeated time is ignored.
         :param commanded: (r,) speeds commanded since the previous sample [m/s].
         """
         if time == self._time:
@@ -125,7 +125,7 @@ class FailureDetector:
             self._begin(timed, positions)
 
     def _flag(self, long: Flags, sent: Array, moved: Array, time: float) -> Flags:
-        """Flag failed rollers among those with a sufficient command; return the rollers due."""
+        """Flag failed rollers of those that are timed; return the rollers to time again."""
         swing = MIN_SWING_TIME * self._path
         far = (sent >= MIN_SPEED * FAILURE_TIME) & (sent * self._commanded >= swing)
         ready = long & far & np.isnan(self._asked)

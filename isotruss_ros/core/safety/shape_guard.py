@@ -2,11 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Shape guard: keep sampled motions away from singular and self-colliding configurations.
+Shape guard, which keeps sampled motions away from singular and self-colliding configurations.
 
-Barriers contribute rows dh/dt >= -class-K bound of h to the quadratic program, a first-order bound
-at one instant. Since a command is constant during a sample, the guard also evaluates the end of
-the sample: the command is scaled down until each margin is above its discrete-time bound.
+Barriers contribute rows dh/dt >= -class-K bound of h to the quadratic program; these bound the
+motion to first order at one instant. A command is constant during a sample, so the guard also
+evaluates the end of the sample. It scales the command down until each margin is above its
+discrete-time bound.
 """
 
 from __future__ import annotations
@@ -32,7 +33,8 @@ from isotruss_ros.core.safety.barrier_law import (
 from isotruss_ros.core.safety.barriers import ObjectBarrier, RigidityBarrier, SelfCollisionBarrier
 import numpy as np
 
-#: Largest roller steps that cannot cross a band, and half a safety margin [m].
+#: Largest roller steps that cannot cross a whole band, and that cannot cross half of a safety
+#: margin [m].
 BAND_STEP, SAFETY_STEP = 1e-3, 2e-4
 
 
@@ -41,18 +43,18 @@ class ShapeBounds:
     """
     Bounds of the configuration, and the bands in which the robot is slowed.
 
-    :raises ConfigurationError: a number is out of its range.
+    :raises ConfigurationError: a value is out of its range.
     """
 
     min_rigidity: float = 0.2  #: smallest rigidity index, 1 at home; see `rigidity_index`
     min_clearance: float = 0.02  #: smallest distance between parts of the robot [m]
-    min_object_clearance: float = 0.02  #: distance of the object from parts outside the grip [m]
+    min_object_clearance: float = 0.02  #: smallest distance of the object from parts [m]
     rigidity_band: float = 0.2  #: margin of the rigidity index below which the robot is slowed
     clearance_band: float = 0.1  #: margin of the distances below which the robot is slowed [m]
     rate: float = 5.0  #: largest decay rate of a small margin [1/s]
 
     def __post_init__(self) -> None:
-        """Check the numbers."""
+        """Check the values."""
         if not 0.0 <= self.min_rigidity < 1.0:
             raise ConfigurationError(
                 f'min_rigidity {self.min_rigidity!r}: must be a share of that at home, '
@@ -70,12 +72,12 @@ class ShapeBounds:
 
 class ShapeGuard:
     """
-    The barriers of a robot.
+    Guard with the barriers of a robot.
 
     :ivar bounds: bounds of the configuration.
     :ivar own: user-defined barriers.
     :param robot: the robot.
-    :param barriers: user-defined barriers, in addition to rigidity and clearances.
+    :param barriers: user-defined barriers besides rigidity and clearances.
     """
 
     def __init__(
@@ -98,9 +100,9 @@ class ShapeGuard:
 
     def watch(self, config: Configuration, grip: Grip | None) -> Watch:
         """
-        Return the active values in one configuration.
+        Return the values within the barriers' bands in one configuration.
 
-        :param config: predicted configuration at the midpoint of the sample of a command.
+        :param config: predicted configuration at the midpoint of a command's sample.
         :param grip: grip at that time; None without an object.
         :raises ConfigurationError: the configuration is singular.
         :raises GraspError: see `find_contacts`.
@@ -124,11 +126,11 @@ class ShapeGuard:
 
 class Watch:
     """
-    Active values in one configuration.
+    Values within the barriers' bands in one configuration, as limits on a command.
 
     :ivar limits: limits for `solve_twist`.
-    :param config: configuration at the midpoint of the command's interval.
-    :param grip: the grip there; None without an object.
+    :param config: predicted configuration at the midpoint of the command's sample.
+    :param grip: grip at that time; None without an object.
     :param barriers: the barriers.
     """
 
@@ -145,9 +147,9 @@ class Watch:
 
     def keep(self, command: RollerCommand, velocities: Array, duration: float) -> RollerCommand:
         """
-        Return a command, scaled down if it violates a discrete-time bound.
+        Return a command; scaled down if it violates a discrete-time bound.
 
-        :param command: command for the sample with the predicted midpoint.
+        :param command: command for the sample.
         :param velocities: (r,) roller velocities assumed in the prediction [m/s].
         :param duration: duration of the sample [s].
         """
@@ -168,7 +170,7 @@ class Watch:
         return command if violation is None else _scaled(command, share, violation)
 
     def _within_reach(self, size: float) -> tuple[BarrierLimit, ...]:
-        """Return the limits that a roller step of this size [m] could violate."""
+        """Return the limits that a roller step of a given size [m] can violate."""
         return tuple(
             limit
             for limit in self.limits
@@ -182,7 +184,7 @@ class Watch:
         velocities: Array,
         duration: float,
     ) -> BarrierViolation | None:
-        """Return the violation of a barrier by a motion, None if admissible."""
+        """Return the violation of a barrier by a motion; None if it is admissible."""
         start, grip = self._config, self._grasp
         travel = duration * rollers
         try:
@@ -203,7 +205,7 @@ class Watch:
     def _jumped(
         self, barrier: Barrier, end: Configuration, grip: Grip | None
     ) -> BarrierViolation | None:
-        """Return the violation by values that crossed their whole band."""
+        """Return the violation of a barrier by values that crossed its whole band."""
         left = barrier.values(end, grip, ALL_VALUES) - barrier.law.bound
         for limit in self.limits:
             if limit.barrier is barrier:

@@ -14,15 +14,15 @@ from isotruss_ros.core.manipulation.status import RollerCommand, Status
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 
-#: Largest decay rates of the margin of utilisation and of the slip margin [1/s].
+#: Largest decay rates of the distance from the largest utilisation, and of the slip margin [1/s].
 UTILISATION_RATE, MARGIN_RATE = 5.0, 2.0
-#: Regularization of the normalised least mean squares [m]; shorter travel has less weight.
+#: Regularisation of the normalised least mean squares [m]; shorter travel has less weight.
 LMS_REGULARIZATION = 1e-4
 
 
 class UsageLimits:
     """
-    Limits commands by predicted slip margin and utilisation.
+    Limits on a command by the predicted slip margin and utilisation.
 
     :param grasp: initial equilibrium of the object.
     """
@@ -36,8 +36,8 @@ class UsageLimits:
         """
         Update the gradients from the last travel.
 
-        :param grasp: equilibrium of the object after it.
-        :param margin: change of the slip margin by it [N].
+        :param grasp: equilibrium of the object after the travel.
+        :param margin: change of the slip margin by the travel [N].
         :param travel: (r,) roller travel [m].
         """
         used = self._used
@@ -48,7 +48,7 @@ class UsageLimits:
 
     def margin_share(self, command: RollerCommand, period: float, free: float) -> float:
         """
-        Return the share of a command that keeps enough slip margin, 0 to 1.
+        Return the largest share of a command that keeps enough slip margin, 0 to 1.
 
         :param command: the command.
         :param period: duration of the command [s].
@@ -60,7 +60,7 @@ class UsageLimits:
         self, command: RollerCommand, period: float, most: float
     ) -> RollerCommand:
         """
-        Return a command, scaled if the predicted utilisation approaches its bound too fast.
+        Return a command; scaled if the predicted utilisation approaches its bound too fast.
 
         :param command: the command.
         :param period: duration of the command [s].
@@ -73,7 +73,7 @@ class UsageLimits:
         return command.slowed(share, Status.SLOWED_UTILISATION, (self._member,))
 
     def _share(self, quantity: int, command: RollerCommand, left: float, period: float) -> float:
-        """Return the share of a command whose use of a quantity is within the available one."""
+        """Return the largest share of a command that uses at most the available quantity."""
         more = float(self._rates[quantity] @ (period * command.roller_velocities))
         return 1.0 if more <= max(left, 0.0) else max(left, 0.0) / more
 

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Decision of one cycle of the twist servo, and reasons of halts."""
+"""Decision of one cycle of the twist servo, with the reason of a halt."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from isotruss_ros.core.inputs import InputError, InputFault
 from isotruss_ros.core.manipulation.status import RollerCommand, Status
 from isotruss_ros.core.numerics.arrays import Array
 
-#: Statuses by names and faults of inputs. A stale twist is none: its client has stopped.
+#: Status of a halt by input and its fault. A stale twist has none: then the client has stopped.
 INPUT_HALTS = {
     ('twist', InputFault.MISSING): Status.HALT_NO_TWIST,
     ('twist', InputFault.STALE): Status.HALT_NO_TWIST,
@@ -27,7 +27,7 @@ INPUT_HALTS = {
     ('tube_pressures', InputFault.STALE): Status.HALT_STALE_TUBE_PRESSURES,
     ('tube_pressures', InputFault.INVALID): Status.HALT_INVALID_TUBE_PRESSURES,
 }
-#: Statuses by errors of the solution; the last one applies to all others.
+#: Status of a halt by the error of the solution; the last entry applies to all other errors.
 HALT_STATUSES = (
     (GraspError, Status.HALT_NO_GRASP),
     (IsotrussError, Status.HALT_KINEMATICS),
@@ -39,15 +39,15 @@ class Decision:
     """
     Decision of one control cycle.
 
-    :ivar command: velocities (zero when halted), achieved twist, scale and status.
-    :ivar twist: (3,) the commanded twist vx, vy [m/s], omega [rad/s] of object or joint; zero if
-        there is none.
-    :ivar message: fault with its remedy; empty without one.
-    :ivar failed: names of the rollers that are held at zero because they have failed.
-    :ivar frequency: lowest natural frequency of the held object; 0 if not known [rad/s].
-    :ivar pose_gain: gain of its pose; 0 without regulation [1/s].
-    :ivar squeeze: mean normal force of the members, and its standard deviation [N]; None where
-        nothing is held.
+    :ivar command: velocities of the rollers (zero in a halt), achieved twist, scale and status.
+    :ivar twist: (3,) commanded twist vx, vy [m/s], omega [rad/s] of the object or joint; zero
+        without a command.
+    :ivar message: fault and its remedy in words; empty without a fault.
+    :ivar failed: names of the failed rollers, which are held at zero velocity.
+    :ivar frequency: lowest natural frequency of the held object [rad/s]; 0 if unknown.
+    :ivar pose_gain: gain of the pose control [1/s]; 0 without control.
+    :ivar squeeze: mean normal force of the members, and its standard deviation [N]; None without a
+        held object.
     :ivar pose_delay: delay of the measured poses beyond their stamps [s].
     """
 
@@ -63,7 +63,7 @@ class Decision:
 
 def describe_squeeze(squeeze: float, deviation: float) -> str:
     """
-    Return a squeeze in words, unknown if the deviation is above `MAX_KNOWN_DEVIATION` of it.
+    Return a squeeze in words; unknown if its relative deviation exceeds `MAX_KNOWN_DEVIATION`.
 
     :param squeeze: mean normal force of the members [N].
     :param deviation: standard deviation of the squeeze [N].
@@ -74,7 +74,7 @@ def describe_squeeze(squeeze: float, deviation: float) -> str:
 
 class HaltError(IsotrussError):
     """
-    Reason of a halt.
+    Error that causes a halt.
 
     :ivar status: status of the halt.
     :param status: status of the halt.
@@ -88,7 +88,7 @@ class HaltError(IsotrussError):
 
 def halt_for(error: IsotrussError) -> Status:
     """
-    Return the status of a halt by an error.
+    Return the status of the halt that an error causes.
 
     :param error: the error.
     """
@@ -101,10 +101,10 @@ def halt_for(error: IsotrussError) -> Status:
 
 def describe(command: RollerCommand, keeps_contacts: bool) -> str:
     """
-    Return the difference of a command from the twist in words; empty without, or in a halt.
+    Return the deviation of a command from its twist in words; empty in a halt or without one.
 
     :param command: the command.
-    :param keeps_contacts: whether the twist is that of an object, not of a joint.
+    :param keeps_contacts: whether the twist is a twist of the object; false for a joint.
     """
     parts: list[str] = []
     if command.status >= Status.HALT_NO_TWIST:

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Faults of the grip of a regulated object, and detection of oscillations."""
+"""Faults of the grip under squeeze control, and detection of oscillations."""
 
 from __future__ import annotations
 
@@ -12,18 +12,21 @@ from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 
-#: Smallest counted half-swing of the pose error: in metres [m], and in units of the noise [-].
+#: Smallest half-swing of the pose error that counts: as a length [m], and in standard deviations
+#: of the noise [-].
 MIN_SWING, MIN_SWING_SIGMAS = 0.002, 4.0
-#: Longest counted half-swing: in units of pi / omega [-], and in time if omega is unknown [s].
+#: Longest half-swing that counts: in units of pi / omega [-], and for unknown omega as a time [s].
 MAX_SWING_PHASE, MAX_SWING_TIME = 2.0, 0.5
-#: Number of half-swings [-], and smallest ratio of successive ones without decay [-].
+#: Number of successive half-swings of an oscillation [-], and smallest ratio of their amplitudes
+#: [-].
 SWING_COUNT, MIN_SWING_RATIO = 3, 0.95
-#: Time constant of the low-pass of the pose error for unknown omega, else 1 / omega [s].
+#: Time constant of the low-pass filter on the pose error for unknown omega [s]; otherwise it is 1
+#: / omega.
 FILTER_TIME = 0.05
 
 
 class GripFault(enum.Enum):
-    """Faults of the grip with their statuses."""
+    """Faults of the grip, with their statuses."""
 
     SLIPPED = Status.HALT_SLIPPED
     NOT_HELD = Status.HALT_NOT_HELD
@@ -32,7 +35,7 @@ class GripFault(enum.Enum):
 
 class SwingWatch:
     """
-    Detects oscillations of a held object that grow or do not decay.
+    Detector of oscillations of a held object that grow or do not decay.
 
     :param frequency: lowest natural frequency of the held object; None if unknown [rad/s].
     """
@@ -45,14 +48,14 @@ class SwingWatch:
         self.forget()
 
     def forget(self) -> None:
-        """Restart the detection of oscillations."""
+        """Restart the detection."""
         self._swings = tuple(_Swings(self._longest) for _ in range(3))
 
     def update(self, error: Array, noise: float, elapsed: float) -> bool:
         """
-        Return whether the last half-swings do not decay.
+        Add the pose error of a cycle; return whether the last half-swings do not decay.
 
-        :param error: (3,) estimated pose error, rotations at the characteristic radius [m].
+        :param error: (3,) estimated pose error, rotations times the characteristic radius [m].
         :param noise: standard deviation of the measured pose [m].
         :param elapsed: time since the previous cycle [s].
         """
@@ -65,9 +68,9 @@ class SwingWatch:
 
 class _Swings:
     """
-    Turning points of one signal with their differences.
+    Successive turning points of one signal.
 
-    :param longest: longest time between turning points of a swing [s].
+    :param longest: longest time between two turning points of an oscillation [s].
     """
 
     def __init__(self, longest: float) -> None:
@@ -77,7 +80,7 @@ class _Swings:
         self._sizes: list[float] = []
 
     def update(self, value: float, elapsed: float, least: float) -> bool:
-        """Return whether the last half-swings do not decay, after the values of a cycle."""
+        """Add the value of a cycle; return whether the last half-swings do not decay."""
         if math.isnan(self._extreme):
             self._extreme = self._turned = value
         self._age += elapsed

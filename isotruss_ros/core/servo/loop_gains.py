@@ -4,24 +4,25 @@
 """
 Gains of the squeeze control, from the lowest natural frequency of the held object.
 
-The rollers set velocities: the loop is an integrator in front of a lightly damped structure. With
-two low-pass filters of time constant 1 / p on the load and the unexplained pose, and the gain p
-of the pose, one mode of the frequency omega and the damping ratio zeta is stable where
+Commands are roller velocities, so the loop is an integrator in front of a lightly damped
+structure. It has the pose gain p, and two low-pass filters with the time constant 1 / p on the
+load and the unexplained pose. A mode with the frequency omega and the damping ratio zeta is stable
+if
 
     s^3 / p^2 + 3 s^2 / p + 3 s + p omega^2 / (s^2 + 2 zeta omega s + omega^2) = 0
 
-has no root in the right half-plane: for p < 0.54 omega without damping, more with it.
+has no root in the right half-plane: for p < 0.54 omega without damping, for larger p with damping.
 """
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
-#: Gain relative to the frequency [-]; stable for a frequency wrong by a factor of two.
+#: Ratio of the gain to the frequency [-]; stable for a frequency that is wrong by a factor of two.
 GAIN_SHARE = 0.25
-#: Gain for an unknown frequency [1/s].
+#: Pose gain for an unknown frequency [1/s].
 DEFAULT_GAIN = 0.6
-#: Largest gains of the squeeze and of the bias [1/s].
+#: Largest gains of the squeeze and of the unexplained pose [1/s].
 MAX_SQUEEZE_GAIN, MAX_BIAS_GAIN = 5.0, 2.0
 
 
@@ -31,7 +32,7 @@ class LoopGains(NamedTuple):
 
     :ivar pose: gain of the pose error of the model [1/s].
     :ivar squeeze: gain of the squeeze error [1/s].
-    :ivar bias: rate at which the unexplained part of the measured pose is taken over [1/s].
+    :ivar bias: rate at which the unexplained pose follows the measured poses [1/s].
     :ivar filter_time: time constant of each of the two low-pass filters on the load [s].
     """
 
@@ -43,17 +44,17 @@ class LoopGains(NamedTuple):
 
 def gains_of(gain: float) -> LoopGains:
     """
-    Return the gains of the squeeze control for a pose gain.
+    Return the gains of the squeeze control that belong to a pose gain.
 
-    :param gain: gain p of the pose, positive [1/s].
+    :param gain: pose gain p, positive [1/s].
     """
     return LoopGains(gain, min(MAX_SQUEEZE_GAIN, gain), min(MAX_BIAS_GAIN, 0.5 * gain), 1.0 / gain)
 
 
 def choose_gain(frequency: float | None) -> float:
     """
-    Return the gain p [1/s].
+    Return the pose gain p for a frequency [1/s].
 
-    :param frequency: lowest natural frequency of the held object; None if not known [rad/s].
+    :param frequency: lowest natural frequency of the held object [rad/s]; None if unknown.
     """
     return DEFAULT_GAIN if frequency is None else GAIN_SHARE * frequency

@@ -25,13 +25,13 @@ class SqueezeSettings:
     Desired squeeze and settings of its control.
 
     :ivar force: mean normal force of the grasping members, positive [N].
-    :ivar pose_gain: gain of the pose, from which the others follow; None for that of the
-        frequency, see `choose_gain` [1/s].
-    :ivar frequency: measured lowest natural frequency of the held object; None to compute it from
-        the masses [rad/s].
-    :ivar max_utilisation: bound on the utilisation of tubes: commands toward it are slowed, and
-        beyond it only those away from it are executed [-].
-    :ivar load: standard deviation of loads on the object; 0 for that of `EstimatorSettings` [N].
+    :ivar pose_gain: pose gain, which determines the other gains [1/s]; None: by the frequency, see
+        `choose_gain`.
+    :ivar frequency: measured lowest natural frequency of the held object [rad/s]; None: computed
+        from the masses.
+    :ivar max_utilisation: bound on the utilisation of the tubes [-]. Commands toward it are
+        slowed; beyond it, only commands away from it are executed.
+    :ivar load: standard deviation of loads on the object [N]; 0: the value of `EstimatorSettings`.
     :ivar zeros: standard deviation of the roller offsets without an estimator [m].
     """
 
@@ -48,18 +48,20 @@ class ServoSettings:
     """
     Settings of the twist servo.
 
-    :ivar grip: members, object and friction; the pose of the object is an input.
+    :ivar grip: grasping members, object and friction; the object's pose is an input.
     :ivar period: time from cycle to cycle [s].
-    :ivar timeout: largest age of inputs, beyond which the rollers stop [s].
-    :ivar joint: joint that twists move without an object; None for the object.
-    :ivar squeeze: settings of the squeeze control; None keeps the opening angle of the grip (14).
-    :ivar bounds: bounds of the configuration; None for no guard, and no barriers.
+    :ivar timeout: largest age of inputs [s]; older inputs stop the rollers.
+    :ivar joint: joint that twists move without an object; None: twists move the object.
+    :ivar squeeze: settings of the squeeze control; None: the opening angle of the grip is kept
+        (14).
+    :ivar bounds: bounds of the configuration; None: no guard and no barriers.
     :ivar barriers: user-defined barriers.
-    :ivar limits: user-defined limits, in addition to those of the robot file.
-    :ivar slide_along_limits: slide along limits of lengths and shapes, or stop there.
-    :ivar max_acceleration: largest acceleration of a roller, except in halts; None for that of the
-        robot file [m/s^2].
-    :ivar failure_time: commanded time without motion after which a roller has failed [s].
+    :ivar limits: user-defined limits besides those of the robot file.
+    :ivar slide_along_limits: whether motion slides along limits of lengths and shapes; otherwise
+        it stops.
+    :ivar max_acceleration: largest acceleration of a roller, except in halts [m/s^2]; None: the
+        value of the robot file.
+    :ivar failure_time: time without motion under a command after which a roller has failed [s].
     :ivar pressure_timeout: largest age of pressures [s].
     """
 
@@ -79,15 +81,15 @@ class ServoSettings:
 
 class ServoInputs(NamedTuple):
     """
-    Latest inputs of the twist servo.
+    Latest value of each input of the twist servo; None without one.
 
-    :ivar twist: input of (vx, vy, omega) in the robot frame [m/s, rad/s].
-    :ivar rollers: input of the measured `RollerState`.
-    :ivar pose: input of the measured `Pose` of the object, robot frame.
-    :ivar pressures: input of the gauge pressures (t,) of the tubes for the squeeze control; None
-        for those of the robot file [Pa].
-    :ivar estimate: input of the `EstimatedTravel` with the offsets of the rollers; None without.
-    :ivar failed: names of failed rollers, in addition to detected ones.
+    :ivar twist: commanded twist (vx, vy, omega) in the robot frame [m/s, rad/s].
+    :ivar rollers: measured `RollerState`.
+    :ivar pose: measured `Pose` of the object in the robot frame.
+    :ivar pressures: gauge pressures (t,) of the tubes for the squeeze control [Pa]; None: the
+        pressures of the robot file.
+    :ivar estimate: `EstimatedTravel` with the roller offsets.
+    :ivar failed: names of failed rollers besides detected ones.
     :ivar halt: status and reason of a halt by the client; None without one.
     """
 

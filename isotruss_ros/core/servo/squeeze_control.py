@@ -4,10 +4,10 @@
 """
 Squeeze control: feedback by the model of the held object.
 
-The opening of the grip determines the squeeze, by some newtons per millimetre. The fourth row of
-(19), which keeps the grip, has the opening rate as its right-hand side; the displacement of the
-object by the elastic tubes is corrected. The gains follow from the lowest natural frequency of the
-held object, see `loop_gains`.
+The opening of the grip determines the squeeze, by some newtons per millimetre. The opening rate is
+the right-hand side of the fourth row of (19). A further twist corrects the displacement of the
+object on the elastic tubes. The gains follow from the lowest natural frequency of the held object,
+see `loop_gains`.
 """
 
 from __future__ import annotations
@@ -38,28 +38,28 @@ from isotruss_ros.core.servo.loop_gains import choose_gain, DEFAULT_GAIN, gains_
 from isotruss_ros.core.servo.servo_settings import SqueezeSettings
 import numpy as np
 
-#: Time at rest after an oscillation [s]; the gain is halved then.
+#: Time at rest after an oscillation, which halves the gain [s].
 REST_TIME = 1.0
 #: Largest rate of the squeeze [N/s].
 MAX_FORCE_RATE = 10.0
-#: Largest difference of equal stamps of poses [s].
+#: Largest difference of stamps of the same pose [s].
 STAMP_TOLERANCE = 1e-3
 PRIOR = EstimatorSettings()
 
-#: Solves the program for a twist (3,) and a rate of the grip's opening [m/s].
+#: Solver of the program for a twist (3,) and an opening rate of the grip [m/s].
 Solve = Callable[[Array, float], RollerCommand]
 
 
 class SqueezeControl:
     """
-    Regulator of squeeze and pose of a held object.
+    Control of squeeze and pose of a held object.
 
     :ivar belief: belief of the grip; None before `follow`.
-    :ivar reference: desired (x, y, angle) of the object [m, rad]: the initial pose, moved by the
-        executed twists; None before the first one.
-    :ivar frequency: lowest natural frequency of the held object; None if not known [rad/s].
-    :ivar gains: gains by the frequency; those of an unknown one before `follow`.
-    :ivar fault: fault of the grip, latched until `acknowledge` except for oscillations.
+    :ivar reference: desired pose (x, y, angle) of the object [m, rad]: its initial pose plus the
+        executed twists; None before the first twist.
+    :ivar frequency: lowest natural frequency of the held object [rad/s]; None if unknown.
+    :ivar gains: gains for this frequency; before `follow`, for an unknown frequency.
+    :ivar fault: fault of the grip. It remains until `acknowledge`; an oscillation ends by itself.
     :param settings: desired squeeze.
     """
 
@@ -77,7 +77,7 @@ class SqueezeControl:
         self.reset()
 
     def reset(self) -> None:
-        """Drop belief and reference; both restart from the next measured pose."""
+        """Discard belief and reference; both restart from the next measured pose."""
         self.belief: GripBelief | None = None
         self._lost: HoldStatus | None = None  # by the belief before
         self.reference: Array | None = None
@@ -88,7 +88,7 @@ class SqueezeControl:
         self._stamp = -math.inf
 
     def rest(self) -> None:
-        """Reset the reference to the pose of the object at the next motion."""
+        """Discard the reference; it restarts from the object's pose at the next motion."""
         self.reference, self._velocity = None, np.zeros(3)
 
     @property
@@ -97,7 +97,7 @@ class SqueezeControl:
         return None if self.belief is None else self.belief.grasp
 
     def lose(self) -> None:
-        """Register the loss of the object from the grip."""
+        """Handle the loss of the object: latch a fault and reset."""
         had = self.belief is not None or self._lost is not None
         if had and self.fault is None:
             self._fail(GripFault.NOT_HELD, 'the object is not between the members')
@@ -105,19 +105,19 @@ class SqueezeControl:
 
     def take_pressures(self, pressures: tuple[float, ...] | None) -> None:
         """
-        Use measured pressures in the model, from the next cycle on.
+        Use measured pressures in the model from the next cycle on.
 
         :param pressures: (t,) gauge pressures of the tubes in the order of the robot file [Pa];
-            None for the pressures of the file. Small changes are ignored, see `steady_pressures`.
+            None: the pressures of the file. Small changes are ignored, see `steady_pressures`.
         """
         self._pressures = steady_pressures(self._pressures, pressures)
 
     def take_offsets(self, offsets: Array | float, covariance: Array | None) -> None:
         """
-        Set corrected roller offsets.
+        Set the roller offsets that the roller positions include from now on.
 
-        :param offsets: (r,) in the positions of the rollers from now on [m].
-        :param covariance: (r, r) of these [m^2]; None where it is not known.
+        :param offsets: (r,) roller offsets [m].
+        :param covariance: (r, r) covariance of the offsets [m^2]; None if unknown.
         """
         before, self._offsets, belief = self._offsets, offsets, self.belief
         fresh, self._zeros = covariance is not self._zeros, covariance
@@ -153,16 +153,16 @@ class SqueezeControl:
         sample: tuple[Pose, float] | None = None,
     ) -> HoldStatus:
         """
-        Propagate belief and reference to now, and update the belief with the measured pose.
+        Propagate belief and reference to the current time, and add the measured pose.
 
-        A call makes at most one search for an equilibrium with unknown contacts: where the mean
-        pose has none, the next call searches near the measured pose.
+        A call makes at most one search for an equilibrium with unknown contact history. If there
+        is none at the estimated pose, the next call searches at the measured pose.
 
         :param config: configuration of the robot.
         :param grip: grip with the object at its predicted pose.
         :param elapsed: time since the previous cycle [s].
-        :param sample: last pose, and its age against the configuration [s]; None: that of the grip
-            without an age.
+        :param sample: last measured pose, and its age relative to the configuration [s]; None: the
+            pose of the grip with zero age.
         :return: hold status of the object in the model.
         :raises GraspError: see `find_contacts`.
         :raises ConfigurationError: the configuration is singular.
@@ -190,13 +190,14 @@ class SqueezeControl:
 
     def solve(self, twist: Array, period: float, solve: Solve) -> RollerCommand:
         """
-        Return the command for a twist of the object that regulates the squeeze.
+        Return the command that executes a twist of the object and controls the squeeze.
 
-        In a fault the object is not moved and its squeeze is regulated, or the rollers stop.
+        In a fault the twist is zero and the squeeze is controlled; in an oscillation the rollers
+        stop.
 
         :param twist: (3,) vx, vy [m/s], omega [rad/s] of the object in the robot frame.
         :param period: duration of the command, positive [s].
-        :param solve: the twist program.
+        :param solve: solver of the twist program.
         """
         if self.belief is None:
             raise ValueError('follow comes before solve')
@@ -229,15 +230,17 @@ class SqueezeControl:
         Integrate the executed twist into the reference.
 
         :param twist: (3,) commanded twist [m/s, rad/s].
-        :param command: solved command; a direction other than the twist's resets the reference.
-        :param missing: (3,) part of its twist not admitted by acceleration or barriers.
+        :param command: executed command; if its direction differs from the twist's, the reference
+            is reset.
+        :param missing: (3,) part of the command's twist that acceleration or barriers did not
+            admit.
         """
         if command.status in (Status.UNREACHABLE, Status.SLIDING):
             self.reference = None
         self._velocity = command.scale * np.asarray(twist) - missing
 
     def _correction(self, belief: GripBelief, period: float) -> Array:
-        """Return the twist (3,) that corrects pose errors and drift beyond (19)."""
+        """Return the twist (3,) that corrects the pose error and the drift beyond (19)."""
         here = belief.regulated_pose
         if self.reference is None:
             self.reference = here
@@ -246,7 +249,7 @@ class SqueezeControl:
         return gain * pose_difference(self.reference, here) - belief.drift[:3]
 
     def _start(self, config: Configuration, grip: Grip) -> HoldStatus:
-        """Start with the equilibrium near the measured pose."""
+        """Start the belief at the equilibrium near the measured pose; return its hold status."""
         try:
             found = attach_model(config, grip, self._pressures)
         except NotHeldError as error:
@@ -260,7 +263,7 @@ class SqueezeControl:
         return hold
 
     def _observe(self, belief: GripBelief, pose: Pose, age: float, elapsed: float) -> None:
-        """Update the belief with a new pose, and test for slip."""
+        """Update the belief by a new pose, and test for slip."""
         self._stamp -= elapsed  # of the last pose, against now
         if -age <= self._stamp + STAMP_TOLERANCE:
             return
@@ -283,14 +286,14 @@ class SqueezeControl:
         self.fault, self._why = fault, why
 
     def _choose_gains(self, grasp: HeldGrip) -> None:
-        """Choose the gains by the frequency."""
+        """Choose the gains by the settings or the natural frequency."""
         settings = self.settings
         self.frequency = settings.frequency or lowest_frequency(grasp)
         gain = settings.pose_gain or choose_gain(self.frequency)
         self.gains = gains_of(self._softening * gain)
 
     def _look_for_swings(self, belief: GripBelief, elapsed: float) -> None:
-        """Stop for some time after an oscillation, and halve the gain."""
+        """Latch an oscillation and halve the gain; clear it after `REST_TIME`."""
         error, even = np.zeros(3), np.array([1.0, 1.0, belief.grasp.arm])
         if self.reference is not None:
             error = even * pose_difference(self.reference, belief.pose)
@@ -304,7 +307,7 @@ class SqueezeControl:
 
 
 def _solve_within_limits(wanted: Array, opening: float, solve: Solve) -> RollerCommand:
-    """Return the command for a twist and an opening rate; limits scale the twist first."""
+    """Return the command for a twist and an opening rate; limits scale the twist only."""
     command = solve(wanted, opening)
     if not Status.SLOWED_ROLLER_SPEED <= command.status <= Status.SLOWED_BARRIER:
         return command

@@ -4,11 +4,11 @@
 """
 Twist servo: in every cycle, a roller command from the latest inputs, or a halt.
 
-The twist is that of the held object or, without an object, of a joint.
+The twist is a twist of the held object or, without an object, of a joint.
 
-Each cycle starts from the measured state. A measurement is old when it is used: since then the
-rollers have followed the commands sent, so the servo predicts where the robot is. Commands from
-before the measurement do not count, so motion resumes from any state of robot and object.
+Each cycle starts from the measured state. Since the measurement the rollers have followed the
+commands, so the servo predicts the current state from them. Earlier commands have no effect, so
+motion resumes from any state of robot and object.
 """
 
 from __future__ import annotations
@@ -48,20 +48,20 @@ from isotruss_ros.core.servo.servo_settings import ServoInputs, ServoSettings
 from isotruss_ros.core.servo.squeeze_control import SqueezeControl
 import numpy as np
 
-#: While no command moves a held object, it is followed this often [s] ...
+#: Period in which the belief of an object at rest is updated [s].
 WATCH_PERIOD = 0.1
-#: ... in these states.
+#: Statuses in which the object is at rest.
 AT_REST = (Status.HALT_NO_TWIST, Status.HALT_INVALID_TWIST, Status.HALT_EMERGENCY_STOP)
-#: Period of the comparison of measured and commanded travel [s].
+#: Period of the comparison of measured with commanded travel [s].
 DETECTION_PERIOD = 0.02
 
 
 class TwistServo:
     """
-    State of the control loop: settings, and the latest value of each input.
+    Twist servo: settings, latest inputs and state of the control loop.
 
     :param robot: the robot.
-    :param settings: settings, see `apply`.
+    :param settings: settings, see `ServoSettings`.
     :raises GraspError: the robot has no such joint.
     """
 
@@ -97,23 +97,23 @@ class TwistServo:
 
     @property
     def squeeze(self) -> SqueezeControl | None:
-        """Return the squeeze control; None while the opening angle of the grip is kept."""
+        """Return the squeeze control; None if the opening angle of the grip is kept instead."""
         return self._squeeze
 
     @property
     def failed(self) -> frozenset[str]:
-        """Return the failed rollers, named or detected."""
+        """Return the names of the failed rollers, named by the client or detected."""
         return self._inputs.failed | self._detector.failed
 
     def apply(self, settings: ServoSettings) -> None:
         """
         Replace the settings from the next cycle on.
 
-        Another joint discards the twist. Squeeze control without a fault and detected failures
-        continue; measurements by another failure time are discarded.
+        A change of the joint discards the twist. Squeeze control without a fault and detected
+        failures continue. A change of the failure time discards measurements for the detection.
 
         :param settings: new settings.
-        :raises GraspError: the robot has no such joint; nothing changes.
+        :raises GraspError: the robot has no such joint; then nothing changes.
         """
         if settings.joint is not None:
             check_joint(self.robot, settings.joint)
@@ -138,10 +138,10 @@ class TwistServo:
 
     def receive(self, **inputs: Any) -> None:
         """
-        Replace inputs.
+        Replace some inputs.
 
-        :param inputs: fields of `ServoInputs` by name.
-        :raises GraspError: the robot has no such failed roller; nothing changes.
+        :param inputs: values by the names of fields of `ServoInputs`.
+        :raises GraspError: the robot has no such failed roller; then nothing changes.
         """
         if 'failed' in inputs:
             inputs['failed'] = frozenset(inputs['failed'])
@@ -153,7 +153,7 @@ class TwistServo:
         """
         Return the roller command for the cycle that begins now.
 
-        Never raises for an input: a fault becomes a halt with a status and a message.
+        A fault of an input raises no error; it becomes a halt with a status and a message.
 
         :param now: time on the clock of the inputs [s].
         """
@@ -196,11 +196,11 @@ class TwistServo:
 
     def command(self, velocities: Array, now: float) -> Array:
         """
-        Return limited roller velocities (r,) for desired ones, instead of those for a twist [m/s].
+        Return limited roller velocities (r,) for desired velocities, in place of a twist [m/s].
 
-        They are part of the history for the prediction and the detection of failures.
+        They are recorded for the prediction and for the detection of failures.
 
-        :param velocities: (r,) desired velocities; zeros stop the rollers at once [m/s].
+        :param velocities: (r,) desired velocities [m/s]; zeros stop the rollers at once.
         :param now: time on the clock of the inputs [s].
         """
         self._prepare(now)
@@ -213,12 +213,12 @@ class TwistServo:
         return velocities
 
     def _prepare(self, now: float) -> None:
-        """Discard old commands, and compare the others with the measured travel."""
+        """Discard old commands, and compare the remaining ones with the measured travel."""
         self._history.discard_old(now, self._settings.timeout + 2.0 * self._settings.period)
         self._detect()
 
     def _detect(self) -> None:
-        """Compare the commanded roller travel with the measured one."""
+        """Compare the commanded with the measured roller travel."""
         rollers = self._inputs.rollers
         if not isinstance(rollers, StampedInput):
             return
@@ -242,9 +242,9 @@ class TwistServo:
         failed: frozenset[str],
     ) -> RollerCommand:
         """
-        Solve for the configuration at the midpoint of the command's cycle.
+        Return the command for the configuration at the midpoint of its cycle.
 
-        A command for the measured configuration, which is older, would have a first-order error.
+        A command for the older, measured configuration would have a first-order error.
         """
         config, grip, last = self._predict(rollers, pose, now, failed)
         watch = None if self._guard is None else self._guard.watch(config, grip)
@@ -275,12 +275,12 @@ class TwistServo:
 
     @property
     def _touching(self) -> Grip:
-        """Return the grip, with the contacts of the held object's model where there is one."""
+        """Return the grip, with the contacts of the held object's model if it exists."""
         belief = None if self._squeeze is None else self._squeeze.belief
         return self._settings.grip if belief is None else belief.grip
 
     def _largest_change(self, now: float) -> float:
-        """Return the largest change of a roller's speed since the last command [m/s]."""
+        """Return the largest change of a roller's velocity since the last command [m/s]."""
         largest = self._settings.max_acceleration
         if largest is None:
             largest = self.robot.description.max_acceleration
@@ -295,7 +295,7 @@ class TwistServo:
         limits: Sequence[Limit],
         handling: LimitHandling,
     ) -> RollerCommand:
-        """Solve for the velocity of the joint."""
+        """Return the command for a velocity of the joint."""
         if twist[2] != 0.0:
             raise HaltError(
                 Status.HALT_INVALID_TWIST,
@@ -312,7 +312,7 @@ class TwistServo:
         now: float,
         failed: frozenset[str],
     ) -> tuple[Configuration, Grip | None, Array]:
-        """Return predicted robot and object at the midpoint of the cycle, and the last command."""
+        """Return configuration and grip at the midpoint of the cycle, and the last command."""
         still = np.array([name in failed for name in self.robot.roller_names])
         before, travel, last = self._history.expected_travel(
             rollers, (pose or [rollers])[0].time, now, 0.5 * self._settings.period, still
@@ -326,7 +326,7 @@ class TwistServo:
         return config, grip, last
 
     def _watch(self, squeeze: SqueezeControl, status: Status, now: float) -> None:
-        """Update the belief of a resting object periodically; drop it without valid inputs."""
+        """Update the belief of an object at rest periodically; discard it without valid inputs."""
         before = self._regulated
         if before is not None and 0.0 <= now - before < WATCH_PERIOD:
             squeeze.rest()
@@ -378,7 +378,7 @@ class TwistServo:
         twist: Array,
         solve: Callable[..., RollerCommand],
     ) -> RollerCommand:
-        """Solve with regulation of the squeeze, by the belief of the held object."""
+        """Return the command that controls the squeeze by the belief of the held object."""
         if squeeze.grasp is None or (hold is not HoldStatus.HELD and squeeze.fault is None):
             why = f'the object is not held: {hold.value}'
             raise HaltError(Status.HALT_NOT_HELD, '; '.join(filter(None, (why, squeeze.note()))))

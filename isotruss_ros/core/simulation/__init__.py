@@ -5,5 +5,5 @@
 Simulated robots with grasped objects.
 
 Entry points: `simulated_robot.SimulatedRobot`, `rigid_object`, `elastic_object`.
-Imports `core.safety` and the packages below it.
+Imports `core.safety` and the layers below it.
 """

@@ -26,17 +26,17 @@ from numpy.typing import ArrayLike
 
 class ElasticObject:
     """
-    An object held by friction between two or three members, or free on the ground.
+    Object held by friction between two or three members, or free on the ground.
 
-    A free object is pushed by members in contact; the ground carries external loads. From force
-    closure on, the object is held: contacts roll without slip, and its pose follows from
-    configuration and external wrench, without inertia. Without sufficient friction or an
-    equilibrium it is lost: the members push it out of the grip, and it is free again.
+    Members in contact push a free object; the ground carries its external loads. With force
+    closure the object is held: contacts roll without slip, and its pose follows from configuration
+    and external wrench, without inertia. Without sufficient friction or without an equilibrium it
+    is lost: the members push it out of the grip, and it is free.
 
-    :ivar dropped: reason of the last loss; None while held or never held.
+    :ivar dropped: reason of the last loss; None if held or never held.
     :param body: the object at its initial pose.
-    :param friction: coefficient between tube and object in this plant, not negative.
-    :param stiffness_scale: factor on the stiffness of the model in this plant, positive [-].
+    :param friction: coefficient of friction between tube and object in this plant, not negative.
+    :param stiffness_scale: ratio of the stiffness in this plant to the model's, positive [-].
     :raises GraspError: friction or stiffness is invalid.
     """
 
@@ -79,7 +79,7 @@ class ElasticObject:
 
     @property
     def slip_margin(self) -> float:
-        """Return the smallest further wrench at which a contact slips [N]; zero while free."""
+        """Return the smallest further wrench at which a contact slips [N]; zero if free."""
         return 0.0 if self._grasp is None else self._grasp.slip_margin(self._friction)
 
     def joints(self, config: Configuration) -> Array:
@@ -113,7 +113,7 @@ class ElasticObject:
         """Do nothing; see `SimulatedObject.come_to_rest`."""
 
     def _touch(self, before: Configuration | None, config: Configuration) -> None:
-        """Hold the object from the first configuration with force closure on."""
+        """Hold the object in the first configuration with force closure."""
         if not self._pressed(config):
             return
         first = config if before is None else self._first_touch(before, config)
@@ -140,15 +140,15 @@ class ElasticObject:
         return touch
 
     def _pressed(self, config: Configuration) -> bool:
-        """Return whether two members press on the free object beyond the pushing contact."""
+        """Return whether two members press on the free object more than by pushing it."""
         return bool(np.sort(member_depths(config, self._body))[-2] > ROUNDING)
 
     def _roll(self, before: HeldGrip, config: Configuration) -> None:
         """
         Roll to a configuration under the external wrench.
 
-        Substeps are halved on loss of contact; the object is lost if contact is lost in the
-        smallest.
+        A substep with loss of contact is halved. If contact is lost in the smallest substep, the
+        object is lost.
         """
         wrench, pulled = self._wrench / (1.0, 1.0, before.arm), before.wrench
         start, end = before.config.roller_positions, config.roller_positions

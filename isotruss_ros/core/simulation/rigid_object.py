@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Simulated rigid object, at rest or rolling in a grip, without deformation."""
+"""Simulated rigid object, at rest or rolling in a grip, between undeformed tubes."""
 
 from __future__ import annotations
 
@@ -20,16 +20,17 @@ import numpy as np
 
 class RigidObject:
     """
-    An object at rest that rolls in a grip once friction can hold it.
+    Object at rest that rolls in a grip after friction can hold it.
 
-    The hold is checked whenever the rollers stop: a held object moves to its equilibrium between
-    the two or three members in contact, and rolls with them afterwards. A free object is fixed to
-    the ground; the model has no pushing. The object is free again if a contact leaves its member,
-    or a member has no contact when the rollers stop.
+    When the rollers stop, it is checked whether the object is held. A held object moves to its
+    equilibrium between the two or three members in contact, and rolls with them afterwards. A free
+    object is fixed to the ground; members do not push it. A held object becomes free if a contact
+    leaves its member, or if a member has no contact when the rollers stop.
 
-    :ivar rolling: the grip; None while free.
+    :ivar rolling: rolling grip; None for a free object.
     :param body: the object at its initial pose.
-    :param friction: coefficient between tube and object; the object's own has precedence.
+    :param friction: coefficient of friction between tube and object; the object's own has
+        precedence.
     """
 
     def __init__(self, body: ConvexObject, friction: float) -> None:
@@ -41,9 +42,9 @@ class RigidObject:
     @classmethod
     def in_grip(cls, rolling: RollingGrip) -> RigidObject:
         """
-        Return an object that stays in a grip while all of its members are in contact.
+        Return an object that stays in a grip as long as all members are in contact.
 
-        Friction is not checked; after leaving the grip the object is free permanently.
+        Friction is not checked. After leaving the grip the object remains free.
 
         :param rolling: initial grip.
         """
@@ -53,12 +54,12 @@ class RigidObject:
 
     @property
     def members(self) -> tuple[str, ...]:
-        """Return the grasping members; none while free."""
+        """Return the names of the grasping members; none for a free object."""
         return () if self.rolling is None else self.rolling.grip.members
 
     def pose(self, config: Configuration) -> Pose:
         """
-        Return the pose in a configuration, its angle in (-pi, pi].
+        Return the pose in a configuration; the angle is in (-pi, pi].
 
         :param config: configuration of the robot.
         :raises GraspError: the object would leave its grip.
@@ -92,7 +93,7 @@ class RigidObject:
     def _try_to_hold(
         self, config: Configuration, body: ConvexObject, names: tuple[str, ...]
     ) -> None:
-        """Hold the object between the pressing members if friction is sufficient."""
+        """Hold the object between the members that press on it, if friction is sufficient."""
         try:
             settled = settle_grasp(config, body, self._friction, members=names)
             if settled.hold.at_rest:
@@ -108,9 +109,9 @@ class RigidObject:
 
 def pressing_members(config: Configuration, body: ConvexObject) -> tuple[str, ...]:
     """
-    Return the names of the members indented by an object, the deepest first.
+    Return the names of the members that an object indents, the deepest first.
 
-    Tubes indented by more than their diameter are excluded: these are above the object.
+    Tubes with an indentation above their diameter are excluded; they are above the object.
 
     :param config: configuration of the robot.
     :param body: the object at its pose.

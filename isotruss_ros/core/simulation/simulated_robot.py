@@ -17,7 +17,7 @@ from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 from numpy.typing import ArrayLike
 
-#: Largest slip as a share of the travel [-].
+#: Largest slip of a roller as a share of the travel [-].
 MAX_SLIP = 0.5
 
 
@@ -26,15 +26,15 @@ class RollerFaults:
     """
     Faults of the rollers.
 
-    Slip of a friction drive: the tube lags the roller's surface by a share of the travel, in both
-    directions. The encoders are on the rollers and do not measure it, so that the configuration
-    drifts from the measured one. The share of each roller is drawn once, uniformly between half
-    and one and a half times `slip`.
+    With slip, the tube lags the roller's surface by a share of the travel, in both directions. The
+    encoders are on the rollers and do not measure slip, so the configuration drifts from the
+    measured one. The share of each roller is drawn once, uniformly between 0.5 and 1.5 times
+    `slip`.
 
-    :ivar speed_limit: bound of the commands, which are clipped [m/s].
+    :ivar speed_limit: bound at which commands are clipped [m/s].
     :ivar noise: standard deviation of the speed of a moving roller, drawn in each step [m/s].
     :ivar stuck: names of stuck rollers.
-    :ivar slip: mean slip as a share of the travel, 0 to 0.5.
+    :ivar slip: mean slip as a share of the travel, 0 to 0.5 [-].
     """
 
     speed_limit: float = float('inf')
@@ -45,15 +45,15 @@ class RollerFaults:
 
 class DrivenRollers:
     """
-    Rollers that follow commands, with faults; a robot integrates their travel.
+    Rollers that follow commands, with faults; a subclass integrates their travel.
 
     :ivar roller_positions: (r,) travel measured by the encoders [m].
-    :ivar roller_velocities: (r,) speeds during the last step measured by the encoders [m/s].
+    :ivar roller_velocities: (r,) mean speeds in the last step by the encoders [m/s].
     :param robot: robot with the rollers.
     :param faults: faults of the rollers.
     :param seed: seed of noise and slip.
-    :raises GraspError: unknown stuck roller.
-    :raises ConfigurationError: a slip out of its range.
+    :raises GraspError: the robot has no such stuck roller.
+    :raises ConfigurationError: the slip is out of its range.
     """
 
     def __init__(self, robot: Mechanism, faults: RollerFaults, seed: int = 0) -> None:
@@ -72,7 +72,7 @@ class DrivenRollers:
 
     def command(self, velocities: ArrayLike) -> None:
         """
-        Set a command, valid until the next.
+        Set a command, which is valid until the next.
 
         :param velocities: (r,) roller speeds [m/s].
         :raises ConfigurationError: wrong shape or not finite; the previous command continues.
@@ -80,11 +80,11 @@ class DrivenRollers:
         self._command = self._robot.check_rollers(velocities, 'roller velocities [m/s]')
 
     def stop(self) -> None:
-        """Command zero to all rollers."""
+        """Command zero speed to all rollers."""
         self._command = np.zeros_like(self._command)
 
     def _speeds(self) -> Array:
-        """Return the (r,) speeds of the rollers in the next step, exactly zero at rest [m/s]."""
+        """Return the roller speeds (r,) in the next step, exactly zero at rest [m/s]."""
         limit = self._faults.speed_limit
         speeds = np.clip(self._command, -limit, limit)
         moving = self._free & (speeds != 0.0)
@@ -95,7 +95,7 @@ class DrivenRollers:
 
 
 class SimulatedObject(Protocol):
-    """An object in a simulated robot, the interface of a plant."""
+    """Protocol of an object in a simulated robot."""
 
     def pose(self, config: Configuration) -> Pose:
         """
@@ -113,7 +113,7 @@ class SimulatedObject(Protocol):
 
     def come_to_rest(self, config: Configuration) -> None:
         """
-        React to the stop of the rollers.
+        Handle the stop of the rollers.
 
         :param config: configuration of the robot.
         """
@@ -121,14 +121,14 @@ class SimulatedObject(Protocol):
 
 class SimulatedRobot(DrivenRollers):
     """
-    Integrates roller speeds; nodes and object follow by forward kinematics, without drift.
+    Robot that integrates roller speeds; nodes and object follow by forward kinematics.
 
-    :ivar config: true configuration; without slip it has the `roller_positions`.
-    :param simulated: the object: `RigidObject`, `ElasticObject` or a user-defined one.
+    :ivar config: true configuration; without slip, at the `roller_positions`.
+    :param simulated: object: `RigidObject`, `ElasticObject` or a user-defined one.
     :param faults: faults of the rollers.
     :param seed: seed of the noise.
-    :raises GraspError: unknown stuck roller.
-    :raises ConfigurationError: a slip out of its range.
+    :raises GraspError: the robot has no such stuck roller.
+    :raises ConfigurationError: the slip is out of its range.
     """
 
     def __init__(
@@ -151,19 +151,19 @@ class SimulatedRobot(DrivenRollers):
 
     def replace_object(self, simulated: SimulatedObject) -> None:
         """
-        Replace the object, without moving the robot.
+        Replace the object without moving the robot.
 
-        :param simulated: the object: `RigidObject`, `ElasticObject` or a user-defined one.
+        :param simulated: object: `RigidObject`, `ElasticObject` or a user-defined one.
         """
         self._object, self._rests = simulated, False
 
     def advance(self, duration: float) -> None:
         """
-        Integrate an interval of time.
+        Integrate the motion over a time interval.
 
-        :param duration: not negative [s].
-        :raises ConfigurationError: no configuration exists at the commanded travel; the rollers
-            block.
+        :param duration: length of the interval, not negative [s].
+        :raises ConfigurationError: no configuration exists at the commanded travel; then the
+            rollers block.
         """
         speeds = self._speeds()
         moving = bool(speeds.any())

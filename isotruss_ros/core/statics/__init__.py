@@ -5,5 +5,5 @@
 Direct stiffness method of the robot: equations (1), (2) and (4).
 
 Entry points: `structure.deform`, `frame.Frame`, `tube_stiffness.MODELS`, `wrinkling`.
-Imports `core.kinematics` and what is below it.
+Imports `core.kinematics` and the layers below it.
 """

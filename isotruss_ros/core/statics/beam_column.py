@@ -4,17 +4,17 @@
 """
 Planar beam-columns: the stiffness (2) of a straight member, with terms in the axial force.
 
-For a member with chord l, end rotations t = (t1, t2) against the chord, and rest length l0, the
-axial force N makes the energy stationary,
+A member has the chord length l, the rest length l0 and the end rotations t1, t2 relative to the
+chord. The axial force N makes the energy stationary,
 
     U = N (l - l0) - N^2 l0 / (2 EA) + 1/4 (Ks (t1 + t2)^2 + Ka (t1 - t2)^2),
     Ks = 6 EI / l0 / (1 + phi - y/15 + 2 y^2/315),   Ka = 2 EI / l0 (1 + y/3 - y^2/45),
     phi = 12 EI / (GA l0^2),   y = N l0^2 / (4 EI (1 + N/GA)):
 
 the stability functions of a Timoshenko beam (Przemieniecki, Theory of Matrix Structural Analysis,
-chapter 15), expanded to N^2. For N = 0 this is (2). The term in N is the shortening of the chord
-by bending, and the stiffness of a pulled string. The rotation of a pinned end
-is condensed.
+chapter 15), expanded to N^2. For N = 0 this is (2). The terms in N are the shortening of the chord
+by bending, and the stiffness of a pulled string. The rotation of a pinned end is eliminated by
+static condensation.
 """
 
 from __future__ import annotations
@@ -24,28 +24,29 @@ from typing import NamedTuple
 from isotruss_ros.core.numerics.arrays import Array, Flags
 import numpy as np
 
-#: Motions along and across a chord and rotations of its ends, by the displacements of the ends.
+#: Matrix from the displacements of a member's ends to the motions along and across its chord and
+#: the rotations of its ends.
 CHORD = np.array(
     [[-1, 0, 0, 1, 0, 0], [0, -1, 0, 0, 1, 0], [0, 0, 1, 0, 0, 0], [0, 0, 0, 0, 0, 1]], dtype=float
 )
 
 
-#: Step of complex-step derivatives.
+#: Imaginary step of complex-step derivatives [-].
 STEP = 1e-30
 
 
 class EndForces(NamedTuple):
     """
-    Forces of k bent members, with derivatives by l, t1 and t2.
+    Forces of k bent members, and their derivatives by chord length l and end rotations t1, t2.
 
     :ivar pull: (k,) axial forces N [N].
     :ivar moments: (k, 2) moments at start and end [N m].
     :ivar stiffness: (k, 3, 3) derivatives of (N, M1, M2) by (l, t1, t2).
-    :ivar stressed: (k,) N, and (k,) M1 + M2, that act on the turned chord: before the step of
-        Newton's method that makes the energy stationary in N as well.
-    :ivar gap: (k,) elongations without forces before this step, whose forces it adds [m].
-    :ivar rates: (k, 3) derivatives of N, M1 and M2 by the rest lengths, the ends fixed; None
-        unless they were asked for.
+    :ivar stressed: (k,) N and (k,) M1 + M2 for the geometric stiffness. They are the values before
+        the step of Newton's method that makes the energy stationary in N.
+    :ivar gap: (k,) missing elongations before this step, which the forces include [m].
+    :ivar rates: (k, 3) derivatives of N, M1 and M2 by the rest lengths with fixed ends; None
+        unless `BeamColumns` is `rated`.
     """
 
     pull: Array
@@ -58,18 +59,19 @@ class EndForces(NamedTuple):
 
 class BeamColumns:
     """
-    Members with bending, straight without loads.
+    Members that bend under loads and are straight without loads.
 
     :ivar length: (k,) rest lengths l0 [m].
-    :ivar stretch: (k,) l0 / EA [m/N].
-    :ivar rotary: (3, 3, k) of M1 by t1, of M1 by t2 and of M2 by t2, by powers of N.
-    :param length: (k,) lengths [m].
+    :ivar stretch: (k,) axial compliance l0 / EA [m/N].
+    :ivar rotary: (3, 3, k) rotational stiffnesses: derivatives of M1 by t1, M1 by t2 and M2 by t2;
+        each is a polynomial of degree 2 in N.
+    :param length: (k,) rest lengths l0 [m].
     :param axial: (k,) EA [N].
     :param flexural: (k,) EI [N m^2]; zero for a bar.
     :param shear: (k,) GA [N], infinite for no shear deformation.
     :param pinned_start: (k,) whether the start transmits no moment.
     :param pinned_end: (k,) whether the end transmits no moment.
-    :param rated: whether derivatives by the rest lengths are wanted.
+    :param rated: whether `EndForces.rates` are computed.
     """
 
     def __init__(
@@ -106,11 +108,11 @@ class BeamColumns:
         """
         Return the forces of bent members.
 
-        :param longer: (k,) l - l0 [m].
-        :param turns: (k, 2) rotations of the ends against the chord [rad].
-        :param known: (k,) axial forces N of the linearisation; None: those of stationary energy. N
-            of stiff members has large errors in short steps, so N is an unknown of Newton's
-            method.
+        :param longer: (k,) elongations l - l0 [m].
+        :param turns: (k, 2) rotations of the ends relative to the chord [rad].
+        :param known: (k,) axial forces N about which the members are linearised; None: N of
+            stationary energy. Newton's method takes N as an unknown, because N of stiff members
+            has large errors in short steps.
         """
         longer, rotary, turns = longer - self._step, self.rotary, turns.T
         straight, first, second = by_power = rotary[:, :2] * turns[0] + rotary[:, 1:] * turns[1]
@@ -145,15 +147,15 @@ def evaluate_rates(
     chord: Array,
 ) -> Array:
     """
-    Return the changes of the forces (N, M1, M2) of members with fixed ends, (k, 3).
+    Return the changes (k, 3) of the forces (N, M1, M2) of members with fixed ends.
 
-    Complex-step derivatives, without rounding of differences.
+    The derivatives are taken by complex steps, which have no rounding error of differences.
 
-    :param values: (k,) each: l0 [m], EA [N], EI [N m^2], GA [N].
+    :param values: (k,) each: rest length l0 [m], EA [N], EI [N m^2], GA [N].
     :param pins: (k,) masks of pinned starts and ends.
-    :param changes: (4, k) changes of these values.
-    :param turns: (k, 2) rotations of the ends against the chord [rad].
-    :param chord: (k,) l - l0 [m].
+    :param changes: (4, k) changes of the four values.
+    :param turns: (k, 2) rotations of the ends relative to the chord [rad].
+    :param chord: (k,) elongations l - l0 [m].
     """
     length, axial, flexural, shear = (
         value + 1j * STEP * change for value, change in zip(values, changes, strict=True)
@@ -173,10 +175,10 @@ def _reciprocal(series: Array) -> Array:
 
 def chord_stiffness(length: Array, forces: EndForces) -> Array:
     """
-    Return the stiffness (k, 4, 4) of bent members by stretch and sway of chords and turns.
+    Return the stiffness (k, 4, 4) of bent members by stretch, sway and end rotations.
 
     :param length: (k,) lengths of the chords [m].
-    :param forces: of the members.
+    :param forces: forces of the members and their derivatives.
     """
     # By stretch, sway across and turns: t = theta - sway / l.
     turns = np.zeros((len(length), 3, 4))
@@ -199,15 +201,15 @@ def local_stiffness(
     pins: tuple[Flags, Flags] | None = None,
 ) -> Array:
     """
-    Return (2): stiffness matrices in the members' own frames (x from start to end).
+    Return the stiffness matrices (2) in the members' own frames (x from start to end).
 
     :param length: (k,) lengths [m].
     :param axial: (k,) EA [N].
     :param flexural: (k,) EI [N m^2].
     :param shear: (k,) GA [N], infinite for no shear deformation.
-    :param pins: (k,) whether the start, and the end, transmits no moment; None for fixed ends.
-    :return: (k, 6, 6), rows and columns (ux, uy, theta) at start and end; those of free rotations
-        are zero.
+    :param pins: (k,) masks of pinned starts and pinned ends; None for fixed ends.
+    :return: (k, 6, 6), rows and columns (ux, uy, theta) at start and end; zero for the rotation of
+        a pinned end.
     """
     fixed = np.zeros(np.shape(length), dtype=bool)
     columns = BeamColumns(length, axial, flexural, shear, *(pins or (fixed, fixed)))

@@ -2,11 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Compliance of tubes at places: the frame cut there, linearised about its bent state.
+Compliance of the tubes at k places: the frame is cut at the places and linearised.
 
-Motion of a place along its member lengthens the part before it and shortens the part behind it,
-without other changes. So the response of the places is affine in loads and places, and other loads
-shift it by a constant.
+A place is a distance from a member's start. Its motion along the member lengthens the part of the
+tube before it and shortens the part behind it. So the responses are affine in loads and places.
 """
 
 from __future__ import annotations
@@ -22,27 +21,27 @@ from isotruss_ros.core.statics.frame import end_forces, Frame, Tangent
 from isotruss_ros.core.statics.structure import Structure
 import numpy as np
 
-#: Share of the loads under which the bent model is the paper's [-]: a third of it has rounding of
-#: 1e-9, three times of it a nonlinear part of this size.
+#: Factor on the loads that makes the bent model linear, as in the paper [-]. At a third of it
+#: rounding is 1e-9, at three times the nonlinear part is of this size.
 LINEAR_SHARE = 1e-6
-#: Tubes are linearised anew until no node moves by more than this [m]: the error left is 15 /m
-#: times its square. Where a motion is followed, until none moves by more than that.
+#: Largest motion of a node [m] without a new linearisation: in equilibrium, and while a motion is
+#: followed. The remaining error is 15 /m times the square of the motion.
 SETTLED_MOTION, FOLLOWED_MOTION = 1e-9, 1e-4
 #: Largest number of linearisations [-].
 MAX_BENDS = 8
-#: Weight of motions of places against those of nodes, by the moments in tubes [-].
+#: Weight of a place's motion relative to a node's motion in `BentTubes.distance` [-].
 PLACE_SHARE = 0.2
-#: Cuts are no nearer to each other and to the ends of their piece of tube than this [m].
+#: Smallest distance of a cut from other cuts and from the ends of its piece of tube [m].
 SHORTEST_PART = 1e-3
 
 
 class Displaced(NamedTuple):
     """
-    State of a bent frame, initial guess for another one.
+    State of a bent frame; initial guess for another state.
 
     :ivar displacements: (n, 3) displacements ux, uy [m], theta [rad].
     :ivar multipliers: (c,) multipliers of the constraints.
-    :ivar loads: (k, 3) loads at the places, see `BentTubes`.
+    :ivar loads: (k, 3) loads at the places, see `BentTubes` [N, N m].
     :ivar pull: (c,) axial forces of the members [N].
     """
 
@@ -54,11 +53,13 @@ class Displaced(NamedTuple):
 
 class PlaceChanges(NamedTuple):
     """
-    Changes by motion of the places along their members at constant loads, in p cases.
+    Changes of the frame by p motions of the places along their members, at constant loads.
 
     :ivar nodes: (n, 3, p) motion of the nodes [m, rad].
-    :ivar inclined: (k, p) inclinations at the places with fixed nodes [rad].
-    :ivar forces: (c, 3, p) forces N, M1 and M2 of the members with fixed nodes [N], [N m].
+    :ivar inclined: (k, p) changes of the inclinations at the places while the nodes are fixed
+        [rad].
+    :ivar forces: (c, 3, p) changes of N [N], M1 and M2 [N m] of the members while the nodes are
+        fixed.
     """
 
     nodes: Array
@@ -71,17 +72,18 @@ class BentTubes:
     """
     The tubes of a robot at k places, linearised about a bent state.
 
-    Loads are forces along and across the straight member and a moment (f_along, f_across, m) [N],
-    [N m]. Responses are displacements along and across the member [m], and the inclination of the
-    bent centre line [rad]. At the kink under a force the inclination is the mean of both sides.
+    A load is (f_along, f_across, m): forces along and across the straight member, and a moment [N,
+    N m]. A response is the displacement along and across the straight member [m], and the
+    inclination of the bent centre line [rad]. At a force the line has a kink; its inclination is
+    the mean of both sides.
 
     :ivar structure: frame of the robot.
-    :ivar members: (k,) indices of the members in `Robot.member_names`; repeated for two places.
-    :ivar places: (k,) distances of the cuts from the members' starts [m].
-    :ivar stiffness: stiffness of the structure relative to the model [-].
-    :ivar linear: linear about straight tubes, as in the paper.
-    :ivar before: state of the linearisation; None: without loads.
-    :ivar shortest: smallest distance of the cuts from the ends of pieces of tube [m].
+    :ivar members: (k,) index of the member of each place in `Robot.member_names`.
+    :ivar places: (k,) distances of the places from the members' starts [m].
+    :ivar stiffness: stiffness of the structure relative to its model [-].
+    :ivar linear: whether the structure is linear about straight tubes, as in the paper.
+    :ivar before: state about which the tubes are linearised; None: the state without loads.
+    :ivar shortest: smallest distance of a cut from the ends of its piece of tube [m].
     """
 
     structure: Structure
@@ -105,14 +107,14 @@ class BentTubes:
 
     @cached_property
     def axis(self) -> Points:
-        """Return the directions of the members, from the start, (k,)."""
+        """Return the unit vectors of the straight members from start to end, (k,) x + iy."""
         config, topology = self.structure.config, self.structure.config.robot.topology
         end = config.points[topology.c[topology.following[self.members]]]
         return (end - self.start) / self.length
 
     @cached_property
     def _cut(self) -> tuple[Frame, Array, Array]:
-        """Return the frame, the directions (k,) of its pieces, and its cuts [m]."""
+        """Return the cut frame, the directions (k,) of its pieces, and the cuts (k,) [m]."""
         frame = self.structure.frame
         if not len(self.members):
             return frame, self.places, self.places
@@ -124,7 +126,7 @@ class BentTubes:
         """
         Return these tubes, linearised about another state.
 
-        :param before: the state; None without loads.
+        :param before: the other state; None: the state without loads.
         """
         found = replace(self, before=before)
         found.__dict__['_cut'] = self._cut
@@ -132,9 +134,9 @@ class BentTubes:
 
     def bent_like(self, others: BentTubes) -> BentTubes:
         """
-        Return these tubes, linearised about the state of a similar robot.
+        Return these tubes, linearised about the state of the tubes of a similar robot.
 
-        :param others: the other tubes.
+        :param others: tubes of the similar robot.
         """
         if others.before is None:
             return self
@@ -150,7 +152,7 @@ class BentTubes:
 
     @property
     def ahead(self) -> Array:
-        """Return 1 for pieces of tube along their member, -1 for backward ones, (k,)."""
+        """Return 1 for each place (k,) on a piece of tube along its member, else -1."""
         return self._cut[1]
 
     @property
@@ -160,17 +162,17 @@ class BentTubes:
 
     @property
     def is_straight(self) -> bool:
-        """Return whether the tubes are linearised without loads."""
+        """Return whether the tubes are linearised about the state without loads."""
         return self.before is None
 
     @property
     def frame(self) -> Frame:
-        """Return the frame, cut at the places."""
+        """Return the frame with cuts at the places."""
         return self._cut[0]
 
     def locate(self, members: Indices, places: Array) -> tuple[Indices, Array, Array]:
         """
-        Return the members of the cut frame at places, see `Structure.locate`.
+        Return members of the cut frame, places on them and directions; see `Structure.locate`.
 
         :param members: (c,) indices of the members.
         :param places: (c,) distances from the members' starts [m].
@@ -180,13 +182,13 @@ class BentTubes:
 
     @cached_property
     def share(self) -> float:
-        """Return the share of the frame in the responses."""
+        """Return the factor on all loads: `LINEAR_SHARE` in the paper's model, else 1."""
         return LINEAR_SHARE if self.linear else 1.0
 
     @cached_property
     def tangent(self) -> Tangent:
         """
-        Return the frame linearised.
+        Return the linearised frame.
 
         :raises StructureError: the structure is a mechanism.
         """
@@ -204,7 +206,7 @@ class BentTubes:
 
     @cached_property
     def _changes(self) -> tuple[Array, Array]:
-        """Return the displacements (n, 3, p) by unit loads (3 k), places (k) and residual."""
+        """Return motions (n, 3, p) of nodes by unit loads, motions of places and residual."""
         tangent, count = self.tangent, len(self.members)
         units = self._spread(np.eye(3 * count).reshape(count, 3, -1))
         known = np.zeros((count, 3)) if self.before is None else self.before.loads
@@ -217,13 +219,13 @@ class BentTubes:
 
     @property
     def _moving(self) -> slice:
-        """Return the columns of `_changes` by the places."""
+        """Return the columns of `_changes` that belong to the motions of the places."""
         count = len(self.members)
         return slice(3 * count, 4 * count)
 
     @cached_property
     def _place_rates(self) -> tuple[Array, Array, Array]:
-        """Return loads (3 n, k), inclinations (k, k), and forces of parts (2 k, 3), by places."""
+        """Return changes of loads (3 n, k), inclinations (k, k) and forces (2 k, 3) by places."""
         frame, tangent, count = self.frame, self.tangent, len(self.members)
         carried, inclined = np.zeros((len(frame.points) * 3, count)), np.zeros((count, count))
         if self.before is None:
@@ -244,18 +246,18 @@ class BentTubes:
 
     @cached_property
     def _parts(self) -> tuple[Indices, Indices]:
-        """Return the parts (2 k,) before and behind all places, and their ends there."""
+        """Return the parts (2 k,) before and behind the places, and 2 or 1 for end or start."""
         count = len(self.members)
         return np.append(self.frame.before, self.frame.behind), np.repeat([2, 1], count)
 
     def _mean(self, sides: Array) -> Array:
-        """Return the means of both sides of the places, (k, ...)."""
+        """Return the mean (k, ...) of the values (2 k, ...) before and behind each place."""
         count = len(self.members)
         return 0.5 * (sides[:count] + sides[count:])
 
     @cached_property
     def _rows(self) -> tuple[Array, Array]:
-        """Return the responses (k, 3) in the state, and their changes (k, 3, p) by `_changes`."""
+        """Return the responses (k, 3) in this state, and their changes (k, 3, p) by `_changes`."""
         frame, tangent, back = self.frame, self.tangent, self.axis.conj()
         moved, _ = self._changes
         own = tangent.displacements[frame.nodes]
@@ -290,7 +292,7 @@ class BentTubes:
 
     @cached_property
     def given(self) -> Array:
-        """Return the responses without loads, with all places at the starts, (k, 3)."""
+        """Return the responses (k, 3) without loads and with all places at the starts."""
         state, changes = self._rows
         found = (state + changes[..., -1]) / self.share
         if self.before is not None:
@@ -299,7 +301,7 @@ class BentTubes:
 
     def respond(self, loads: Array, places: Array) -> Array:
         """
-        Return the responses (k, 3).
+        Return the responses (k, 3) to loads, by the linearisation.
 
         :param loads: (k, 3) loads at the places.
         :param places: (k,) distances from the members' starts [m].
@@ -321,7 +323,7 @@ class BentTubes:
         return float(max(moved, slid))
 
     def _displace(self, ways: Array) -> tuple[Array, Array]:
-        """Return changes of displacements (n, 3) and the motion of nodes (n, 3), see `_ways`."""
+        """Return the changes of displacements (n, 3) and the motions (n, 3) of the nodes."""
         nodes = self._changes[0] @ ways
         moved = nodes.copy()
         if self.before is not None:
@@ -331,7 +333,7 @@ class BentTubes:
         return moved, nodes
 
     def _ways(self, loads: Array, places: Array) -> Array:
-        """Return the factors of `_changes` that lead to loads and places."""
+        """Return the factors (p,) of the columns of `_changes` for given loads and places."""
         known = 0.0 if self.before is None else self.before.loads
         return np.concatenate([(loads - known).ravel(), places - self._cut[2], [1.0]])
 
@@ -383,11 +385,12 @@ class BentTubes:
 
     def changes(self, loads: Array, places: Array) -> tuple[Array, PlaceChanges]:
         """
-        Return the changes of the frame by further loads and by motion of the places.
+        Return the changes of the frame by further loads and by p motions of the places.
 
-        :param loads: (k, 3, p) loads at the places.
+        :param loads: (k, 3, p) further loads at the places.
         :param places: (k, p) motion of the places along the members [m].
-        :return: motion of the nodes by loads, (n, 3, p), and the changes by the places.
+        :return: (n, 3, p) motions of the nodes by the loads, and the changes by motion of the
+            places.
         """
         frame, count, found = self.frame, len(self.members), self._changes[0]
         by_loads = found[..., : 3 * count] @ loads.reshape(3 * count, -1)
@@ -399,7 +402,7 @@ class BentTubes:
 
     def inclination_changes(self, moved: Array) -> Array:
         """
-        Return the changes of the inclinations at the places by motion of the nodes, (k, p) [rad].
+        Return the changes (k, p) of the inclinations at the places by motion of the nodes [rad].
 
         :param moved: (n, 3, p) displacements ux, uy [m], theta [rad].
         """
@@ -407,16 +410,16 @@ class BentTubes:
 
     def node_changes(self, loads: Array) -> Array:
         """
-        Return the motion of the frame's nodes by further loads, (n, 3, p) [m, rad].
+        Return the motions (n, 3, p) of the frame's nodes by further loads [m, rad].
 
-        :param loads: (k, 3, p) loads at the places.
+        :param loads: (k, 3, p) further loads at the places.
         """
         count = 3 * len(self.members)
         return self._changes[0][..., :count] @ loads.reshape(count, -1) / self.share
 
     def displacements(self, loads: Array, places: Array) -> Array:
         """
-        Return the linear prediction of the displacements of the nodes, (n, 3).
+        Return the linear prediction of the nodes' displacements, (n, 3) [m, rad].
 
         :param loads: (k, 3) loads at the places.
         :param places: (k,) distances from the members' starts [m].
@@ -425,12 +428,12 @@ class BentTubes:
 
     def end_forces(self, loads: Array, places: Array) -> tuple[Array, Array]:
         """
-        Return the linear prediction of the forces of the nodes on all members.
+        Return the linear prediction of the members' end forces.
 
         :param loads: (k, 3) loads at the places.
         :param places: (k,) distances from the members' starts [m].
-        :return: (c, 6) forces, see `FrameState`, and (c,) axial forces that change the moments
-            inside.
+        :return: (c, 6) forces of the nodes on the members, see `FrameState.end_forces`, and (c,)
+            axial forces, see `FrameState.bowing`.
         """
         tangent, ways = self.tangent, self._ways(loads, places)
         changes, longer = self._force_changes(ways, self._displace(ways)[1])
@@ -442,7 +445,7 @@ class BentTubes:
         return self.stiffness / self.share * ends, 0.0 * pull if self.linear else pull
 
     def _force_changes(self, ways: Array, nodes: Array) -> tuple[Array, Array]:
-        """Return the changes of N, M1 and M2 of the members (c, 3) and of their chords (c,)."""
+        """Return changes of N, M1 and M2 (c, 3) and of the chord lengths (c,) of the members."""
         changes, longer = self.frame.force_changes(self.tangent, nodes[..., None])
         changes, slid = changes[..., 0], np.tile(ways[self._moving], 2)
         np.add.at(changes, self._parts[0], self._place_rates[2] * slid[:, None])
@@ -450,13 +453,14 @@ class BentTubes:
 
     def section_changes(self, changes: Array) -> tuple[Array, Array, Array]:
         """
-        Return the changes of the frame by sections and rest lengths at constant loads and places.
+        Return the changes of the frame by p changes of sections, at constant loads and places.
 
         In the paper's model the effect of loads is scaled by `LINEAR_SHARE`.
 
-        :param changes: (4, c, p) changes of rest length [m], EA [N], EI [N m^2] and GA [N].
-        :return: motion of the nodes (n, 3, p), changes of the inclinations (k, p), and of N, M1
-            and M2 of the members with fixed nodes (c, 3, p).
+        :param changes: (4, c, p) changes of the members' rest lengths [m], EA [N], EI [N m^2] and
+            GA [N].
+        :return: (n, 3, p) motions of the nodes, (k, p) changes of the inclinations at the places,
+            and (c, 3, p) changes of N, M1 and M2 of the members while the nodes are fixed.
         """
         frame, tangent = self.frame, self.tangent
         every = np.arange(len(frame.length))

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Frame with nodes at loads inside its members."""
+"""Frame with additional nodes at points inside its members."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ import numpy as np
 
 class CutFrame(Frame):
     """
-    Frame with members cut at points, its last nodes.
+    Frame whose members are cut at points; these points are its last nodes.
 
-    The first part of a member has its index; further parts are the last members.
+    The first part of a cut member keeps the member's index; all other parts have the last indices.
 
-    :param frame: uncut frame.
-    :param piece: (c,) indices of the members with points inside.
+    :param frame: frame without cuts.
+    :param piece: (c,) index of the member of each point.
     :param within: (c,) distances of the points from the members' starts [m].
     """
 
@@ -57,10 +57,10 @@ class CutFrame(Frame):
 
     def locate(self, piece: Indices, within: Array) -> tuple[Indices, Array]:
         """
-        Return the parts of members at points, and distances (c,) from their starts [m].
+        Return the part (c,) at each point, and the distance (c,) of the point from its start [m].
 
-        :param piece: (c,) indices of the members of the uncut frame.
-        :param within: (c,) distances from their starts [m].
+        :param piece: (c,) index of the member of the uncut frame at each point.
+        :param within: (c,) distances of the points from the members' starts [m].
         """
         whole, places, behind = self._cut
         # In order by their member and the share of its length.
@@ -73,12 +73,12 @@ class CutFrame(Frame):
 
 def keep_apart(pieces: Indices, places: Array, length: Array, shortest: float) -> Array:
     """
-    Return places on members that leave no part between them shorter than a length.
+    Return places shifted such that each part of a member has a minimum length.
 
-    :param pieces: (c,) numbers of the members.
+    :param pieces: (c,) index of the member of each place.
     :param places: (c,) distances from the members' starts [m].
-    :param length: (c,) of the members [m].
-    :param shortest: length of the shortest part [m].
+    :param length: (c,) length of the member of each place [m].
+    :param shortest: minimum length of a part [m].
     """
     apart = np.clip(places, shortest, length - shortest)
     order = np.lexsort((apart, pieces)).tolist()

@@ -24,10 +24,11 @@ from isotruss_ros.core.statics.wrinkling import find_utilisation
 import numpy as np
 from numpy.typing import ArrayLike
 
-#: Largest searched limit load factor [-].
+#: Largest load factor up to which a limit load is searched [-].
 MAX_LIMIT_FACTOR = 100.0
-#: Loads are applied in steps if the tangent, unloaded, misses the straight structure by a larger
-#: share of the displacements [-]: of 971 random loads 14 led beyond a limit load, by 0.49 or more.
+#: Largest deviation of the tangent without loads from the straight structure, as a share of the
+#: displacements [-]. Beyond it loads are applied in steps: of 971 random loads, 14 exceeded a
+#: limit load, and their shares were 0.49 or more.
 MAX_UNLOADED_SHARE = 0.3
 
 
@@ -37,9 +38,9 @@ class Deformation(Record, headline=('reactions', 'displacements')):
     Response of the robot to loads.
 
     :ivar structure: frame of the robot.
-    :ivar frame: frame of the structure, cut at loads on tubes.
-    :ivar loads: (n, 3) fx, fy [N], m [N m] on its nodes.
-    :ivar state: displacements, reactions and member forces of all its nodes and members.
+    :ivar frame: frame of the structure with cuts at the loads on tubes.
+    :ivar loads: (n, 3) loads fx, fy [N], m [N m] on the frame's nodes.
+    :ivar state: displacements, reactions and member forces of the frame.
     """
 
     structure: Structure = field(repr=False)
@@ -58,7 +59,7 @@ class Deformation(Record, headline=('reactions', 'displacements')):
 
     @cached_property
     def displacements(self) -> dict[str, tuple[float, float, float]]:
-        """Return (ux, uy, theta) by the name of the node [m, rad], see `displacement`."""
+        """Return (ux, uy, theta) of each node [m, rad] by its name, see `displacement`."""
         found = self.state.displacements.tolist()
         return {
             name: tuple(found[self.structure.node(name)]) for name in self.structure.node_names
@@ -66,7 +67,7 @@ class Deformation(Record, headline=('reactions', 'displacements')):
 
     @cached_property
     def reactions(self) -> dict[str, tuple[float, float]]:
-        """Return the forces (rx, ry) of the supports on the robot by joint [N]."""
+        """Return the force (rx, ry) of each support on the robot [N], by joint."""
         return {
             joint: (float(self.state.reactions[node, 0]), float(self.state.reactions[node, 1]))
             for joint in self.structure.config.robot.description.supports
@@ -76,10 +77,10 @@ class Deformation(Record, headline=('reactions', 'displacements')):
     @cached_property
     def utilisation(self) -> dict[str, float]:
         """
-        Return the largest bending moment over the wrinkling moment, by member [-].
+        Return the largest bending moment over the wrinkling moment [-], by member.
 
-        It includes moments inside members, amplified by compression. From 1 on a tube wrinkles,
-        and the results are outside of the model.
+        It includes moments inside members, which compression amplifies. A tube wrinkles from 1 on;
+        then the results are outside of the model.
         """
         forces = self.state.end_forces, self.state.bowing
         used = find_utilisation(self.structure, self.frame, *forces).used
@@ -88,11 +89,11 @@ class Deformation(Record, headline=('reactions', 'displacements')):
     @single_threaded
     def limit_factor(self) -> float:
         """
-        Return the factor on the loads at the limit load of the bent structure [-].
+        Return the ratio of the structure's limit load to the loads [-].
 
-        Infinite beyond 100 times the loads.
+        The ratio is infinite if it exceeds 100.
 
-        :raises SolverError: neither was reached, since the displacements are too large.
+        :raises SolverError: neither the limit load nor 100 times the loads was reached.
         """
         path = follow_loads(self.frame, self.loads, MAX_LIMIT_FACTOR)
         if path.limit == np.inf and path.factors[-1] < MAX_LIMIT_FACTOR:
@@ -115,18 +116,18 @@ def deform(
     paper_model: bool = False,
 ) -> Deformation:
     """
-    Return displacements and reactions under loads, with large bending: (1) and (4).
+    Return displacements and reactions under loads, with large bending, by (1) and (4).
 
     :param config: configuration of the robot, with rollers at rest.
-    :param joint_loads: (fx, fy) by joint, robot frame [N]; joints are hinges without moment.
+    :param joint_loads: (fx, fy) by joint, robot frame [N]. Joints are hinges and take no moment.
     :param pressure: gauge pressure [Pa]: one for all tubes, one for each, or by tube name; None:
-        that of the robot file.
-    :param module_loads: (fx, fy, m) by module, in the middle of its pinch points [N, N m].
-    :param tube_loads: (l, 4) by member, each (place, fx, fy, m) at a distance from the member's
-        start, between its ends [m, N, N m].
-    :param paper_model: structure linear about straight tubes, as in the paper.
-    :raises StructureError: no such joint, module or member, loads that are not finite, a place
-        beyond a member, an invalid pressure, a mechanism (names the moving parts), or loads
+        the pressure of the robot file.
+    :param module_loads: (fx, fy, m) by module, at the midpoint of its pinch points [N, N m].
+    :param tube_loads: (l, 4) by member: rows (place, fx, fy, m) with the distance from the
+        member's start [m, N, N m].
+    :param paper_model: whether the structure is linear about straight tubes, as in the paper.
+    :raises StructureError: no such joint, module or member; loads that are not finite; a place
+        outside of a member; an invalid pressure; a mechanism (names the moving parts); or loads
         beyond the limit load (names it).
     """
     structure = structure_of(config, pressure)
@@ -147,7 +148,7 @@ def deform(
 
 
 def _load_tubes(structure: Structure, tube_loads: Mapping[str, ArrayLike]) -> tuple[Frame, Array]:
-    """Return the frame cut at loads on tubes, and the nodal loads (n, 3)."""
+    """Return the frame with cuts at the loads on tubes, and the loads (n, 3) on its nodes."""
     config, rows, members = structure.config, [], []
     names = config.robot.member_names
     for member, given in tube_loads.items():
@@ -198,7 +199,7 @@ def _bend(frame: Frame, loads: Array) -> FrameState:
 
 
 def _check_name(kind: str, name: str, known: Iterable[str], robot: str) -> None:
-    """Raise for unknown names of parts."""
+    """Raise StructureError for an unknown name of a part."""
     if name not in known:
         raise StructureError(
             f'{kind} {name!r}: robot {robot} has no such {kind}; '

@@ -4,8 +4,8 @@
 """
 Plane frames of beam-columns, pinned or fixed to nodes, with constraints: (1) and (4).
 
-`solve` is linear about the unloaded frame, as in the paper; `bend` finds the equilibrium of the
-bent frame by Newton's method, whose first step is `solve`.
+`Frame.solve` is linear about the unloaded frame, as in the paper. `Frame.bend` finds the
+equilibrium of the bent frame by Newton's method; its first step is `Frame.solve`.
 """
 
 from __future__ import annotations
@@ -44,14 +44,15 @@ from isotruss_ros.core.statics.frame_pattern import (
 import numpy as np
 from scipy.sparse import coo_matrix, csc_matrix
 
-#: Largest condition number of the scaled frame [-]; a frame beyond it is a mechanism.
+#: Largest condition number of the scaled matrix of (4) [-]; beyond it the frame is a mechanism.
 MAX_CONDITION = 1e12
-#: Largest last step of Newton's method [m]; the remaining error is rounding.
+#: Length of the last step of Newton's method [m]; the remaining error is rounding.
 STEP_TOLERANCE = 1e-7
 MAX_NEWTON_ITERATIONS = 20
-#: Largest ratio of displacements to the linear response [-].
+#: Largest ratio of the displacements to those of the linear frame [-].
 MAX_GROWTH = 3.0
-#: Which of 0, 1, -1, x, y, -x and -y of a direction are the entries of `chord_motions`.
+#: Index of each entry of `chord_motions` in the list (0, 1, -1, x, y, -x, -y) of a direction (x,
+#: y).
 MOTION = np.array([[5, 6, 0, 3, 4, 0], [4, 5, 0, 6, 3, 0], [0, 0, 1, 0, 0, 0], [0, 0, 0, 0, 0, 1]])
 
 
@@ -60,13 +61,14 @@ class FrameState:
     """
     The response of a frame to its loads.
 
-    :ivar displacements: (n, 3) displacements ux, uy [m], theta [rad]; zero rotation of nodes with
+    :ivar displacements: (n, 3) displacements ux, uy [m], theta [rad]; theta is zero at nodes with
         pinned members only.
-    :ivar reactions: (n, 3) fx, fy [N], m [N m] of the supports on the frame; zero elsewhere.
-    :ivar end_forces: (k, 6) forces of the nodes on the members, along their chords, across them
-        [N] and moments [N m], at start and end.
+    :ivar reactions: (n, 3) forces fx, fy [N] and moments m [N m] of the supports on the frame;
+        zero at nodes without support.
+    :ivar end_forces: (k, 6) forces of the nodes on the members at start and end: along the chord,
+        across it [N], and moment [N m].
     :ivar multipliers: (c,) multipliers of the constraints.
-    :ivar bowing: (k,) axial forces that change the moments inside bent members [N]; zero in the
+    :ivar bowing: (k,) axial forces that amplify the moments inside bent members [N]; zero in the
         linear frame.
     """
 
@@ -79,12 +81,14 @@ class FrameState:
 
 class CondensedChains(NamedTuple):
     """
-    Cut members with the displacements of their points eliminated (static condensation).
+    Cut members whose inner points are eliminated by static condensation.
 
-    :ivar chains: the members.
-    :ivar inverse: (b, 3 p, 3 p) displacements of the points by loads there, the ends held.
-    :ivar spread: (b, 3 p, 6) displacements of the points by those of the ends.
-    :ivar stiffness: (b, 3 p, 3 p) of the points.
+    :ivar chains: the cut members.
+    :ivar inverse: (b, 3 p, 3 p) displacements of the inner points by loads on them, with fixed
+        member ends.
+    :ivar spread: (b, 3 p, 6) displacements of the inner points by displacements of the member
+        ends.
+    :ivar stiffness: (b, 3 p, 3 p) stiffness of the inner points with fixed member ends.
     """
 
     chains: Chains
@@ -110,17 +114,20 @@ class FactoredFrame(NamedTuple):
 @dataclass(frozen=True, eq=False)
 class Tangent:
     """
-    Frame linearised about displacements of its nodes, with its forces in this state.
+    Frame linearised about displacements of its nodes; members turn with their chords.
 
     :ivar displacements: (n, 3) displacements ux, uy [m], theta [rad].
     :ivar multipliers: (c,) multipliers of the constraints.
-    :ivar axis: (k,) directions of the chords.
+    :ivar axis: (k,) unit vectors of the chords, x + iy.
     :ivar length: (k,) lengths of the chords [m].
     :ivar forces: forces of the members.
-    :ivar motions: (k, 4, 6) stretch and sway of the chords and turns of the ends, by motions.
-    :ivar stretched: (k,) l - l0 [m], and (k, 2) turns of the ends against the chords [rad].
-    :ivar gaps: (c,) gaps of the constraints.
-    :ivar stiffness: (k, 4, 4) of the members, by stretch and sway of the chords and turns.
+    :ivar motions: (k, 4, 6) stretch and sway of the chords and end rotations, by displacements of
+        the ends.
+    :ivar stretched: (k,) elongations l - l0 [m], and (k, 2) rotations of the ends relative to the
+        chords [rad].
+    :ivar gaps: (c,) violations of the constraints.
+    :ivar stiffness: (k, 4, 4) stiffness of the members by stretch and sway of the chords and end
+        rotations.
     """
 
     displacements: Array
@@ -134,11 +141,11 @@ class Tangent:
     stiffness: Array
     _pushed: Array  # the loads of `carried`, by the own members
     _frame: Frame
-    _rows: tuple[Array, Array]  # entries of the constraints, and what their turning adds
+    _rows: tuple[Array, Array]  # entries of the constraints and their geometric stiffness
 
     @cached_property
     def _condensed(self) -> tuple[Array, list[CondensedChains]]:
-        """Return the stiffness (k, 6, 6) of members, cut ones by their ends, and these."""
+        """Return the stiffness (k, 6, 6) of members by their ends, and the condensed chains."""
         matrices = self.motions.transpose(0, 2, 1) @ self.stiffness @ self.motions
         try:
             chains = [_condense(matrices, chain) for chain in self._frame.chains]
@@ -148,13 +155,13 @@ class Tangent:
 
     @property
     def chains(self) -> list[CondensedChains]:
-        """Return the cut members."""
+        """Return the cut members with their condensation."""
         return self._condensed[1]
 
     @cached_property
     def system(self) -> tuple[Array | csc_matrix, Array]:
         """
-        Return the matrix of (4), scaled, and the scaling (f + c,) of its rows and columns.
+        Return the scaled matrix of (4), and the scaling (f + c,) of its rows and columns.
 
         In a cut frame the displacements of the cuts are eliminated.
         """
@@ -163,7 +170,7 @@ class Tangent:
     @cached_property
     def factored(self) -> FactoredFrame:
         """
-        Return the factored matrix.
+        Return the factorised matrix of `system`.
 
         :raises StructureError: the structure has no stiffness in its bent shape.
         """
@@ -175,7 +182,7 @@ class Tangent:
 
     def respond(self, loads: Array, gaps: Array | float = 0.0) -> tuple[Array, Array]:
         """
-        Return displacements (3 n, p) and multipliers (c, p) of further loads.
+        Return the displacements (3 n, p) and multipliers (c, p) under further loads.
 
         :param loads: (3 n, p) loads [N], [N m].
         :param gaps: (c, p) openings of the constraints.
@@ -200,9 +207,9 @@ class Tangent:
 
     def borrow(self, other: Tangent) -> None:
         """
-        Use the factor of the frame in a near state; before anything else.
+        Use the factorised matrix of the frame in a similar state; called first.
 
-        :param other: frame linearised there, with any cuts.
+        :param other: frame linearised about the similar state, with any cuts.
         """
         frame, known, lender = self._frame, other._frame, other._linear
         kept = {'factored': other.factored, '_lent': lender}
@@ -226,11 +233,11 @@ class Tangent:
 
     @cached_property
     def carried(self) -> Array:
-        """Return the loads and reactions (3 n,) that these displacements take [N], [N m]."""
+        """Return loads and reactions (3 n,) in equilibrium with these displacements [N, N m]."""
         if self._linear is self:
             return self._pushed
         # The missing elongation of a stiff member is the gap of a constraint: its force acts along
-        # the member as it is factored, or else it would move soft ones.
+        # the member as it is factorised, or else it would move soft ones.
         frame, gap = self._frame, self.forces.gap[:, None, None]
         pushed = sum(
             sign * frame.nodal_forces(each, slice(None), gap * each.forces.stiffness[:, :, :1])
@@ -240,7 +247,7 @@ class Tangent:
 
     @property
     def points(self) -> Points:
-        """Return the displaced nodes (n,), but for points inside members, x + iy [m]."""
+        """Return the displaced nodes (n,) without points inside members, x + iy [m]."""
         count = len(self._frame.points) - len(self._frame.nodes)
         return self._frame.points[:count] + self.displacements[:count] @ (1.0, 1j, 0.0)
 
@@ -251,9 +258,9 @@ class Tangent:
 
     def changed_forces(self, moved: Array) -> tuple[Array, Array]:
         """
-        Return `end_forces`, and (k,) axial forces, after small displacements of the nodes.
+        Return end forces (k, 6) and axial forces (k,) after small displacements of nodes.
 
-        :param moved: (n, 3) ux, uy [m], theta [rad].
+        :param moved: (n, 3) small displacements ux, uy [m], theta [rad].
         """
         # Forces of stiff members are in balance only by the stiffness of the responses.
         changes, longer = self._frame.force_changes(self._linear, moved[..., None])
@@ -266,28 +273,31 @@ class Tangent:
 
 class Frame:
     """
-    Frame of beam-columns; its matrix without loads is factored once.
+    Frame of beam-columns; the matrix of its unloaded state is factorised once.
 
     :ivar points: (n,) nodes x + iy [m].
     :ivar members: members between the nodes.
     :ivar length: (k,) lengths of the members [m].
-    :ivar axis: (k,) their directions from start to end, unit vectors x + iy.
-    :ivar rows: constraints on the displacements.
-    :ivar whole: (k,) of which members of the frame that was cut these are parts.
+    :ivar axis: (k,) unit vectors of the members from start to end, x + iy.
+    :ivar rows: constraints on the displacements: linear ones, or constraints on rotations of
+        spans.
+    :ivar whole: (k,) index of the uncut frame's member of which each member is a part.
     :ivar held: (n, 3) mask of ux, uy, theta fixed by supports.
-    :ivar pattern: sparsity pattern of the frame, or of the uncut one.
+    :ivar pattern: sparsity pattern of the frame; for a cut frame, of the uncut frame.
     :ivar places: (k, 6) indices of the displacements of the members' ends.
-    :ivar chains: the members of the frame that was cut that are.
-    :ivar begins: (k,) where these parts begin, from the starts of the members [m].
-    :ivar nodes: (c,) the nodes at which another frame was cut to become this one.
-    :ivar before: (c,) the members that end at these.
-    :ivar behind: (c,) the members that begin there.
+    :ivar chains: members of the uncut frame that are cut here.
+    :ivar begins: (k,) distance of each member's start from the start of the uncut member [m].
+    :ivar nodes: (c,) indices of the nodes at the cuts.
+    :ivar before: (c,) indices of the members that end at the cuts.
+    :ivar behind: (c,) indices of the members that begin at the cuts.
     :param points: (n,) nodes x + iy [m].
     :param members: members between the nodes.
     :param held: (n, 3) mask of ux, uy, theta fixed by supports.
-    :param names: (n,) names of the nodes, for messages.
-    :param rows: constraints on the displacements: linear ones, or on turns of spans.
-    :param pattern: pattern of a frame with equal connections and supports; None: computed.
+    :param names: (n,) names of the nodes for error messages.
+    :param rows: constraints on the displacements: linear ones, or constraints on rotations of
+        spans.
+    :param pattern: sparsity pattern of a frame with the same connections and supports; None:
+        computed.
     :param rated: see `BeamColumns`.
     """
 
@@ -333,7 +343,7 @@ class Frame:
     @cached_property
     def rest(self) -> Tangent:
         """
-        Return the frame linearised without loads, (4).
+        Return the frame linearised about its unloaded state, (4).
 
         :raises StructureError: the frame is a mechanism; names the nodes that move.
         """
@@ -357,8 +367,8 @@ class Frame:
 
         :param displacements: (n, 3) displacements ux, uy [m], theta [rad].
         :param multipliers: (c,) multipliers of the constraints.
-        :param pull: (k,) axial forces N, see `BeamColumns.evaluate`; None: those in this state
-            [N].
+        :param pull: (k,) axial forces N, see `BeamColumns.evaluate` [N]; None: computed from the
+            displacements.
         """
         rows, size = self.rows, displacements.size
         ends = displacements.ravel()[self.places]
@@ -394,7 +404,7 @@ class Frame:
     def _assemble(
         self, matrices: Array, values: Array, pairs: Array
     ) -> tuple[Array | csc_matrix, Array]:
-        """Return the matrix of (4), [[S, A^T], [A, 0]], scaled, and its scaling."""
+        """Return the scaled matrix of (4), [[S, A^T], [A, 0]], and its scaling."""
         pattern = self.pattern
         free, size = len(pattern.solved), len(pattern.solved) + self.rows.count
         diagonal = np.bincount(
@@ -423,7 +433,7 @@ class Frame:
         return coo_matrix((entries, places), shape=(size, size)).tocsc(), scale
 
     def _what_moves(self, matrix: Array | csc_matrix, scale: Array) -> list[str]:
-        """Return the nodes that move in mechanisms."""
+        """Return the names of the nodes that move in the mechanisms of a singular frame."""
         dense = matrix if isinstance(matrix, np.ndarray) else matrix.toarray()
         values, vectors = np.linalg.eigh(dense)
         loose = np.abs(values) < np.abs(values).max() / MAX_CONDITION**0.5
@@ -435,10 +445,10 @@ class Frame:
 
     def solve(self, loads: Array) -> FrameState:
         """
-        Return displacements, reactions and member forces under loads, by the linear (4).
+        Return displacements, reactions and member forces under loads, by the linear frame (4).
 
         :param loads: (n, 3) loads fx, fy [N], m [N m] on the nodes.
-        :raises StructureError: the frame is a mechanism; names the nodes that move; or the loads
+        :raises StructureError: the frame is a mechanism (names the nodes that move), or the loads
             overflow.
         """
         rest, flat = self.rest, loads.ravel()
@@ -469,12 +479,13 @@ class Frame:
         self, loads: Array, start: Tangent | None = None, growth: float = MAX_GROWTH
     ) -> Tangent | None:
         """
-        Return the equilibrium of the bent frame under loads (Newton's method).
+        Return the bent frame in equilibrium under loads (Newton's method).
 
         :param loads: (n, 3) loads fx, fy [N], m [N m] on the nodes.
-        :param start: frame linearised about the initial state; None: without loads.
-        :param growth: largest ratio of the displacements to the linear response [-].
-        :return: the equilibrium; None if none is near the linear response.
+        :param start: frame linearised about the initial state; None: about the unloaded state.
+        :param growth: largest ratio of the displacements to those of the linear frame [-].
+        :return: the frame linearised about its equilibrium; None without an equilibrium close to
+            the linear one.
         :raises StructureError: the frame is a mechanism.
         """
         tangent = self.rest if start is None else start
@@ -501,20 +512,20 @@ class Frame:
 
     def locate(self, piece: Indices, within: Array) -> tuple[Indices, Array]:
         """
-        Return the members that points are on, and distances (c,) from their starts [m].
+        Return the member (c,) at each point, and the distance (c,) from its start [m].
 
-        :param piece: (c,) indices of the members of the uncut frame.
-        :param within: (c,) distances from their starts [m].
+        :param piece: (c,) index of the member of the uncut frame at each point.
+        :param within: (c,) distances of the points from the starts of these members [m].
         """
         return piece, within
 
     def interpolate(self, displacements: Array, piece: Indices, within: Array) -> Array:
         """
-        Return displacements (c, 3) of points inside members, by cubic centre lines.
+        Return the displacements (c, 3) of points inside members, by cubic centre lines.
 
-        :param displacements: (n, 3) of the nodes, ux, uy [m], theta [rad].
-        :param piece: (c,) indices of the members of the uncut frame.
-        :param within: (c,) distances from their starts [m].
+        :param displacements: (n, 3) displacements ux, uy [m], theta [rad] of the nodes.
+        :param piece: (c,) index of the member of the uncut frame at each point.
+        :param within: (c,) distances of the points from the starts of these members [m].
         """
         part, inside = self.locate(piece, within)
         start, end = displacements[self.members.start[part]], displacements[self.members.end[part]]
@@ -537,11 +548,12 @@ class Frame:
 
     def force_rates(self, tangent: Tangent, parts: Indices, changes: Array) -> Array:
         """
-        Return the changes of (N, M1, M2) of members with fixed nodes, (p, 3, c).
+        Return the changes (p, 3, c) of (N, M1, M2) of p members while the nodes are fixed.
 
         :param tangent: linearised frame.
         :param parts: (p,) indices of the members.
-        :param changes: (4, p, c) changes of their rest lengths [m], EA [N], EI [N m^2] and GA [N].
+        :param changes: (4, p, c) changes of the members' rest lengths [m], EA [N], EI [N m^2] and
+            GA [N].
         """
         own, count = self.members, changes.shape[2]
         each = parts.repeat(count)
@@ -553,11 +565,11 @@ class Frame:
 
     def nodal_forces(self, tangent: Tangent, parts: Indices, rates: Array) -> Array:
         """
-        Return the changes of the end forces of members, in the plane, (p, 6, c).
+        Return the changes (p, 6, c) of the members' end forces, as components in the plane.
 
         :param tangent: linearised frame.
         :param parts: (p,) indices of the members.
-        :param rates: (p, 3, c) of their N, M1 and M2.
+        :param rates: (p, 3, c) changes of the members' N, M1 and M2.
         """
         pull, first, second = rates.swapaxes(0, 1)
         borne = -(first + second) / tangent.length[parts, None]
@@ -566,14 +578,14 @@ class Frame:
 
     def slopes(self, tangent: Tangent, parts: Indices, end: Indices) -> Array:
         """
-        Return the inclinations of bent centre lines at ends of members, (p,) [rad].
+        Return the inclinations of the bent centre lines at ends of members, (p,) [rad].
 
-        Of the section, less what the force across shears it by: (t - Q/GA) / (1 + N/GA) against
-        the chord.
+        It is the rotation of the section less its shear angle. Relative to the chord it is (t -
+        Q/GA) / (1 + N/GA) with the transverse force Q.
 
         :param tangent: linearised frame.
         :param parts: (p,) indices of the members.
-        :param end: (p,) 1 for their starts, 2 for their ends.
+        :param end: (p,) 1 for a member's start, 2 for its end.
         """
         turned, skew, softness, _ = self._shear(tangent, parts, end)
         return turned + skew / softness
@@ -587,11 +599,11 @@ class Frame:
         shear_rates: Array | float,
     ) -> Array:
         """
-        Return the derivatives of `slopes` by (N, M1, M2) and GA with fixed nodes, (p, c).
+        Return the changes (p, c) of `slopes` by (N, M1, M2) and GA while the nodes are fixed.
 
         :param tangent: linearised frame.
         :param parts: (p,) indices of the members.
-        :param end: ends, see `slopes`.
+        :param end: (p,) 1 for a member's start, 2 for its end.
         :param rates: (p, 3, c) changes of N, M1 and M2.
         :param shear_rates: (p, c) relative changes of GA.
         """
@@ -603,7 +615,7 @@ class Frame:
 
     def force_changes(self, tangent: Tangent, moved: Array) -> tuple[Array, Array]:
         """
-        Return the changes of (N, M1, M2) (k, 3, c) and chords (k, c) as the nodes move.
+        Return the changes of (N, M1, M2) (k, 3, c) and chord lengths (k, c) by node motion.
 
         :param tangent: linearised frame.
         :param moved: (n, 3, c) displacements of all nodes.
@@ -614,7 +626,7 @@ class Frame:
     def _chord_changes(
         self, tangent: Tangent, parts: Indices | slice, moved: Array
     ) -> tuple[Array, Array]:
-        """Return changes of (l, t1, t2) of members (p, 3, c), and turns of the chords (p, c)."""
+        """Return changes of (l, t1, t2) (p, 3, c), and rotations of the chords (p, c)."""
         ends = moved.reshape(-1, moved.shape[2])[self.places[parts]]
         turns = tangent.motions[parts] @ ends
         turned = turns[:, 1] / tangent.length[parts, None]
@@ -623,11 +635,11 @@ class Frame:
 
     def slope_changes(self, tangent: Tangent, parts: Indices, end: Indices, moved: Array) -> Array:
         """
-        Return the changes of `slopes` by motion of the nodes, (p, c).
+        Return the changes (p, c) of `slopes` by motion of the nodes.
 
         :param tangent: linearised frame.
         :param parts: (p,) indices of the members.
-        :param end: ends, see `slopes`.
+        :param end: (p,) 1 for a member's start, 2 for its end.
         :param moved: (n, 3, c) displacements of all nodes.
         """
         turns, turned = self._chord_changes(tangent, parts, moved)
@@ -645,7 +657,7 @@ class Frame:
     def _shear(
         self, tangent: Tangent, parts: Indices, end: int
     ) -> tuple[Array, Array, Array, Array]:
-        """Return turn of the chord, t - Q/GA, 1 + N/GA and GA of members, (p,) each."""
+        """Return the chord's rotation, t - Q/GA, 1 + N/GA and GA, (p,) each; see `slopes`."""
         shear, forces = self.members.shear[parts], tangent.forces
         turned = np.angle(tangent.axis[parts] * self.axis[parts].conj())
         across = forces.moments[parts].sum(axis=1) / tangent.length[parts]
@@ -656,7 +668,7 @@ class Frame:
         """
         Return whether the equilibrium is stable under the constraints.
 
-        :param tangent: frame linearised there.
+        :param tangent: frame linearised about the equilibrium.
         """
         chains = itertools.chain.from_iterable(each.stiffness for each in tangent.chains)
         softened = sum(count_negative_pivots(each, 0) for each in chains)
@@ -685,7 +697,7 @@ class Frame:
 
 def end_forces(pull: Array, moments: Array, length: Array) -> Array:
     """
-    Return the forces (k, 6) of the nodes on members, see `FrameState.end_forces`.
+    Return the end forces (k, 6) of members, see `FrameState.end_forces`.
 
     :param pull: (k,) axial forces N [N].
     :param moments: (k, 2) moments at start and end [N m].
@@ -697,10 +709,10 @@ def end_forces(pull: Array, moments: Array, length: Array) -> Array:
 
 def _condense(matrices: Array, chains: Chains) -> CondensedChains:
     """
-    Eliminate the points of cut members; their first parts get the stiffness of their ends.
+    Eliminate the inner points of cut members; each first part gets the condensed stiffness.
 
-    :param matrices: (k, 6, 6) of all parts, in the plane.
-    :param chains: the members.
+    :param matrices: (k, 6, 6) stiffness of all parts, in the plane.
+    :param chains: the cut members.
     """
     several, count = chains.parts.shape
     own, each = matrices[chains.parts], np.arange(count)
@@ -720,10 +732,10 @@ def _condense(matrices: Array, chains: Chains) -> CondensedChains:
 
 def chord_motions(direction: Points) -> Array:
     """
-    Return stretch and sway of chords and turns of their ends by displacements in the plane.
+    Return stretch and sway of chords and rotations of their ends, by displacements of the ends.
 
-    :param direction: (k,) unit vectors from start to end.
-    :return: (k, 4, 6) by (ux, uy, theta) at start and end.
+    :param direction: (k,) unit vectors of the chords, x + iy.
+    :return: (k, 4, 6) derivatives by (ux, uy, theta) at start and end.
     """
     x, y = direction.real, direction.imag
     values = np.zeros((7, len(direction)))

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Unknown displacements of a frame, and the sparsity pattern of the matrix of (4)."""
+"""Numbering of a frame's unknown displacements, and sparsity pattern of the matrix of (4)."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class LinearRows(NamedTuple):
     :ivar count: number of rows.
     :ivar row: (e,) row of each entry.
     :ivar column: (e,) column of each entry.
-    :ivar value: (e,) entries; those at one place are summed.
+    :ivar value: (e,) entries; entries with equal row and column are summed.
     """
 
     count: int  # type: ignore[assignment]
@@ -29,33 +29,33 @@ class LinearRows(NamedTuple):
 
     @property
     def pairs(self) -> tuple[Indices, Indices]:
-        """Return the pairs of displacements in nonlinear terms: none."""
+        """Return no pairs, since the constraints are linear; see `TurnRows`."""
         return NO_PAIRS
 
     def linearize(
         self, points: Points, displacements: Array, multipliers: Array
     ) -> tuple[Array, Array, Array]:
-        """Return entries, gaps (c,) and curvature; see `TurnRows.linearize`."""
+        """Return entries (e,), violations (c,) and no stiffness; see `TurnRows.linearize`."""
         moved = displacements.ravel()[self.column] * self.value
         return self.value, np.bincount(self.row, moved, minlength=self.count), NO_PAIRS[0]
 
 
 class TurnRows(NamedTuple):
     """
-    Constraints on rotations of spans between nodes: weighted sums are zero.
+    Constraints on rotations of spans: the weighted sum of the rotations in a row is zero.
 
-    A span is a weighted sum of nodes; its shares sum to zero.
+    A span is a vector: the sum of nodes times shares that sum to zero.
 
     :ivar count: number of rows.
-    :ivar weight: (s,) weight of each span in its row.
+    :ivar weight: (s,) weight of each span's rotation in its row.
     :ivar span: (e,) index of the span of each share, ascending.
     :ivar share: (e,) share of a node in the span.
     :ivar node: (e,) index of the node.
-    :ivar row: (2 e,) row of each entry: by x of all shares, then by y.
-    :ivar column: (2 e,) displacement of each entry.
-    :ivar pairs: two of (4 h,) displacements that are bound to each other: by x and x, x and y, y
-        and x, y and y of both nodes of each pair of shares.
-    :ivar paired: two of (h,) shares that are these pairs.
+    :ivar row: (2 e,) row of each entry: first the entries by x, then those by y.
+    :ivar column: (2 e,) index of the displacement of each entry.
+    :ivar pairs: two arrays (4 h,) of displacements that the geometric stiffness couples: (x, x),
+        (x, y), (y, x) and (y, y) of the two nodes of each pair of shares.
+    :ivar paired: two arrays (h,) with the two shares of each pair.
     """
 
     count: int  # type: ignore[assignment]
@@ -73,7 +73,7 @@ class TurnRows(NamedTuple):
         cls, row: Indices, weight: Array, span: Indices, share: Array, node: Indices
     ) -> TurnRows:
         """
-        Return the rows of some spans.
+        Return the constraints on the rotations of spans.
 
         :param row: (s,) row of each span.
         :param weight: (s,) weight of each span.
@@ -92,13 +92,13 @@ class TurnRows(NamedTuple):
         self, points: Points, displacements: Array, multipliers: Array
     ) -> tuple[Array, Array, Array]:
         """
-        Return the rows about displacements.
+        Return the constraints linearised about displacements.
 
         :param points: (n,) nodes without loads, x + iy [m].
-        :param displacements: (n, 3) of these.
-        :param multipliers: (c,).
-        :return: entries (2 e,), gaps (c,), and the geometric stiffness of the spans
-            under the multipliers, by `pairs` (4 h,).
+        :param displacements: (n, 3) displacements ux, uy [m], theta [rad] of the nodes.
+        :param multipliers: (c,) multipliers of the constraints.
+        :return: entries (2 e,), violations (c,), and the geometric stiffness (4 h,) of the spans
+            by `pairs`.
         """
         moved = points + displacements @ (1.0, 1j, 0.0)
         before, spans = (self._spans(each) for each in (points, moved))
@@ -113,7 +113,7 @@ class TurnRows(NamedTuple):
         return np.concatenate([slopes.real, slopes.imag]), gaps, pairs
 
     def _spans(self, points: Points) -> Points:
-        """Return the spans (s,) between nodes (n,), x + iy [m]."""
+        """Return the spans (s,) of nodes (n,), x + iy [m]."""
         parts, count = self.share * points[self.node], len(self.weight)
         return np.bincount(self.span, parts.real, count) + 1j * np.bincount(
             self.span, parts.imag, count
@@ -148,24 +148,26 @@ class Members(NamedTuple):
 
 class FramePattern:
     """
-    Sparsity pattern of frames with equal connections and supports.
+    Sparsity pattern of all frames with the same connections and supports.
 
-    :param members: members between the nodes, of any stiffness.
+    :param members: members between the nodes; their stiffness has no effect.
     :param held: (n, 3) mask of ux, uy, theta fixed by supports.
-    :param rows: constraints on the displacements, of any values.
+    :param rows: constraints on the displacements; their values have no effect.
     :ivar count: number k of members.
     :ivar places: (k, 6) indices of the displacements of each member's ends.
     :ivar unknowns: (3 n,) index of each displacement among the unknowns, -1 if fixed.
     :ivar ends: (k, 6) indices of the unknowns of each member's ends, -1 if fixed.
-    :ivar solved: (f,) the displacements that are unknowns.
-    :ivar entries: (e,) which of the entries of all members' stiffness matrices are in that of (4).
-    :ivar weights: (w,) which of the entries of the constraints are.
-    :ivar bound: (w,) the unknowns of these entries.
-    :ivar multiplier: (w,) the multipliers of these entries, among all unknowns of (4).
-    :ivar curved: (h,) which of the pairs of displacements that the rows bind are unknowns.
-    :ivar matrix_rows: (e + 2 w + h,) rows of all these in the matrix of (4).
-    :ivar matrix_columns: (e + 2 w + h,).
-    :ivar flat_places: (e + 2 w + h,) both in one, in a dense matrix.
+    :ivar solved: (f,) indices of the unknown displacements.
+    :ivar entries: (e,) indices of the members' stiffness entries that are in the matrix of (4).
+    :ivar weights: (w,) indices of the constraints' entries that are in the matrix of (4).
+    :ivar bound: (w,) index of the unknown displacement of each such constraint entry.
+    :ivar multiplier: (w,) index of the multiplier of each such constraint entry, among all
+        unknowns.
+    :ivar curved: (h,) indices of the pairs `TurnRows.pairs` of which both displacements are
+        unknown.
+    :ivar matrix_rows: (e + 2 w + h,) row of each of these entries in the matrix of (4).
+    :ivar matrix_columns: (e + 2 w + h,) column of each of these entries.
+    :ivar flat_places: (e + 2 w + h,) index of each of these entries in the flattened dense matrix.
     """
 
     def __init__(self, members: Members, held: Flags, rows: LinearRows | TurnRows) -> None:
@@ -201,12 +203,12 @@ class FramePattern:
 
     def cut(self, members: Members, held: Flags, piece: Indices, order: Indices) -> CutPattern:
         """
-        Return the pattern of a frame cut at points, cached.
+        Return the pattern of a frame with cuts at points, from a cache.
 
         :param members: members between the nodes.
         :param held: (n, 3) mask of displacements fixed by supports.
-        :param piece: (c,) indices of the members with points inside.
-        :param order: (c,) order of the points along them, by member.
+        :param piece: (c,) index of the member of each point.
+        :param order: (c,) indices that sort the points by member and along it.
         """
         key = piece.tobytes() + order.tobytes()
         if key not in self._cuts:
@@ -216,17 +218,17 @@ class FramePattern:
         return self._cuts[key]
 
 
-#: Number of cached patterns of cut frames [-].
+#: Largest number of cached patterns of cut frames [-].
 MAX_CUTS = 64
 
 
 class Chains(NamedTuple):
     """
-    Members b that are cut at p points each, and have no end in common.
+    Group of b members with p cuts each, without common end nodes.
 
-    :ivar parts: (b, p + 1) from their starts to their ends.
-    :ivar inner: (b, 3 p) displacements of the points in the order of the parts.
-    :ivar ends: (b, 6) displacements of their ends.
+    :ivar parts: (b, p + 1) indices of the parts of each member, from start to end.
+    :ivar inner: (b, 3 p) indices of the displacements at the cuts, in the order of the parts.
+    :ivar ends: (b, 6) indices of the displacements of the members' end nodes.
     """
 
     parts: Indices
@@ -236,18 +238,19 @@ class Chains(NamedTuple):
 
 class CutPattern(NamedTuple):
     """
-    Common data of frames cut between the same nodes; new nodes are the last ones.
+    Data that frames with cuts in the same members and order have in common.
 
-    The first part of a member has its index; further parts are the last members.
+    The nodes at the cuts are the last nodes. The first part of a cut member keeps the member's
+    index; all other parts have the last indices.
 
-    :ivar whole: (k + c,) of which members these are parts.
-    :ivar members: what connects the nodes, the sections those before.
-    :ivar held: (n + c, 3) which of ux, uy, theta are held by supports.
-    :ivar nodes: (c,) the nodes at the points.
-    :ivar before: (c,) the parts that end at the points.
-    :ivar behind: (c,) the parts that begin there.
-    :ivar chains: the members that are cut.
-    :ivar places: (k + c, 6) numbers of the displacements of the parts' ends.
+    :ivar whole: (k + c,) index of the member of which each member of the cut frame is a part.
+    :ivar members: members of the cut frame, each with the section of its uncut member.
+    :ivar held: (n + c, 3) mask of ux, uy, theta fixed by supports.
+    :ivar nodes: (c,) indices of the nodes at the points.
+    :ivar before: (c,) indices of the parts that end at the points.
+    :ivar behind: (c,) indices of the parts that begin at the points.
+    :ivar chains: groups of the members that are cut.
+    :ivar places: (k + c, 6) indices of the displacements of the parts' ends.
     """
 
     whole: Indices
@@ -262,12 +265,12 @@ class CutPattern(NamedTuple):
     @classmethod
     def of(cls, members: Members, held: Flags, piece: Indices, order: Indices) -> CutPattern:
         """
-        Return the common data of frames cut at points.
+        Return the common data of frames with cuts at points.
 
         :param members: members of the uncut frame.
-        :param held: (n, 3) mask of its supports.
-        :param piece: (c,) indices of the members with points inside.
-        :param order: (c,) order of the points along them, by member.
+        :param held: (n, 3) mask of ux, uy, theta of the uncut frame fixed by supports.
+        :param piece: (c,) index of the member of each point.
+        :param order: (c,) indices that sort the points by member and along it.
         """
         parts, own = len(members.start), np.arange(len(piece))
         whole, nodes, behind = np.append(np.arange(parts), piece), len(held) + own, parts + own

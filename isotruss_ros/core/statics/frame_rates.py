@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Derivatives of the frame of a robot by roller travel and pressures.
+Derivatives of the robot's frame by roller travel and pressures.
 
-About the bent state only rest lengths and sections of the tubes change; nodes, bisections and
+Only rest lengths and sections of the tubes change with them; displaced nodes, bisections (3) and
 supports are constant.
 """
 
@@ -19,10 +19,10 @@ import numpy as np
 
 def section_rates(tubes: BentTubes, moved: Points, inflated: Array) -> Array:
     """
-    Return the derivatives of tubes by p parameters at constant places on them, (4, c, p).
+    Return the changes (4, c, p) of the sections of the cut frame's members, by p parameters.
 
-    Rest length [m], EA [N], EI [N m^2] and GA [N] of the members of the cut frame; zero for
-    modules.
+    A section is rest length [m], EA [N], EI [N m^2] and GA [N]. Sections of modules are constant.
+    The places on the tubes are constant.
 
     :param tubes: tubes cut at the places.
     :param moved: (N, p) motion of the nodes of the configuration, x + iy [m].

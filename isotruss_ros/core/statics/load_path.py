@@ -4,8 +4,9 @@
 """
 Equilibria of a frame under increasing loads, up to the limit load.
 
-At the limit load the stiffness is singular, and beyond it no stable equilibrium is near. Newton's
-method can pass a limit point, so negative pivots of the factored stiffness are counted.
+At the limit load the stiffness is singular; at larger loads no stable equilibrium is near.
+Newton's method can pass this point, so the negative pivots of the factorised stiffness are
+counted.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ import numpy as np
 
 #: Largest linear displacement of a node in a load step [m].
 MAX_DISPLACEMENT_STEP = 0.01
-#: Largest ratio of a step to the linear response on the same branch [-].
+#: Largest ratio of a load step's displacements to the linear ones on the same branch [-].
 MAX_STEP_RATIO = 1.5
 #: Relative tolerance of a limit load [-].
 LIMIT_TOLERANCE = 1e-3
@@ -26,11 +27,11 @@ LIMIT_TOLERANCE = 1e-3
 
 class LoadPath(NamedTuple):
     """
-    Stable equilibria under increasing loads.
+    Stable equilibria of a frame under increasing loads.
 
-    :ivar factors: (s,) increasing factors of the given loads, from 0.
-    :ivar tangents: (s,) linearised frames at these loads.
-    :ivar limit: factor of the limit load; infinite if the path ends before.
+    :ivar factors: (s,) increasing load factors, from 0.
+    :ivar tangents: (s,) frames linearised about the equilibria at these factors.
+    :ivar limit: load factor of the limit load; infinite if the path ends before it.
     """
 
     factors: list[float]
@@ -40,12 +41,12 @@ class LoadPath(NamedTuple):
 
 def follow_loads(frame: Frame, loads: Array, most: float, farthest: float = np.inf) -> LoadPath:
     """
-    Follow the equilibria of a frame from zero under increasing loads.
+    Follow the equilibria of a frame from zero loads under increasing loads.
 
     :param frame: the frame.
     :param loads: (n, 3) loads fx, fy [N], m [N m] on the nodes.
-    :param most: largest factor of the loads.
-    :param farthest: largest displacement of a node [m].
+    :param most: largest load factor.
+    :param farthest: displacement of a node at which the path ends [m].
     :raises StructureError: the frame is a mechanism.
     """
     path = LoadPath([0.0], [frame.rest], np.inf)
@@ -70,6 +71,6 @@ def follow_loads(frame: Frame, loads: Array, most: float, farthest: float = np.i
 
 
 def _step(frame: Frame, tangent: Tangent, loads: Array) -> Tangent | None:
-    """Return the next stable equilibrium on a path; None without a near one."""
+    """Return the next stable equilibrium on a path; None if no near one exists."""
     found = frame.bend(loads, tangent, MAX_STEP_RATIO)
     return found if found is not None and frame.is_stable(found) else None

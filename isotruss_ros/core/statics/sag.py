@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Sag: displacements of joints under the weight of an upright robot."""
+"""Sag: displacements of the joints of an upright robot under its weight."""
 
 from __future__ import annotations
 
@@ -13,16 +13,17 @@ from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.statics.deform import deform
 import numpy as np
 
-#: Smallest explained share of the squared displacements [-], and smallest largest displacement
-#: [m], of an upright robot. Roller offsets of 10 mm exceed both once in a hundred robots.
+#: Bounds that an upright robot exceeds: share of the squared displacements that the weight
+#: explains [-], and largest displacement of a joint [m]. Roller offsets of 10 mm exceed both in
+#: one robot of a hundred.
 EXPLAINED, LEAST_SAG = 0.95, 5e-3
 
 
 class Sag(NamedTuple):
-    """Fit of a uniform weight to displaced joints."""
+    """Fit of a uniform module weight to measured displacements of the joints."""
 
     weight: Array  #: (2,) weight of each module, robot frame [N]
-    explained: float  #: explained share of the squared displacements [-]
+    explained: float  #: share of the squared displacements that it explains [-]
     largest: float  #: largest displacement of a joint [m]
 
     def __str__(self) -> str:
@@ -36,15 +37,15 @@ class Sag(NamedTuple):
 
     @property
     def is_upright(self) -> bool:
-        """Return whether the joints are displaced like those of an upright robot."""
+        """Return whether the weight explains the displacements, as in an upright robot."""
         return self.explained > EXPLAINED and self.largest > LEAST_SAG
 
 
 def find_sag(config: Configuration, joints: Mapping[str, tuple[float, float]]) -> Sag | None:
     """
-    Fit a uniform weight of all modules to measured joints; None with too few of them.
+    Fit a uniform weight of all modules to measured joints; None if too few are measured.
 
-    :param config: unloaded configuration at the roller travel.
+    :param config: configuration of the unloaded robot at its roller travel.
     :param joints: measured (x, y) by the name of the joint, robot frame [m].
     :raises StructureError: see `deform`.
     """

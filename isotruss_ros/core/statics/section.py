@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Section stiffness of the inflated tube: interface of its models, and the default theory.
+Section stiffness of the inflated tube: interface of its models, and the default model.
 
-Lengths are those of whole members, pinch to pinch; gauge pressures are those of their tubes.
+Lengths are lengths of whole members from pinch point to pinch point.
 """
 
 from __future__ import annotations
@@ -19,14 +19,15 @@ from isotruss_ros.core.numerics.arrays import Array, finite_array
 import numpy as np
 from numpy.typing import ArrayLike
 
-#: Assumed E t and G t of the fabric [N/m], of the order of thin coated cloth.
+#: Assumed E t and G t of the fabric [N/m], typical of thin coated cloth.
 MEMBRANE_MODULUS = 6.0e4
 MEMBRANE_SHEAR_MODULUS = 1.0e4
-#: Theoretical c of k_end = c p R, from the pillow of `InflatableBeam` [-].
+#: Theoretical c of the end stiffness c p R, from the pillow of `InflatableBeam` [-].
 END_SOFTENING = 2.0 * np.pi / (4.0 - np.pi)
 #: Shear coefficient of a thin circular tube [-].
 SHEAR_COEFFICIENT = 0.5
-#: One gauge pressure for all tubes, one for each in the order of the robot file, or by tube name.
+#: Gauge pressure [Pa]: one for all tubes, one for each in the order of the robot file, or by tube
+#: name.
 Pressure: TypeAlias = 'ArrayLike | Mapping[str, float]'
 
 
@@ -36,7 +37,7 @@ class SectionStiffness(NamedTuple):
 
     :ivar axial: (k,) EA [N].
     :ivar flexural: (k,) EI [N m^2].
-    :ivar shear: (k,) GA [N], infinite without shear.
+    :ivar shear: (k,) GA [N], infinite for no shear deformation.
     """
 
     axial: Array
@@ -57,17 +58,17 @@ class Fabric(NamedTuple):
 
 
 class TubeStiffness(Protocol):
-    """Base class of the stiffness models."""
+    """Protocol of the stiffness models."""
 
     @property
     def fabric(self) -> Fabric | None:
-        """Return the constants of the wall; None for models of beam stiffnesses only."""
+        """Return the elastic constants of the wall; None for a model without them."""
 
     def section_stiffness(self, length: ArrayLike, pressure: ArrayLike) -> SectionStiffness:
         """
         Return the section stiffness of whole members.
 
-        :param length: (k,) lengths, pinch to pinch [m].
+        :param length: (k,) lengths from pinch point to pinch point [m].
         :param pressure: (k,) gauge pressures, or one for all [Pa].
         :raises StructureError: no stiffness exists at this length and pressure.
         """
@@ -75,9 +76,9 @@ class TubeStiffness(Protocol):
     @classmethod
     def of_block(cls, block: Mapping[str, Any], description: RobotDescription) -> TubeStiffness:
         """
-        Return the model of a robot file.
+        Return the model that a robot file describes.
 
-        :param block: block `stiffness` of the file without the name of the model, already checked.
+        :param block: checked block `stiffness` of the robot file without the name of the model.
         :param description: description of the robot.
         """
 
@@ -88,17 +89,17 @@ class InflatableBeam:
     Theoretical inflatable beam of Le Van and Wielgosz, with pinched ends.
 
     EI and GA are those of their theory (Thin-Walled Structures 43 (2005) 1166-1187 and 45 (2007)
-    221-236). The pressure pulls with P = p pi R^2, EI = (E + P/S0) I0 and GA = P + kappa G S0, S0
-    = 2 pi R t, I0 = pi R^3 t.
+    221-236). With the pull P = p pi R^2 of the pressure, EI = (E + P/S0) I0 and GA = P + kappa G
+    S0, where S0 = 2 pi R t and I0 = pi R^3 t.
 
-    EA is an assumption: the wall and both ends in series, k_axial^-1 = L/(E t 2 pi R) + 2/(c p R).
-    A pinched end changes its shape without stretching the fabric, so only the pressure resists.
-    The default c is that of a pillow: two inextensible sheets of width pi R/2 from the pinch line
-    tangentially into the tube, R from the axis. Under an end force F (pull) both are arcs of
-    radius rho = R + F/(pi R p) over an angle alpha, cos alpha = 1 - R/rho. The end lengthens by
-    rho (sin alpha - alpha) + const.; its slope at F = 0 gives c = 2 pi/(4 - pi).
+    EA is assumed: the wall and both ends act in series, 1/k_axial = L/(E t 2 pi R) + 2/(c p R). A
+    pinched end changes its shape without stretching the fabric, so only the pressure resists. The
+    default c is that of a pillow: two inextensible sheets of width pi R/2 reach from the pinch
+    line tangentially into the tube, at the distance R from the axis. Under a pull F both are arcs
+    of radius rho = R + F/(pi R p) and angle alpha with cos alpha = 1 - R/rho. The length of the
+    end is rho (sin alpha - alpha) + const.; its derivative at F = 0 gives c = 2 pi/(4 - pi).
 
-    :param radius: R [m].
+    :param radius: tube radius R [m].
     :param membrane_modulus: E t [N/m].
     :param membrane_shear_modulus: G t [N/m].
     :param end_softening: c [-].
@@ -111,11 +112,11 @@ class InflatableBeam:
 
     @property
     def fabric(self) -> Fabric:
-        """Return E t and G t."""
+        """Return E t and G t of the wall."""
         return Fabric(self.membrane_modulus, self.membrane_shear_modulus)
 
     def section_stiffness(self, length: ArrayLike, pressure: ArrayLike) -> SectionStiffness:
-        """Return EA by the length, EI and GA; see `TubeStiffness.section_stiffness`."""
+        """Return EA of each length, EI and GA; see `TubeStiffness.section_stiffness`."""
         length, pressure = broadcast_members(length, pressure)
         R = self.radius
         force = pressure * np.pi * R**2
@@ -131,13 +132,13 @@ class InflatableBeam:
 
     @classmethod
     def of_block(cls, block: Mapping[str, Any], description: RobotDescription) -> InflatableBeam:
-        """Return the beam of a robot file, or the assumed one; see `TubeStiffness.of_block`."""
+        """Return the beam of a robot file, or the default beam; see `TubeStiffness.of_block`."""
         return cls(0.5 * description.tube_diameter, **as_floats(block))
 
 
 def broadcast_members(length: ArrayLike, pressure: ArrayLike) -> tuple[Array, Array]:
     """
-    Return lengths and gauge pressures as arrays (k,).
+    Return the members' lengths and gauge pressures as arrays (k,).
 
     :param length: (k,) lengths [m].
     :param pressure: (k,) gauge pressures, or one for all [Pa].
@@ -164,10 +165,10 @@ def tube_pressures(
 
     :param description: description of the robot.
     :param pressure: gauge pressure [Pa]: one for all tubes, (t,) in the order of the robot file,
-        or a mapping from names of tubes; default: those of the robot file.
+        or by tube name; None: the pressures of the robot file.
     :return: (t,) gauge pressures [Pa].
-    :raises StructureError: no such tube, another number of pressures than tubes, or a pressure
-        that is not a positive number from 1e-3 to 1e7 Pa.
+    :raises StructureError: no such tube, a wrong number of pressures, or a pressure that is not a
+        number from 1e-3 to 1e7 Pa.
     """
     found = dict(description.pressures)
     if pressure is None:
@@ -202,7 +203,7 @@ def tube_pressures(
 
 def as_floats(block: Mapping[str, Any]) -> dict[str, float]:
     """
-    Return a block with numbers as floats, since integers of YAML overflow differently.
+    Return a block with its numbers as floats, because integers do not overflow to infinity.
 
     :param block: block of a robot file.
     """

@@ -2,12 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Frame of the robot: nodes and members of each module (Fig. 1b), tubes, bisection (3).
+Frame of the robot: members of each module (Fig. 1b), tubes, and bisection constraints (3).
 
-A module's triangle ABC is rigid; the tube goes from C through the guide ring E and from B through
-D. The rings are on arms that rotate about B and C, coupled by (3): they guide the tube
-across its axis and leave it free along. Constraints have multipliers, so the matrix of (4) is
-symmetric.
+A module's triangle ABC is rigid. The tube leaves it from C through the guide ring E, and from B
+through D. The rings are on arms that rotate about B and C, coupled by (3). A ring holds the tube
+across its axis; along its axis the tube is free. Constraints have multipliers, so the matrix of
+(4) is symmetric.
 """
 
 from __future__ import annotations
@@ -30,16 +30,16 @@ class Structure:
     """
     The frame of a robot in one configuration.
 
-    Nodes are numbered joints first, then B, C, D, E of module after module. Members: AB, AC, BC,
-    the tube pieces BD and CE, and the long tube pieces DE'; m of each.
+    Nodes are first the joints, then B, C, D, E of each module. Members are AB, AC, BC, the tube
+    pieces BD and CE, and the long tube pieces DE', m of each for m modules.
 
     :param config: configuration of the robot.
     :param pressures: gauge pressures [Pa], see `tube_pressures`.
     :ivar tube: stiffness of the tube.
     :ivar pressures: (t,) gauge pressure of each tube, in the order of the robot file [Pa].
-    :ivar pieces: (3, m) indices of the tube's pieces among the members of the frame: BD and CE of
-        each module, DE' of each member.
-    :ivar owners: (3, m) indices of the robot's members with these pieces.
+    :ivar pieces: (3, m) indices of the tube pieces among the frame's members: BD and CE of each
+        module, DE' of each member of the robot.
+    :ivar owners: (3, m) index of the robot's member of each piece.
     :raises StructureError: no stiffness exists at a member's length and pressure.
     """
 
@@ -61,7 +61,7 @@ class Structure:
         """
         Return the index of a node.
 
-        :param name: a joint j, or t/j/B, t/j/C, t/j/D, t/j/E.
+        :param name: name of a joint, or t/j/B, t/j/C, t/j/D, t/j/E of a module.
         :raises StructureError: there is no such node.
         """
         if name not in self._layout.places:
@@ -73,12 +73,12 @@ class Structure:
 
     def locate(self, members: Indices, places: Array) -> tuple[Indices, Array, Array]:
         """
-        Return the pieces of tube at points, and the positions on these.
+        Return the pieces of tube at points, the positions on them and their directions.
 
-        :param members: (c,) indices of the members.
+        :param members: (c,) index of the member of each point.
         :param places: (c,) distances from the members' starts [m].
-        :return: (c,) indices of the pieces in the frame; (c,) distances from their starts [m]; and
-            (c,) 1 for pieces along their member, -1 for backward ones.
+        :return: (c,) indices of the pieces in the frame; (c,) distances from the pieces' starts
+            [m]; (c,) 1 for pieces that point along their member, else -1.
         """
         robot, left = self.config.robot, self.config.member_lengths[members] - places
         ring = robot.description.module.guide_ring_distance
@@ -90,7 +90,7 @@ class Structure:
 
 
 def _frame_points(robot: Mechanism, nodes: Points) -> Points:
-    """Return the nodes (n,) of a robot's frame [m], from those of its configuration (N,)."""
+    """Return the nodes (n,) of a robot's frame from the nodes (N,) of its configuration [m]."""
     topology, layout = robot.topology, frame_layout(robot)
     side = nodes[topology.end] - nodes[topology.b]
     ahead = robot.description.module.guide_ring_distance * side / np.abs(side)
@@ -106,7 +106,7 @@ def _frame_points(robot: Mechanism, nodes: Points) -> Points:
 def _section_values(
     robot: Mechanism, tube: TubeSections, pressures: tuple[float, ...], lengths: Array
 ) -> Array:
-    """Return EA [N], EI [N m^2] and GA [N] of the members of a robot's frame, (3, 6 m)."""
+    """Return EA [N], EI [N m^2] and GA [N] of the 6 m members of a robot's frame, (3, 6 m)."""
     topology, module = robot.topology, robot.description.module
     # Section stiffness belongs to whole members, pinch to pinch; their pieces inherit it.
     of_tubes = tube.section_stiffness(lengths, np.array(pressures)[topology.tube])
@@ -121,18 +121,18 @@ def _section_values(
 
 class FrameLayout(NamedTuple):
     """
-    Data of the frame that are independent of the configuration.
+    Data of a robot's frame that do not depend on the configuration.
 
     :ivar tube: stiffness of the tube.
-    :ivar node_names: joints first, then B, C, D, E of module after module.
+    :ivar node_names: names of the nodes: joints first, then B, C, D, E of each module.
     :ivar places: index of each node by its name.
-    :ivar b: (m,) indices of the nodes B; C, D and E follow.
-    :ivar members: members of `Structure`, without stiffness.
+    :ivar b: (m,) indices of the nodes B; C, D and E follow each.
+    :ivar members: members of the frame, see `Structure`, without stiffness.
     :ivar held: (n, 3) mask of ux, uy, theta fixed by supports.
-    :ivar bisection: rows of (3) without values.
+    :ivar bisection: constraints (3) without values.
     :ivar pattern: sparsity pattern of the frame.
-    :ivar pieces: (3, m) indices of the tube's pieces, see `Structure`.
-    :ivar owners: (3, m) indices of the robot's members with these pieces.
+    :ivar pieces: (3, m) indices of the tube pieces, see `Structure`.
+    :ivar owners: (3, m) index of the robot's member of each piece.
     """
 
     tube: TubeSections
@@ -150,7 +150,7 @@ class FrameLayout(NamedTuple):
 @functools.lru_cache(maxsize=16)
 def frame_layout(robot: Mechanism) -> FrameLayout:
     """
-    Return the layout of a robot's frames; those of the last few robots are cached.
+    Return the layout of a robot's frames, from a cache of the last few.
 
     :param robot: the robot.
     """
@@ -201,11 +201,12 @@ def frame_layout(robot: Mechanism) -> FrameLayout:
 
 def structure_of(config: Configuration, pressure: Pressure | None = None) -> Structure:
     """
-    Return the frame of a robot in one configuration; the last few are cached.
+    Return the frame of a robot in one configuration, from a cache of the last few.
 
     :param config: configuration of the robot.
-    :param pressure: gauge pressure [Pa], see `tube_pressures`; None: that of the robot file.
-    :raises StructureError: see `Structure`, or an invalid pressure.
+    :param pressure: gauge pressure [Pa], see `tube_pressures`; None: the pressure of the robot
+        file.
+    :raises StructureError: an invalid pressure, or see `Structure`.
     """
     return _structure(config, tube_pressures(config.robot.description, pressure))
 

@@ -5,8 +5,8 @@
 Stiffness models of the inflated tube, for the block `stiffness` of robot files.
 
 A model maps lengths and gauge pressures to the section stiffness EA, EI, GA of Timoshenko beams.
-Lengths are those of whole members, pinch to pinch: pieces inherit the section stiffness of their
-member, so the end stiffness does not depend on cuts. See docs/tube_stiffness.md.
+Lengths are lengths of whole members from pinch point to pinch point. Each piece has the section
+stiffness of its member, so the end stiffness does not depend on cuts. See docs/tube_stiffness.md.
 """
 
 from __future__ import annotations
@@ -36,24 +36,24 @@ from isotruss_ros.core.statics.section import (
 import numpy as np
 from numpy.typing import ArrayLike
 
-#: Relative half step of finite differences by length and pressure [-], with an error of about its
-#: square plus rounding over it.
+#: Relative half step of central differences by length and pressure [-]. The relative error is
+#: about its square plus rounding divided by it.
 DIFFERENCE_STEP = 1e-5
 
 
 @dataclass(frozen=True)
 class Section:
     """
-    Given EA, EI and GA for any length, at one pressure.
+    Constant EA, EI and GA for any length, given at one pressure.
 
-    At another pressure EI and GA differ by the terms P R^2 / 2 and P of its pull P = p pi R^2, as
+    At other pressures EI and GA differ by the terms P R^2 / 2 and P of the pull P = p pi R^2, as
     in `InflatableBeam`.
 
     :param axial_rigidity: EA [N].
     :param flexural_rigidity: EI [N m^2].
     :param shear_rigidity: GA [N].
-    :param radius: R [m].
-    :param pressure: gauge pressure of the three numbers [Pa].
+    :param radius: tube radius R [m].
+    :param pressure: gauge pressure at which EA, EI and GA are given [Pa].
     """
 
     axial_rigidity: float
@@ -65,9 +65,9 @@ class Section:
 
     def section_stiffness(self, length: ArrayLike, pressure: ArrayLike) -> SectionStiffness:
         """
-        Return the three numbers for each length; see `TubeStiffness.section_stiffness`.
+        Return EA, EI and GA, equal for all lengths; see `TubeStiffness.section_stiffness`.
 
-        :raises StructureError: EI or GA is not positive at a low pressure.
+        :raises StructureError: the pressure is so low that EI or GA is not positive.
         """
         length, pressure = broadcast_members(length, pressure)
         pull = (pressure - self.pressure) * np.pi * self.radius**2
@@ -86,9 +86,9 @@ class Section:
     @classmethod
     def of_block(cls, block: Mapping[str, Any], description: RobotDescription) -> Section:
         """
-        Return the three numbers of a robot file; see `TubeStiffness.of_block`.
+        Return the section with EA, EI and GA of a robot file; see `TubeStiffness.of_block`.
 
-        Without a pressure of their own they are those at the pressure of the file.
+        Without a pressure in the block, they are the values at the pressure of the robot file.
         """
         at = {'pressure': next(iter(description.pressures.values()))}
         return cls(**as_floats(at | dict(block)), radius=0.5 * description.tube_diameter)
@@ -99,12 +99,13 @@ class PowerLaw:
     """
     Measured end stiffnesses of a member, as power laws of pressure and length.
 
-    :param axial: P / delta x of a member from pinch to pinch, the other end fixed [N/m].
-    :param transverse: V / delta y of one end of a tube from guide ring to guide ring, the
-        rotations of both ends fixed [N/m].
-    :param rotary: M / delta theta of one end of a tube from guide ring to guide ring, its
-        translations and the other end fixed [N m/rad].
-    :param guide_ring_distance: distance g of each pinch point from its guide ring [m].
+    :param axial: axial force over displacement of a member's end at a pinch point, with the other
+        end fixed [N/m].
+    :param transverse: transverse force over displacement of a tube's end at a guide ring, with the
+        other end and both end rotations fixed [N/m].
+    :param rotary: moment over rotation of a tube's end at a guide ring, with its translation and
+        the other end fixed [N m/rad].
+    :param guide_ring_distance: distance g of each guide ring from its pinch point [m].
     """
 
     axial: Law
@@ -138,16 +139,16 @@ class PowerLaw:
 
     def section_stiffness(self, length: ArrayLike, pressure: ArrayLike) -> SectionStiffness:
         """
-        Return EA, EI and GA for the measured end stiffnesses of members.
+        Return the EA, EI and GA of beams that have the measured end stiffnesses.
 
-        With L from pinch to pinch and l = L - 2 g from ring to ring, the inverse of
-        k_axial = EA/L, k_transverse = 12 EI / (l^3 (1 + phi)) and
-        k_rotary = (4 + phi) EI / (l (1 + phi)), where phi = 12 EI / (GA l^2).
+        With the length L from pinch point to pinch point and l = L - 2 g from guide ring to guide
+        ring, it solves k_axial = EA/L, k_transverse = 12 EI / (l^3 (1 + phi)) and k_rotary = (4 +
+        phi) EI / (l (1 + phi)), where phi = 12 EI / (GA l^2).
 
-        :param length: (k,) lengths of whole members, pinch to pinch [m].
+        :param length: (k,) lengths of whole members, pinch point to pinch point [m].
         :param pressure: (k,) gauge pressures, or one for all [Pa].
         :raises StructureError: a member is shorter than its guide rings, a law has no stiffness,
-            or no beam has these stiffnesses; names length and pressure.
+            or no beam has these stiffnesses. The message names length and pressure.
         """
         length, pressure = broadcast_members(length, pressure)
         axial, transverse, rotary = self._end_stiffnesses(length, pressure)
@@ -172,17 +173,17 @@ class PowerLaw:
 
     @classmethod
     def of_block(cls, block: Mapping[str, Any], description: RobotDescription) -> PowerLaw:
-        """Return the laws of a robot file; see `TubeStiffness.of_block`."""
+        """Return the power laws of a robot file; see `TubeStiffness.of_block`."""
         return cls(**read_laws(block), guide_ring_distance=description.module.guide_ring_distance)
 
 
 @dataclass(frozen=True)
 class TubeSections:
     """
-    Sections of tubes scaled by a measured factor, with derivatives.
+    Section stiffness of tubes: a model times a measured factor, with derivatives.
 
-    :ivar model: the model.
-    :ivar scale: stiffness relative to the model, positive [-].
+    :ivar model: the stiffness model.
+    :ivar scale: ratio of the tube's stiffness to the model's, positive [-].
     """
 
     model: TubeStiffness
@@ -190,7 +191,7 @@ class TubeSections:
 
     @property
     def fabric(self) -> Fabric | None:
-        """Return the constants of the model's wall."""
+        """Return the elastic constants of the model's wall, without the factor."""
         return self.model.fabric
 
     def section_stiffness(self, length: ArrayLike, pressure: ArrayLike) -> SectionStiffness:
@@ -202,11 +203,11 @@ class TubeSections:
         """
         Return the derivatives of 1 / EA, 1 / EI and 1 / GA of whole members, (3, k) each.
 
-        Central differences: a model needs no derivatives.
+        The derivatives are central differences.
 
-        :param length: (k,) lengths, pinch to pinch [m].
+        :param length: (k,) lengths, pinch point to pinch point [m].
         :param pressure: (k,) gauge pressures [Pa].
-        :return: derivatives by length [1/m], and by gauge pressure [1/Pa].
+        :return: derivatives by length, and by gauge pressure, (3, k) each.
         """
         shares = (
             DIFFERENCE_STEP * np.array([[1.0, -1.0, 0.0, 0.0], [0.0, 0.0, 1.0, -1.0]])[:, :, None]
@@ -220,7 +221,7 @@ class TubeSections:
         )
 
 
-#: Models by their names in robot files.
+#: Stiffness models by their names in robot files.
 MODELS: dict[str, type[TubeStiffness]] = {
     'inflatable_beam': InflatableBeam,
     'power_law': PowerLaw,

@@ -4,10 +4,10 @@
 """
 Utilisation of inflated tubes: bending moment over wrinkling moment.
 
-Under the gauge pressure p and a compression N the wall carries the pull p pi R^2 - N. A bending
-moment makes one side slack at M_w = (p pi R^2 - N) R / 2, where the wall begins to wrinkle; at
-twice that the tube folds (Comer and Levy, AIAA Journal 1 (1963) 1652-1655). Beyond M_w the linear
-model is void.
+Under the gauge pressure p and a compression N the wall carries the pull p pi R^2 - N. At the
+bending moment M_w = (p pi R^2 - N) R / 2 one side of the wall is slack and begins to wrinkle; at 2
+M_w the tube folds (Comer and Levy, AIAA Journal 1 (1963) 1652-1655). Beyond M_w the beam model is
+not valid.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from isotruss_ros.core.statics.frame import Frame
 from isotruss_ros.core.statics.structure import Structure
 import numpy as np
 
-#: Largest recommended utilisation of tubes [-].
+#: Largest recommended utilisation of a tube [-].
 MAX_UTILISATION = 0.8
-#: Smallest phase of the sine of a moment [rad], for divisions.
+#: Smallest phase of a sinusoidal moment, against division by zero [rad].
 TINY = 1e-9
 
 
@@ -30,7 +30,7 @@ def wrinkling_moment(pressure: float, radius: float) -> float:
     Return M_w = p pi R^3 / 2 of a tube without axial force [N m].
 
     :param pressure: gauge pressure p [Pa].
-    :param radius: R of the tube [m].
+    :param radius: tube radius R [m].
     """
     return 0.5 * np.pi * pressure * radius**3
 
@@ -39,10 +39,11 @@ class Utilisation(NamedTuple):
     """
     Utilisation of the m members of a robot under loads.
 
-    :ivar used: (m,) largest |M| / M_w of each; infinite if compression exceeds the pull.
-    :ivar place: (m,) its distance from the member's start [m].
-    :ivar piece: (m,) index of the frame's member there.
-    :ivar kind: (m,) 0 at its start, 1 at its end, 2 inside.
+    :ivar used: (m,) largest |M| / M_w on each member; infinite if the compression exceeds the
+        pull.
+    :ivar place: (m,) distance of this maximum from the member's start [m].
+    :ivar piece: (m,) index of the frame's member with the maximum.
+    :ivar kind: (m,) 0 if the maximum is at this member's start, 1 at its end, 2 inside.
     """
 
     used: Array
@@ -57,12 +58,12 @@ def find_utilisation(
     """
     Return the utilisation of the members of a robot under loads.
 
-    The moment of a compressed piece is a sine between loads, with its peak possibly inside.
+    Between loads the moment of a compressed piece is a sine, so its maximum may be inside.
 
     :param structure: frame of the robot.
-    :param frame: frame cut at loads on tubes.
-    :param end_forces: (k, 6) forces on its members, see `FrameState`.
-    :param pulls: (k,) axial forces that change the moments inside these [N].
+    :param frame: the frame with cuts at the loads on tubes.
+    :param end_forces: (k, 6) forces on the frame's members, see `FrameState.end_forces`.
+    :param pulls: (k,) axial forces on the frame's members, see `FrameState.bowing` [N].
     """
     pieces, member, used, places = _use_pieces(structure, frame, end_forces, pulls)
     last = find_most_used(used.ravel(), np.tile(member, 3))
@@ -74,9 +75,9 @@ def _use_pieces(
     structure: Structure, frame: Frame, end_forces: Array, pulls: Array
 ) -> tuple[Indices, Indices, Array, Array]:
     """
-    Return the pieces of tube, their members, |M| / M_w (3, p) and the places of these.
+    Return the p pieces of tube, their members, |M| / M_w (3, p), and the places of these values.
 
-    At the starts, the ends and inside, where pulls (k,) change the moment.
+    The values are at the start, at the end and at the maximum inside the piece.
     """
     config, (pieces, member) = structure.config, tube_pieces(structure, frame)
     ends, topology = end_forces[pieces], config.robot.topology
@@ -97,7 +98,7 @@ def _use_pieces(
 
 
 def _wall_pull(structure: Structure, member: Indices) -> Array:
-    """Return the pull of the walls of members (c,) without axial force, p pi R^2 [N]."""
+    """Return the pull p pi R^2 (c,) of the walls of members without axial force [N]."""
     robot = structure.config.robot
     area = 0.25 * np.pi * robot.description.tube_diameter**2
     return area * np.array(structure.pressures)[robot.topology.tube[member]]
@@ -105,10 +106,10 @@ def _wall_pull(structure: Structure, member: Indices) -> Array:
 
 def tube_pieces(structure: Structure, frame: Frame) -> tuple[Indices, Indices]:
     """
-    Return the tubes among the members of a cut frame, and their members of the robot.
+    Return the indices of the tube parts in a cut frame, and the robot's member of each part.
 
     :param structure: frame of the robot.
-    :param frame: frame cut at loads on tubes.
+    :param frame: the frame with cuts at the loads on tubes.
     """
     first = structure.pieces[0, 0]
     pieces = np.flatnonzero(frame.whole >= first)
@@ -119,14 +120,15 @@ def use_sections(
     loads: Array | tuple[Array, ...], sections: Array, radius: float
 ) -> tuple[Array, Array]:
     """
-    Return the utilisation of pieces of tube, and the position of its inner maximum.
+    Return the utilisation of tube pieces, and the position of its maximum inside each piece.
 
     :param loads: bending moments at start and end (...) [N m]; pull of the wall [N], (3, ...) at
-        start, end and inner maximum, or (...) if constant; axial force in the bending (...) [N].
-    :param sections: (3, ...) length [m], EI [N m^2] and GA [N].
-    :param radius: radius of the tubes [m].
-    :return: |M| / M_w at start, end and inner maximum (3, ...), zero without such a maximum; and
-        the distance of the maximum from the start (...) [m].
+        start, end and inner maximum, or (...) if constant; axial force that amplifies the moment
+        (...) [N].
+    :param sections: (3, ...) length [m], EI [N m^2] and GA [N] of the pieces.
+    :param radius: tube radius [m].
+    :return: |M| / M_w (3, ...) at start, end and inner maximum, zero without an inner maximum; and
+        the distance (...) of the inner maximum from the start [m].
     """
     begin, end, left, pull = loads
     length, flexural, shear = sections
@@ -145,9 +147,9 @@ def use_sections(
 
 def find_most_used(used: Array, member: Indices) -> Indices:
     """
-    Return the place of largest utilisation of each member, (m,).
+    Return the index (m,) of the place with the largest utilisation on each member.
 
-    :param used: (c,) |M| / M_w at places of all members.
+    :param used: (c,) |M| / M_w at the places.
     :param member: (c,) index of the member of each place.
     """
     order = np.lexsort((used, member))

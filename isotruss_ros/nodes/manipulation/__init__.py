@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Node `manipulation`: roller velocities for twists of the held object and trajectories.
+Node `manipulation`: roller velocities for twists of the held object and for trajectories.
 
 Entry point: `node`. Other modules: settings, emergency stop, failed rollers, trajectories, and
-topics of which a lost message stops the robot. Imports `nodes.framework` and the core.
+topics whose lost messages stop the robot. Imports `nodes.framework` and the core.
 """

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Emergency stop: set by a topic or a service, latched, released by a service only."""
+"""Emergency stop: set by a topic or a service, latched, released only by a service."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ RELEASE = 'release_emergency_stop'
 
 class EmergencyStop:
     """
-    Latches a stop until its release, in any state of the node.
+    Emergency stop in any state of the node, latched until its release.
 
-    :param node: node of the subscription and the services, until destroyed.
-    :param required: function that returns whether a message is required before any motion.
+    :param node: node that has the subscription and the services until it is destroyed.
+    :param required: function that returns whether a message must arrive before any motion.
     :param changed: callback on changes of `reason`.
-    :param wait_for_zero: function that waits shortly for the acknowledgement of zero velocity by
-        the drives, and returns whether it was received.
+    :param wait_for_zero: function that waits shortly for the drives' acknowledgement of zero
+        velocity, and returns whether it arrived.
     """
 
     def __init__(
@@ -39,10 +39,10 @@ class EmergencyStop:
         self._wait_for_zero = wait_for_zero
         self._service = node.resolve_service_name(NAME)
         self._release_service = node.resolve_service_name(RELEASE)
-        #: Last message of the topic; None before the first.
+        #: Last message of the topic; None before the first message.
         self._last: bool | None = None
         self._stopped = False
-        #: Other reasons of a stop; the first one is stored.
+        #: First reason of a stop other than a message; None without one.
         self._cause: str | None = None
         self._messages = SparseMessages(
             node,
@@ -84,7 +84,7 @@ class EmergencyStop:
             self._changed()
 
     def _carry_out_stop(self) -> str:
-        """Stop, and respond after the drives have received zero."""
+        """Stop; return the response after the drives have received zero velocity."""
         self._stop_for(f'stopped by the service {self._service}')
         if not self._wait_for_zero():
             raise IsotrussError(

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Failed rollers: by the topic and the parameter `failed_rollers`, or detected."""
+"""Failed rollers: named by the topic, named by the parameter `failed_rollers`, or detected."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ SERVICE = 'reset_failed_rollers'
 
 class FailedRollers:
     """
-    Stores the failed rollers, named or detected, in any state of the node.
+    Record of the failed rollers, named or detected, in any state of the node.
 
-    :param node: node of the subscription and the service, until destroyed.
+    :param node: node that has the subscription and the service until it is destroyed.
     :param changed: callback on changes of the named rollers.
     """
 
     def __init__(self, node: ManagedNode, changed: Callable[[], None]) -> None:
         self._changed = changed
         self._named: frozenset[str] = frozenset()
-        #: Detector of the last servo; None before the first.
+        #: Detector of the last servo; None before the first servo.
         self._detector: FailureDetector | None = None
-        #: Reason why the named rollers are unknown; None if known.
+        #: Reason why the named rollers are unknown; None if they are known.
         self._unknown: str | None = None
         SparseMessages(
             node, DiagnosticArray, NAME, self._receive, self._report_missing, every=True
@@ -42,7 +42,7 @@ class FailedRollers:
 
     def select_named(self, robot: Robot) -> frozenset[str]:
         """
-        Return the rollers named by the topic that the robot has.
+        Return the rollers of the robot that the topic names.
 
         :param robot: the robot.
         """
@@ -50,9 +50,9 @@ class FailedRollers:
 
     def find_fault(self, robot: Robot) -> str | None:
         """
-        Return the reason why the named rollers are unknown; None if known.
+        Return the reason why the named rollers are unknown; None if they are known.
 
-        :param robot: robot with the rollers.
+        :param robot: the robot.
         """
         if self._unknown is not None:
             return self._unknown
@@ -64,7 +64,7 @@ class FailedRollers:
 
     def follow(self, detector: FailureDetector, robot: Robot) -> None:
         """
-        Transfer the detected failures to the detector of a new servo.
+        Copy the detected failures to the detector of a new servo.
 
         :param detector: detector of the servo.
         :param robot: robot of the servo.
@@ -95,9 +95,9 @@ class FailedRollers:
 
 def describe_reachable_twists(servo: TwistServo) -> str:
     """
-    Return the reachable twists of the object with the working rollers, in words.
+    Return in words the twists of the object that the working rollers can produce.
 
-    :param servo: servo with the inputs.
+    :param servo: servo with its latest inputs.
     """
     rollers, pose = servo.inputs.rollers, servo.inputs.pose
     if not isinstance(rollers, StampedInput) or not isinstance(pose, StampedInput):

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Node `manipulation`: roller commands for twists of object or joint and trajectories."""
+"""Node `manipulation`: roller commands for twists of object or joint, and for trajectories."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool
 
 MODES = ('object', 'joint')
-#: Period of the check of the types of publishers of cmd_vel without a twist [s].
+#: Period of the check of the types of the publishers of cmd_vel while no twist arrives [s].
 TYPE_CHECK_PERIOD = 1.0
 SPECS = (
     Spec(
@@ -48,7 +48,7 @@ SPECS = (
 
 
 class Manipulation(ManagedNode):
-    """Computes the roller velocities in every cycle from the latest inputs."""
+    """Node that computes the roller velocities in every cycle from the latest inputs."""
 
     node_name = 'manipulation'
     specs = SPECS
@@ -87,19 +87,20 @@ class Manipulation(ManagedNode):
 
     def prepare(self, settings: ServoSettings) -> ServoSettings:
         """
-        Return the settings of the servo; a subclass adds limits and barriers.
+        Return the settings of the servo; a subclass can add limits and barriers.
 
-        :param settings: settings of the parameters, after each of their changes.
+        :param settings: settings by the parameters; the method is called after each change of
+            them.
         """
         return settings
 
     def _make_settings(self) -> ServoSettings:
-        """Return the settings of the servo from the parameters."""
+        """Return the settings of the servo by the parameters."""
         joint = self.values.joint if self.values.mode == 'joint' else None
         return self.prepare(make_settings(self.robot, self.values, self._described, joint))
 
     def activate(self) -> None:
-        """Start the cycle."""
+        """Start the control cycle."""
         self._discard_twist()
         self._trajectory.subscribe()
         self._commands.subscribe()
@@ -113,7 +114,7 @@ class Manipulation(ManagedNode):
             self.get_logger().warning('not every subscriber acknowledged the last command, zero')
 
     def cleanup(self) -> None:
-        """Release the robot; failed rollers are kept."""
+        """Release the robot; the record of failed rollers remains."""
         self._servo = self._trajectory = None
 
     def details(self) -> dict[str, object]:
@@ -134,11 +135,11 @@ class Manipulation(ManagedNode):
         return details
 
     def describe(self) -> dict[str, object]:
-        """Add the reason of a stop, in every state."""
+        """Return the description of the node with the reason of a stop, in every state."""
         return {'emergency stop': self._stop.reason or 'no'} | super().describe()
 
     def _wait_for_zero(self) -> bool:
-        """Return whether the subscribers have received the last command, zero."""
+        """Wait shortly; return whether the subscribers have received the last command, zero."""
         return not self.active or self._commands.wait_for_subscribers()
 
     def _find_halt(self) -> tuple[Status, str] | None:
@@ -155,7 +156,7 @@ class Manipulation(ManagedNode):
         return None if fault is None else (Status.HALT_INVALID_FAILED_ROLLERS, fault)
 
     def _apply_stop(self) -> None:
-        """Halt at once; after a release only a later twist moves the object."""
+        """Halt at once; after a release, only a new twist moves the object."""
         if self._servo is None:
             return
         self._servo.receive(halt=self._find_halt())
@@ -166,22 +167,22 @@ class Manipulation(ManagedNode):
                 self._commands.stop()
 
     def _discard_twist(self) -> None:
-        """Drop the last twist and queued ones: only a later one may move the object."""
+        """Discard the last twist and queued twists; only a new twist moves the object."""
         take_waiting([], self._twists, NEWEST.depth)
         self._servo.receive(twist=None)
 
     def _clear_inputs(self) -> None:
-        """Discard the inputs: their ages are unknown after a jump of the clock."""
+        """Discard all inputs, because their ages are unknown after a jump of the clock."""
         self.inputs.clear()
         self._trajectory.abort('the clock jumped back or stopped')
 
     def _halt_on_stopped_clock(self, now: float) -> None:
-        """Halt: inputs do not age while the clock is stopped."""
+        """Halt, because inputs do not age while the clock is stopped."""
         self._clear_inputs()
         self._step(now, (Status.HALT_CLOCK, f'simulated time stopped at {now:.3f} s'))
 
     def _apply_failures(self) -> None:
-        """Command zero to the rollers named by the topic or the parameter."""
+        """Command zero velocity to the rollers that the topic or the parameter names."""
         if self._servo is not None:
             by_parameter = set(self.values.failed_rollers) - {''}
             named = self._failed_rollers.select_named(self.robot)
@@ -225,7 +226,7 @@ class Manipulation(ManagedNode):
         return read_twist(message.twist)
 
     def _check_twist_type(self) -> None:
-        """Reject twists of a publisher of the other type, which are never received."""
+        """Halt if a publisher sends twists of the other type, which are never received."""
         servo, twist = self._servo, self._servo.inputs.twist
         timeout = servo.settings.timeout
         if isinstance(twist, StampedInput) and self.now() - twist.time < timeout:

@@ -37,7 +37,7 @@ NORMAL_STATUSES = frozenset(
         Status.HALT_NO_TWIST,
     }
 )
-#: How an object is held is published at most this often, as often as grasps are analysed [s].
+#: Smallest period of messages about the held object, equal to the period of grasp analyses [s].
 GRIP_PERIOD = 0.04
 BOUNDS = ShapeBounds()
 SPECS = (
@@ -111,11 +111,11 @@ SPECS = (
 
 def _make_grip(robot: Robot, values: Parameters, described: ConvexObject | None) -> Grip:
     """
-    Return the grip of the parameters, with the object at any pose.
+    Return the grip by the parameters, with the object at an arbitrary pose.
 
     :param robot: the robot.
     :param values: parameters of a node.
-    :param described: object of the parameter `object`, see `read_described`.
+    :param described: object of the parameter `object`, see `read_described`; None for a disc.
     """
     body = described or ConvexObject(Disc(values.object_diameter))
     if values.object_mass:
@@ -128,12 +128,12 @@ def make_settings(
     robot: Robot, values: Parameters, described: ConvexObject | None, joint: str | None
 ) -> ServoSettings:
     """
-    Return the settings of the parameters.
+    Return the settings of the servo by the parameters.
 
     :param robot: the robot.
     :param values: parameters of the node.
     :param described: described object; None for a disc.
-    :param joint: joint that twists move; None for the object.
+    :param joint: joint that twists move; None: twists move the object.
     """
     squeeze = None
     if values.squeeze_force != 0.0:
@@ -157,18 +157,18 @@ def make_settings(
 
 
 class ServoSubscriptions(Inputs):
-    """`Inputs` whose holder is a `TwistServo`, which receives them by a method."""
+    """`Inputs` that are stored in a `TwistServo` by its method `receive`."""
 
     @property
     def timeouts(self) -> ServoSettings:
-        """Return the settings with the largest ages of inputs."""
+        """Return the settings of the servo, which have the largest ages of inputs."""
         return self.holder.settings
 
     def latest(self, name: str) -> Input:
         """
         Return the latest value of an input.
 
-        :param name: field of the inputs of the servo.
+        :param name: field of `ServoInputs`.
         """
         return getattr(self.holder.inputs, name)
 
@@ -176,7 +176,7 @@ class ServoSubscriptions(Inputs):
         """
         Replace an input of the servo.
 
-        :param name: field of the inputs of the servo.
+        :param name: field of `ServoInputs`.
         :param given: the new value.
         """
         self.holder.receive(**{name: given})
@@ -184,7 +184,7 @@ class ServoSubscriptions(Inputs):
 
 class StatusReport:
     """
-    Reports decisions of the servo; created at each configuration.
+    Publisher of the servo's decisions; created at each configuration.
 
     :ivar status: status of the last cycle.
     :param node: publishing node.
@@ -202,10 +202,10 @@ class StatusReport:
 
     def publish_grip(self, grasp: HeldEquilibrium | None, now: float) -> None:
         """
-        Publish how the object is held, at most as often as `GRIP_PERIOD`.
+        Publish the state of the held object, at most once in `GRIP_PERIOD`.
 
-        :param grasp: the equilibrium; None where nothing is held.
-        :param now: time of the cycle.
+        :param grasp: equilibrium of the object; None if none is held.
+        :param now: time of the cycle [s].
         """
         if grasp is None or 0.0 <= now - self._told < GRIP_PERIOD:
             return

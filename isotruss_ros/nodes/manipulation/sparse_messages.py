@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """
-Subscription to rare messages: the newest, or every message of a stop.
+Subscription to rare messages: to the newest, or to every message.
 
 rclpy takes one queued message per turn of the executor; this class takes all of them.
 """
@@ -21,32 +21,32 @@ from rclpy.subscription import Subscription
 if TYPE_CHECKING:
     from isotruss_ros.nodes.framework.managed import ManagedNode
 
-#: Longest time between the callbacks of a message and of the match of its publisher [s].
+#: Longest time between the callback for a message and the one for the match of its publisher [s].
 MATCH_DELAY = 1.0
-#: Largest number of messages per callback, processed within a millisecond [-].
+#: Largest number of messages per callback [-]; they are processed within a millisecond.
 MAX_BATCH = 200
-#: Largest number of queued messages [-]; Fast DDS drops those beyond 5000 without an event.
+#: Largest number of queued messages [-]; Fast DDS drops messages beyond 5000 without an event.
 MAX_BACKLOG = 1000
 
 
 class SparseMessages:
     """
-    Calls back with messages, and reports possible losses.
+    Subscription that calls back with messages and reports possible losses.
 
-    A publisher that is discovered, publishes and exits at once may be gone before this side has
-    matched it, and its message lost without an error. The departure of such a publisher is
-    reported if no message was received since its arrival.
+    A publisher that publishes and exits at once may be gone before this side has matched it. Then
+    its message is lost without an error. So the departure of a publisher is reported if no message
+    was received since its arrival.
 
-    With `every`, latched earlier messages are received as well, until the node is destroyed; lost
+    With `every`, earlier latched messages are received as well, until the node is destroyed; lost
     messages and best-effort publishers are reported. A transient-local subscription does not match
     a volatile publisher, such as `ros2 topic pub` without options. So the first subscription is
-    volatile; a second, transient-local one is added for a latching publisher, whose messages are
-    then received twice.
+    volatile. For a latching publisher a second, transient-local subscription is added; its
+    messages are then received twice.
 
-    :param node: subscribing node, reliable.
+    :param node: subscribing node; its subscription is reliable.
     :param kind: type of the messages.
     :param topic: relative name of the topic.
-    :param callback: function of one or more messages, in the order of reception.
+    :param callback: function of a list of messages, in the order of reception.
     :param missing: callback with the reason of a possible loss.
     :param every: whether every message is required, not only the newest.
     """
@@ -62,10 +62,10 @@ class SparseMessages:
     ) -> None:
         self._node, self._kind, self._topic = node, kind, topic
         self._callback, self._missing, self._every = callback, missing, every
-        #: Publishers matched after the last message.
+        #: Number of publishers matched after the last message, and time of the last message.
         self._silent, self._received = 0, -math.inf
         self._subscriptions: list[Subscription] = []
-        #: Messages received by each subscription since its queue was empty.
+        #: Number of messages that each subscription received since its queue was empty.
         self._backlogs = [0, 0]
         if every:
             # It matches all publishers of the other one, which needs no such events.
@@ -97,7 +97,7 @@ class SparseMessages:
             self._node.kept.add(subscription)
 
     def _subscribe_to_latched(self) -> None:
-        """Subscribe to earlier messages of latching publishers, once."""
+        """Subscribe to the earlier messages of latching publishers, once."""
         # Discovery lists a publisher before the match.
         found = self._node.get_publishers_info_by_topic(self._topic)
         latching = any(p.qos_profile.durability == EVERY_LATCHED.durability for p in found)
@@ -105,7 +105,7 @@ class SparseMessages:
             self._subscribe(EVERY_LATCHED)
 
     def _pass_on(self, index: int, taken: list[Any]) -> None:
-        """Call back with a message of a subscription and the queued ones."""
+        """Call back with a message of a subscription and with the messages queued behind it."""
         most = MAX_BATCH if self._every else 1 + RELIABLE.depth
         messages = take_waiting(taken, self._subscriptions[index], most)
         if messages:
@@ -118,7 +118,7 @@ class SparseMessages:
             self._report_loss()
 
     def _follow(self, event: Any) -> None:
-        """Count a new publisher, or report the departure of one."""
+        """Count a new publisher, or report the departure of a publisher."""
         # The executor may call back with the message before the match.
         if time.monotonic() - self._received > MATCH_DELAY:
             self._silent += event.total_count_change

@@ -4,8 +4,8 @@
 """
 Roller trajectories by topic and action, followed one at a time instead of twists.
 
-Topic and action are those of ros2_control's joint_trajectory_controller. Without the package
-control_msgs, which has the type of its action, only the equivalent own type is offered.
+Topic and action are the same as of ros2_control's joint_trajectory_controller. Its action type is
+in the package control_msgs; without this package, only the equivalent own type is offered.
 """
 
 from __future__ import annotations
@@ -35,20 +35,20 @@ ACTION = 'follow_roller_trajectory'
 STANDARD_ACTION = 'joint_trajectory_controller/follow_joint_trajectory'
 REPLACED_TEXT = 'a newer trajectory was received'
 Result = FollowRollerTrajectory.Result
-#: Result code of an aborted trajectory.
+#: Result code of a trajectory that was aborted.
 ABORTED_CODE = Result.PATH_TOLERANCE_VIOLATED
 
 
 class TrajectoryFollowing:
     """
-    Follows one trajectory at a time; twists apply again after its end.
+    Follower of one trajectory at a time; twists apply again after its end.
 
     A new trajectory replaces the current one. An empty trajectory and any stop of the rollers end
     the current one; trajectories do not resume. The result remains the status until the next
     twist.
 
     :param node: subscribing node while active.
-    :param servo: servo of the twists, with the measured positions and the history of commands.
+    :param servo: servo with the measured positions and the history of commands.
     """
 
     def __init__(self, node: ManagedNode, servo: TwistServo) -> None:
@@ -74,7 +74,7 @@ class TrajectoryFollowing:
 
     def decide(self, now: float) -> Decision:
         """
-        Return the decision of the current cycle, with a trajectory or without.
+        Return the decision of the current cycle, by a trajectory or by twists.
 
         :param now: time on the clock of the inputs [s].
         """
@@ -105,10 +105,10 @@ class TrajectoryFollowing:
 
     def abort(self, why: str) -> bool:
         """
-        Abort the trajectory, if any.
+        Abort the active trajectory, if any.
 
-        :param why: reason of the abortion.
-        :return: whether one was active, and the rollers must be stopped.
+        :param why: reason of the abort.
+        :return: whether a trajectory was active; then the rollers must be stopped.
         """
         if not self.busy:
             return False
@@ -129,17 +129,17 @@ class TrajectoryFollowing:
             self._end(Status.HALT_TRAJECTORY, f'trajectory rejected: {error}', ABORTED_CODE)
 
     def _report_missing(self, why: str) -> None:
-        """Stop: the lost message may have been a new trajectory or the end of this one."""
+        """Stop, because a lost message may have begun or ended a trajectory."""
         if not self.abort(f'{why}: publish the trajectory again'):
             self._node.get_logger().warning(f'{why}: if it was a trajectory, publish it again')
 
     def _update_follower(self) -> None:
-        """Give the follower the joint states of the servo and their largest age."""
+        """Pass the servo's joint states and their largest age to the follower."""
         self._follower.rollers = self._servo.inputs.rollers
         self._follower.timeout = self._servo.settings.timeout
 
     def _read(self, goal: Any) -> RollerGoal:
-        """Return the arguments of a goal; raise for an invalid one."""
+        """Return the arguments of a goal; raise an error for an invalid goal."""
         servo, follower, now = self._servo, self._follower, self._node.now()
         if servo.inputs.halt is not None:
             raise MessageError(servo.inputs.halt[1])
@@ -161,7 +161,7 @@ class TrajectoryFollowing:
         self._node.get_logger().info(words)
 
     def _offer(self, kind: Any, name: str) -> SingleGoal:
-        """Offer an action with trajectories as goals."""
+        """Offer an action whose goals are trajectories."""
 
         def refuse(error: IsotrussError) -> Any:
             code = getattr(error, 'code', Result.INVALID_GOAL)
@@ -184,7 +184,7 @@ class TrajectoryFollowing:
         return goal
 
     def _take_over(self, goal: SingleGoal, asked: RollerGoal) -> None:
-        """Start the trajectory of a goal in place of any other."""
+        """Start the trajectory of a goal in place of the current one."""
         self._end_goals(REPLACED_TEXT, spared=goal)
         self._begin(asked)
 
@@ -195,7 +195,7 @@ class TrajectoryFollowing:
         self._end(Status.HALT_NO_TWIST, words, ABORTED_CODE, Ending.CANCELED)
 
     def _publish_feedback(self) -> None:
-        """Publish desired and measured states of the rollers to the client of the goal."""
+        """Publish desired and measured states of the rollers to the goal's client."""
         goal = next((goal for goal in self._goals if goal.active), None)
         wanted, measured = self._follower.wanted, self._servo.inputs.rollers
         if goal is None or wanted is None or not isinstance(measured, StampedInput):
@@ -226,7 +226,7 @@ class TrajectoryFollowing:
         code: int = ABORTED_CODE,
         spared: SingleGoal | None = None,
     ) -> None:
-        """End the goal of a finished trajectory, if from an action."""
+        """End the goal of a finished trajectory if it came from an action."""
         for goal in self._goals:
             if goal.active and goal is not spared:
                 goal.end(ending, goal.kind.Result(error_code=code, error_string=text))

@@ -8,6 +8,7 @@ from hypothesis import example, given, strategies
 from isotruss_ros.core import (
     analyze_grasp,
     ConvexObject,
+    Ellipse,
     IsotrussError,
     load_robot,
     tangent_center,
@@ -89,6 +90,37 @@ def test_object_without_contact_has_points_without_forces():
     assert len(analysis.gaps) > 2
     assert not analysis.normal_forces.any()
     assert analysis.gaps.min() > 0.0
+
+
+def test_tubes_that_give_way_are_not_answered_by_straight_ones():
+    document = robots.example()
+    document['joints'] = {
+        'A': [5.24085382407068, 0.09908767159548276],
+        'B': [3.377522962431704, 1.9518580233568228],
+        'C': [1.2032126263108107, 1.1645474975643613],
+        'D': [4.053262086399243, -2.3597314878646465],
+        'E': [1.0473156907379741, -1.597529167309133],
+    }
+    document['tubes'] = {'t': {'joints': ['E', 'D', 'A', 'B', 'C'], 'passive': 'A'}}
+    document['module'] |= {
+        'pinch_separation': 0.1142,
+        'rod_length': 0.224,
+        'guide_ring_distance': 0.05,
+    }
+    document['supports'] = {'A': ['x', 'y'], 'C': ['x', 'y'], 'E': ['x']}
+    document['members'] = {'min_length': 0.15, 'max_length': 20.0}
+    config = robots.load(document).configuration([0.19292, -0.76027, -1.00508, 0.58768])
+    pressed_in = ConvexObject(Ellipse((0.1564, 0.0848)), (1.34983, -1.78687, -2.79205))
+    with pytest.raises(SolverError, match='structure gives way'):
+        analyze_grasp(config, pressed_in)
+
+
+def test_a_soft_structure_is_solved_to_rounding():
+    # A joint gives by a metre for five newtons: 1e-8 m are beyond the rounding of member forces.
+    travel = [0.1610, 0.0556, 0.3739, -0.0004, -0.1239, -0.6970, -0.0974, -0.2843]
+    config = load_robot('ring_of_four').configuration(travel)
+    analysis = analyze_grasp(config, ConvexObject.disc((0.8419, 0.4786), 0.2166))
+    assert analysis.normal_forces.sum() == pytest.approx(12.8, rel=0.02)
 
 
 def test_small_object_missed_by_the_final_points_is_refused():

@@ -70,3 +70,14 @@ def test_a_rising_target_closes_in_place(shape, angle, members, config):
     loop.run((0.0, 0.0, 0.0), 1.5)
     assert loop.object.grasp.squeeze == pytest.approx(loop.target, rel=5e-3)
     assert loop.errors[-1] < 2e-4
+
+
+def test_a_step_of_the_pose_by_new_contacts_is_not_fed_forward():
+    """The box comes to lie on a face, and its pose changes by a step."""
+    shape = Polygon([(-0.12, -0.1), (0.12, -0.1), (0.12, 0.1), (-0.12, 0.1)], 0.02)
+    loop, drifts = loop_of(shape, 0.62, CORNER), [0.0]
+    while len(loop.control.grasp.contacts.members if loop.control.grasp else ()) < 3:
+        assert len(drifts) < 20
+        loop.run((0.0, 0.0, -0.2), loop.period)
+        drifts.append(np.abs(loop.control.belief.drift).max())
+    assert drifts[-1] == 0.0 < drifts[-2]
