@@ -15,9 +15,9 @@ from isotruss_ros.core.statics.bent_tubes import BentTubes, Displaced
 from isotruss_ros.core.statics.structure import Structure
 import numpy as np
 
-#: Largest motion of a node without a new factorisation of the compliance [m]. Within it each step
-#: of the iteration for the bent tubes reduces the error a hundredfold.
-KEPT_MOTION = 2e-4
+#: Largest motion of a node between similar grasps with one factorisation [m]. Each step of the
+#: iteration for the bent tubes then reduces the error a hundredfold.
+KEPT_MOTION = 4e-4
 #: Smallest distance of a point from the end of its piece of tube, relative to the spacing [-].
 SHORTEST_SHARE = 0.2
 
@@ -145,14 +145,15 @@ class ContactPoints:
         """Return the largest motion of nodes since then, in another state [m]."""
         return float(np.abs(bent.tangent.points - self.bent.tangent.factored.points).max())
 
-    def lend(self, bent: BentTubes) -> bool:
+    def lend(self, bent: BentTubes, farthest: float) -> bool:
         """
-        Let tubes in a near state use the factored frame; return whether they do.
+        Let tubes use the factorised frame, and return whether their state is near enough.
 
         :param bent: the tubes, at any places.
+        :param farthest: largest motion of a node from the factorised state [m].
         """
         alike = not bent.is_straight and bent.structure.pressures == self.bent.structure.pressures
-        near = alike and self._apart(bent) <= KEPT_MOTION
+        near = alike and self._apart(bent) <= farthest
         if near:
             bent.tangent.borrow(self.bent.tangent)
         return near
@@ -292,7 +293,11 @@ def find_contact_points(
     place = np.clip(foot[member] + spacing * number, 0.0, length[member])
     tubes = BentTubes(structure, member, place, shortest=SHORTEST_SHARE * spacing)
     tubes = tubes if bent is None else tubes.bent_like(bent)
-    if known is not None and known[0].lend(tubes) and known[0].is_parallel(tubes, spacing):
+    if (
+        known is not None
+        and known[0].lend(tubes, KEPT_MOTION)
+        and known[0].is_parallel(tubes, spacing)
+    ):
         return known[0].about(tubes, known[1])
     points = points_on_members(tubes, spacing)
     if flattening is None:

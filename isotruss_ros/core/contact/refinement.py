@@ -56,6 +56,8 @@ SETTLED_SHARE, SETTLED_MOTION, SOFT_MOTION = 5e-8, 1e-12, 1e-6
 #: Largest number of steps [-], and ratio of successive motions above which the compliance is
 #: computed again [-].
 MAX_BENDS, QUICK_SHARE = 12, 0.5
+#: Largest motion of a node during the iteration with one factorisation [m].
+KEPT_MOTION = 1e-3
 #: Shares of the bending by the contact forces, tried one after another [-].
 BENT_SHARES = (1.0, 0.5, 0.2, 0.0)
 
@@ -244,7 +246,7 @@ class _Search:
                 contact: ContactState = contact,
                 quick: bool = quick,
             ) -> tuple[ContactPoints, ContactState]:
-                quick = quick and points.lend(bent)
+                quick = quick and points.lend(bent, KEPT_MOTION)
                 there = points.about(bent, contact.push if quick else None)
                 found = contact.forces, contact.normals, contact.push
                 return there, self.solver(there, surface, *found)
