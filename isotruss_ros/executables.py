@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The executables: `isotruss NAME`, `ros2 run isotruss_ros NAME`.
+Executables of the package, run by `isotruss NAME` or `ros2 run isotruss_ros NAME`.
 
-setup.py runs this module for its tables before the installation: it imports no other module.
-Importing a node takes about a second. A signal in that time ends the process at once, since no
-roller moves yet.
+setup.py runs this module for its tables before the installation, so it imports no other module.
+The import of a node takes about a second. A signal in this time ends the process at once, because
+no roller moves yet.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ NODES = (
     'check_rollers',
     'preflight',
 )
-#: Programs other than nodes: purpose and function.
+#: Purpose and function of each program that is not a node.
 PROGRAMS = {
     'demo': ('plan a grasp, grip an object, carry and hold it', 'isotruss_ros.demo.__main__:main'),
     'view': ('drag a simulated robot in the browser', 'isotruss_ros.demo.view:main'),
@@ -56,7 +56,7 @@ PROGRAMS = {
     ),
     'export_mujoco': ('write a robot as a MuJoCo model', 'isotruss_ros.cli.export_mujoco:main'),
 }
-#: Requests to the running nodes.
+#: Names of the requests to the running nodes.
 REQUESTS = ('pick', 'move', 'place', 'stop', 'release')
 
 
@@ -68,7 +68,7 @@ def run_node(name: str) -> int:
     """
     Run a node until it is interrupted.
 
-    :param name: one of `NODES`.
+    :param name: name of a node in `NODES`.
     :return: exit code of the process.
     """
     for which in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
@@ -80,7 +80,7 @@ def run_node(name: str) -> int:
 
 
 def __getattr__(name: str) -> Callable[[], int]:
-    """Return the function of an executable by the name in the console scripts."""
+    """Return the function of an executable by its name in the console scripts."""
     if name in NODES:
         return partial(run_node, name)
     raise AttributeError(name)
@@ -95,7 +95,7 @@ def _messages_missing() -> bool:
 
 def isotruss() -> int:
     """
-    Run the executable of the first argument of the process, with the following arguments.
+    Run the executable that the first argument of the process names, with the other arguments.
 
     :return: exit code of the process.
     """
@@ -114,7 +114,7 @@ def isotruss() -> int:
 
 
 def _explain() -> None:
-    """Print the help, or refuse the first argument."""
+    """Print the help, or an error for an unknown first argument."""
     lines = [f'  {name:<20} {words}' for name, (words, _) in PROGRAMS.items()]
     lines.append(f'requests to the running nodes: {", ".join(REQUESTS)}')
     lines.append(f'nodes: {", ".join(NODES)}')

@@ -23,27 +23,27 @@ from isotruss_ros.calibration.outliers import outlying_points
 from isotruss_ros.core.numerics.arrays import Array, Indices
 import numpy as np
 
-#: Ranges of the constants of tubes, from rubber film to metal foil [N/m], and of their ends [-].
-#: Displacements in mm reduce the first two, pressures in kPa increase the last one by 1000.
+#: Ranges of the constants of tubes: E t and G t from rubber film to metal foil [N/m], and c [-].
+#: Displacements in mm reduce E t and G t by 1000, pressures in kPa increase c by 1000.
 PLAUSIBLE_RANGES = {
     'membrane_modulus': (1e3, 1e7),
     'membrane_shear_modulus': (3e2, 1e7),
     'end_softening': (0.2, 200.0),
 }
-#: Diameter of the tube of the paper and of the presets [m].
+#: Diameter of the tubes of the paper and of the presets [m].
 DEFAULT_DIAMETER = 0.102
 
 
 @dataclass(frozen=True)
 class Analysis:
-    """Results of the fits."""
+    """Results of the fits to the measurements of a tube."""
 
     slopes: Mapping[str, Sequence[Slope]]  #: slopes of the groups, by mode
-    fitted: FittedBeam | None  #: fit to the slopes of all modes; None without one
-    refusal: str  #: reason of its absence, else empty
-    local: FittedLocalStiffness | None  #: None without such points, or if undetermined
-    local_refusal: str  #: reason of its absence, else empty
-    laws: Mapping[str, FittedLaw]  #: Table I: power laws by mode, each on its own
+    fitted: FittedBeam | None  #: beam fitted to the slopes of all modes; None without a fit
+    refusal: str  #: reason why there is no beam; else empty
+    local: FittedLocalStiffness | None  #: local stiffness; None without a fit
+    local_refusal: str  #: reason why there is no local stiffness; else empty
+    laws: Mapping[str, FittedLaw]  #: power laws by mode, as in Table I
     missing: Mapping[str, str]  #: reasons of missing power laws, by mode
     unused: Mapping[str, Sequence[int]]  #: line numbers of unused rows, by reason
 
@@ -51,7 +51,7 @@ class Analysis:
         """
         Return the number of measured points of the slopes of a mode.
 
-        :param mode: axial, transverse or rotary.
+        :param mode: mode: axial, transverse or rotary.
         """
         return sum(int(slope.used.sum()) for slope in self.slopes[mode])
 
@@ -63,13 +63,13 @@ def analyse(
     max_displacements: Mapping[str, float] | None = None,
 ) -> Analysis:
     """
-    Fit slopes, the beam and separate power laws.
+    Fit slopes, a beam, the local stiffness and power laws to measurements.
 
-    :param measurements: groups of points; lengths are pinch to pinch in the axial mode, and guide
-        ring to guide ring in the others [m].
+    :param measurements: groups of points; lengths are pinch point to pinch point in the axial
+        mode, and guide ring to guide ring in the other modes [m].
     :param diameter: diameter of the tube [m].
-    :param tolerance: see linear_range.TOLERANCE.
-    :param max_displacements: given linear ranges of modes, instead of the test [m or rad].
+    :param tolerance: tolerance of the linear range, see `linear_range.TOLERANCE` [-].
+    :param max_displacements: linear range by mode, in place of the test [m, rad].
     """
     ranges = max_displacements or {}
     slopes: dict[str, list[Slope]] = {mode: [] for mode in MODES}
@@ -105,7 +105,7 @@ def analyse(
 
 
 def _without_outliers(group: Group, unused: dict[str, list[int]]) -> Group:
-    """Return a group without outliers of its line; store their rows."""
+    """Return a group without the outliers of its line, and store their rows as unused."""
     out, off = outlying_points(group)
     unit = 'N m' if group.mode == 'rotary' else 'N'
     for i in np.flatnonzero(out):
@@ -117,7 +117,7 @@ def _without_outliers(group: Group, unused: dict[str, list[int]]) -> Group:
 def _without_outlying_groups(
     slopes: Mapping[str, list[Slope]], radius: float, unused: dict[str, list[int]]
 ) -> dict[str, list[Slope]]:
-    """Return slopes without outliers of the beam; store their rows."""
+    """Return slopes without the outliers of the beam, and store their rows as unused."""
     found = [slope for mode in MODES for slope in slopes[mode]]
     ratios = outlying_ratios(*_measured(found), radius)
     for slope, ratio in zip(found, ratios, strict=True):
@@ -129,7 +129,7 @@ def _without_outlying_groups(
 
 
 def _require_plausible(fitted: FittedBeam) -> None:
-    """Raise for implausible constants that the points determine."""
+    """Raise MeasurementError for implausible constants that the points determine."""
     for name, (low, high) in PLAUSIBLE_RANGES.items():
         value = getattr(fitted.constants, name)
         known = getattr(fitted.high, name) < np.inf
@@ -141,7 +141,7 @@ def _require_plausible(fitted: FittedBeam) -> None:
 
 
 def _measured(slopes: Sequence[Slope]) -> tuple[Indices, Array, Array, Array]:
-    """Return modes, lengths, pressures and stiffnesses, (n,) each."""
+    """Return modes, lengths, pressures and stiffnesses of slopes, (n,) each."""
     return (
         np.array([MODES.index(slope.group.mode) for slope in slopes], dtype=np.intp),
         np.array([slope.group.length for slope in slopes]),

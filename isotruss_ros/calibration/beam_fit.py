@@ -4,9 +4,9 @@
 """
 Fit of the three constants of an inflatable beam to the stiffnesses of all modes.
 
-The constants E t and G t of the fabric and the softening c of the pinched ends give all end
-stiffnesses at any length and pressure (`InflatableBeam`). The logarithms of the stiffnesses are
-fitted with equal weights.
+The constants are E t and G t of the fabric and the softening c of the pinched ends. They determine
+all end stiffnesses at any length and pressure, see `InflatableBeam`. The logarithms of the
+stiffnesses are fitted with equal weights.
 """
 
 from __future__ import annotations
@@ -17,59 +17,60 @@ from typing import NamedTuple
 
 from isotruss_ros.calibration.law import half_widths
 from isotruss_ros.calibration.measurements import MeasurementError, MODES
-from isotruss_ros.core.model.robot_schema import MAX_MAGNITUDE
-from isotruss_ros.core.numerics.arrays import Array, Indices
+from isotruss_ros.core.numerics.arrays import Array, Indices, MAX_MAGNITUDE
 from isotruss_ros.core.statics.beam_column import local_stiffness
 from isotruss_ros.core.statics.section import InflatableBeam, TubeStiffness
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import least_squares
 
-#: Search range of the constants as a factor on the estimate [-]; they have no effect beyond.
+#: Largest factor between the constants and their estimate in the search [-]; constants outside
+#: have no effect.
 SEARCH_FACTOR = 1e6
-#: Scatter of ln(stiffness) between trials of one tube, and misfit of an outlier [-]. A third of
-#: the latter removes groups of tubes that are no such beam; three times keeps errors by a factor
-#: of 8.
+#: Deviation of ln(stiffness) between trials of one tube, and smallest deviation of an outlier [-].
+#: A third of the latter removes groups of tubes that are no such beam; three times keeps errors by
+#: a factor of 8.
 COMMON_MISFIT, LEAST_MISFIT = 0.1, 0.7
-#: Largest share of outlying groups [-]; with more, the model does not apply.
+#: Largest share of outlying groups [-]; if more are outlying, the model does not apply.
 MAX_OUTLIER_SHARE = 0.2
 #: Smallest relative singular value of a determined combination of constants [-].
 MIN_SINGULAR_RATIO = 1e-4
 
 
 class BeamConstants(NamedTuple):
-    """E t [N/m], G t [N/m] and c, named as in a robot file."""
+    """Constants of an inflatable beam, named as in a robot file."""
 
     membrane_modulus: float  #: E t of the fabric along the tube [N/m]
     membrane_shear_modulus: float  #: G t of the fabric [N/m]
-    end_softening: float  #: c of the bending stiffness at the held ends [-]
+    end_softening: float  #: c of the stiffness of the pinched ends [-]
 
 
 @dataclass(frozen=True)
 class FittedBeam:
-    """An inflatable beam with confidence intervals of its constants."""
+    """Inflatable beam with confidence intervals of its constants."""
 
-    radius: float  #: R of the tube [m]
+    radius: float  #: tube radius R [m]
     constants: BeamConstants  #: least-squares estimate
-    low: BeamConstants  #: lower ends of the confidence intervals, of each constant on its own
-    high: BeamConstants  #: upper ends; infinite if unbounded by the points
+    low: BeamConstants  #: lower ends of the confidence intervals of single constants
+    high: BeamConstants  #: upper ends; infinite if the points do not bound a constant
     misfits: Mapping[str, float]  #: root mean square of ln(measured / fitted stiffness) by mode
 
     @property
     def beam(self) -> InflatableBeam:
-        """Return the model of the tube."""
+        """Return the model of the tube with these constants."""
         return InflatableBeam(self.radius, *self.constants)
 
 
 def end_stiffness(tube: TubeStiffness, mode: str, length: ArrayLike, pressure: ArrayLike) -> Array:
     """
-    Return the end stiffness: the diagonal of (2).
+    Return the end stiffness of a tube in one mode, the diagonal entry of (2).
 
-    :param tube: a model whose EI and GA do not depend on the length.
-    :param mode: axial, transverse or rotary.
-    :param length: (k,) pinch to pinch for the axial mode, ring to ring for the others [m].
-    :param pressure: (k,) gauge [Pa].
-    :return: (k,) [N/m], rotary [N m/rad].
+    :param tube: stiffness model whose EI and GA do not depend on the length.
+    :param mode: mode: axial, transverse or rotary.
+    :param length: (k,) lengths: pinch point to pinch point for the axial mode, else guide ring to
+        guide ring [m].
+    :param pressure: (k,) gauge pressures [Pa].
+    :return: (k,) stiffnesses [N/m]; of the rotary mode [N m/rad].
     """
     length, pressure = np.broadcast_arrays(np.asarray(length, float), np.asarray(pressure, float))
     flat = length.ravel()
@@ -82,14 +83,16 @@ def fit_beam(
     modes: Indices, lengths: Array, pressures: Array, stiffnesses: Array, radius: float
 ) -> FittedBeam:
     """
-    Fit the constants of an inflatable beam.
+    Fit the constants of an inflatable beam to end stiffnesses.
 
-    :param modes: (n,) index of the mode of each stiffness in MODES.
-    :param lengths: (n,) pinch to pinch for the axial mode, ring to ring for the others [m].
-    :param pressures: (n,) gauge [Pa].
-    :param stiffnesses: (n,) [N/m], rotary [N m/rad].
-    :param radius: R of the tube [m].
-    :raises MeasurementError: the points do not determine the constants; names the missing ones.
+    :param modes: (n,) index in MODES of the mode of each stiffness.
+    :param lengths: (n,) lengths: pinch point to pinch point for the axial mode, else guide ring to
+        guide ring [m].
+    :param pressures: (n,) gauge pressures [Pa].
+    :param stiffnesses: (n,) end stiffnesses [N/m]; of the rotary mode [N m/rad].
+    :param radius: tube radius R [m].
+    :raises MeasurementError: the points do not determine the constants; the message names the
+        missing points.
     """
     _require_modes(modes)
     target = np.log(stiffnesses)
@@ -133,14 +136,17 @@ def outlying_ratios(
     modes: Indices, lengths: Array, pressures: Array, stiffnesses: Array, radius: float
 ) -> Array:
     """
-    Return factors between stiffnesses and the beam of the others, by a Cauchy loss.
+    Return the factors between stiffnesses and a beam that fits the other stiffnesses.
 
-    :param modes: modes, lengths, pressures and stiffnesses as in `fit_beam`.
-    :param lengths: lengths of the members [m].
-    :param pressures: gauge [Pa].
-    :param stiffnesses: [N/m], rotary [N m/rad].
-    :param radius: R of the tube [m].
-    :return: (n,) factors of outliers, 1 for inliers; all 1 with too many outliers.
+    The beam is fitted with a Cauchy loss.
+
+    :param modes: (n,) index of each mode, see `fit_beam`.
+    :param lengths: (n,) lengths, see `fit_beam` [m].
+    :param pressures: (n,) gauge pressures [Pa].
+    :param stiffnesses: (n,) end stiffnesses [N/m]; of the rotary mode [N m/rad].
+    :param radius: tube radius R [m].
+    :return: (n,) factors of outliers, 1 for other stiffnesses; all 1 if there are too many
+        outliers.
     :raises MeasurementError: the points do not determine the constants.
     """
     _require_modes(modes)
@@ -164,7 +170,7 @@ def outlying_ratios(
 def _stiffnesses(
     logs: Array, modes: Indices, lengths: Array, pressures: Array, radius: float
 ) -> Array:
-    """Return the stiffnesses (n,) of a beam with the constants exp(logs)."""
+    """Return the end stiffnesses (n,) of a beam with the constants exp(logs)."""
     beam = InflatableBeam(radius, *np.exp(logs))
     found = np.empty(len(modes))
     for mode in np.unique(modes):
@@ -176,7 +182,7 @@ def _stiffnesses(
 def _estimate(
     modes: Indices, lengths: Array, pressures: Array, stiffnesses: Array, radius: float
 ) -> Array:
-    """Return logarithms of constants of the right magnitude as the initial guess."""
+    """Return estimated logarithms of the constants, of the right magnitude."""
     axial, transverse, rotary = (modes == mode for mode in range(3))
     # Between EI/L and 4 EI/L; equal compliance by bending and shear, by ends and wall.
     bending = np.where(rotary, 0.5 * stiffnesses * lengths, stiffnesses * lengths**3 / 6.0)
@@ -208,7 +214,7 @@ def _require_modes(modes: Indices) -> None:
 
 
 def _require_determined(sensitivity: Array) -> None:
-    """Raise if a combination of constants is undetermined."""
+    """Raise MeasurementError if a combination of constants is undetermined."""
     _, sizes, directions = np.linalg.svd(sensitivity)
     free = np.abs(directions[-1])
     # A single constant without effect is harmless: the stiffnesses fit for any value.

@@ -4,8 +4,8 @@
 """
 Displacements of sections inside straight beams.
 
-EA, EI and GA are the section stiffness (Timoshenko; an infinite GA is an Euler-Bernoulli beam).
-Displacements inside a beam are exact.
+The beams have the section stiffness EA, EI and GA (Timoshenko; with infinite GA, Euler-Bernoulli).
+The displacements are exact.
 """
 
 from __future__ import annotations
@@ -18,15 +18,16 @@ IDENTITY = np.eye(6)
 
 class Beams:
     """
-    Beams between their ends, by transfer matrices.
+    Straight beams between fixed ends, computed by transfer matrices.
 
-    The displacements along and across, the rotation, axial force, shear force and bending moment
-    z = (u, w, theta, N, V, M) of a section follow from those at the start, z(x) = exp(A x) z(0);
-    loads are jumps of N, V and M (Pestel and Leckie, Matrix Methods in Elastomechanics, 1963).
+    The state of a section is z = (u, w, theta, N, V, M): displacements along and across the beam,
+    rotation, axial force, shear force and bending moment. It follows from the state at the start
+    by z(x) = exp(A x) z(0); loads are jumps of N, V and M (Pestel and Leckie, Matrix Methods in
+    Elastomechanics, 1963).
 
     :ivar length: (k,) lengths [m].
     :ivar series: (k, 4, 6, 6) nonzero terms A^n / n! of exp(A x).
-    :ivar by_ends: (k, 6, 6) z at the start by (ux, uy, theta) of start and end.
+    :ivar by_ends: (k, 6, 6) matrix from (ux, uy, theta) of start and end to z at the start.
     :param length: (k,) lengths [m].
     :param axial: (k,) EA [N].
     :param flexural: (k,) EI [N m^2].
@@ -54,14 +55,14 @@ class Beams:
 
     def points(self, beam: Indices, place: Array) -> tuple[Array, Array]:
         """
-        Return the displacements of points on the beams.
+        Return shape functions and compliance of points on the beams.
 
         :param beam: (c,) index of the beam of each point.
-        :param place: (c,) distance from the start of the beam [m].
-        :return: the shape functions (c, 3, 6) from (ux, uy, theta) at start and end to the
-            displacements along and across the beam and the rotation of its section; and the
-            compliance of the points with fixed ends of the beams, (2, c, c) along and across
-            [m/N], zero between points of different beams.
+        :param place: (c,) distance of each point from the start of its beam [m].
+        :return: (c, 3, 6) shape functions from (ux, uy, theta) at start and end of the beam to the
+            displacements along and across it and the rotation of the section; and (2, c, c)
+            compliance along and across with fixed ends [m/N], zero between points on different
+            beams.
         """
         series = self.series
         shapes = sum_series((series[:, :, :3] @ self.by_ends[:, None])[beam], place)
@@ -78,8 +79,8 @@ def sum_series(terms: Array, distance: Array) -> Array:
     """
     Return the sum of terms times powers of a distance.
 
-    :param terms: (k, 4, a, b) of `Beams.series`, or these times matrices.
-    :param distance: (k,) x [m].
+    :param terms: (k, 4, a, b) terms `Beams.series`, possibly times matrices.
+    :param distance: (k,) distances x [m].
     :return: (k, a, b) sums.
     """
     return np.einsum('kn,knab->kab', distance[:, None] ** np.arange(4), terms)

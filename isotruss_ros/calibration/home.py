@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Roller offsets from measured joints of the empty robot."""
+"""Calibration of the roller offsets from measured joints of the empty robot."""
 
 from __future__ import annotations
 
@@ -16,8 +16,7 @@ from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.solve_joint_velocity import check_joint
 from isotruss_ros.core.model.description import RobotDescription
-from isotruss_ros.core.model.pose import MAX_DISTANCE
-from isotruss_ros.core.numerics.arrays import Array, finite_rows
+from isotruss_ros.core.numerics.arrays import Array, finite_rows, MAX_MAGNITUDE
 from isotruss_ros.core.numerics.records import Record
 import numpy as np
 
@@ -29,11 +28,11 @@ MIN_SINGULAR_RATIO = 1e-2
 
 @dataclass(frozen=True, eq=False, repr=False)
 class HomeCalibration(Record, headline=('zeros', 'deviations', 'residuals')):
-    """Roller offsets, and the robot with its home at zero encoder readings."""
+    """Fitted roller offsets, and the robot whose home is at zero encoder readings."""
 
-    zeros: Array  #: (r,) travel since the home of the robot file where encoders read zero [m]
-    deviations: Array  #: (r,) their standard deviations [m]
-    residuals: Array  #: (k, 2) measured minus fitted joints, posture after posture [m]
+    zeros: Array  #: (r,) roller travel since the file's home at zero encoder readings [m]
+    deviations: Array  #: (r,) standard deviations of `zeros` [m]
+    residuals: Array  #: (k, 2) measured minus fitted joint positions, by posture [m]
     description: RobotDescription  #: the robot with the fitted home
 
 
@@ -43,18 +42,18 @@ def calibrate_home(
     """
     Fit the roller offsets by least squares over all postures.
 
-    The Jacobian is that of (12). The fit has no prior.
+    The Jacobian follows from (12). The fit has no prior.
 
-    :param robot: the robot of the robot file.
-    :param postures: postures of the empty robot, without loads.
-    :param deviation: standard deviation of a measured coordinate, positive [m]; where the joints
-        scatter more, the deviations follow from that.
+    :param robot: robot of the robot file.
+    :param postures: measured postures of the empty robot without loads.
+    :param deviation: standard deviation of a measured coordinate, positive [m]; if the joints
+        scatter more, their scatter determines `HomeCalibration.deviations`.
     :raises GraspError: a joint is unknown.
-    :raises MeasurementError: there are too few joints, they do not determine the zeros, or one of
-        them does not fit; names it.
+    :raises MeasurementError: too few joints; joints that do not determine the offsets; or a joint
+        that does not fit, which the message names.
     """
     joints = [place for posture in postures for place in posture.joints.values()]
-    finite_rows(joints, 2, 'measured joints (x, y) [m]', MeasurementError, MAX_DISTANCE)
+    finite_rows(joints, 2, 'measured joints (x, y) [m]', MeasurementError, MAX_MAGNITUDE)
     known = {name for posture in postures for name in posture.joints}
     for name in known:
         check_joint(robot, name)
@@ -85,7 +84,7 @@ def calibrate_home(
 
 
 def _require_determined(robot: Robot, known: Sequence[str], jacobian: Array) -> None:
-    """Refuse joints that leave a combination of zeros undetermined; name joints that would not."""
+    """Raise MeasurementError for undetermined offsets; name joints that determine them."""
     values, modes = np.linalg.svd(jacobian)[1:]
     if len(values) == jacobian.shape[1] and values[-1] >= MIN_SINGULAR_RATIO * values[0]:
         return
@@ -101,7 +100,7 @@ def _require_determined(robot: Robot, known: Sequence[str], jacobian: Array) -> 
 def _refuse_misfit(
     robot: Robot, postures: Sequence[Posture], found: HomeFit, deviation: float
 ) -> None:
-    """Raise for joints with residuals far beyond the deviation of the measurements."""
+    """Raise MeasurementError for joints whose residuals exceed the measurement noise by far."""
     worst = found.worst(deviation)
     if worst is None:
         return
@@ -119,8 +118,8 @@ def move_home(robot: Robot, zeros: Array) -> RobotDescription:
     Return the description of the same robot with another home.
 
     :param robot: the robot.
-    :param zeros: (r,) roller travel since its home at which the other one is [m].
-    :raises ConfigurationError: there is no such shape.
+    :param zeros: (r,) roller travel from the current to the other home [m].
+    :raises ConfigurationError: no configuration exists at this travel.
     """
     nodes = robot.home.moved_to(zeros).nodes
     names = robot.topology.joint_names

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Least squares of measured joints over the roller offsets and the frame of the tracker."""
+"""Least-squares fit of roller offsets and tracker frame to measured joints."""
 
 from __future__ import annotations
 
@@ -18,27 +18,29 @@ import scipy
 
 #: Largest residual of a joint in standard deviations [-].
 GATE_SIGMAS = 5.0
-#: Iteration cap of a fit [-]; it takes five to ten from the home of the robot file.
+#: Largest number of iterations of a fit [-]; five to ten are usual from the home of the robot
+#: file.
 MAX_ITERATIONS = 100
-#: Smallest residual share (1 minus leverage) of a coordinate whose error is visible [-].
+#: Smallest share of a coordinate's error that is in its residual, if the error can be detected
+#: [-]. The share is sqrt(1 - leverage).
 MIN_RESIDUAL_SHARE = 0.1
 
 
 @dataclass(frozen=True)
 class Posture:
-    """Measured joints of the empty robot at one reading of the encoders."""
+    """Measured joints of the empty robot at one encoder reading."""
 
-    roller_positions: Array  #: (r,) readings [m]
-    joints: Mapping[str, tuple[float, float]]  #: (x, y) by the name of the joint, robot frame [m]
+    roller_positions: Array  #: (r,) encoder readings [m]
+    joints: Mapping[str, tuple[float, float]]  #: (x, y) by joint, robot frame [m]
 
 
 class HomeFit(NamedTuple):
     """
-    A fit to measured joints.
+    Fit to measured joints.
 
-    :ivar zeros: (r,) travel since the home of the robot file where encoders read zero [m].
-    :ivar motion: transform (dx, dy, angle) from the frame of the tracker to the robot's [m, rad].
-    :ivar residuals: (k, 2) measured minus fitted joints, posture after posture [m].
+    :ivar zeros: (r,) roller travel since the file's home at zero encoder readings [m].
+    :ivar motion: transform (dx, dy, angle) from the tracker's frame to the robot's frame [m, rad].
+    :ivar residuals: (k, 2) measured minus fitted joint positions, by posture [m].
     :ivar jacobian: (2k, p) Jacobian of the residuals.
     """
 
@@ -50,9 +52,9 @@ class HomeFit(NamedTuple):
     @property
     def errors(self) -> tuple[Array, Array]:
         """
-        Return the estimated errors of the visible coordinates, (k, 2) [m].
+        Return estimates of the coordinates' errors and of their shares in residuals, (k, 2) [m].
 
-        :return: also the residual shares, 1 minus leverage, (k, 2).
+        :return: |residual| / share, and share = sqrt(1 - leverage) [-].
         """
         basis = np.linalg.qr(self.jacobian)[0]
         left = np.sqrt(np.clip(1.0 - (basis**2).sum(axis=1), 1e-6, 1.0)).reshape(-1, 2)
@@ -60,7 +62,7 @@ class HomeFit(NamedTuple):
 
     def worst(self, deviation: float) -> tuple[int, float] | None:
         """
-        Return the index of the joint with the largest error [m]; None if all are consistent.
+        Return index and error [m] of the joint with the largest error; None if all are consistent.
 
         :param deviation: standard deviation of a measured coordinate [m].
         """
@@ -77,7 +79,7 @@ def fit_home(robot: Robot, postures: Sequence[Posture], moved: bool = False) -> 
 
     :param robot: robot of the robot file.
     :param postures: postures of the empty robot.
-    :param moved: whether the frame of the tracker is fitted as well.
+    :param moved: whether the transform of the tracker's frame is fitted as well.
     :raises GraspError: a joint is unknown.
     :raises ConfigurationError: no configuration fits the joints.
     """
@@ -111,7 +113,7 @@ def fit_home(robot: Robot, postures: Sequence[Posture], moved: bool = False) -> 
 
 def home_jacobian(robot: Robot, postures: Sequence[Posture]) -> Array:
     """
-    Return the Jacobian of the measured joints by the offsets at zero, (2k, r).
+    Return the Jacobian (2k, r) of the measured joints by the offsets, at zero offsets.
 
     :param robot: robot of the robot file.
     :param postures: postures of the empty robot.
@@ -123,7 +125,7 @@ def home_jacobian(robot: Robot, postures: Sequence[Posture]) -> Array:
 
 
 def _rates(shapes: Sequence[Configuration], joints: Sequence[Indices]) -> Array:
-    """Return the velocities (2k, r) of joints for 1 m/s at each roller."""
+    """Return the derivatives (2k, r) of joint positions by roller travel."""
     count = len(shapes[0].roller_positions)
     rows = [
         shape.node_jacobian.reshape(-1, 2, count)[each].reshape(-1, count)
@@ -133,7 +135,7 @@ def _rates(shapes: Sequence[Configuration], joints: Sequence[Indices]) -> Array:
 
 
 def _places(posture: Posture) -> Array:
-    """Return the measured joints as x + iy [m]."""
+    """Return the measured joint positions x + iy [m]."""
     places = np.array(list(posture.joints.values()), dtype=float).reshape(-1, 2)
     return places @ np.array([1.0, 1.0j])
 

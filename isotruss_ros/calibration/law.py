@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Fit of k = C p^a L^b to the stiffnesses of one mode, by least squares in logarithms."""
+"""Least-squares fit of k = C p^a L^b to the stiffnesses of one mode, in logarithms."""
 
 from __future__ import annotations
 
@@ -13,26 +13,26 @@ from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 from scipy.stats import t as student_t
 
-#: Rounding error of the variation of logarithms [-].
+#: Largest variation of logarithms that counts as rounding [-].
 VARIATION_TOLERANCE = 1e-12
 
 
 @dataclass(frozen=True)
 class FittedLaw:
-    """A stiffness law with confidence intervals."""
+    """Power law of a stiffness with confidence intervals."""
 
     law: Law  #: the law k = C p^a L^b in SI units
-    low: Law  #: lower ends of the confidence intervals of C, a and b, each on its own
-    high: Law  #: upper ends
+    low: Law  #: lower ends of the confidence intervals of single C, a and b
+    high: Law  #: upper ends of the confidence intervals
     r_squared: float  #: coefficient of determination of ln k; NaN if k is constant
     misfit: float  #: root mean square of ln(measured / fitted stiffness)
 
 
 def half_widths(matrix: Array, rest: Array) -> Array:
     """
-    Return half the widths of the 95 % confidence intervals of the estimates, (k,).
+    Return half of the widths of the estimates' 95 % confidence intervals, (k,).
 
-    :param matrix: (n, k) Jacobian of the least squares at the solution.
+    :param matrix: (n, k) Jacobian at the least-squares solution.
     :param rest: (n,) residuals.
     """
     freedom = len(rest) - matrix.shape[1]
@@ -43,12 +43,13 @@ def half_widths(matrix: Array, rest: Array) -> Array:
 
 def fit_law(pressures: Array, lengths: Array, stiffnesses: Array) -> FittedLaw:
     """
-    Fit a law to stiffnesses of one mode, all of equal weight.
+    Fit a power law to stiffnesses of one mode with equal weights.
 
-    :param pressures: (n,) gauge [Pa].
-    :param lengths: (n,) [m].
-    :param stiffnesses: (n,) [N/m] or [N m/rad].
-    :raises MeasurementError: the points do not determine the exponents; names the missing ones.
+    :param pressures: (n,) gauge pressures [Pa].
+    :param lengths: (n,) lengths [m].
+    :param stiffnesses: (n,) stiffnesses [N/m] or [N m/rad].
+    :raises MeasurementError: the points do not determine the exponents; the message names missing
+        points.
     """
     n = len(stiffnesses)
     logs = np.column_stack([np.log(pressures), np.log(lengths)])
@@ -77,7 +78,7 @@ def _law(logarithmic: Array) -> Law:
 
 
 def _missing(pressures: Array, lengths: Array, logs: Array, n: int) -> list[str]:
-    """Return the measurements that are missing for a fit."""
+    """Return in words the measurements that a fit needs besides the given ones."""
     missing = []
     for name, symbol, values, unit in (
         ('pressure', 'a', pressures, 'Pa'),

@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Stiffness of a group of points: slope in the linear range.
+Stiffness of a group of points: slope of load over displacement in the linear range.
 
 Tubes soften or stiffen under large deformation. The linear range of a group is the largest range
-|displacement| <= d in which a cubic fits no better than a line; d decreases from the largest
-displacement in steps of 5 %.
+|displacement| <= d in which a cubic does not fit better than a line. In the search, d decreases
+from the largest displacement in steps of 5 %.
 """
 
 from __future__ import annotations
@@ -14,16 +14,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from isotruss_ros.calibration.measurements import Group
-from isotruss_ros.core.model.stiffness_law import MAX_STIFFNESS, MIN_STIFFNESS
-from isotruss_ros.core.numerics.arrays import Array, Flags
+from isotruss_ros.core.numerics.arrays import Array, Flags, MAX_MAGNITUDE
 import numpy as np
 from scipy.stats import f as f_distribution
 
-#: Largest deviation of a cubic from the line in the linear range, as a share of the rise [-].
+#: Largest deviation of the cubic from the line in the linear range, relative to the rise of the
+#: line [-].
 TOLERANCE = 0.02
-#: Significance level of the F test of the cubic [-].
+#: Significance level of the F test for the cubic [-].
 SIGNIFICANCE = 0.01
-#: Candidate ranges relative to the largest displacement [-].
+#: Ranges d that are tried, relative to the largest displacement [-].
 RANGES = np.linspace(1.0, 0.1, 19)
 
 ALONE = 'the only displacement of its trial in the linear range; a slope needs two'
@@ -31,14 +31,14 @@ ALONE = 'the only displacement of its trial in the linear range; a slope needs t
 
 @dataclass(frozen=True, eq=False)
 class Slope:
-    """The slope of a group of points."""
+    """Slope of load over displacement of a group of points."""
 
     group: Group  #: measured points
-    stiffness: float  #: [N/m], rotary [N m/rad]; NaN if undetermined
-    offsets: Array  #: (n,) load at zero displacement in the trial of each point
-    limit: float  #: largest |displacement| of the linear range
+    stiffness: float  #: slope [N/m], rotary [N m/rad]; NaN if undetermined
+    offsets: Array  #: (n,) load at zero displacement in each point's trial
+    limit: float  #: largest |displacement| of the linear range [m, rad]
     used: Flags  #: (n,) mask of the points in the fit
-    reasons: tuple[str, ...]  #: (n,) reasons of unused points, else empty
+    reasons: tuple[str, ...]  #: (n,) reason why a point is unused; else empty
 
 
 def fit_slope(
@@ -48,8 +48,9 @@ def fit_slope(
     Return the slope of load over displacement, with an offset for each trial.
 
     :param group: points of one mode, pressure and length.
-    :param tolerance: largest deviation of a cubic from the line as a share of its rise [-].
-    :param max_displacement: given linear range, instead of the test [m or rad].
+    :param tolerance: largest deviation of a cubic from the line, relative to the rise of the line
+        [-].
+    :param max_displacement: linear range in place of the test [m, rad]; None: by the test.
     """
     size = np.abs(group.displacements)
     if max_displacement is not None:
@@ -75,7 +76,7 @@ def _slope(group: Group, inside: Flags, limit: float) -> Slope:
             f'{group.name}: no trial has two displacements in the linear range; a slope needs two',
         )
     stiffness, offsets = _fit(group, used, 1)[:2]
-    if not MIN_STIFFNESS <= stiffness <= MAX_STIFFNESS:
+    if not 1.0 / MAX_MAGNITUDE <= stiffness <= MAX_MAGNITUDE:
         return _no_slope(
             group,
             f'{group.name}: slope {stiffness:.3g}: must be positive and that of a tube; '
@@ -91,7 +92,7 @@ def _no_slope(group: Group, reason: str) -> Slope:
 
 
 def _spread(group: Group, inside: Flags) -> Flags:
-    """Return the mask (n,) of points in trials with two different displacements in the range."""
+    """Return the mask (n,) of points whose trial has two different displacements in the range."""
     count = group.trials.max() + 1
     low, high = np.full(count, np.inf), np.full(count, -np.inf)
     np.minimum.at(low, group.trials[inside], group.displacements[inside])
@@ -121,8 +122,8 @@ def _fit(group: Group, used: Flags, degree: int) -> tuple[float, Array, Array, i
     """
     Fit a polynomial with an offset for each trial.
 
-    :return: slope at zero, offsets of the trials (t,) (zero without points), residuals of the used
-        points, degrees of freedom.
+    :return: slope at zero; offsets (t,) of the trials, zero without points; residuals of the used
+        points; degrees of freedom.
     """
     x, y, trials = group.displacements[used], group.loads[used], group.trials
     unit = np.abs(x).max()

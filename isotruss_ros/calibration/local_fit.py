@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Fit of the local stiffness of a tube to presses by cylinders.
+Fit of the local stiffness of a tube to tests with pressed cylinders.
 
-The beam is given by the other modes. The only unknown is a factor on the flattening stiffness of
-`flattening`, for all pressures, cylinders and depths.
+The fit to the other modes gives the beam. The only unknown is a factor on the stiffness of
+`flattening`, the same for all pressures, cylinders and depths.
 """
 
 from __future__ import annotations
@@ -21,34 +21,35 @@ import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 from scipy.stats import t as student_t
 
-#: Search range of the factor [-].
+#: Largest factor between the local stiffness and its theoretical value in the search [-].
 SEARCH_FACTOR = 100.0
-#: Rounding tolerances of the logarithms of factor and load [-].
+#: Rounding tolerances of the logarithms of the factor, and of the load [-].
 TOLERANCE, EXACT = 1e-8, 1e-9
 #: Tolerance of the logarithms of the confidence limits [-].
 LIMIT_TOLERANCE = 1e-4
-#: Smallest relative change of a load for 10 % of the factor that determines it [-].
+#: Smallest relative change of a load by 10 % of the factor, so that the load determines the factor
+#: [-].
 MIN_LOAD_CHANGE = 1e-3
 
 
 @dataclass(frozen=True)
 class FittedLocalStiffness:
-    """Factor on the theoretical local stiffness, with its confidence interval."""
+    """Ratio of the local stiffness to the theoretical one, with its confidence interval."""
 
-    value: float  #: the factor [-]
-    low: float  #: lower end of its 95 % confidence interval, by the profile of the squares
-    high: float  #: upper end
+    value: float  #: ratio to the theoretical stiffness [-]
+    low: float  #: lower end of the 95 % confidence interval, by the profile of squares
+    high: float  #: upper end of the interval
     misfit: float  #: root mean square of ln(measured / fitted load)
     count: int  #: number of points
 
 
 def fit_local_stiffness(presses: Presses, beam: InflatableBeam) -> FittedLocalStiffness:
     """
-    Fit the factor on the local stiffness.
+    Fit the ratio of the local stiffness to the theoretical one.
 
-    :param presses: the points, cylinders pressed into the middle of a clamped tube.
-    :param beam: the tube as a beam.
-    :raises MeasurementError: the points do not determine the factor, or the tube wrinkled.
+    :param presses: measured points, with cylinders pressed into the middle of a clamped tube.
+    :param beam: model of the tube as a beam.
+    :raises MeasurementError: the points do not determine the ratio, or the tube has wrinkled.
     """
     target = np.log(presses.loads)
     count = len(target)

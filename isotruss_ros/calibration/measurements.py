@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Measured points from a CSV file: groups of points, and all unused rows."""
+"""Measured points from a CSV file, in groups, with the unused rows."""
 
 from __future__ import annotations
 
@@ -13,51 +13,51 @@ import math
 from pathlib import Path
 
 from isotruss_ros.core.errors import IsotrussError
-from isotruss_ros.core.model.robot_schema import MAX_MAGNITUDE
 from isotruss_ros.core.model.units import likely_unit
-from isotruss_ros.core.numerics.arrays import Array, Flags, Indices
+from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, MAX_MAGNITUDE
 import numpy as np
 
-#: The modes of Fig. 2, in its order.
+#: Modes of a beam's end stiffness, in the order of Fig. 2.
 MODES = ('axial', 'transverse', 'rotary')
-#: Mode of a cylinder pressed into the side of the tube, as in Fig. 6; needs its diameter.
+#: Mode of a cylinder pressed into the side of the tube, as in Fig. 6; it needs the cylinder's
+#: diameter.
 INTERFERENCE = 'interference'
 DIAMETER = 'diameter'
 NUMBER_COLUMNS = ('pressure', 'length', 'displacement', 'load')
 COLUMNS = ('mode', *NUMBER_COLUMNS)
 TRIAL = 'trial'
-#: Ranges of the numbers of a row: pressures as in a robot file [Pa], tubes from a hand to a house
-#: [m], and bars [m].
+#: Ranges of the values of a row: pressures as in a robot file [Pa], diameters of tubes from a hand
+#: to a house [m], lengths of bars [m].
 RANGES = {
     'pressure': (1e3, 3e5, 'Pa'),
     'length': (0.02, 10.0, 'm'),
     DIAMETER: (1e-3, 1.0, 'm'),
 }
-#: Largest angle of the rotary mode [rad]; in other modes the length bounds the displacement.
+#: Largest angle of the rotary mode [rad]; in the other modes the length bounds the displacement.
 MAX_ANGLE = math.pi
-#: Largest file [bytes], about a million points.
+#: Largest size of a file [bytes], about a million points.
 MAX_FILE_SIZE = 50_000_000
 
 
 class MeasurementError(IsotrussError, ValueError):
-    """A file of measured points is unreadable or insufficient for a fit."""
+    """A file of measured points is unreadable, or insufficient for a fit."""
 
 
 @dataclass(frozen=True, eq=False)
 class Group:
-    """All points of one mode, pressure and length."""
+    """Points of one mode, pressure and length."""
 
-    mode: str  #: axial, transverse or rotary
-    pressure: float  #: gauge [Pa]
-    length: float  #: undeflected: pinch to pinch in the axial mode, ring to ring in the others [m]
+    mode: str  #: mode: axial, transverse or rotary
+    pressure: float  #: gauge pressure [Pa]
+    length: float  #: length without load, between pinch points (axial) or guide rings [m]
     lines: Indices  #: (n,) line numbers in the file
-    trials: Indices  #: (n,) index of the trial of each, 0 ... t - 1
-    displacements: Array  #: (n,) [m], rotary [rad]
-    loads: Array  #: (n,) [N], rotary [N m]
+    trials: Indices  #: (n,) index of each point's trial, 0 ... t - 1
+    displacements: Array  #: (n,) displacements [m], rotary [rad]
+    loads: Array  #: (n,) loads [N], rotary [N m]
 
     def only(self, chosen: Flags) -> Group:
         """
-        Return a subset of the group, with the same trial numbers.
+        Return a subset of the group with the same indices of trials.
 
         :param chosen: (n,) mask of the points.
         """
@@ -66,40 +66,41 @@ class Group:
 
     @property
     def name(self) -> str:
-        """Return the name of the group in messages."""
+        """Return the name of the group for messages."""
         return f'{self.mode}, {self.pressure:g} Pa, {self.length:g} m'
 
 
 @dataclass(frozen=True, eq=False)
 class Presses:
-    """Presses by cylinders into the middle of a clamped tube, one point each."""
+    """Tests with cylinders pressed into the middle of a clamped tube, one point for each."""
 
-    pressures: Array  #: (n,) gauge [Pa]
-    lengths: Array  #: (n,) of the tube between the clamps [m]
+    pressures: Array  #: (n,) gauge pressures [Pa]
+    lengths: Array  #: (n,) lengths of the tube between the clamps [m]
     cylinders: Array  #: (n,) diameters of the cylinders [m]
-    depths: Array  #: (n,) below the skin of the undeformed tube, positive [m]
-    loads: Array  #: (n,) positive [N]
+    depths: Array  #: (n,) depths below the skin of the undeformed tube, positive [m]
+    loads: Array  #: (n,) loads, positive [N]
 
 
 @dataclass(frozen=True)
 class Measurements:
-    """The contents of a file of measured points."""
+    """Content of a file of measured points."""
 
     groups: tuple[Group, ...]  #: groups of a beam by mode, pressure and length
-    presses: Presses  #: the points of the mode interference
+    presses: Presses  #: points of the mode interference
     unused: Mapping[str, list[int]]  #: line numbers of unused rows, by reason
-    rows: int  #: number of rows in the file, the header aside
-    ignored_columns: tuple[str, ...]  #: unknown columns
+    rows: int  #: number of rows in the file without the header
+    ignored_columns: tuple[str, ...]  #: names of unknown columns
 
 
 def read_measurements(path: Path) -> Measurements:
     """
     Read a CSV file with the columns mode, pressure, length, displacement, load.
 
-    A column trial tells repetitions apart; rows of the mode interference need a column diameter.
+    An optional column trial distinguishes repetitions. Rows of the mode interference need a column
+    diameter.
 
     :param path: path of the file.
-    :raises MeasurementError: the file cannot be read, or has other columns.
+    :raises MeasurementError: the file cannot be read, or a column is missing.
     """
     unused: dict[str, list[int]] = {}
     points: dict[tuple[int, float, float], list[tuple[int, str, float, float]]] = {}
@@ -148,7 +149,7 @@ def _text(path: Path) -> str:
 
 
 def _check_header(path: Path, header: Sequence[str]) -> tuple[str, ...]:
-    """Return the unknown columns; raise for a missing one."""
+    """Return the names of unknown columns; raise MeasurementError for a missing column."""
     missing = [name for name in COLUMNS if header.count(name) != 1]
     if missing or header.count(TRIAL) > 1 or header.count(DIAMETER) > 1:
         found = ','.join(header)
@@ -161,12 +162,12 @@ def _check_header(path: Path, header: Sequence[str]) -> tuple[str, ...]:
 
 
 def _complaints(header: Sequence[str], cells: Sequence[str]) -> list[str]:
-    """Return the faults of the numbers of a row, each on its own."""
+    """Return the faults of the single numbers of a row."""
     return list(_find_complaints(header, cells))
 
 
 def _too_far(header: Sequence[str], cells: Sequence[str]) -> Iterator[str]:
-    """Yield an error for implausibly large displacements of a tube's end."""
+    """Yield an error for an implausibly large displacement of a tube's end."""
     values = dict(zip(header, cells, strict=True))
     moved = abs(float(values['displacement']))
     if values['mode'] == 'rotary' and moved > MAX_ANGLE:

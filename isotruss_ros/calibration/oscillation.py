@@ -1,51 +1,50 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Frequency and damping ratio of one oscillation, fitted to measured poses."""
+"""Fit of frequency and damping ratio of one oscillation to measured poses."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
 from isotruss_ros.calibration.measurements import MeasurementError
-from isotruss_ros.core.model.pose import MAX_DISTANCE
-from isotruss_ros.core.numerics.arrays import Array, finite_array, finite_rows
+from isotruss_ros.core.numerics.arrays import Array, finite_array, finite_rows, MAX_MAGNITUDE
 import numpy as np
 from numpy.typing import ArrayLike
 import scipy
 
-#: Smallest number of poses.
+#: Smallest number of poses for a fit [-].
 MIN_POSES = 20
-#: Largest residual of a single oscillation relative to the motion [-].
+#: Largest residual of an oscillation relative to the motion [-].
 MAX_RESIDUAL_SHARE = 0.5
-#: Largest damping ratio with an identifiable frequency [-].
+#: Largest damping ratio at which the frequency can be identified [-].
 MAX_DAMPING_RATIO = 0.7
 
 
 class Oscillation(NamedTuple):
-    """One damped oscillation."""
+    """Damped oscillation with one frequency."""
 
     frequency: float  #: undamped natural frequency [rad/s]
     damping_ratio: float  #: damping ratio [-]
-    amplitude: float  #: largest distance from rest in the measured time [m]
+    amplitude: float  #: largest distance from the rest position [m]
 
 
 def fit_oscillation(times: ArrayLike, poses: ArrayLike, arm: float) -> Oscillation:
     """
     Fit one damped oscillation to the poses of an object after a push.
 
-    The coordinates share frequency and damping; amplitudes and position of rest follow by linear
-    least squares (variable projection, Golub and Pereyra 1973).
+    The coordinates have the same frequency and damping. Amplitudes and rest position follow by
+    linear least squares (variable projection, Golub and Pereyra 1973).
 
     :param times: (n,) times of the poses, ascending [s].
     :param poses: (n, 3) x, y [m] and angle [rad].
-    :param arm: characteristic radius of the object, which scales rotation [m].
-    :raises MeasurementError: numbers that are not finite, too few poses, or poses without a single
+    :param arm: characteristic radius of the object, the factor on rotations [m].
+    :raises MeasurementError: numbers that are not finite, too few poses, or poses without one
         damped oscillation.
     """
-    moved = finite_rows(poses, 3, 'poses (x, y, angle) [m, rad]', MeasurementError, MAX_DISTANCE)
+    moved = finite_rows(poses, 3, 'poses (x, y, angle) [m, rad]', MeasurementError, MAX_MAGNITUDE)
     at = finite_array(times, len(moved), 'times [s]', MeasurementError)
-    finite_array([arm], 1, 'arm [m]', MeasurementError, MAX_DISTANCE)
+    finite_array([arm], 1, 'arm [m]', MeasurementError, MAX_MAGNITUDE)
     if len(at) < MIN_POSES or not (np.diff(at) > 0.0).all():
         raise MeasurementError(
             f'{len(at)} poses: must be {MIN_POSES} or more, at ascending times, for an oscillation'
@@ -87,7 +86,7 @@ def fit_oscillation(times: ArrayLike, poses: ArrayLike, arm: float) -> Oscillati
 
 
 def _strongest_frequency(at: Array, moved: Array) -> float:
-    """Return the strongest frequency of a uniformly resampled motion [rad/s]."""
+    """Return the strongest frequency of a motion with uniform samples [rad/s]."""
     even = np.linspace(0.0, at[-1], len(at))
     spread = np.array([np.interp(even, at, each) for each in moved.T])
     power = (np.abs(np.fft.rfft(spread)) ** 2).sum(axis=0)

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Outliers of the line of a group of points, such as typing errors."""
+"""Outliers of the line through a group of points, for example typing errors."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from scipy.stats import t as student_t
 
 #: Probability of a false outlier in a group [-].
 FALSE_OUTLIER_PROBABILITY = 1e-5
-#: Smallest deviation of an outlier relative to the rise of the line [-]: a third removes points of
-#: softening tubes, three times keeps typing errors of half the load.
+#: Smallest deviation of an outlier relative to the rise of the line [-]. A third removes points of
+#: softening tubes; three times keeps typing errors of half the load.
 MIN_DEVIATION_SHARE = 0.2
 #: Largest share of outliers in a group [-].
 MAX_OUTLIER_SHARE = 0.2
@@ -21,13 +21,14 @@ MAX_OUTLIER_SHARE = 0.2
 
 def outlying_points(group: Group) -> tuple[Flags, Array]:
     """
-    Return the outliers of the line of a group.
+    Return the outliers of the line through a group of points.
 
-    Uses externally studentised residuals of a line with an offset for each trial, the largest
-    first.
+    The test uses externally studentised residuals of a line with an offset for each trial, the
+    largest first.
 
     :param group: points of one mode, pressure and length.
-    :return: mask of outliers (n,), and deviations from the line of the others (n,) [N or N m].
+    :return: mask (n,) of the outliers, and deviations (n,) from the line through the other points
+        [N or N m].
     """
     off, out = np.zeros(len(group.loads)), np.zeros(len(group.loads), dtype=bool)
     for _ in range(int(MAX_OUTLIER_SHARE * len(out))):
@@ -46,9 +47,9 @@ def outlying_points(group: Group) -> tuple[Flags, Array]:
 
 def _deleted(group: Group, used: Flags) -> tuple[Array, Array, Array]:
     """
-    Return deleted residuals (n,), the scale of the others and the rise of their line.
+    Return deleted residuals (n,), and scale and rise of the line through the other points.
 
-    The residual is zero for an unused point, or if the others determine no line.
+    The residual is zero for an unused point, and if the other points do not determine a line.
     """
     n, x, y = len(used), group.displacements, group.loads
     trials = group.trials[:, None] == np.arange(group.trials.max() + 1)

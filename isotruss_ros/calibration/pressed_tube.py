@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A clamped tube with a cylinder pressed into its side: the test of Fig. 6."""
+"""Clamped tube with a cylinder pressed into its side, as in the test of Fig. 6."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ CONTACT_SPACING = 0.001
 
 @dataclass(frozen=True)
 class ClampedTube:
-    """A straight tube with fixed ends."""
+    """Straight tube with fixed ends."""
 
     stiffness: TubeStiffness  #: beam model with the constants of its wall
-    radius: float  #: radius R [m]
+    radius: float  #: tube radius R [m]
     length: float  #: length between the clamps [m]
-    local_stiffness: float = 1.0  #: factor on the theoretical flattening stiffness [-]
+    local_stiffness: float = 1.0  #: ratio of the flattening stiffness to the theoretical one [-]
     pinned: bool = False  #: whether the ends are hinged instead of clamped
 
 
 @dataclass(frozen=True)
 class Pressed:
-    """Response of the tube to the press."""
+    """Response of a tube to a pressed cylinder."""
 
     stiffness: float  #: transverse force divided by depth [N/m]
     contact: float  #: length of tube in contact [m]
@@ -51,15 +51,15 @@ def press(
     flattens: bool = True,
 ) -> Pressed:
     """
-    Press a cylinder into the side of the tube from above: (5) to (8).
+    Press a cylinder into the side of a tube from above, by (5) to (8).
 
     :param tube: the tube.
     :param pressure: gauge pressure [Pa].
     :param position: position of the cylinder's centre along the tube [m].
     :param cylinder: diameter of the cylinder [m].
-    :param depth: penetration below the skin of the undeformed tube [m].
-    :param flattens: whether the tube's section flattens; if not, its centre line touches a disc
-        enlarged by the tube's radius, as in the paper.
+    :param depth: depth of the cylinder below the skin of the undeformed tube [m].
+    :param flattens: whether the tube's section flattens. If not, its centre line touches a disc
+        that is enlarged by the tube radius, as in the paper.
     """
     center = complex(position, 0.5 * cylinder + tube.radius - depth)
     body = ConvexObject.disc((center.real, center.imag), cylinder)

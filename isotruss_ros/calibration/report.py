@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Printed report: unused rows, tables, and the block for the robot file."""
+"""Printed report of a fit: unused rows, tables, and the block for the robot file."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from isotruss_ros.calibration.local_fit import FittedLocalStiffness
 import numpy as np
 from rich.table import Table
 
-#: Units of C p^a L^b by mode.
+#: Unit of the stiffness C p^a L^b by mode.
 UNITS = {'axial': 'N/m', 'transverse': 'N/m', 'rotary': 'N m/rad'}
-#: Symbols and units of the constants of a beam, by key of the robot file.
+#: Symbol and unit of each constant of a beam, by its key in the robot file.
 SYMBOLS = {
     'membrane_modulus': 'E t [N/m]',
     'membrane_shear_modulus': 'G t [N/m]',
@@ -29,7 +29,7 @@ REPORTED_MISFIT = 0.05
 
 def unused_rows(unused: Mapping[str, Sequence[int]], rows: int) -> Iterator[str]:
     """
-    Yield lines with the names and numbers of unused rows.
+    Yield lines with the reasons and numbers of unused rows.
 
     :param unused: line numbers by reason.
     :param rows: number of rows in the file.
@@ -43,7 +43,7 @@ def unused_rows(unused: Mapping[str, Sequence[int]], rows: int) -> Iterator[str]
 
 
 def _stretches(lines: Sequence[int]) -> str:
-    """Return sorted line numbers as ranges: 3-7, 9, 12-14."""
+    """Return sorted line numbers as ranges, for example 3-7, 9, 12-14."""
     names = []
     for _, run in itertools.groupby(enumerate(lines), lambda pair: pair[1] - pair[0]):
         numbers = [line for _, line in run]
@@ -53,9 +53,9 @@ def _stretches(lines: Sequence[int]) -> str:
 
 def beam_table(fitted: FittedBeam) -> Table:
     """
-    Return the constants of the beam with their confidence intervals.
+    Return a table of the beam's constants with confidence intervals.
 
-    :param fitted: the beam with its confidence intervals.
+    :param fitted: fitted beam.
     """
     result = _table(f'Inflatable beam, {2.0 * fitted.radius:g} m in diameter, all modes')
     result.add_column('constant', no_wrap=True)
@@ -74,7 +74,7 @@ def beam_table(fitted: FittedBeam) -> Table:
 
 def local_line(analysis: Analysis) -> str:
     """
-    Return the local stiffness or the reason of its absence in words; empty without such points.
+    Return the local stiffness in words, or the reason of its absence; empty without points of it.
 
     :param analysis: results of the fits.
     """
@@ -90,7 +90,7 @@ def local_line(analysis: Analysis) -> str:
 
 def law_table(analysis: Analysis) -> Table:
     """
-    Return the power laws in the form of Table I, with the misfit of the beam in each mode.
+    Return a table of the power laws like Table I, with the beam's misfit in each mode.
 
     :param analysis: analysis with slopes in some of the modes.
     """
@@ -129,10 +129,10 @@ def law_table(analysis: Analysis) -> Table:
 
 def missed_modes(analysis: Analysis) -> Iterator[str]:
     """
-    Yield a line for each mode with a misfit of the beam.
+    Yield a line for each mode in which the beam does not fit.
 
-    A power law has three constants for one mode, the beam three for all: if the law fits and the
-    beam does not, the misfit is that of the theory, not scatter.
+    A power law has three constants for one mode; the beam has three for all modes. If the law fits
+    and the beam does not, the theory causes the misfit, not scatter.
 
     :param analysis: results of the fits.
     """
@@ -154,8 +154,8 @@ def block(fitted: FittedBeam, local: FittedLocalStiffness | None = None) -> str:
     """
     Return the block `stiffness` of a robot file, indented for the key `tube`.
 
-    :param fitted: the beam.
-    :param local: the local stiffness; omitted if None.
+    :param fitted: fitted beam.
+    :param local: fitted local stiffness; None: omitted.
     """
     lines = [f'  local_stiffness: {local.value:.8e}'] if local else []
     lines += [

@@ -19,17 +19,18 @@ import numpy as np
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
-#: Columns of a table of measured joints, followed by one for each roller.
+#: First columns of a table of measured joints; a column for each roller follows.
 COLUMNS = ('posture', 'joint', 'x', 'y')
 
 
 def read_postures(path: Path, robot: Robot) -> list[Posture]:
     """
-    Read measured joints, with posture, joint, x, y and all encoders in each row.
+    Read measured joints from a CSV file, with all encoder readings in each row.
 
-    :param path: path of the CSV file with the columns `COLUMNS` and the names of the rollers [m].
+    :param path: path of the file, whose columns are `COLUMNS` and the names of the rollers [m].
     :param robot: the robot.
-    :raises MeasurementError: names the line, the value and the valid range.
+    :raises MeasurementError: a value is invalid; the message names the line, the value and the
+        valid range.
     """
     rollers = robot.roller_names
     try:
@@ -60,7 +61,7 @@ def read_postures(path: Path, robot: Robot) -> list[Posture]:
 
 
 def _read_number(path: Path, line: int, name: str, text: str | None) -> float:
-    """Return a finite number of a table."""
+    """Return a number of a table; raise MeasurementError if it is not finite."""
     try:
         number = float(text or '')
     except ValueError:
@@ -79,10 +80,10 @@ def write_robot_file(
     stiffness: StiffnessCalibration | None = None,
 ) -> None:
     """
-    Write a copy of the robot file with calibrated values; comments are preserved.
+    Write a copy of the robot file with calibrated values, and preserve comments.
 
-    :param robot: the robot of the robot file.
-    :param path: path of the new file, possibly the old one.
+    :param robot: robot of the robot file.
+    :param path: path of the new file, which may be the old one.
     :param home: calibrated home.
     :param stiffness: calibrated stiffness of the tubes.
     :raises MeasurementError: a file cannot be read or written.
@@ -101,11 +102,11 @@ def write_robot_file(
 
 def write_checked_rollers(robot: Robot, path: Path, names: Sequence[str]) -> None:
     """
-    Write a copy of the robot file with the checked rollers.
+    Write a copy of the robot file with the names of the checked rollers.
 
-    :param robot: the robot of the robot file.
-    :param path: path of the new file, possibly the old one.
-    :param names: names of the rollers.
+    :param robot: robot of the robot file.
+    :param path: path of the new file, which may be the old one.
+    :param names: names of the checked rollers.
     :raises MeasurementError: a file cannot be read or written.
     """
     with _changing(robot, path) as content:
@@ -114,7 +115,7 @@ def write_checked_rollers(robot: Robot, path: Path, names: Sequence[str]) -> Non
 
 @contextlib.contextmanager
 def _changing(robot: Robot, path: Path) -> Iterator[CommentedMap]:
-    """Read the file of a robot, yield its content, and write it to another file."""
+    """Read the file of a robot, yield its content for changes, and write it to another file."""
     yaml = YAML()
     yaml.preserve_quotes = True  # type: ignore[assignment]
     yaml.width = 200  # type: ignore[assignment]
@@ -128,7 +129,7 @@ def _changing(robot: Robot, path: Path) -> Iterator[CommentedMap]:
 
 
 def _in_one_line(values: Sequence[float | str]) -> CommentedSeq:
-    """Return a list of YAML in flow style."""
+    """Return a YAML list in flow style."""
     found = CommentedSeq(values)
     found.fa.set_flow_style()
     return found

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Identification of the moved roller, its direction and travel from the joints."""
+"""Check of a commanded roller: identification of the moved roller from the joints."""
 
 from __future__ import annotations
 
@@ -10,8 +10,7 @@ from collections.abc import Mapping
 from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.solve_joint_velocity import check_joint
-from isotruss_ros.core.model.pose import MAX_DISTANCE
-from isotruss_ros.core.numerics.arrays import finite_array, finite_rows
+from isotruss_ros.core.numerics.arrays import finite_array, finite_rows, MAX_MAGNITUDE
 import numpy as np
 
 #: Largest relative error of the travel of a correct roller [-].
@@ -26,20 +25,20 @@ def judge_roller(
     deviation: float,
 ) -> str:
     """
-    Return the fault of a commanded roller in words; empty without one.
+    Return the fault of a commanded roller in words; empty without a fault.
 
-    :param config: configuration in the middle of the motion.
+    :param config: configuration at the middle of the motion.
     :param roller: name of the roller.
     :param travel: commanded travel [m].
-    :param moved: (dx, dy) of measured joints, by name [m].
+    :param moved: (dx, dy) of each measured joint by name [m].
     :param deviation: standard deviation of a measured coordinate [m].
     :raises GraspError: a joint is unknown.
     :raises MeasurementError: no joint was measured, or a number is not finite.
     """
     what = 'displacements of joints (dx, dy) [m]'
-    finite_rows(list(moved.values()), 2, what, MeasurementError, MAX_DISTANCE)
+    finite_rows(list(moved.values()), 2, what, MeasurementError, MAX_MAGNITUDE)
     what = 'travel and deviation [m]'
-    finite_array([travel, deviation], 2, what, MeasurementError, MAX_DISTANCE)
+    finite_array([travel, deviation], 2, what, MeasurementError, MAX_MAGNITUDE)
     found, turned, rest = _identify_roller(config, moved)
     farthest = max(np.hypot(*each) for each in moved.values())
     if farthest < 5.0 * deviation:
@@ -61,7 +60,8 @@ def _identify_roller(
     """
     Return the single roller that explains the joint motion to first order by (12).
 
-    :return: its name, its travel [m], and the root mean square residual of the displacements [m].
+    :return: name of the roller, its travel [m], and the root mean square residual of the
+        displacements [m].
     """
     robot = config.robot
     names = robot.topology.joint_names

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Scale of the tube stiffness from a known pull at the empty robot."""
+"""Calibration of the tube stiffness from a known pull at the empty robot."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from typing import NamedTuple
 from isotruss_ros.calibration.home_fit import GATE_SIGMAS
 from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.model.pose import MAX_DISTANCE
-from isotruss_ros.core.numerics.arrays import finite_rows
+from isotruss_ros.core.numerics.arrays import finite_rows, MAX_MAGNITUDE
 from isotruss_ros.core.statics.deform import deform
 import numpy as np
 
 #: Largest relative standard deviation of a valid scale [-].
 MAX_RELATIVE_DEVIATION = 0.3
-#: Fixed-point iterations [-]; each reduces the error to a twentieth at most, without wrinkling.
+#: Number of fixed-point iterations [-]. Without wrinkling each reduces the error at least to a
+#: twentieth.
 ITERATIONS = 5
 #: Largest valid pull [N].
 MAX_PULL = 1e6
 
 
 class StiffnessCalibration(NamedTuple):
-    """One factor on the stiffness of all tubes."""
+    """Common factor on the stiffness of all tubes."""
 
-    scale: float  #: relative to the robot file without its `tube.stiffness_scale` [-]
+    scale: float  #: ratio to the robot file's stiffness without `tube.stiffness_scale` [-]
     deviation: float  #: standard deviation of the scale [-]
 
 
@@ -40,19 +40,19 @@ def calibrate_stiffness(
     deviation: float = 1e-3,
 ) -> StiffnessCalibration:
     """
-    Fit one scale to the displacements of joints under a known pull (least squares).
+    Fit one factor to the displacements of joints under a known pull (least squares).
 
-    A robot that is softer by a factor deforms like its model under a load larger by this factor.
-    The robot must be empty: with a held object, scaling loads, stiffness and forces by one factor
-    changes no geometry.
+    A robot that is softer by a factor deforms like its model under a load that is larger by this
+    factor. The robot must be empty: with a held object, a common factor on loads, stiffness and
+    contact forces does not change the geometry, so it cannot be measured.
 
     :param config: configuration of the robot, with the rollers at rest.
     :param pull: (fx, fy) by joint, robot frame [N].
-    :param before: (x, y) of joints without the pull, by name [m].
+    :param before: (x, y) of joints without the pull, by joint [m].
     :param under: (x, y) of the same joints under the pull [m].
     :param deviation: standard deviation of a measured coordinate, positive [m].
-    :raises MeasurementError: the joints differ, one is inconsistent, or their displacements are
-        too small; names the requirement.
+    :raises MeasurementError: the joints differ, a joint is inconsistent, or the displacements are
+        too small; the message names the requirement.
     :raises StructureError: see `deform`.
     """
     if not before or set(before) != set(under):
@@ -63,7 +63,7 @@ def calibrate_stiffness(
     names, give = list(before), 1.0
     places = [joints[name] for joints in (under, before) for name in names]
     what = 'places of joints (x, y) [m]'
-    there = finite_rows(places, 2, what, MeasurementError, MAX_DISTANCE).reshape(2, -1, 2)
+    there = finite_rows(places, 2, what, MeasurementError, MAX_MAGNITUDE).reshape(2, -1, 2)
     moved = there[0] - there[1]
     finite_rows(list(pull.values()), 2, 'pull (fx, fy) [N]', MeasurementError, MAX_PULL)
     if not 0.0 < deviation < math.inf:

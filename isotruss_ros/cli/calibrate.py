@@ -4,7 +4,7 @@
 """
 Executables `calibrate_home` and `calibrate_stiffness`.
 
-They fit measured joints of the empty robot and write a robot file.
+They fit parameters to measured joints of the empty robot, and write them to a robot file.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ def _run(
     arguments: Sequence[str] | None,
     calibrate: Callable[[argparse.Namespace], None],
 ) -> int:
-    """Calibrate, or print the reason of a failure."""
+    """Run a calibration; print the reason of a failure. Return the exit code."""
     options = parser.parse_args(arguments)
     try:
         calibrate(options)

@@ -20,7 +20,7 @@ WRITTEN, BAD_ARGUMENTS = 0, 2
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """
-    Write the model and return the exit code.
+    Write the model; return the exit code.
 
     :param arguments: arguments of the command line; None: those of the process.
     """

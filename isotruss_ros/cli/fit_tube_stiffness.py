@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Executable `fit_tube_stiffness`: fit an inflatable beam to measured points of all modes."""
+"""Executable `fit_tube_stiffness`: fit of an inflatable beam to measured points of all modes."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ from rich.console import Console
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """
-    Read the points, print the tables and the block, draw the figure.
+    Read the points, print tables and the block for the robot file, and draw the figure.
 
     :param arguments: arguments of the command line; None: those of the process.
-    :return: exit code, 1 without a block for a robot file.
+    :return: exit code, 1 without a block for the robot file.
     """
     options = _parser().parse_args(arguments)
     try:

@@ -4,8 +4,8 @@
 """
 Commands `isotruss pick`, `move`, `place`, `stop` and `release`.
 
-They send one goal to the running node `pick_and_place`, or one call to `manipulation`, without the
-`ros2` command.
+Each sends one goal to the running node `pick_and_place`, or one service call to `manipulation`,
+without the command `ros2`.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ DISCOVERY_TIMEOUT = 5.0
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """
-    Send one goal or call, and print its result.
+    Send one goal or service call, and print its result.
 
     :param arguments: arguments of the command line; None: those of the process.
     :return: 0 on success, 1 on failure, 130 after Ctrl-C, which cancels the goal.

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Executable `plan_grasps`: search for grasps of a free object, with the motions to them."""
+"""Executable `plan_grasps`: search for grasps of a free object, with paths to them."""
 
 from __future__ import annotations
 
@@ -38,13 +38,13 @@ from isotruss_ros.core.planning.searcher import Stop
 from isotruss_ros.core.planning.workers import WorkerPool
 from rich.console import Console
 
-#: Exit codes; after a second Ctrl-C that of the signal.
+#: Exit codes; a second Ctrl-C ends the process by its signal.
 FOUND, NONE_FOUND, BAD_ARGUMENTS, FAILED, INTERRUPTED = 0, 1, 2, 3, 130
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """
-    Search, print the grasps, and return the exit code.
+    Search for grasps and print them; return the exit code.
 
     :param arguments: arguments of the command line; None: those of the process.
     """
@@ -90,7 +90,7 @@ def _search(
     needs: GraspRequirements,
     options: argparse.Namespace,
 ) -> GraspPlan:
-    """Search on the given number of cores, until finished, interrupted or timed out."""
+    """Search on a given number of cores, until finished, interrupted or timed out."""
     stop = Stop(options.time_limit)
     # A single worker is also a separate process: the last digits depend on the BLAS threads.
     with WorkerPool(options.workers) as pool, show_progress() as show, _interruptible(stop):
@@ -99,7 +99,7 @@ def _search(
 
 @contextlib.contextmanager
 def _interruptible(stop: Stop) -> Iterator[None]:
-    """End the search at the first Ctrl-C, with its best grasps, the command at the second."""
+    """End the search with its best grasps at the first Ctrl-C, and the command at the second."""
 
     def ask(_signal: int, _frame: FrameType | None) -> None:
         stop.requested = True

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Command-line options of the requirements of a grasp."""
+"""Command-line options for the requirements of a grasp."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from isotruss_ros.core import GraspRequirements
 from isotruss_ros.core.planning.requirements import Measure
 from isotruss_ros.core.planning.workers import MAX_WORKERS
 
-#: Placeholders of the values and help texts, by requirement.
+#: Placeholder of the value and help text of each option, by requirement.
 OPTIONS = {
     'friction': ('MU', 'between tubes and object (default %(default)s)'),
     'external_wrench': (('FX', 'FY', 'M'), 'on the object about its centre [N, N m]'),
@@ -66,7 +66,7 @@ def add_requirements(parser: argparse.ArgumentParser) -> None:
 
 def add_search(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:
     """
-    Add the group of options of a search, with seed and number of processes, and return it.
+    Add and return the group of options of a search, with seed and number of processes.
 
     :param parser: parser of the options.
     """
@@ -84,16 +84,16 @@ def add_search(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:
 
 def requirements(options: argparse.Namespace) -> GraspRequirements:
     """
-    Return the requirements of the given options.
+    Return the requirements by the options.
 
-    :param options: the parsed command line.
-    :raises GraspError: a value is invalid; names it and its valid range.
+    :param options: parsed command line.
+    :raises GraspError: a value is invalid; the message names it and its valid range.
     """
     return GraspRequirements(**{name: getattr(options, name) for name in OPTIONS})
 
 
 def _read_number(kind: type, high: float, words: str) -> Callable[[str], float]:
-    """Return a function that reads a number from 0 to the highest."""
+    """Return a function that reads a number from 0 to a largest value."""
 
     def read(text: str) -> float:
         try:

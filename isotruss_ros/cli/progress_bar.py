@@ -15,7 +15,7 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 
 @contextlib.contextmanager
 def show_progress() -> Iterator[Callable[[SearchProgress], None]]:
-    """Yield a function that shows the progress of a search on standard error, if a terminal."""
+    """Yield a function that shows the progress of a search on a terminal."""
     console = Console(stderr=True)
     if not console.is_terminal:
         yield lambda _: None

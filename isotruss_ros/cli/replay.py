@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Executable `replay`: playback of a recording in the browser without ROS, or as a page."""
+"""Executable `replay`: playback of a recording in a browser without ROS, or as a page."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ from isotruss_ros.viewer.picture import Picture
 if TYPE_CHECKING:
     from isotruss_ros.viewer.view import View
 
-#: Frame rate [Hz].
+#: Rate of displayed frames [Hz].
 FRAME_RATE = 20.0
 
 
 def replay(view: View, path: Path, speed: float, wait: Callable[[float], None]) -> str:
     """
-    Show a recording once; return the fault at which it ends in words, or an empty text.
+    Show a recording once; return in words the fault that ends it, empty without a fault.
 
     :param view: view for the playback.
     :param path: path of the MCAP file.
     :param speed: factor on the speed of the recording [-].
-    :param wait: callback after each frame with the time of the next one, from the first on [s].
+    :param wait: callback after each frame, with the time of the next frame since the first [s].
     :raises RecordingError: the file cannot be read, or has no complete message.
     """
     from isotruss_ros.viewer.recording import BrokenRecordingError, read_recording, show_message
@@ -81,7 +81,7 @@ def _write_page(view: View, path: Path, speed: float, page: Path) -> None:
 
 
 def _repeat(view: View, options: argparse.Namespace) -> None:
-    """Show a recording until Ctrl-C, or once; print its fault once."""
+    """Show a recording once, or again and again until Ctrl-C; print its fault once."""
     printed = ''
     while True:
         end = replay(view, options.file, options.speed, _wait_on_the_wall())
@@ -95,10 +95,10 @@ def _repeat(view: View, options: argparse.Namespace) -> None:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """
-    Show a recording repeatedly until Ctrl-C, or write a page that plays it.
+    Show a recording again and again until Ctrl-C, or write a page that plays it.
 
     :param arguments: arguments of the command line; None: those of the process.
-    :return: 0 after Ctrl-C or with the page, 1 where the recording cannot be shown.
+    :return: 0 after Ctrl-C or with the page, 1 if the recording cannot be shown.
     """
     parser = argparse.ArgumentParser(prog='isotruss replay', description=__doc__)
     parser.add_argument('file', type=Path, help='MCAP file of the node record')

@@ -4,8 +4,8 @@
 """
 `python -m isotruss_ros.cli.sweep`: grasp search over robots and objects, as CSV.
 
-Each pair is a task of a Dask cluster, of two workers or more, on this machine or on several. Needs
-`distributed`, the extra `sweep` of this package; no ROS.
+Each pair is a task of a Dask cluster with two or more workers, on one machine or on several. It
+needs `distributed`, the extra `sweep` of this package, but no ROS.
 """
 
 from __future__ import annotations
@@ -37,15 +37,15 @@ COLUMNS = (
     *('total_force', 'utilisation', 'nonlinearity', 'travel', 'rigidity', 'roller_positions'),
     *('violated_requirement', 'violation_value', 'violation_bound', 'evaluations', 'error'),
 )
-#: Indices of robot and object, and both.
+#: Indices of robot and object, the description of the robot, and the object.
 Pair: TypeAlias = tuple[tuple[int, int], RobotDescription, ConvexObject]
 
 
 def evaluate(pair: Pair, needs: GraspRequirements, seed: int) -> dict[str, Any]:
     """
-    Return the best grasp of one object by one robot, as a row of the table.
+    Return a row of the table: the best grasp of one object by one robot.
 
-    :param pair: indices of robot and object, and both.
+    :param pair: robot and object with their indices.
     :param needs: requirements of a grasp.
     :param seed: seed of the search.
     """
@@ -69,9 +69,9 @@ def sweep(
     seed: int = 0,
 ) -> Iterator[dict[str, Any]]:
     """
-    Yield a row for each pair of robot and object, in order of completion.
+    Yield a row for each pair of robot and object, as soon as it is computed.
 
-    :param client: client of the cluster, whose workers have this package and one thread each.
+    :param client: client of the cluster; its workers have this package and one thread each.
     :param robots: descriptions of the robots.
     :param objects: the objects.
     :param needs: requirements of a grasp.
@@ -91,10 +91,11 @@ def sweep(
 
 def read_objects(path: Path) -> list[ConvexObject]:
     """
-    Read discs, one a row, from a CSV file with the columns x, y and diameter [m].
+    Read discs from a CSV file with the columns x, y and diameter [m], one in each row.
 
     :param path: path of the CSV file.
-    :raises IsotrussError: names the file, the row and the valid value.
+    :raises IsotrussError: a value is invalid; the message names the file, the row and the valid
+        value.
     """
     with path.open(encoding='utf-8', newline='') as file:
         rows = list(csv.DictReader(file))
@@ -114,9 +115,10 @@ def read_objects(path: Path) -> list[ConvexObject]:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """
-    Sweep, write each row on completion, and return the exit code.
+    Compute the grasps of all pairs, and write each row as soon as it is computed.
 
-    :param arguments: arguments of the command line; None: those of the process.
+    :param arguments: arguments of the command line; None: those of the process. :return: exit
+        code.
     """
     parser = argparse.ArgumentParser(prog='python -m isotruss_ros.cli.sweep', description=__doc__)
     parser.add_argument('robots', nargs='+', help='presets or robot files')

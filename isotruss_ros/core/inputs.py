@@ -26,6 +26,8 @@ CLOCK_SKEW = 0.01
 SIMULATED_CLOCK_SKEW = 0.1
 #: Largest age of pressures [s]; they change slowly and are measured rarely.
 PRESSURE_TIMEOUT = 2.0
+#: Largest age of a measurement in a history [s].
+HISTORY_DURATION = 1.0
 #: Smallest relative change of a pressure that is not noise [-]; noise changes the squeeze by 0.1
 #: %.
 PRESSURE_CHANGE = 0.02
@@ -141,8 +143,8 @@ def keep_latest(kept: Input, received: StampedInput | RejectedInput, now: float)
     Return the latest valid input of two inputs with checked stamps.
 
     Messages may arrive out of order; an earlier message is dropped. A rejected message does not
-    replace a measurement. The measurement is used until it times out, and the rejection is stored
-    with it.
+    replace a measurement. The measurement is valid until its timeout; the rejection is stored with
+    it.
 
     :param kept: the previous input.
     :param received: the new input.
@@ -204,9 +206,8 @@ def steady_pressures(
     """
     Return the pressures of the model, updated only by changes above `PRESSURE_CHANGE`.
 
-    :param kept: (t,) previous gauge pressure of each tube [Pa]; None: the pressures of the robot
-        file.
-    :param pressures: (t,) measured gauge pressures [Pa]; None: the pressures of the robot file.
+    :param kept: (t,) previous gauge pressure of each tube [Pa]; None: as in the robot file.
+    :param pressures: (t,) measured gauge pressures [Pa]; None: as in the robot file.
     """
     if kept is None or pressures is None:
         return pressures
@@ -329,8 +330,7 @@ class CommandHistory:
         Return the roller travel by the commands between two times, (r,) [m].
 
         :param begin: begin of the interval [s].
-        :param end: end of the interval [s]; if it is before the begin, the travel has the opposite
-            sign.
+        :param end: end of the interval [s]; before the begin, the travel is negative.
         :param before: (r,) speeds at times before the first entry [m/s].
         """
         if self.last is None or begin == end:

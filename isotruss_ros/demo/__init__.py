@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The demonstration: the real nodes as processes, Fig. 9 of the paper as twists, a picture.
+Demonstration: the nodes as processes, the path of the paper's Fig. 9 as twists, and a picture.
 
 Entry points: `python -m isotruss_ros.demo`, `view.main`.
 Imports `core`, `nodes` and `plotting`.

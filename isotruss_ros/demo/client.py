@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Node of the demonstration: publishes twists and records messages of the other nodes."""
+"""Node of the demonstration: publishes twists, and records messages of the other nodes."""
 
 from __future__ import annotations
 
@@ -35,21 +35,21 @@ from sensor_msgs.msg import JointState, MultiDOFJointState
 
 #: Period of the twists [s].
 PERIOD = 0.01
-#: Longest wait for a message. With another timeout each time, rclpy's executor would begin anew
-#: with the first subscription, and the others would starve where that one always has messages [s].
+#: Longest wait for a message [s]. It is constant: with varying timeouts, rclpy's executor begins
+#: anew with the first subscription, and a busy first subscription would starve the others.
 WAIT = 2e-3
-#: Time for what takes no time, on a busy machine [s].
+#: Deadline of events that are immediate except on a busy machine [s].
 DEADLINE = 240.0
-#: Object and rollers are at rest when they have not moved farther than this [m, rad] for so long,
-#: by the stamps of the measurements [s].
+#: Object and rollers are at rest if they move by less than a distance [m, rad] in a time by the
+#: stamps [s].
 REST_DISTANCE, REST_TIME = 2e-6, 0.1
-#: The same of a plant whose friction creeps and whose robot swings [m, rad].
+#: Distance for rest in a plant with creeping friction and oscillations [m, rad].
 SWINGING = 1e-4
-#: The same where the loop follows the noise of its sensors [m, rad].
+#: Distance for rest if the loop follows the noise of its sensors [m, rad].
 TREMBLING = 5e-3
-#: Turns of the object count for its speed with this arm [m].
+#: Lever arm that converts rotations of the object to distances [m].
 ARM = 0.1
-#: Topics that one node publishes.
+#: Topics with a single publisher in a robot's domain.
 ALONE = ('joint_states', 'object_pose')
 
 
@@ -59,16 +59,16 @@ class DemoError(IsotrussError, RuntimeError):
 
 class DemoClient(Node):
     """
-    Publishes `cmd_vel`; collects states, `manipulation/status` and `grasp/state`.
+    Node that publishes `cmd_vel` and collects states, `manipulation/status` and `grasp/state`.
 
-    :ivar frame_id: frame id of the object's pose.
+    :ivar frame_id: frame of the object's pose.
     :ivar measured: last measured pose of the object.
-    :ivar pose: the last one that was recorded.
-    :ivar rollers: (r,) their last positions, corrected where they are estimated [m].
-    :param roller_names: the robot's rollers in its order.
-    :param sim_time: use the time of `/clock`, as for plants with masses.
-    :param truth: record the true states of robot and object in place of the measured ones, and the
-        estimates.
+    :ivar pose: last recorded pose of the object.
+    :ivar rollers: (r,) last roller positions, with estimated offsets if available [m].
+    :param roller_names: names of the rollers in the robot's order.
+    :param sim_time: whether the time of `/clock` is used, as for plants with masses.
+    :param truth: whether true states of robot and object are recorded in place of measured ones,
+        with the estimates.
     """
 
     def __init__(
@@ -94,7 +94,7 @@ class DemoClient(Node):
         self._last_status: ManipulationStatus | None = None
         self._status_times: list[float] = []
         self._record = PhaseRecord('start')
-        #: True normal forces since the last true pose, which comes before them [N].
+        #: True normal forces received since the last true pose [N].
         self._forces: list[float] = []
         self._truth = truth
         every = QoSProfile(depth=100)
@@ -163,13 +163,13 @@ class DemoClient(Node):
         self._record.grasps.append(message)
 
     def destroy_node(self) -> None:
-        """Shut down the executor as well, which would outlive the context."""
+        """Shut down the executor and destroy the node."""
         self._own_executor.shutdown()
         super().destroy_node()
 
     def begin(self, name: str) -> PhaseRecord:
         """
-        Start a phase: later messages belong to its record.
+        Start a phase; its record has the messages from now on.
 
         :param name: name of the phase.
         """
@@ -188,12 +188,12 @@ class DemoClient(Node):
         """
         Wait for a condition.
 
-        :param ready: returns whether it holds.
-        :param check: raises when it cannot hold any more.
-        :param what: the condition, for the error.
-        :param deadline: within which it must hold, by the time that phases go by [s].
-        :param meanwhile: called every `PERIOD`.
-        :raises DemoError: it did not hold in time.
+        :param ready: function that returns whether the condition holds.
+        :param check: function that raises an error if the condition cannot hold any more.
+        :param what: condition in words, for the error message.
+        :param deadline: largest time until the condition holds, on the clock of the phases [s].
+        :param meanwhile: function that is called every `PERIOD`.
+        :raises DemoError: the condition did not hold in time.
         """
         before, changed = self._seconds(), time.monotonic()
         end = before + deadline
@@ -213,7 +213,7 @@ class DemoClient(Node):
                 self._own_executor.spin_once(timeout_sec=WAIT)
 
     def _seconds(self) -> float:
-        """Return the time of phases: that of `/clock`, or of the machine [s]."""
+        """Return the time on the clock of the phases: `/clock` or the machine's [s]."""
         if self._sim_time:
             return 1e-9 * self.get_clock().now().nanoseconds
         return time.monotonic()
@@ -223,7 +223,7 @@ class DemoClient(Node):
         return self._rest is not None and self._stamp - self._moved > REST_TIME
 
     def _idle(self) -> bool:
-        """Return whether the manipulation follows a zero twist, at rest."""
+        """Return whether the manipulation follows a zero twist and the object is at rest."""
         last = self._last_status
         if last is None or last.code not in (Status.OK, Status.IDLE):
             return False
@@ -233,9 +233,9 @@ class DemoClient(Node):
 
     def require_alone(self) -> None:
         """
-        Raise if another robot is in this ROS domain.
+        Raise DemoError if another robot is in this ROS domain.
 
-        :raises DemoError: two nodes publish a topic that one node publishes.
+        :raises DemoError: a topic of `ALONE` has two publishers.
         """
         for topic in ALONE:
             if (count := self.count_publishers(topic)) > 1:
@@ -246,18 +246,18 @@ class DemoClient(Node):
                 )
 
     def last_grasp(self) -> GraspState | None:
-        """Return the last result of the analysis in this phase."""
+        """Return the last result of the grasp analysis in this phase."""
         return self._record.grasps[-1] if self._record.grasps else None
 
     def play(
         self, phase: Phase, check: Callable[[], None], progress: Callable[[float], None]
     ) -> PhaseRecord:
         """
-        Publish the twists of a phase, then wait for rest.
+        Publish the twists of a phase, then wait until the object is at rest.
 
-        :param phase: twists by time.
-        :param check: raises when a node has ended.
-        :param progress: called with the share that is done.
+        :param phase: phase with twists as a function of time.
+        :param check: function that raises an error if a node has ended.
+        :param progress: callback with the completed share, 0 to 1.
         :raises DemoError: the object did not come to rest.
         """
         record = self.begin(phase.name)
@@ -292,7 +292,7 @@ class DemoClient(Node):
         return record
 
     def _pull(self, wrench: Wrench) -> None:
-        """Publish the external wrench, and record its interval."""
+        """Publish an external wrench, and record its interval."""
         now, pulls, record = self.get_clock().now(), any(wrench), self._record
         self._pulls = self._pulls or pulls
         if not self._pulls:
@@ -306,11 +306,11 @@ class DemoClient(Node):
 
     def wait_for_rest(self, check: Callable[[], None], what: str) -> None:
         """
-        Publish zero twists until the manipulation follows them and the object is at rest.
+        Publish zero twists until the manipulation executes them and the object is at rest.
 
-        :param check: raises when a node has ended.
-        :param what: awaited event, for the error.
-        :raises DemoError: not in time.
+        :param check: function that raises an error if a node has ended.
+        :param what: awaited event in words, for the error message.
+        :raises DemoError: the object is not at rest in time.
         """
         self._ended = self._stamp
 

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""ROS domains of this machine, each locked by the run that uses it."""
+"""ROS domains of this machine, each locked by the process that uses it."""
 
 from __future__ import annotations
 
@@ -10,10 +10,11 @@ import socket
 
 from isotruss_ros.core.errors import IsotrussError
 
-#: Not 0, which a robot may have on this very machine; up to 101 the ports are free on Linux.
+#: Domains that may be used. Domain 0 is excluded, because a robot may use it on this machine; up
+#: to 101 the ports are free on Linux.
 DOMAINS = range(1, 102)
-#: Abstract socket addresses of Linux: of the machine, as the ports are, not of a user or a folder,
-#: and the kernel frees them with the process.
+#: Abstract socket address of a domain's lock. It is common to all users of the machine, and the
+#: kernel frees it with the process.
 LOCK_NAME = '\0isotruss_ros_domain_{}'
 
 
@@ -23,13 +24,13 @@ class DomainError(IsotrussError, RuntimeError):
 
 @dataclass(frozen=True)
 class DomainLock:
-    """A lock of a ROS domain against other runs on this machine."""
+    """Lock of a ROS domain against other runs on this machine."""
 
-    number: int  #: the domain id
+    number: int  #: domain id
     _socket: socket.socket
 
     def close(self) -> None:
-        """Free the domain."""
+        """Unlock the domain."""
         self._socket.close()
 
 
@@ -37,8 +38,8 @@ def lock_domain(first: int) -> DomainLock:
     """
     Lock the first free ROS domain of this machine.
 
-    :param first: number with which the search begins, counted round `DOMAINS`.
-    :raises DomainError: all of them are locked.
+    :param first: domain at which the search begins; after the last of `DOMAINS` the first follows.
+    :raises DomainError: all domains are locked.
     """
     for turn in range(len(DOMAINS)):
         number = DOMAINS[(first - DOMAINS[0] + turn) % len(DOMAINS)]

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Picture of the demonstration, like the paper's Fig. 9, and its animation."""
+"""Picture of the demonstration, like the paper's Fig. 9, and its animation as a GIF."""
 
 from __future__ import annotations
 
@@ -30,17 +30,18 @@ from matplotlib.figure import Figure
 import numpy as np
 
 MARGIN = 0.12
-#: Frames of the animation per second, and by what factor it is faster than real time.
+#: Frames of the animation per second [Hz], and its speed relative to real time [-].
 FRAMES_PER_SECOND = 12
 SPEED_UP = 5.0
 
-#: Length of an arrow for its force [m/N]; in the magnified view, too.
+#: Length of a force's arrow [m/N], also in the magnified view.
 ARROW_SCALE = 0.004
-#: Width and height of the magnified view of a grasp, as shares of its panel, and its distance from
-#: the robot.
+#: Width and height of the magnified view of a grasp, and its distance from the robot, relative to
+#: its panel [-].
 VIEW, VIEW_ROOM = 0.33, 0.04
 
-#: Of what pulls at the object; its arrow is larger than those of the contacts [m/N].
+#: Colour and length per force [m/N] of the external force's arrow; it is longer than those of
+#: contacts.
 PULL_COLOR, PULL_SCALE = '#d9480f', 0.08
 
 Box = tuple[Array, Array]
@@ -54,15 +55,16 @@ def draw_panels(
     paper_model: bool = False,
 ) -> None:
     """
-    Write a picture of all phases, with magnified grasps in a corner.
+    Write a picture with one panel for each phase, and a magnified grasp in its corner.
 
-    The file has a description: the state of each panel, whose words `tools/pictures.py` compares.
+    The file has a description with the state of each panel in words, which `tools/pictures.py`
+    compares.
 
     :param robot: the robot.
     :param diameter: diameter of the object [m].
-    :param records: records of the phases.
+    :param records: records of the phases, one for each panel.
     :param path: path of the picture.
-    :param paper_model: see `analyze_grasp`.
+    :param paper_model: whether the paper's model is used, see `analyze_grasp`.
     """
     stops: list[tuple[str, Snapshot, Wrench | None]] = []
     for record in records:
@@ -112,12 +114,12 @@ def describe_grasp(
     config: Configuration, body: ConvexObject, pull: Wrench | None, paper_model: bool = False
 ) -> tuple[GraspAnalysis, str]:
     """
-    Return the analysis of a grasp, and whether and how it holds, in words.
+    Return the analysis of a grasp, and its hold in words.
 
     :param config: configuration of the robot.
     :param body: the object.
-    :param pull: external wrench on it [N, N, N m]; None without.
-    :param paper_model: see `analyze_grasp`.
+    :param pull: external wrench on the object [N, N, N m]; None: zero.
+    :param paper_model: whether the paper's model is used, see `analyze_grasp`.
     """
     analysis = analyze_grasp(config, body, paper_model=paper_model)
     held, forces = '', None
@@ -130,7 +132,7 @@ def describe_grasp(
 
 
 def _free_corner(config: Configuration, box: Box) -> tuple[float, ...]:
-    """Return the corner (x, y, width, height) of axes that hides the least of the robot [-]."""
+    """Return the corner (x, y, width, height) of axes that covers the least of the robot [-]."""
     share = np.linspace(0.0, 1.0, 20)
     begin, end = member_lines(config).T[..., None]
     line = (begin + share * (end - begin)).ravel()
@@ -193,7 +195,7 @@ def _draw_path(axes: Any, snapshots: Sequence[Snapshot]) -> None:
 
 
 def _draw_pull(axes: Any, pose: Pose, pull: Wrench) -> None:
-    """Draw the external force as an arrow with its magnitude."""
+    """Draw the external force as an arrow, with its magnitude."""
     place = np.array(pose[:2])
     tip = place + PULL_SCALE * np.array(pull[:2])
     arrow = {'arrowstyle': '-|>', 'color': PULL_COLOR, 'lw': 2.5, 'shrinkA': 0.0}

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Animation of the demonstration in MuJoCo, rendered from the states of the plant."""
+"""Animation of the demonstration by MuJoCo, from recorded states of the plant."""
 
 from __future__ import annotations
 
@@ -16,24 +16,24 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-#: Width and height of a frame, height of its letters, and their distance from the edge [pixels].
+#: Width and height of a frame, height of its text, and margin of the text [pixels].
 WIDTH, HEIGHT, LETTERS, EDGE = 560, 500, 18, 10
 INK = (40, 40, 40)
-#: Colours of the whole animation, and number of frames that they are taken from.
+#: Number of colours of the animation, and of frames from which they are chosen [-].
 COLORS, SAMPLES = 128, 12
 SHADES = (0.4, 0.55, 0.7, 0.85, 1.0)
-#: The path is drawn through measured places that are so far apart [m].
+#: Smallest distance of the measured positions through which the path is drawn [m].
 SPARSE = 0.005
 
 
 def film(recording: Path, records: Sequence[PhaseRecord], path: Path) -> None:
     """
-    Write the whole motion as an animated GIF, drawn by MuJoCo.
+    Write the whole motion as an animated GIF, rendered by MuJoCo.
 
     :param recording: recording of the plant.
-    :param records: records of the phases, one after the other.
+    :param records: successive records of the phases.
     :param path: path of the animation.
-    :raises PlantError: the recording cannot be read, or pictures cannot be drawn here.
+    :raises PlantError: the recording cannot be read, or the machine cannot render.
     """
     states = read_recording(recording)
     frames: list[Image.Image] = []
@@ -58,7 +58,7 @@ def film(recording: Path, records: Sequence[PhaseRecord], path: Path) -> None:
 
 
 def _palette(frames: Sequence[Image.Image]) -> Image.Image:
-    """Return a picture with all colours of the animation."""
+    """Return a picture with the colours of the whole animation."""
     chosen = frames[:: max(1, len(frames) // SAMPLES)]
     together = np.concatenate([np.asarray(frame) for frame in chosen])
     # The quantizer leaves out what is thin: path and arrow, in light and in shade.
@@ -72,12 +72,12 @@ def _palette(frames: Sequence[Image.Image]) -> Image.Image:
 
 
 def _period(times: NDArray[np.float64]) -> float:
-    """Return the mean time between measurements [s]."""
+    """Return the mean time between two measurements [s]."""
     return float(times[-1] - times[0]) / max(1, len(times) - 1) or 1.0
 
 
 def _label(picture: NDArray[np.uint8], record: PhaseRecord, pulled: bool) -> Image.Image:
-    """Write the phase and the external force onto a frame."""
+    """Return a frame with the phase and the external force in words."""
     frame = Image.fromarray(picture)
     draw, font = ImageDraw.Draw(frame), ImageFont.load_default(LETTERS)
     words = record.name

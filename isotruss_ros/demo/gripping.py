@@ -12,7 +12,7 @@ from typing import Any
 from geometry_msgs.msg import PoseStamped
 from isotruss_msgs.action import PlanGrasp
 from isotruss_msgs.msg import GraspState, PlannedGrasp, StateEstimate
-from isotruss_ros.core.paths.roller_trajectory import START_TOLERANCE
+from isotruss_ros.core.paths.roller_trajectory import MAX_LAG
 from isotruss_ros.demo.client import DEADLINE, DemoClient, DemoError
 from isotruss_ros.demo.record import PhaseRecord
 from isotruss_ros.nodes.conversions.messages import to_pose_message
@@ -25,13 +25,13 @@ from trajectory_msgs.msg import JointTrajectory
 
 Check = Callable[[], None]
 
-#: A search takes seconds; on a machine that is busy otherwise, more of them [s].
+#: Deadline of a search [s]; it takes seconds, on a busy machine more.
 PLANNING_DEADLINE = 120.0
-#: The rollers have arrived when all are this near to the end of the path [m].
+#: Largest distance of a roller from the end of the path at arrival [m].
 ARRIVED = 1e-4
-#: The same of travel that is estimated, which moves with each marker [m].
+#: The same distance for estimated travel, which changes with each marker [m].
 NEARLY_ARRIVED = 2e-3
-#: Largest standard deviation of the zeros of rollers with which a grasp is planned [m].
+#: Largest standard deviation of a roller offset for the planning of a grasp [m].
 SURE = 1e-3
 
 
@@ -39,8 +39,8 @@ def slow_down(grasp: PlannedGrasp, factor: float) -> None:
     """
     Slow down the path to a grasp.
 
-    :param grasp: grasp of the planner; changed in place.
-    :param factor: factor on all times [-].
+    :param grasp: planned grasp, which is changed in place.
+    :param factor: factor on all times of the path [-].
     """
     for point in grasp.path.points:
         point.time_from_start = to_duration(factor * read_duration(point.time_from_start))
@@ -49,7 +49,7 @@ def slow_down(grasp: PlannedGrasp, factor: float) -> None:
 
 def is_sure(estimates: Sequence[StateEstimate]) -> bool:
     """
-    Return whether the roller offsets are known.
+    Return whether the standard deviations of the roller offsets are small enough.
 
     :param estimates: estimates of the state, in time order.
     """
@@ -61,10 +61,10 @@ def is_sure(estimates: Sequence[StateEstimate]) -> bool:
 
 class Gripping:
     """
-    Client of the planner and of the manipulation, for the path to the grasp.
+    Client of planner and manipulation, which plans and follows the path to a grasp.
 
-    :param client: the demonstration's node.
-    :param check: raises when a node has ended.
+    :param client: node of the demonstration.
+    :param check: function that raises an error if a node has ended.
     """
 
     def __init__(self, client: DemoClient, check: Check) -> None:
@@ -76,10 +76,10 @@ class Gripping:
 
     def wait_until_ready(self, estimated: bool = False) -> PhaseRecord:
         """
-        Wait until all nodes publish, at rest.
+        Wait until all nodes publish and the robot is at rest.
 
-        :param estimated: a node estimates the state.
-        :raises DemoError: not in time.
+        :param estimated: whether a node estimates the state.
+        :raises DemoError: the nodes are not ready in time.
         """
         client = self._client
         record = client.begin('start')
@@ -104,10 +104,10 @@ class Gripping:
         """
         Request a grasp of the object at its measured pose.
 
-        :param goal: all but the object's pose.
-        :param progress: called with the share that is done.
-        :return: the best grasp, and the whole result.
-        :raises DemoError: there is none.
+        :param goal: goal of the planner without the object's pose.
+        :param progress: callback with the completed share, 0 to 1.
+        :return: best grasp, and the whole result.
+        :raises DemoError: no grasp was found.
         """
         pose = self._client.measured
         goal.object_pose = PoseStamped(pose=to_pose_message(pose))
@@ -123,14 +123,14 @@ class Gripping:
         return result.grasps[0], result
 
     def _planned_blindly(self, result: PlanGrasp.Result) -> bool:
-        """Return whether a path starts away from the true rollers, or without a known state."""
+        """Return whether a path starts away from the true rollers, or the state is unknown."""
         if result.code != PlanGrasp.Result.FOUND:
             return result.code == PlanGrasp.Result.NO_JOINT_STATES
         begin = np.array(result.grasps[0].path.points[0].positions)
-        return bool(np.abs(begin - self._client.rollers).max() > START_TOLERANCE)
+        return bool(np.abs(begin - self._client.rollers).max() > MAX_LAG)
 
     def _search(self, goal: PlanGrasp.Goal, progress: Callable[[float], None]) -> PlanGrasp.Result:
-        """Send a goal to the planner and return its result."""
+        """Send a goal to the planner, and return its result."""
         sent = self._planner.send_goal_async(
             goal, lambda message: progress(min(0.99, message.feedback.progress))
         )
@@ -145,9 +145,9 @@ class Gripping:
         """
         Follow the path to a grasp, and wait until the analysis reports the object as held.
 
-        :param grasp: grasp of the planner.
-        :param progress: called with the share that is done.
-        :return: records until the members touch the object, and from there on.
+        :param grasp: planned grasp.
+        :param progress: callback with the completed share, 0 to 1.
+        :return: records before, and after, the members touch the object.
         :raises DemoError: the rollers did not arrive, or the object is not held.
         """
         client = self._client

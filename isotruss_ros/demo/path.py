@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The path of the paper's Fig. 9 as twists: up, a rotation in place, a circular arc."""
+"""Path of the paper's Fig. 9 as twists: upward motion, rotation in place, circular arc."""
 
 from __future__ import annotations
 
@@ -9,27 +9,27 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 import math
 
-#: (vx, vy, omega) in the robot frame [m/s, rad/s].
+#: Twist (vx, vy, omega) in the robot frame [m/s, rad/s].
 Twist = tuple[float, float, float]
-#: (fx, fy, m) on the object about its centre [N, N m].
+#: Wrench (fx, fy, m) on the object about its centre [N, N m].
 Wrench = tuple[float, float, float]
 
-#: When an object is pulled at, as shares of a phase.
+#: Begin and end of the pull, as shares of a phase [-].
 PULLED = (0.4, 0.6)
 
 
 @dataclass(frozen=True)
 class Phase:
-    """One part of the path."""
+    """Phase of the path."""
 
     name: str  #: name of the motion
-    duration: float  #: [s]
-    twist: Callable[[float], Twist]  #: the twist at a time since the phase began [s]
-    pull: Wrench | None = None  #: wrench in the middle of the phase; None without
+    duration: float  #: duration [s]
+    twist: Callable[[float], Twist]  #: twist by the time since the start [s]
+    pull: Wrench | None = None  #: wrench in the middle of the phase; None: no pull
 
     def wrench(self, time: float) -> Wrench:
         """
-        Return the external wrench: `pull` from 0.4 to 0.6 of the phase, else zero.
+        Return the external wrench: `pull` in the middle of the phase (see `PULLED`), else zero.
 
         :param time: time since the start of the phase [s].
         """
@@ -39,7 +39,7 @@ class Phase:
 
 
 def _progress(time: float, duration: float) -> tuple[float, float]:
-    """Return the completed share of a motion and its rate [1/s], at rest at both ends."""
+    """Return the completed share of a motion and its rate [1/s]; the rate is zero at both ends."""
     phase = 2.0 * math.pi * min(max(time / duration, 0.0), 1.0)
     return (phase - math.sin(phase)) / (2.0 * math.pi), (1.0 - math.cos(phase)) / duration
 
@@ -65,11 +65,11 @@ def rotation(name: str, duration: float, angle: float) -> Phase:
 
 def arc(name: str, duration: float, radius: float, heading: float, angle: float) -> Phase:
     """
-    Return a circular arc with the orientation along the path.
+    Return a motion along a circular arc; the object's orientation follows the path.
 
-    :param radius: positive [m].
+    :param radius: radius of the arc, positive [m].
     :param heading: direction of motion at the start [rad].
-    :param angle: the angle of the arc, positive for a left turn [rad].
+    :param angle: angle of the arc, positive for a left turn [rad].
     """
 
     def twist(time: float) -> Twist:
@@ -83,11 +83,12 @@ def arc(name: str, duration: float, radius: float, heading: float, angle: float)
 
 def figure_9(pull: Wrench | None = None) -> tuple[Phase, ...]:
     """
-    Return the path of Fig. 9 for an object held at the top, north/Z, of the nine-member robot.
+    Return the path of Fig. 9 for an object at the top, north/Z, of the nine-member robot.
 
-    The object's orientation, 0 at the start, is normal to the arc after the turn by 90 degrees.
+    The object's angle is 0 at the start. After the rotation by 90 degrees, its x axis is normal to
+    the arc.
 
-    :param pull: wrench on the object in the middle of the arc [N, N m]; None without one.
+    :param pull: wrench on the object in the middle of the arc [N, N m]; None: no pull.
     """
     quarter = 0.5 * math.pi
     return (

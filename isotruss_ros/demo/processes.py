@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Start and stop of the nodes as processes, by Ctrl-C."""
+"""Nodes as processes, started for a block and stopped by Ctrl-C."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from isotruss_ros.core import IsotrussError
 from isotruss_ros.demo.domains import DomainLock, lock_domain
 from isotruss_ros.nodes.framework.runner import STOP_SIGNALS
 
-#: A node that has not ended this long after Ctrl-C is killed [s].
+#: Time after Ctrl-C at which a running node is killed [s].
 STOP_TIMEOUT = 30.0
-#: Of this process, kept until it ends.
+#: Domain locks of this process, which end with it.
 _locks: list[DomainLock] = []
 
 
@@ -30,11 +30,11 @@ class NodeError(IsotrussError, RuntimeError):
 
 class NodeProcess:
     """
-    One running node.
+    Process of one running node.
 
-    :param name: module of `isotruss_ros.nodes`.
+    :param name: name of a module of `isotruss_ros.nodes`.
     :param parameters: ROS parameters by name.
-    :param log: file that gets what the node prints.
+    :param log: file for the output of the node.
     """
 
     def __init__(self, name: str, parameters: Mapping[str, object], log: Path) -> None:
@@ -60,9 +60,9 @@ class NodeProcess:
 
     def require_running(self) -> None:
         """
-        Raise if the node is not running.
+        Raise NodeError if the node is not running.
 
-        :raises NodeError: it has ended; with the last lines that it printed.
+        :raises NodeError: the node has ended; the message has its last lines of output.
         """
         if self.process.poll() is not None:
             printed = self.log.read_text(errors='replace').strip().splitlines()[-5:]
@@ -72,12 +72,12 @@ class NodeProcess:
             )
 
     def interrupt(self) -> None:
-        """Send Ctrl-C."""
+        """Send Ctrl-C to the node."""
         if self.process.poll() is None:
             self.process.send_signal(signal.SIGINT)
 
     def stop(self) -> int:
-        """Send Ctrl-C, wait, and return the exit code, see `wait`."""
+        """Send Ctrl-C, wait for the end, and return the exit code, see `wait`."""
         self.interrupt()
         return self.wait()
 
@@ -92,7 +92,7 @@ class NodeProcess:
 
 @contextlib.contextmanager
 def _held_signals() -> Iterator[list[int]]:
-    """Defer signals during a block, in which they would leave nodes running."""
+    """Defer signals during a block, because they would leave nodes running."""
     received: list[int] = []
 
     def keep(which: int, _frame: FrameType | None) -> None:
@@ -113,9 +113,9 @@ def running_nodes(
     """
     Run nodes while a block is executed.
 
-    :param nodes: (name, parameters) of each.
-    :param logs: folder for what they print.
-    :raises KeyboardInterrupt: a signal came while they were started.
+    :param nodes: name and parameters of each node.
+    :param logs: folder for the output of the nodes.
+    :raises KeyboardInterrupt: a signal arrived while the nodes were started.
     """
     processes = []
     try:
@@ -135,10 +135,10 @@ def running_nodes(
 
 def keep_to_this_machine() -> int:
     """
-    Restrict this process and its children to this machine.
+    Restrict ROS communication of this process and its children to this machine.
 
-    :return: the domain id that they use: that of the environment if set, else one locked until
-        this process ends.
+    :return: domain id: that of the environment if set, else a domain that is locked until this
+        process ends.
     :raises DomainError: all domains are locked.
     """
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Messages received during a phase of the demonstration."""
+"""Record of the messages in a phase of the demonstration."""
 
 from __future__ import annotations
 
@@ -26,27 +26,29 @@ class Snapshot(NamedTuple):
 @dataclass
 class PhaseRecord:
     """
-    Result of one phase.
+    Record of one phase.
 
     :ivar name: name of the phase.
-    :ivar commanded: (dx, dy, dangle), the integral of the published twists [m, rad].
-    :ivar accepted: (dx, dy, dangle), the integral of the twists by which the manipulation node
-        reports to move the object, scaled by its limits [m, rad].
-    :ivar measured: (dx, dy, dangle) of the measured pose; the angle unwrapped [m, rad].
-    :ivar max_speed: largest commanded speed of the object, turns times 0.1 m [m/s].
-    :ivar pull: (fx, fy, m) that pulled at the object [N, N m]; None if nothing did.
-    :ivar pulled: interval of the pull, ROS time [s].
-    :ivar max_shift: largest distance of the measured from the commanded place meanwhile [m].
+    :ivar commanded: (dx, dy, dangle), integral of the published twists [m, rad].
+    :ivar accepted: (dx, dy, dangle), integral of the twists that the manipulation node reports to
+        execute, scaled by its limits [m, rad].
+    :ivar measured: (dx, dy, dangle), change of the measured pose with the angle unwrapped [m,
+        rad].
+    :ivar max_speed: largest commanded speed of the object, with rotations times 0.1 m [m/s].
+    :ivar pull: external wrench (fx, fy, m) on the object [N, N m]; None without one.
+    :ivar pulled: interval of the external wrench, ROS time [s].
+    :ivar max_shift: largest distance of the measured from the commanded position under the wrench
+        [m].
     :ivar max_roller_speed: largest measured speed of any roller [m/s].
     :ivar loop_rate: cycles of the manipulation node per second [Hz].
-    :ivar longest_cycle: longest time between two cycles of the manipulation node, or of the client
-        that publishes the twists [s].
+    :ivar longest_cycle: longest time between two cycles of the manipulation node or of the
+        publishing client [s].
     :ivar statuses: all statuses of the manipulation node.
-    :ivar snapshots: measured states, in time order.
-    :ivar grasps: all results of the grasp analysis, in time order.
-    :ivar squeezes: true mean normal forces of the members, in time order [N]; where that is heard.
-    :ivar joints: true places (j, 2) of the joints, in time order [m]; where that is heard.
-    :ivar estimates: estimates of the state in time order, with recorded truth.
+    :ivar snapshots: measured states in the order of time.
+    :ivar grasps: all results of the grasp analysis in the order of time.
+    :ivar squeezes: true mean normal forces of the members in the order of time [N], if received.
+    :ivar joints: true positions (j, 2) of the joints in the order of time [m], if received.
+    :ivar estimates: estimates of the state in the order of time, if the truth is recorded.
     """
 
     name: str
@@ -69,36 +71,36 @@ class PhaseRecord:
 
     @property
     def position_error(self) -> float:
-        """Return the distance of the measured end from that of the accepted twists [m]."""
+        """Return the distance between the ends of measured motion and accepted twists [m]."""
         return float(np.linalg.norm((self.measured - self.accepted)[:2]))
 
     @property
     def angle_error(self) -> float:
-        """Return the angle of the measured end from that of the accepted twists [rad]."""
+        """Return the angle between the ends of measured motion and accepted twists [rad]."""
         return abs(float((self.measured - self.accepted)[2]))
 
     @property
     def refused(self) -> float:
-        """Return the distance of the commanded end from that of the accepted twists [m]."""
+        """Return the distance between the ends of commanded and accepted twists [m]."""
         return float(np.linalg.norm((self.accepted - self.commanded)[:2]))
 
     @property
     def delay(self) -> float:
-        """Return the largest error by commands held longer [m]."""
+        """Return the largest error that late cycles can cause [m]."""
         return 2.0 * self.max_speed * self.longest_cycle
 
     @property
     def analyses(self) -> list[GraspState]:
-        """Return the analyses that have a result."""
+        """Return the grasp analyses that have a result."""
         return [grasp for grasp in self.grasps if grasp.code <= GraspState.WRINKLED]
 
     @property
     def held(self) -> float:
-        """Return the share of analyses with a held object; 0 without any."""
+        """Return the share of analyses with a held object; 0 without analyses."""
         return float(np.mean([grasp.held for grasp in self.analyses])) if self.analyses else 0.0
 
     def parts(self) -> list[PhaseRecord]:
-        """Return this record, and its part under the external force."""
+        """Return this record, and its part under the external wrench."""
         if self.pull is None:
             return [self]
         begin, end = self.pulled
@@ -110,7 +112,7 @@ class PhaseRecord:
         Return the parts before and after the closest approach to roller positions.
 
         :param name: name of the second part.
-        :param rollers: (r,) [m].
+        :param rollers: (r,) roller positions [m].
         """
         distances = [
             float(np.abs(snapshot.rollers - rollers).max()) for snapshot in self.snapshots

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The demonstration: plan a grasp, close it in place, carry the object, pull at it."""
+"""Demonstration: plan a grasp, close the grip in place, carry the object, pull at it."""
 
 from __future__ import annotations
 
@@ -34,45 +34,45 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from ruamel.yaml import YAML
 
 ROBOT = 'nine_member'
-#: Plants that carry the object by friction.
+#: Plants in which friction holds the object.
 PLANTS = (ELASTIC, MUJOCO)
 OBJECT_DIAMETER = 0.2
 #: Initial position of the free object, inside the tube `north` [m].
 OBJECT_CENTER = (0.6, 0.3)
-#: The module whose members grasp: its roller is driven, so the object can be rolled.
+#: Module whose members grasp the object. Its roller is driven, so the object can be rolled.
 GRIP_MODULE = 'north/Z'
 FRICTION = 0.5
-#: Normal force of each of the two members [N]: the object bears more than the pull, and the tubes
-#: have a reserve to wrinkling for the turn in place, where a side is short.
+#: Normal force of each of the two members [N]. The object resists the pull, and the tubes have a
+#: reserve against wrinkling in the rotation, in which one side is short.
 SQUEEZE = 22.0
-#: The path to the grasp takes so much longer where the robot has masses: one member of a grip that
-#: closes quicker hits the object before the other one is there.
+#: Factor on the times of the path to the grasp for a robot with masses [-]. At full speed one
+#: member would hit the object before the other one.
 SLOWER = 2.0
-#: What holds the object to the ground while it lies there; of plant mujoco [N].
+#: Friction force of the ground on the free object in the plant mujoco [N].
 GROUND_FRICTION = 0.5
-#: File with the states of MuJoCo, from which the animation is drawn.
+#: Name of the file with MuJoCo's states, from which the animation is drawn.
 RECORDING = 'plant.recording'
-#: What pulls at the object in the middle of the arc, out of the grip [N, N m].
+#: Force on the object in the middle of the arc, out of the grip [N], and mass of the object [kg].
 LOAD, OBJECT_MASS = 5.0, 0.5
 PULL = (0.0, -LOAD, 0.0)
-#: Longer than the default [s], for a machine that is busy otherwise.
+#: Timeout of commands [s], longer than the default for a busy machine.
 COMMAND_TIMEOUT = 1.0
-#: Of the analyses [Hz]: each takes 20 to 40 ms of a core that the loop needs too.
+#: Rate of grasp analyses [Hz]. Each takes 20 to 40 ms of a core that the loop needs too.
 ANALYSIS_RATE = 5.0
-#: Largest error of the final pose, against the integral of the twists that limits left, of nodes
-#: that come to their turns in time.
+#: Largest distance of the final pose from the end of the accepted twists, if cycles are not late
+#: [m].
 MAX_POSITION_ERROR = 1e-3
 MAX_ANGLE_ERROR = np.deg2rad(0.25)
-#: The same with real sensors [m].
+#: The same distance with real sensors [m].
 MAX_REAL_ERROR = 1e-2
 
 
 def run(arguments: Sequence[str] | None = None) -> int:
     """
-    Run the nodes, play the path, print the tables, draw the figures.
+    Run the nodes, follow the path, print tables and draw figures.
 
-    :param arguments: arguments of the command line; those of the process if None.
-    :return: 0 where the object was held and came to its places, else 1.
+    :param arguments: arguments of the command line; None: those of the process.
+    :return: 0 if the object was held and reached its targets, else 1.
     """
     parser = argparse.ArgumentParser(prog='isotruss demo', description=__doc__)
     parser.add_argument(
@@ -131,7 +131,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
 def _play(
     options: argparse.Namespace, robot: str, console: Console
 ) -> tuple[list[PhaseRecord], PlanGrasp.Result]:
-    """Run the nodes as processes: plan, approach, grip, then follow the path."""
+    """Run the nodes as processes: plan, approach, close the grip, and follow the path."""
     domain = keep_to_this_machine()
     output, rate, plant = options.output, options.rate, options.plant
     # A machine that is too slow for MuJoCo takes longer, and nothing lags.
@@ -203,7 +203,7 @@ def _play(
 
 
 def _write_round_robot(output: Path) -> Path:
-    """Write the robot's file without flattening, as in MuJoCo; return its path."""
+    """Write the robot's file without flattening, as in MuJoCo, and return its path."""
     yaml = YAML(typ='safe', pure=True)
     # The order of tubes is that of the rollers.
     yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]
@@ -242,7 +242,7 @@ def _verdict(records: Sequence[PhaseRecord], real: bool, console: Console) -> in
 
 
 def _tell_odd(record: PhaseRecord, console: Console) -> None:
-    """Print unusual states and the effect of a pull."""
+    """Print unusual statuses and the effect of a pull."""
     odd = {
         str(status) for status in record.statuses - {Status.OK, Status.IDLE, Status.ACCELERATING}
     }

@@ -14,7 +14,7 @@ import numpy as np
 from rich.table import Table
 
 PERFECT, REAL = 'perfect', 'real'
-#: Encoders, and a tracker with markers on three joints, as parameters of `simulator`.
+#: Parameters of `simulator` for encoders and a tracker with markers on three joints.
 REAL_SENSORS = {
     'seed': 3,
     'encoder_step': 2e-5,
@@ -32,9 +32,9 @@ REAL_SENSORS = {
 
 def truth_table(records: Sequence[PhaseRecord], robot: Robot, squeeze: float) -> Table:
     """
-    Return the errors of squeeze, joints and pose against the truth.
+    Return a table of the estimated squeeze, joints and pose against the true values.
 
-    :param records: records of the phases, with the truth.
+    :param records: records of the phases, with true values.
     :param robot: robot of the robot file.
     :param squeeze: desired squeeze [N].
     """

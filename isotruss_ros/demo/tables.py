@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Tables of the demonstration: planned grasps, motion, holds, contacts."""
+"""Tables of the demonstration: planned grasps, motion, hold, contacts."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ def make_table(
     Return a table without rows.
 
     :param title: title of the table.
-    :param names: headings of the first columns.
-    :param figures: headings of the others, with their units.
+    :param names: headings of the first columns, which have names.
+    :param figures: headings of the other columns, which have numbers, with their units.
     :param wrap: whether names may take several lines.
     """
     table = Table(title=title, box=None, pad_edge=False, collapse_padding=True)
@@ -34,7 +34,7 @@ def make_table(
 
 
 def plan_table(plan: PlanGrasp.Result) -> Table:
-    """Return the planned grasps, best first; the robot takes the first."""
+    """Return a table of the planned grasps, best first; the robot executes the first."""
     table = make_table(
         f'Planned: {plan.evaluations} configurations evaluated, {plan.analyses} of them '
         f'by statics, in {plan.computing_time:.1f} s',
@@ -56,7 +56,7 @@ def plan_table(plan: PlanGrasp.Result) -> Table:
 
 
 def motion_table(records: Sequence[PhaseRecord]) -> Table:
-    """Return the displacement of the object, and the errors."""
+    """Return a table of the object's displacement and errors in each phase."""
     table = make_table(
         'Object: dx, dy in mm and rotation in degrees; roller: largest speed of any',
         ('phase',),
@@ -82,7 +82,7 @@ def _numbers(values: np.ndarray) -> str:
 
 def grasp_table(records: Sequence[PhaseRecord]) -> Table:
     """
-    Return the hold of the object in each phase: range over all analyses.
+    Return a table of the object's hold in each phase, with the range over all analyses.
 
     :param records: records of the phases.
     """
@@ -125,7 +125,7 @@ def grasp_table(records: Sequence[PhaseRecord]) -> Table:
 
 def contact_table(records: Sequence[PhaseRecord]) -> Table:
     """
-    Return the contact regions at the end of each phase.
+    Return a table of the contact regions at the end of each phase.
 
     :param records: records of the phases.
     """

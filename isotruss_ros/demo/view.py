@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Executable `view`: plant, nodes and viewer; prints the address for a browser."""
+"""Executable `view`: plant, nodes and viewer; it prints the address for a browser."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from isotruss_ros.demo.processes import keep_to_this_machine, running_nodes
 from isotruss_ros.viewer.names import ELASTIC, PLANTS
 
 DIAMETER = 0.3
-#: By so much the tubes are indented at first, so that the object is squeezed [m].
+#: Initial indentation of the tubes, which squeezes the object [m].
 INDENTATION = 0.01
-#: The corner of 60 degrees needs 0.58.
+#: Coefficient of friction [-]; the corner of 60 degrees needs 0.58.
 FRICTION = 0.8
-#: Lets an object that is let go come to rest; of plant mujoco [N].
+#: Friction force of the ground on a free object in the plant mujoco, which brings it to rest [N].
 GROUND_FRICTION = 0.5
 RATE = 50.0
-#: How often the processes are looked at [s].
+#: Period of the check of the processes [s].
 PERIOD = 0.2
 
 
@@ -33,8 +33,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     Run the nodes until Ctrl-C.
 
-    :param arguments: arguments of the command line; those of the process if None.
-    :return: 0 after Ctrl-C, 1 where a node ended.
+    :param arguments: arguments of the command line; None: those of the process.
+    :return: 0 after Ctrl-C, 1 if a node has ended.
     """
     parser = argparse.ArgumentParser(prog='isotruss view', description=__doc__)
     parser.add_argument('--plant', choices=PLANTS, default=ELASTIC, help='of the simulator')

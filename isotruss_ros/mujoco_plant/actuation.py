@@ -2,11 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Actuators and sensors of an exported model, named by rollers, joints and objects.
+Actuators and sensors of an exported model, named after rollers, joints and objects.
 
-A roller is a slide joint of its name, whose position is its travel. The rest length of member m
-changes by phi_i - phi_j of the rollers at its ends: each elastic slide q of it, of the share s of
-the length, becomes a fixed tendon of the same stiffness, of the length q - s (phi_i - phi_j).
+A roller is a slide joint with the roller's name; its position is the roller travel. The rest
+length of a member changes by phi_i - phi_j of the rollers at its ends. So each elastic slide q of
+the member, with the share s of its length, becomes a fixed tendon with the same stiffness and the
+length q - s (phi_i - phi_j).
 """
 
 from __future__ import annotations
@@ -16,25 +17,25 @@ import xml.etree.ElementTree as ET
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.numerics.arrays import Indices
 
-#: Moving mass of a roller without the tubes [kg]; assumed, like those of the bodies.
+#: Assumed moving mass of a roller without the tubes [kg].
 ROLLER_MASS = 0.1
-#: Stiffness [N/m] and damping [N s/m] of a position-controlled drive, stiff against the tubes with
+#: Stiffness [N/m] and damping [N s/m] of a position-controlled drive, stiff compared with tubes of
 #: 1e4 to 1e5 N/m.
 DRIVE_STIFFNESS, DRIVE_DAMPING = 1e6, 1e3
 #: Largest travel of a roller [m].
 MAX_TRAVEL = 100.0
-#: Attributes of a slide that move to its tendon.
+#: Attributes of a slide that its tendon takes over.
 TENDON_ATTRIBUTES = ('stiffness', 'damping')
 
 
 def add_actuation(root: ET.Element, robot: Robot, objects: int, segments: Indices) -> None:
     """
-    Add a joint, an actuator and sensors for each roller, and sensors for joints and objects.
+    Add a joint, an actuator and sensors of each roller, and sensors of joints and objects.
 
-    :param root: model of the robot at home, see `export_mjcf`.
+    :param root: root element of the model of the robot at home, see `export_mjcf`.
     :param robot: the robot.
     :param objects: number of objects in the model.
-    :param segments: (m,) numbers of segments of the members.
+    :param segments: (m,) number of segments of each member.
     """
     world, tendon = root.find('worldbody'), root.find('tendon')
     actuators = ET.SubElement(root, 'actuator')

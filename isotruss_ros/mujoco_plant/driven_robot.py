@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A MuJoCo robot with the interface of `core.SimulatedRobot`."""
+"""Robot in MuJoCo with the interface of `core.SimulatedRobot`."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from isotruss_ros.mujoco_plant.options import PlantOptions
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 import numpy as np
 
-#: Simulated time in which the tubes settle on an object grasped at the start [s].
+#: Simulated time in which the tubes settle on an object that is grasped at the start [s].
 SETTLING_TIME = 1.0
 
 
@@ -23,19 +23,19 @@ class DrivenRobot(DrivenRollers):
     Robot and object in MuJoCo, driven by rollers with encoders.
 
     :ivar plant: the robot in MuJoCo.
-    :ivar lag: time not simulated, since more than `longest_step` was due at once [s].
+    :ivar lag: time that was not simulated, because more than `longest_step` was due at once [s].
     :param robot: the robot, initially at home.
     :param body: the object at its pose.
-    :param is_free: whether the object is free from the start; otherwise the tubes settle on it
-        first.
+    :param is_free: whether the object is free from the start; otherwise the tubes first settle on
+        it.
     :param options: masses, friction, gravity and mesh.
     :param faults: faults of the rollers.
     :param seed: seed of noise and slip.
-    :param longest_step: longest simulated time of a call of `advance` [s].
+    :param longest_step: longest simulated time in one call of `advance` [s].
     :raises PlantError: MuJoCo is not installed, or the start is unstable.
-    :raises GraspError: unknown stuck roller.
-    :raises ConfigurationError: a slip out of its range.
-    :raises StructureError: the stiffness model has no stiffness for a member.
+    :raises GraspError: the robot has no such stuck roller.
+    :raises ConfigurationError: the slip is out of its range.
+    :raises StructureError: the stiffness model has no stiffness at a member's length.
     """
 
     def __init__(
@@ -65,21 +65,21 @@ class DrivenRobot(DrivenRollers):
 
     def place_object(self, pose: Pose) -> None:
         """
-        Set the object to another pose, free and at rest, without moving the robot.
+        Move the object to another pose, free and at rest; the robot does not move.
 
-        :param pose: (x, y, angle) in the robot frame [m, rad].
-        :raises PlantError: not finite.
+        :param pose: pose (x, y, angle) in the robot frame [m, rad].
+        :raises PlantError: the pose is not finite.
         """
         self.plant.hold_object(pose)
         self.plant.release_object()
 
     def advance(self, duration: float) -> None:
         """
-        Simulate an interval of time.
+        Simulate a time interval.
 
-        :param duration: not negative [s].
-        :raises ConfigurationError: no configuration exists at the commanded roller travel; the
-            rollers block.
+        :param duration: length of the interval, not negative [s].
+        :raises ConfigurationError: no configuration exists at the commanded roller travel; then
+            the rollers block.
         :raises PlantError: the simulation became unstable.
         """
         simulated = min(duration, self._longest_step)

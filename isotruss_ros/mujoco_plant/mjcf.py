@@ -4,10 +4,10 @@
 """
 MuJoCo model (MJCF) of the robot: hinged modules, tubes as chains of capsules.
 
-A module is hinged at its joint. A rigid guide arm BD is hinged at its B; a chain of rigid capsules
-with elastic joints (see `springs`) leads from D to E', and ends in the guide arm E'C', which an
-equality connects to C' of the next module. Bisection (3) is one fixed tendon per module, linear in
-the joint angles.
+A module is hinged at its joint. At its point B a rigid guide arm BD is hinged. A chain of rigid
+capsules with elastic joints (see `springs`) leads from D to E' and ends in the guide arm E'C'. An
+equality connects C' to the next module. The bisection (3) is one fixed tendon per module, linear
+in the joint angles.
 """
 
 from __future__ import annotations
@@ -34,29 +34,31 @@ from isotruss_ros.mujoco_plant.scenery import (
 from isotruss_ros.mujoco_plant.springs import Springs, springs_of
 import numpy as np
 
-#: Masses of a joint, a tube segment and a guide arm [kg]; assumed.
+#: Assumed masses of a joint, and of a tube segment or guide arm [kg].
 JOINT_MASS, PIECE_MASS = 0.1, 0.05
-#: Moment of inertia of light bodies [kg m^2] and drag of hinges without a spring [N m s].
+#: Mass of a module if the robot file has none [kg].
+MODULE_MASS = 1.0
+#: Moment of inertia of light bodies [kg m^2], and viscous drag of hinges without a spring [N m s].
 INERTIA, HINGE_DRAG = 1e-3, 0.05
-#: Armature of an elastic joint in units of stiffness times squared time step [-]: its oscillation
-#: is slow enough for the integrator, and fast against the motion of the robot.
+#: Armature of an elastic joint over stiffness times squared time step [-]. Its oscillation is then
+#: slow enough for the integrator, and fast compared with the robot's motion.
 ARMATURE_FACTOR = 10.0
-#: Damping ratio of contacts [-]; with 1, objects crept by 0.7 mm/s.
+#: Damping ratio of contacts [-]; at 1, objects crept by 0.7 mm/s.
 CONTACT_DAMPING_RATIO = 2.0
 #: MuJoCo's `solimpfriction` of floor friction under modules, almost without creep.
 FLOOR_SOLIMP = '0.9999 0.9999'
-#: Moment arm of friction under a disc of uniform pressure, as a share of its radius [-].
+#: Lever arm of friction under a disc with uniform pressure, relative to its radius [-].
 DISC_FRICTION_ARM = 2.0 / 3.0
 
 
 def spring_damping(stiffness: Array, along: Array, options: PlantOptions) -> Array:
     """
-    Return the damping of elastic joints, (k,) [N s/m or N m s].
+    Return the damping (k,) of elastic joints [N s/m or N m s].
 
-    :param stiffness: (k,) of the joints [N/m or N m].
-    :param along: (k,) mask of slides along the tube. They have only the damping required by the
-        time step, since material losses would resist the rollers.
-    :param options: losses of the tubes, and the time step.
+    :param stiffness: (k,) stiffness of the joints [N/m or N m].
+    :param along: (k,) mask of slides along the tube. They have only the damping that the time step
+        needs, because material losses would resist the rollers.
+    :param options: options with material losses of the tubes and time step.
     """
     losses = np.where(along, 0.0, options.tube_relaxation)
     return stiffness * (losses + np.sqrt(ARMATURE_FACTOR) * options.time_step)
@@ -73,12 +75,12 @@ def export_mjcf(
     Return a self-contained MJCF text of the robot at home.
 
     :param robot: the robot.
-    :param objects: cylinders or convex objects, where they are.
-    :param options: masses, mesh and contact; the defaults if None.
-    :param segments: (m,) numbers of segments; `options.segments` each if None.
-    :param actuated: whether actuators drive the rollers, and sensors measure them, the joints and
-        the objects; the plant drives them itself.
-    :raises StructureError: the stiffness model has no stiffness for a member.
+    :param objects: discs or convex objects at their poses.
+    :param options: masses, mesh and contact; None: defaults.
+    :param segments: (m,) number of segments of each member; None: `options.segments`.
+    :param actuated: whether the model has actuators for the rollers, and sensors. The plant needs
+        none, because it drives the rollers itself.
+    :raises StructureError: the stiffness model has no stiffness at a member's length.
     """
     options = options or PlantOptions()
     counts = np.full(len(robot.member_names), options.segments) if segments is None else segments
@@ -119,7 +121,7 @@ def _add_options(root: ET.Element, options: PlantOptions) -> None:
 
 
 def _add_joints(world: ET.Element, robot: Robot, options: PlantOptions) -> list[ET.Element]:
-    """Add joints and modules; return the elements of the modules."""
+    """Add joints and modules, and return the modules' elements."""
     topology, points = robot.topology, robot.home.points
     held = set(topology.grounded.tolist())
     bodies = []
@@ -137,10 +139,11 @@ def _add_joints(world: ET.Element, robot: Robot, options: PlantOptions) -> list[
                 _slide(body, f'{name}:{letter}', axis, **rubs)
         bodies.append(body)
     modules = []
+    mass = robot.description.module.mass or MODULE_MASS
     for i, name in enumerate(topology.module_names):
         a, b, c = points[topology.joint[i]], points[topology.b[i]], points[topology.c[i]]
         body = ET.SubElement(bodies[topology.joint[i]], 'body', name=name)
-        _inertial(body, options.module_mass, 0.5 * (b + c) - a, 0.01)
+        _inertial(body, mass, 0.5 * (b + c) - a, 0.01)
         _hinge(body, f'{name}:turn', damping=HINGE_DRAG)
         ET.SubElement(body, 'site', name=f'{name}/C', pos=_place(c - a), size='0.01')
         for start, end, size in ((0.0, 0.5 * (b + c) - a, 0.012), (b - a, c - a, 0.02)):
@@ -155,7 +158,7 @@ def _add_joints(world: ET.Element, robot: Robot, options: PlantOptions) -> list[
 def _add_member(
     module: ET.Element, robot: Robot, i: int, count: int, springs: Springs, options: PlantOptions
 ) -> None:
-    """Add the chain from B of module i to C of the next."""
+    """Add the chain of member i, from B of module i to C of the next module."""
     topology, points, file = robot.topology, robot.home.points, robot.description
     a, b = points[topology.joint[i]], points[topology.b[i]]
     angle = float(np.angle(points[topology.c[topology.following[i]]] - b))
@@ -197,7 +200,7 @@ def _add_member(
 def _add_constraints(
     equality: ET.Element, tendon: ET.Element, robot: Robot, i: int, counts: Indices
 ) -> None:
-    """Connect member i with C of the next module; add bisection at module i."""
+    """Connect member i with C of the next module, and add the bisection at module i."""
     topology, names = robot.topology, robot.topology.module_names
     ring = robot.description.module.guide_ring_distance
     ET.SubElement(
@@ -222,7 +225,7 @@ def _add_constraints(
 def _add_object(
     world: ET.Element, equality: ET.Element, number: int, held: ConvexObject, options: PlantOptions
 ) -> ET.Element:
-    """Add an object with planar joints and equalities to hold it; return its body."""
+    """Add an object with planar joints and equalities that can fix it; return its body."""
     name, radius, shape = f'object{number}', held.arm, held.shape
     mass = options.object_mass if held.mass is None else held.mass
     own = held.center_of_mass

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Objects as MuJoCo primitives in contact with the capsules of the tubes in the plane."""
+"""Objects as MuJoCo primitives, in contact with the tubes' capsules in the plane."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from isotruss_ros.core.model.polygon import Polygon
 from isotruss_ros.core.model.shapes import Disc
 import numpy as np
 
-#: Radius of sharp corners [m], since capsules have no edges.
+#: Radius of sharp corners [m]; capsules have no edges.
 MIN_CORNER_RADIUS = 1e-3
 
 
 def object_geoms(held: ConvexObject) -> list[dict[str, str]]:
     """
-    Return the attributes of the geoms of an object with an unrotated body.
+    Return the attributes of the geoms of an object, in its unrotated body.
 
-    A disc is a sphere and an ellipse an ellipsoid; a polygon is a capsule along each side and a
+    A disc is a sphere, an ellipse is an ellipsoid. A polygon has a capsule along each side and a
     sphere at each corner.
 
     :param held: the object at its pose.
@@ -65,7 +65,7 @@ def _sphere(center: complex, radius: float) -> dict[str, str]:
     return {'type': 'sphere', 'pos': place, 'size': f'{radius:.9g}'}
 
 
-#: Functions that make the geoms, by kind of shape.
+#: Functions that make the geoms, by class of the shape.
 GEOMS: dict[type, Callable[[ConvexObject], list[dict[str, str]]]] = {
     Disc: _disc_geoms,
     Ellipse: _ellipse_geoms,

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-MuJoCo as an optional dependency, and the settings of its model.
+MuJoCo as an optional dependency, and the options of its model.
 
-Settings that the robot file lacks: masses, damping, mesh and contact.
+The options are values that the robot file does not have: masses, damping, mesh and contact.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from isotruss_ros.core.errors import IsotrussError
 from isotruss_ros.core.model.convex_object import DEFAULT_FRICTION
 import numpy as np
 
-#: Value of `local_stiffness` for robots with sections that do not flatten, as in MuJoCo: dents are
-#: below a micrometre.
+#: Value of `local_stiffness` for sections that do not flatten, as in MuJoCo; dents are below a
+#: micrometre.
 RIGID_SECTION_STIFFNESS = 1e4
 #: Largest number of segments of a member [-]; more do not increase the accuracy.
 MAX_SEGMENTS = 64
-POSITIVE_OPTIONS = ('object_mass', 'module_mass', 'time_step')
+POSITIVE_OPTIONS = ('object_mass', 'time_step')
 NONNEGATIVE_OPTIONS = (
     'friction',
     'joint_drag',
@@ -45,7 +45,7 @@ def load_mujoco() -> ModuleType:
     """
     Return the module `mujoco`.
 
-    :raises PlantError: MuJoCo is not installed; names the command to install it.
+    :raises PlantError: MuJoCo is not installed; the message names the command to install it.
     """
     try:
         return importlib.import_module('mujoco')
@@ -60,26 +60,25 @@ def load_mujoco() -> ModuleType:
 @dataclass(frozen=True)
 class PlantOptions:
     """
-    Settings of the MuJoCo model.
+    Options of the MuJoCo model.
 
-    :ivar tube_relaxation: relaxation time of a massless tube in bending and shear by material
+    :ivar tube_relaxation: relaxation time of a massless tube in bending and shear, due to material
         losses [s].
-    :ivar roller_force: largest force of a roller along the tube, torque over radius [N]; a roller
-        stops if the tension of its members against the motion is larger.
+    :ivar roller_force: largest force of a roller along the tube, torque over radius [N]. A roller
+        stops if its members pull against the motion with more.
     :raises PlantError: a value is invalid.
     """
 
-    friction: float = DEFAULT_FRICTION  #: coefficient between tube and object
+    friction: float = DEFAULT_FRICTION  #: coefficient of friction between tube and object [-]
     object_mass: float = 0.5  #: mass of each object [kg]
-    module_mass: float = 1.0  #: mass of each roller module [kg]
-    gravity: tuple[float, float] = (0.0, 0.0)  #: (x, y) in the plane of the robot [m/s^2]
+    gravity: tuple[float, float] = (0.0, 0.0)  #: gravity (x, y) in the robot's plane [m/s^2]
     time_step: float = 0.002  #: time step of the integrator [s]
-    segments: int = 8  #: segments of each member; fewer underestimate the squeeze
+    segments: int = 8  #: number of segments of a member; fewer reduce the squeeze
     joint_drag: float = 5.0  #: viscous drag of each joint of the robot [N s/m]
     tube_relaxation: float = 0.1
     object_drag: float = 0.5  #: viscous drag of the ground on an object [N s/m]
     ground_friction: float = 0.0  #: friction force of the ground on an object [N]
-    module_friction: float = 0.0  #: friction force of the ground on each joint and its modules [N]
+    module_friction: float = 0.0  #: ground friction at each joint and its modules [N]
     roller_lag: float = 0.0  #: time constant of the rollers' speeds [s]
     roller_force: float = float('inf')
 

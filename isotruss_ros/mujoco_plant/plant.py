@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""MuJoCo plant with roller-driven tubes."""
+"""MuJoCo plant whose tubes are driven by rollers."""
 
 from __future__ import annotations
 
@@ -19,16 +19,15 @@ from isotruss_ros.mujoco_plant.springs import springs_of
 import numpy as np
 from numpy.typing import ArrayLike
 
-#: Rows of the table of stiffnesses: axial slides (inner, end), hinges at the rings; transverse
-#: slides and bending hinges by name.
+#: Rows of the table of stiffnesses: end slides, middle slides and ring hinges.
 END, MIDDLE, RING = 0, 1, 4
 TRANSVERSE_ROWS = (('y', 2), ('bend', 3))
-#: Steps between updates of stiffness and geometry by the member lengths [-].
+#: Number of steps between updates of stiffness and geometry by the member lengths [-].
 UPDATE_INTERVAL = 10
 
 
 class ContactForce(NamedTuple):
-    """The force of a member on an object."""
+    """Force of a member on an object."""
 
     normal: float  #: normal force [N]
     friction: float  #: friction force on the object, counter-clockwise positive [N]
@@ -37,20 +36,20 @@ class ContactForce(NamedTuple):
 
 class MujocoPlant:
     """
-    A robot with objects in MuJoCo.
+    Robot with objects in MuJoCo.
 
-    The rollers follow their commands up to lag and largest force.
+    The rollers follow their commands within lag and largest force.
 
     :ivar travel: (r,) travel of the tube through each roller since home [m].
-    :ivar text: MuJoCo's model at home (MJCF).
+    :ivar text: MuJoCo's model at home as text (MJCF).
     :ivar model: MuJoCo's model.
     :ivar data: MuJoCo's state.
     :param robot: the robot, initially at home.
-    :param objects: cylinders or convex objects, free from the start.
-    :param options: masses, mesh and contact; the defaults if None.
-    :param segments: (m,) numbers of segments of the members; `options.segments` each if None.
+    :param objects: discs or convex objects, free from the start.
+    :param options: masses, mesh and contact; None: defaults.
+    :param segments: (m,) number of segments of each member; None: `options.segments`.
     :raises PlantError: MuJoCo is not installed.
-    :raises StructureError: the stiffness model has no stiffness for a member.
+    :raises StructureError: the stiffness model has no stiffness at a member's length.
     """
 
     def __init__(
@@ -83,12 +82,12 @@ class MujocoPlant:
 
     @property
     def speeds(self) -> Array:
-        """Return the (r,) speeds of the tube through the rollers in the last step [m/s]."""
+        """Return the speeds of the tube through the rollers in the last step, (r,) [m/s]."""
         return self._speeds
 
     @property
     def nodes(self) -> Array:
-        """Return the (n, 2) node positions in `Robot.node_names` order, robot frame [m]."""
+        """Return the node positions in `Robot.node_names` order, robot frame, (n, 2) [m]."""
         topology = self.robot.topology
         nodes = np.empty((topology.n_nodes, 2))
         nodes[: len(topology.joint_names)] = self.data.xpos[self._joint_bodies, :2]
@@ -98,7 +97,7 @@ class MujocoPlant:
 
     def object_pose(self, number: int = 0) -> Pose:
         """
-        Return the pose of an object; its angle counts turns.
+        Return the pose of an object; its angle is unwrapped.
 
         :param number: index of the object.
         """
@@ -109,9 +108,9 @@ class MujocoPlant:
         """
         Fix an object at a pose until its release.
 
-        :param pose: (x, y, angle) in the robot frame [m, rad].
+        :param pose: pose (x, y, angle) in the robot frame [m, rad].
         :param number: index of the object.
-        :raises PlantError: not three finite numbers.
+        :raises PlantError: the pose is not three finite numbers.
         """
         place = finite_array(pose, 3, 'the pose (x, y, angle) of the object', PlantError)
         place -= self._objects[number].pose
@@ -133,9 +132,9 @@ class MujocoPlant:
         """
         Apply an external wrench to an object from now on.
 
-        :param wrench: (fx, fy, m) about its centre, robot frame [N, N m].
+        :param wrench: wrench (fx, fy, m) about the object's centre, robot frame [N, N m].
         :param number: index of the object.
-        :raises PlantError: not three finite numbers.
+        :raises PlantError: the wrench is not three finite numbers.
         """
         pulling = finite_array(wrench, 3, 'the wrench (fx, fy, m)', PlantError)
         self.data.qfrc_applied[self._object_dofs[number]] = pulling
@@ -145,8 +144,8 @@ class MujocoPlant:
         Apply an external force to a joint of the robot from now on.
 
         :param joint: name of the joint.
-        :param force: (fx, fy) in the robot frame [N].
-        :raises PlantError: not two finite numbers.
+        :param force: force (fx, fy) in the robot frame [N].
+        :raises PlantError: the force is not two finite numbers.
         """
         body = self._body(joint)
         self.data.xfrc_applied[body, :2] = finite_array(force, 2, 'the load (fx, fy)', PlantError)
@@ -155,18 +154,18 @@ class MujocoPlant:
         """
         Change the coefficient of friction between tubes and objects.
 
-        :param friction: not negative.
+        :param friction: coefficient of friction, not negative [-].
         """
         self.model.geom_friction[:, 0] = friction
 
     def advance(self, duration: float, speeds: ArrayLike) -> None:
         """
-        Simulate whole steps; the rest of the duration is added to the next call.
+        Simulate whole steps; the remainder of the duration is added to the next call.
 
-        :param duration: not negative [s].
+        :param duration: simulated time, not negative [s].
         :param speeds: (r,) speeds of the tube through each roller [m/s].
         :raises PlantError: the simulation became unstable.
-        :raises ConfigurationError: not one finite speed a roller.
+        :raises ConfigurationError: not one finite speed for each roller.
         :raises StructureError: a member has no length.
         """
         commanded = self.robot.check_rollers(speeds, 'roller velocities [m/s]')
@@ -195,14 +194,14 @@ class MujocoPlant:
 
     def settle(self, duration: float = 2.0) -> None:
         """
-        Simulate until the robot is at rest, with fixed rollers.
+        Simulate with fixed rollers until the robot is at rest.
 
         :param duration: simulated time [s].
         """
         self.advance(duration, np.zeros_like(self.travel))
 
     def save(self) -> Array:
-        """Return MuJoCo's state for `restore`, valid while no roller moves."""
+        """Return MuJoCo's state for `restore`; it is valid while no roller moves."""
         kind = self._mj.mjtState.mjSTATE_INTEGRATION
         state = np.empty(self._mj.mj_stateSize(self.model, kind))
         self._mj.mj_getState(self.model, self.data, state, kind)
@@ -212,7 +211,7 @@ class MujocoPlant:
         """
         Restore a saved state, including external wrenches.
 
-        :param state: state of `save`; the rollers have not moved since.
+        :param state: result of `save`; the rollers have not moved since then.
         """
         kind = self._mj.mjtState.mjSTATE_INTEGRATION
         self._mj.mj_setState(self.model, self.data, state, kind)
@@ -220,7 +219,7 @@ class MujocoPlant:
 
     def contact_forces(self, number: int = 0) -> dict[str, ContactForce]:
         """
-        Return the forces of members on an object by member; empty without contact.
+        Return the force of each member on an object, by member; empty without contact.
 
         :param number: index of the object.
         """
@@ -242,7 +241,7 @@ class MujocoPlant:
         return {name: _resultant(parts) for name, parts in found.items()}
 
     def _find_addresses(self) -> None:
-        """Look up the indices of joints, bodies and geoms of all members in MuJoCo's arrays."""
+        """Find the indices of the members' joints, bodies and geoms in MuJoCo's arrays."""
         model, topology = self.model, self.robot.topology
         names, warning = topology.module_names, self._mj.mjtWarning
         bad = warning.mjWARN_BADQPOS, warning.mjWARN_BADQVEL, warning.mjWARN_BADQACC
@@ -312,7 +311,7 @@ class MujocoPlant:
         self.model.qpos_spring[self._slide_qpos] = self._slide_rest * change[self._slide_member]
 
     def _move_surface(self) -> None:
-        """Set the surface speed of each segment to that of the tube's material."""
+        """Set the surface speed of each segment to the speed of the tube's material."""
         topology = self.robot.topology
         through = np.zeros(topology.n_modules)
         through[topology.driven] = self._speeds
@@ -347,7 +346,7 @@ class MujocoPlant:
 
 
 def _resultant(parts: Sequence[tuple[complex, complex, complex]]) -> ContactForce:
-    """Return the forces, normal components and centre of pressure x + iy of contacts."""
+    """Return the resultant force of contacts and its centre of pressure."""
     forces, pressing, points = np.array(parts).T
     sizes, inward = np.abs(pressing), complex(pressing.sum())
     if not sizes.any():

@@ -4,8 +4,9 @@
 """
 Recordings of plant states, for rendering without the plant.
 
-A file has the model as text and a sequence of states: time, MuJoCo's coordinates, length and
-position of the tube segments, which change with the rollers. It is complete after every state.
+A file has the model as text and a sequence of states. A state has the time, MuJoCo's coordinates,
+and the lengths and positions of the tube segments, which change with roller travel. The file is
+complete after each state.
 """
 
 from __future__ import annotations
@@ -25,11 +26,11 @@ STATE_RATE = 25.0
 
 class PlantRecorder:
     """
-    Writes the states of a plant to a file.
+    Recorder of a plant's states to a file.
 
     :param plant: the plant.
     :param path: path of the file; an existing one is replaced.
-    :param rate: rate of the states by their times [Hz].
+    :param rate: rate of the states in the time that `record` is given [Hz].
     :raises PlantError: the file cannot be written.
     """
 
@@ -43,7 +44,7 @@ class PlantRecorder:
 
     def record(self, time: float) -> None:
         """
-        Write the current state, if due.
+        Write the current state if it is due.
 
         :param time: time of the state [s].
         """
@@ -65,19 +66,19 @@ class PlantRecording:
     """
     Recorded states of a plant.
 
-    :ivar states: (n, k) coordinates, then for each geom the second component of its size and the
-        first one of its position.
+    :ivar states: (n, k) coordinates; then for each geom the second component of its size and the
+        first component of its position.
     """
 
     text: str  #: text of the model (MJCF)
-    times: Array  #: (n,) of the states, increasing [s]
+    times: Array  #: (n,) times of the states, increasing [s]
     states: Array
 
     def at(self, time: float) -> Array:
         """
-        Return the last state (k,) at or before a time, or the first one.
+        Return the last state (k,) at or before a time; the first state if there is none.
 
-        :param time: time of the recording [s].
+        :param time: time on the clock of the recording [s].
         """
         place = int(np.searchsorted(self.times, time, side='right')) - 1
         return self.states[max(place, 0)]
@@ -85,7 +86,7 @@ class PlantRecording:
 
 def read_recording(path: Path) -> PlantRecording:
     """
-    Read a recording; an incomplete last state is dropped.
+    Read a recording without an incomplete last state.
 
     :param path: path of the file.
     :raises PlantError: the file cannot be read, or has no state.

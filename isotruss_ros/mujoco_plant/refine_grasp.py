@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Correction of planned grasps by squeeze and slip margin measured in MuJoCo."""
+"""Correction of planned grasps by the squeeze and slip margin measured in MuJoCo."""
 
 from __future__ import annotations
 
@@ -15,43 +15,43 @@ from isotruss_ros.core.planning.grasp_plan import PlannedGrasp
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 import numpy as np
 
-#: Relative tolerance of squeeze and slip margin [-]; largest number of measurements [-].
+#: Relative tolerance of squeeze and slip margin [-], and largest number of measurements [-].
 TOLERANCE, ROUNDS = 0.02, 10
-#: Pose of an object outside the robot while the rollers move: x, y [m], angle [rad].
+#: Pose x, y [m], angle [rad] of the object outside of the robot, while the rollers move.
 PARKING_POSE = (5.0, 5.0, 0.0)
-#: Durations of a motion of the rollers and of the rest after it [s].
+#: Duration of a motion of the rollers, and of the rest after it [s].
 MOTION, REST = 2.0, 2.0
-#: Pulls as a share of the planned slip margin [-], and their duration [s].
+#: Measuring pulls relative to the planned slip margin [-], and their duration [s].
 SHARE, PULL = 0.1, 0.5
-#: Largest correction of a roller per iteration [m].
+#: Largest correction of a roller in an iteration [m].
 MAX_CORRECTION = 0.03
 
 
 class RefinedGrasp(NamedTuple):
     """
-    A grasp corrected by measurements in a plant.
+    Grasp that measurements in a plant have corrected.
 
-    :ivar grasp: the plan with corrected roller positions after first contact; the rest is as
-        planned.
+    :ivar grasp: planned grasp with corrected roller positions after first contact; everything else
+        is as planned.
     """
 
     grasp: PlannedGrasp
-    measured: Array  #: (n, 2) squeeze and slip margin in each iteration [N]
-    agrees: bool  #: whether the last ones are within tolerance
+    measured: Array  #: (n, 2) squeeze and slip margin by iteration [N]
+    agrees: bool  #: whether the last measurement is within tolerance
 
 
 def refine_grasp(grasp: PlannedGrasp, plant: MujocoPlant) -> RefinedGrasp:
     """
     Correct a planned grasp until squeeze and slip margin in the plant are as planned.
 
-    In each iteration the tubes settle on the object, fixed at its planned pose without friction;
-    then it is released. The rollers are corrected by the gradients of squeeze and slip margin at
-    the equilibrium of the released object.
+    In each iteration the object is fixed at its planned pose, the tubes settle on it without
+    friction, and it is released. The rollers are corrected by the gradients of squeeze and slip
+    margin at the equilibrium of the released object.
 
-    :param grasp: the plan, with two grasping members.
-    :param plant: plant of the same robot and object only, without external loads.
+    :param grasp: planned grasp with two grasping members.
+    :param plant: plant with the same robot and object, without other objects and external loads.
     :raises PlantError: the simulation became unstable.
-    :raises GraspError: the model has no equilibrium near the pose of the plant.
+    :raises GraspError: the model has no equilibrium near the pose in the plant.
     """
     planned, found = np.array([grasp.squeeze, grasp.slip_margin]), []
     config, grip, step = grasp.config, grasp.grip, None
@@ -83,7 +83,7 @@ def refine_grasp(grasp: PlannedGrasp, plant: MujocoPlant) -> RefinedGrasp:
 
 
 def _press(plant: MujocoPlant, grasp: PlannedGrasp, travel: Array) -> None:
-    """Settle the tubes on the object fixed at its planned pose, and release it."""
+    """Let the tubes settle on the object, fixed at its planned pose, and release the object."""
     plant.set_friction(0.0)
     plant.hold_object(PARKING_POSE)
     plant.advance(MOTION, (travel - plant.travel) / MOTION)
@@ -95,7 +95,7 @@ def _press(plant: MujocoPlant, grasp: PlannedGrasp, travel: Array) -> None:
 
 
 def _measure(plant: MujocoPlant, grasp: PlannedGrasp) -> Array:
-    """Return squeeze and slip margin (2,), measured by small pulls in both directions [N]."""
+    """Return squeeze and slip margin (2,), measured by small pulls in two directions [N]."""
     arm, state, pull = grasp.grip.body.arm, plant.save(), SHARE * grasp.slip_margin
     forces, changes = _forces(plant, grasp), []
     for wrench in pull * np.diag([1.0, 1.0, arm]):
@@ -114,7 +114,7 @@ def _measure(plant: MujocoPlant, grasp: PlannedGrasp) -> Array:
 
 
 def _forces(plant: MujocoPlant, grasp: PlannedGrasp) -> Array:
-    """Return normal and friction forces of the members, (2m,) [N]."""
+    """Return the normal and friction forces (2m,) of the members [N]."""
     by_member = plant.contact_forces()
     forces = [by_member[name] for name in grasp.grip.members]
     return np.array([each.normal for each in forces] + [each.friction for each in forces])

@@ -18,25 +18,25 @@ from isotruss_ros.mujoco_plant.recording import PlantRecording
 import numpy as np
 from numpy.typing import NDArray
 
-#: Margin around all moving parts as a share of their extent [-].
+#: Margin around all moving parts relative to their extent [-].
 VIEW_MARGIN = 0.06
-#: Number of states that determine the extent [-].
+#: Number of states from which the extent is computed [-].
 EXTENT_SAMPLES = 60
-#: Height of lines and arrows above the plane of the tubes [m], and their radius [m].
+#: Height of lines and arrows above the tubes' plane, and radius of lines and of arrows [m].
 ABOVE, LINE, ARROW = 0.08, 0.008, 0.016
-#: Their colours: red, green, blue, opacity.
+#: Colours of lines and arrows: red, green, blue, opacity.
 LINE_COLOR, ARROW_COLOR = (0.17, 0.545, 0.243, 1.0), (0.851, 0.282, 0.059, 1.0)
 #: Largest number of lines and arrows in a picture [-].
 MAX_EXTRA_GEOMS = 1000
-#: Angles of MuJoCo's free camera for a top view with y up [degrees].
+#: Azimuth and elevation of MuJoCo's free camera for a top view with y up [degrees].
 NORTH_UP, DOWN = 90.0, -90.0
 
 
 def require_egl() -> Any:
     """
-    Return MuJoCo's offscreen contexts.
+    Return MuJoCo's module of offscreen contexts.
 
-    :raises PlantError: MuJoCo is not installed, or EGL is missing; names the remedy.
+    :raises PlantError: MuJoCo is not installed, or EGL is missing; the message names the remedy.
     """
     load_mujoco()
     try:
@@ -54,10 +54,10 @@ def require_egl() -> Any:
 
 class PlantRenderer:
     """
-    Renders states of a recording in a fixed top view; a context manager.
+    Context manager that renders states of a recording in a fixed top view.
 
-    :ivar recording: the states.
-    :param recording: the states.
+    :ivar recording: recorded states.
+    :param recording: recorded states.
     :param width: width of the pictures [pixels].
     :param height: height of the pictures [pixels].
     :raises PlantError: MuJoCo is not installed, or EGL is missing.
@@ -99,9 +99,9 @@ class PlantRenderer:
         arrow: tuple[tuple[float, float], tuple[float, float]] | None = None,
     ) -> NDArray[np.uint8]:
         """
-        Return a picture (height, width, 3).
+        Return a picture (height, width, 3) of one state.
 
-        :param time: time of the state in the recording [s].
+        :param time: time of the state on the clock of the recording [s].
         :param line: points (x, y) of a line above the robot [m].
         :param arrow: tail and tip (x, y) of an arrow [m]; None: no arrow.
         """
@@ -137,7 +137,7 @@ class PlantRenderer:
         mj.mj_camlight(model, data)
 
     def _look_at_all(self) -> Any:
-        """Return a camera above the centre of all moving parts, with all of them in view."""
+        """Return a camera above the centre of all moving parts, which shows all of them."""
         low, high = np.full(2, np.inf), np.full(2, -np.inf)
         states = self.recording.states
         for state in states[:: max(1, len(states) // EXTENT_SAMPLES)]:

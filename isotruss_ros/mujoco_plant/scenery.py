@@ -11,16 +11,17 @@ from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.model.convex_object import ConvexObject
 import numpy as np
 
-#: Colours by kind of body.
+#: Colours of tubes, modules and objects.
 TUBE_COLOR, MODULE_COLOR, OBJECT_COLOR = '0.25 0.5 0.75 1', '0.2 0.2 0.2 1', '0.85 0.45 0.15 1'
 MARK_COLOR = '1 1 1 1'
-#: Radius of the ball of a joint [m]; group of colliding geoms, hidden by default in viewers.
+#: Radius of a joint's ball [m]; group of the colliding geoms, which viewers hide by default.
 BALL, HIDDEN = 0.03, '3'
-#: Depth of the ground below the tubes [m], and its half width [m].
+#: Depth of the ground below the tubes, and its half width [m].
 BELOW, GROUND = 0.01, 10.0
-#: Spacing of the outline points of an object, as a share of its characteristic radius [-].
+#: Spacing of an object's outline points relative to its characteristic radius [-].
 OUTLINE_SPACING = 0.05
-#: Orientation mark of an object: length as a share of its characteristic radius [-], radius [m].
+#: Mark of an object's orientation: length relative to the characteristic radius [-], and radius
+#: [m].
 MARK, MARK_RADIUS = 0.9, 0.008
 
 
@@ -28,8 +29,8 @@ def add_scenery(root: ET.Element, world: ET.Element, robot: Robot) -> None:
     """
     Add light and the ground below the plane of the robot.
 
-    :param root: element of the model.
-    :param world: element of its bodies.
+    :param root: root element of the model.
+    :param world: element of the model's bodies.
     :param robot: the robot.
     """
     visual, asset = ET.SubElement(root, 'visual'), ET.SubElement(root, 'asset')
@@ -57,10 +58,10 @@ def add_scenery(root: ET.Element, world: ET.Element, robot: Robot) -> None:
 
 def add_look(root: ET.Element, body: ET.Element, held: ConvexObject, thickness: float) -> None:
     """
-    Add a plate with the outline of an object in the plane, and a mark of its orientation.
+    Add a plate with the object's outline in the plane, and a mark of its orientation.
 
-    :param root: element of the model.
-    :param body: element of the object.
+    :param root: root element of the model.
+    :param body: element of the object's body.
     :param held: the object at its pose.
     :param thickness: thickness of the plate [m].
     """

@@ -4,11 +4,11 @@
 """
 Springs of a tube divided into rigid segments.
 
-A long tube piece DE' of length L is divided into N segments of length l = L / N with one elastic
-joint in the middle of each. The compliance of a Timoshenko segment about its middle is diagonal: l
-/ EA, l / GA + l^3 / (12 EI), l / EI. So the end compliance of a member is exactly that of its beam
-for any N. The guide arms BD and CE, pinned at B and C, rotate by g / (3 EI) + 1 / (GA g) per unit
-moment at D and E; their extension is added to the first and last segment.
+A long tube piece DE' of length L is divided into N segments of length l = L / N, each with one
+elastic joint in its middle. The compliance of a Timoshenko segment about its middle is diagonal: l
+/ EA, l / GA + l^3 / (12 EI), l / EI. So the end compliance of a member is exact for any N. The
+guide arms BD and CE are pinned at B and C; a unit moment at D or E rotates them by g / (3 EI) + 1
+/ (GA g). Their extension is added to the first and last segment.
 """
 
 from __future__ import annotations
@@ -23,24 +23,24 @@ import numpy as np
 
 @dataclass(frozen=True, eq=False)
 class Springs:
-    """Stiffness and rest length of the elastic joints, member by member."""
+    """Stiffnesses of the elastic joints by member, and lengths of the segments."""
 
     segment: Array  #: (m,) length of a segment [m]
-    middle_slide: Array  #: (m,) axial, of the inner joints [N/m]
-    end_slide: Array  #: (m,) axial, of the first and the last [N/m]
-    shear: Array  #: (m,) transverse [N/m]
-    bend: Array  #: (m,) hinges within the piece [N m/rad]
-    ring: Array  #: (m,) hinges at D and E' [N m/rad]
+    middle_slide: Array  #: (m,) axial stiffness of the inner joints [N/m]
+    end_slide: Array  #: (m,) axial stiffness of the first and last joint [N/m]
+    shear: Array  #: (m,) transverse stiffness [N/m]
+    bend: Array  #: (m,) stiffness of the hinges within the piece [N m/rad]
+    ring: Array  #: (m,) stiffness of the hinges at D and E' [N m/rad]
 
 
 def springs_of(robot: Mechanism, lengths: Array, segments: Indices) -> Springs:
     """
     Return the springs of all members.
 
-    :param robot: the robot with the stiffness model.
-    :param lengths: (m,) unloaded lengths of the members, pinch to pinch [m].
-    :param segments: (m,) numbers of segments.
-    :raises StructureError: the stiffness model has no stiffness for a length.
+    :param robot: robot with its stiffness model.
+    :param lengths: (m,) lengths of the members without load, pinch point to pinch point [m].
+    :param segments: (m,) number of segments of each member.
+    :raises StructureError: the stiffness model has no stiffness at a length.
     """
     file = robot.description
     pressure = np.array(list(file.pressures.values()))[robot.topology.tube]

@@ -5,7 +5,7 @@
 ROS nodes, the interface between messages and `isotruss_ros.core`.
 
 Entry points: a module or a package for each node, run by `isotruss_ros.executables`.
-Imports `core` and all packages before `nodes` in test/style/test_architecture.py.
+Imports `core` and the packages that precede `nodes` in test/style/test_architecture.py.
 """
 
 import os
@@ -15,7 +15,7 @@ import os
 for _variable in ('OPENBLAS_NUM_THREADS', 'OMP_NUM_THREADS', 'MKL_NUM_THREADS'):
     os.environ.setdefault(_variable, '1')
 
-#: Error text for a terminal.
+#: Error message if the package isotruss_msgs is not built.
 NO_MESSAGES = (
     'isotruss_msgs, the interface package of isotruss_ros, is not built. It is the folder\n'
     'msg_defs of isotruss_ros, where colcon does not look by itself. In the workspace:\n'

@@ -62,17 +62,17 @@ SPECS = (
         "Whether (5) to (10) are those of the paper's model: the structure linear, tubes round",
     ),
 )
-#: Shortest period of markers, the frame rate of RViz [s].
+#: Shortest period of markers, equal to the frame period of RViz [s].
 MARKER_PERIOD = 1.0 / 30.0
 
 
 class GraspAnalysisNode(ManagedNode):
-    """Analyses the grasp in every cycle from the latest inputs."""
+    """Node that analyses the grasp in every cycle from the latest inputs."""
 
     node_name = 'grasp_analysis'
     specs = SPECS
     awaited = ('joint_states', 'object_pose')
-    #: Time of the last markers.
+    #: Time of the last markers [s].
     _drawn = 0.0
 
     def configure(self) -> None:
@@ -98,13 +98,13 @@ class GraspAnalysisNode(ManagedNode):
         self.inputs.keep(WrenchStamped, 'external_wrench', self._read_wrench, 'wrench')
 
     def _read_wrench(self, message: WrenchStamped) -> tuple[float, float, float]:
-        """Return an external wrench, given in the aligned frame or in the object's frame."""
+        """Return the external wrench of a message in the aligned or the object's frame."""
         pose = self._monitor.pose
         known = isinstance(pose, StampedInput)
         return read_external_wrench(message, self.robot.frame, pose.value.angle if known else None)
 
     def _make_query(self) -> GraspQuery:
-        """Return the query of the parameters; the object's own friction has precedence."""
+        """Return the query by the parameters; the object's own friction has precedence."""
         values = self.values
         body = self._described or ConvexObject(Disc(values.object_diameter))
         friction = values.friction if body.friction is None else body.friction
@@ -162,7 +162,7 @@ class GraspAnalysisNode(ManagedNode):
         self._draw(report)
 
     def _publish_forces(self, when: float, settled: SettledGrasp) -> None:
-        """Publish the forces of the members on the free object, each in its contact frame."""
+        """Publish the force of each member on the free object, in its contact frame."""
         if not self._forces.get_subscription_count():
             return
         friction = settled.friction_forces
@@ -171,7 +171,7 @@ class GraspAnalysisNode(ManagedNode):
             self._forces.publish(message)
 
     def _draw(self, report: GraspReport) -> None:
-        """Publish markers if there is a subscriber, at the frame rate."""
+        """Publish markers at the frame rate if there is a subscriber."""
         now = time.monotonic()
         if now - self._drawn >= MARKER_PERIOD and self._arrays.get_subscription_count():
             self._arrays.publish(to_marker_array(report, self.robot.frame, self.now()))

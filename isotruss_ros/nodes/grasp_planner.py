@@ -36,7 +36,7 @@ SPECS = (
 #: Polling period of a search [s].
 POLLING_PERIOD = 0.02
 
-#: Final states of goals by outcomes; other outcomes are aborted.
+#: Final state of a goal by the outcome; a goal with any other outcome is aborted.
 ENDINGS = {
     SearchOutcome.FOUND: Ending.SUCCEEDED,
     SearchOutcome.CANCELLED: Ending.CANCELED,
@@ -45,9 +45,9 @@ ENDINGS = {
 
 class GraspPlanner(ManagedNode):
     """
-    Executes one goal at a time, and refuses others in the meantime.
+    Node that executes one search at a time, and refuses other goals in the meantime.
 
-    The search runs in a thread and processes of its own, polled by a timer.
+    The search runs in its own thread and processes; a timer polls it.
     """
 
     node_name = 'grasp_planner'
@@ -85,7 +85,7 @@ class GraspPlanner(ManagedNode):
             self._end(Answer(SearchOutcome.FAILED, 'the node was deactivated'))
 
     def destroy_node(self) -> None:
-        """Destroy the node and end the processes."""
+        """Destroy the node, and end its processes."""
         if self._searcher is not None:
             self._searcher.close()
         super().destroy_node()
@@ -99,13 +99,13 @@ class GraspPlanner(ManagedNode):
         return details  # type: ignore[return-value]
 
     def _apply(self) -> None:
-        """Apply the timeout."""
+        """Apply the parameter of the timeout."""
         self._shape.timeout = self.values.command_timeout
 
     # -- The action --
 
     def _read(self, goal: PlanGrasp.Goal) -> tuple[Any, ...]:
-        """Return the arguments of a search."""
+        """Return the arguments of the search that a goal requests."""
         if self._goal.active:
             raise BusyError('another search is running: cancel it, or wait for its end')
         arguments = read_goal(goal, self.robot, self._described)
@@ -119,7 +119,7 @@ class GraspPlanner(ManagedNode):
         return to_result_message(Answer(outcome, str(error)), self.robot)
 
     def _begin(self, arguments: tuple[Any, ...]) -> None:
-        """Begin a search."""
+        """Start a search."""
         self._searcher.begin(*arguments)
         self.diagnostics.set_status(DiagnosticStatus.OK, 'searching')
 

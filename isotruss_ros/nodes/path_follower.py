@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Node `path_follower`: tracking of object paths by twists for `manipulation`."""
+"""Node `path_follower`: following of object paths by twists for `manipulation`."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ NO_FEEDBACK = FollowObjectPath.Feedback(
     position_error=np.nan, angle_error=np.nan, progress=0.0, time_left=np.nan
 )
 
-#: Final states of goals by outcomes; other outcomes are aborted.
+#: Final state of a goal by the outcome; a goal with any other outcome is aborted.
 ENDINGS = {
     PathOutcome.REACHED: Ending.SUCCEEDED,
     PathOutcome.CANCELLED: Ending.CANCELED,
@@ -66,7 +66,7 @@ ENDINGS = {
 
 class PathFollower(ManagedNode):
     """
-    Follows one path at a time; silent on `cmd_vel` without a path.
+    Node that follows one path at a time, and is silent on `cmd_vel` without a path.
 
     The callbacks of the action begin and end a goal; the cycle publishes the twists.
     """
@@ -75,11 +75,11 @@ class PathFollower(ManagedNode):
     specs = SPECS
     awaited = ('follow_object_path',)
     _last: Tracking | None = None
-    #: Feasibility check of a path in a thread, so that inputs are received in the meantime.
+    #: Path whose feasibility is checked in a thread; the node receives inputs in the meantime.
     _waiting: tuple[Future[None], ObjectPath, TrackingSettings] | None = None
 
     def create(self) -> None:
-        """Create the thread."""
+        """Create the thread of the feasibility check."""
         self._thread = ThreadPoolExecutor(max_workers=1)
 
     def configure(self) -> None:
@@ -128,14 +128,14 @@ class PathFollower(ManagedNode):
         return details  # type: ignore[return-value]
 
     def _apply(self) -> None:
-        """Apply the parameters, gains and similar ones from the next goal on."""
+        """Apply the parameters; gains and tolerances apply from the next goal on."""
         self._servo.timeout = self.values.command_timeout
         self._servo.period = 1.0 / self.values.rate
 
     # -- The action --
 
     def _read(self, goal: FollowObjectPath.Goal) -> tuple[ObjectPath | None, TrackingSettings]:
-        """Return path and settings of a goal; None as path to the current pose."""
+        """Return path and settings of a goal; the path is None for the current pose."""
         values = self.values
         settings = TrackingSettings(
             goal.position_tolerance,
@@ -166,7 +166,7 @@ class PathFollower(ManagedNode):
         self._waiting = foreseen, path, settings
 
     def _begin_foreseen(self) -> None:
-        """Start to follow the checked path, or abort the goal with the reason."""
+        """Start to follow the checked path, or abort the goal with a reason."""
         foreseen, path, settings = self._waiting
         if not foreseen.done():
             return
@@ -181,7 +181,7 @@ class PathFollower(ManagedNode):
         return to_path_result(_find_outcome(error), str(error), None, None)
 
     def _end(self, outcome: PathOutcome, message: str) -> None:
-        """Publish a zero twist and the result of the goal, if there is one."""
+        """Publish a zero twist, and the result of the goal if there is one."""
         if not self._goal.active:
             return
         self._waiting = None
@@ -213,13 +213,13 @@ class PathFollower(ManagedNode):
         self.diagnostics.set_status(DiagnosticStatus.OK, step.tracking.phase.name.lower())
 
     def _abort_on_stopped_clock(self, now: float) -> None:
-        """Abort the goal: inputs do not age while the clock is stopped."""
+        """Abort the goal, because inputs do not age while the clock is stopped."""
         self.inputs.clear()
         self._end(PathOutcome.STOPPED, f'simulated time stopped at {now:.3f} s')
 
 
 def _find_outcome(error: IsotrussError) -> PathOutcome:
-    """Return the final outcome of a goal: a missing input, or an infeasible path."""
+    """Return the outcome of a goal after an error: a missing input, or an infeasible path."""
     return PathOutcome.STOPPED if isinstance(error, InputError) else PathOutcome.BAD_GOAL
 
 
@@ -231,11 +231,11 @@ def _check_path(
     robot: Robot, values: Parameters, servo: PathServo, path: ObjectPath, now: float
 ) -> None:
     """
-    Check the feasibility of a path with the current squeeze, by the model of the held object.
+    Raise PathError if the held object would slip on a path, at the current squeeze.
 
-    The check starts from the grip of the loop of `manipulation`, if that regulates the squeeze.
-    There is no check without roller positions, or if the described object is not held at the start
-    of the path: a pushed object has no slip margin.
+    The check starts from the grip of `manipulation` if that controls the squeeze. Without roller
+    positions, or if the object is not held at the start of the path, nothing is checked, because a
+    pushed object has no slip margin.
     """
     try:
         (state,) = require_fresh(now, servo.timeout, joint_states=servo.rollers)

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Node `record`: recording of the topics of the viewer to an MCAP file."""
+"""Node `record`: records the topics of the viewer to an MCAP file."""
 
 from __future__ import annotations
 
@@ -47,9 +47,9 @@ TOPICS = {
     'grasp/markers': MarkerArray,
     '/diagnostics': DiagnosticArray,
 } | ({} if TFMessage is None else {'/tf': TFMessage})
-#: Sequence number of all messages, unknown to subscribers.
+#: Sequence number of all messages, because subscribers do not know it.
 UNKNOWN_SEQUENCE_NUMBER = 0
-#: Period of writing, the largest loss of a killed recorder [s].
+#: Period of writing to the file, the largest loss if the recorder is killed [s].
 WRITING_PERIOD = 0.5
 
 
@@ -58,13 +58,13 @@ class RecordError(IsotrussError, OSError):
 
 
 class Record(StoppableNode):
-    """Records every message of the topics of the viewer, from the first one on."""
+    """Node that records every message of the viewer's topics, from the first one on."""
 
     node_name = 'record'
     specs = SPECS
 
     def start(self) -> None:
-        """Subscribe; nothing is written before the file is open."""
+        """Create the subscriptions; nothing is written before the file is open."""
         self._writer: Writer | None = None
         self._channels: dict[str, int] = {}
         self.count = 0
@@ -125,7 +125,7 @@ class Record(StoppableNode):
         self.count += 1
 
     def _register(self, topic: str) -> int:
-        """Add a channel with the quality of service of its publishers, as rosbag2."""
+        """Add a channel for a topic with its publishers' quality of service, like rosbag2."""
         kind = TOPICS[topic]
         schema = self._writer.register_schema(
             type_name(kind), 'ros2msg', schema_text(kind).encode()
@@ -143,7 +143,7 @@ class Record(StoppableNode):
 
     @contextlib.contextmanager
     def _writing(self) -> Iterator[None]:
-        """Close the file on a full disk."""
+        """Close the file if the disk is full."""
         try:
             yield
         except OSError as error:

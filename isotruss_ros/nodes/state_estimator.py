@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Node `state_estimator`: configuration and squeeze of the robot from all its sensors."""
+"""Node `state_estimator`: estimates configuration and squeeze from all sensors of the robot."""
 
 from __future__ import annotations
 
@@ -14,9 +14,10 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from isotruss_msgs.msg import StateEstimate as StateEstimateMessage
 from isotruss_ros.core.errors import IsotrussError
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings, StateEstimate
-from isotruss_ros.core.estimation.state_estimator import OLDEST, StateEstimator
+from isotruss_ros.core.estimation.state_estimator import StateEstimator
 from isotruss_ros.core.inputs import (
     fresh_pressures,
+    HISTORY_DURATION,
     Input,
     InputError,
     RejectedInput,
@@ -34,9 +35,9 @@ from isotruss_ros.nodes.framework.parameters import FixedSpec, Spec, Value
 from isotruss_ros.nodes.framework.sensors import Inputs
 from isotruss_ros.nodes.framework.topics import RELIABLE
 
-#: Period of the search for the sag of an upright robot [s].
+#: Period of the test whether the robot is upright and sags [s].
 SAG_PERIOD = 2.0
-#: Prior of a robot that was not homed.
+#: Prior standard deviations for a robot that was not homed.
 PRIOR = EstimatorSettings()
 SPECS = (
     common.OBJECT_DIAMETER,
@@ -71,14 +72,14 @@ SPECS = (
 
 
 class StateEstimatorNode(ManagedNode):
-    """Updates the estimate with the new measurements, and publishes it, in every cycle."""
+    """Node that updates the estimate by new measurements and publishes it, in every cycle."""
 
     node_name = 'state_estimator'
     specs = SPECS
     awaited = ('joint_states',)
     _estimator: StateEstimator | None = None
     _last: StateEstimate | None = None
-    #: Whether the robot hangs by its weight, in words, and when that was looked for [s].
+    #: Result of the last test for sag in words, and its time [s].
     _sag, _sought = '', -math.inf
     rollers: Input = None
     pose: Input = None
@@ -86,11 +87,11 @@ class StateEstimatorNode(ManagedNode):
     pressures: Input = None
 
     def configure(self) -> None:
-        """Create publisher and subscriptions."""
+        """Create the publisher and the subscriptions."""
         self.inputs = Inputs(self, self.robot, self)
         self.inputs.keep_encoders(take=self._take_encoders)
-        self.inputs.keep_object_pose(take=self._take_pose, oldest=OLDEST)
-        self.inputs.keep_joint_markers(take=self._take_markers, oldest=OLDEST)
+        self.inputs.keep_object_pose(take=self._take_pose, oldest=HISTORY_DURATION)
+        self.inputs.keep_joint_markers(take=self._take_markers, oldest=HISTORY_DURATION)
         self.inputs.keep_tube_pressures(lambda: self.values.ambient_pressure)
         self._begin()
         self._estimates = self.create_lifecycle_publisher(
@@ -98,7 +99,7 @@ class StateEstimatorNode(ManagedNode):
         )
 
     def _check(self, new: dict[str, Value]) -> None:
-        """Check the grip."""
+        """Check the parameters of the grip."""
         common.check_grip(self.robot, new)
 
     def activate(self) -> None:
@@ -110,7 +111,7 @@ class StateEstimatorNode(ManagedNode):
         self._estimator = self._last = None
 
     def details(self) -> dict[str, object]:
-        """Return the measurements in use and the faults of sensors."""
+        """Return the used measurements and the faults of sensors for the diagnostics."""
         estimate = self._last
         if estimate is None:
             return {}
@@ -125,7 +126,7 @@ class StateEstimatorNode(ManagedNode):
         return details
 
     def _begin(self) -> None:
-        """Reset the estimate to the prior, also after a jump of the clock."""
+        """Reset the estimate to the prior, at the start and after a jump of the clock."""
         values = self.values
         self.inputs.clear()
         settings = EstimatorSettings(
@@ -134,12 +135,12 @@ class StateEstimatorNode(ManagedNode):
             stiffness=values.stiffness_deviation,
         )
         self._estimator, self._last = StateEstimator(self.robot, settings), None
-        #: Poses and markers since the last cycle: the model is evaluated once for all of them.
+        #: Updates by poses and markers since the last cycle; the model is evaluated once for them.
         self._waiting: list[Callable[[], object]] = []
         self._apply()
 
     def _apply(self) -> None:
-        """Set the object of the parameters between the grasping members."""
+        """Set the object that the parameters describe between the grasping members."""
         values = self.values
         self.timeout, self.pressure_timeout = values.command_timeout, values.pressure_timeout
         members = common.select_grip(self.robot, values.grip, values.grip_module)
@@ -160,7 +161,7 @@ class StateEstimatorNode(ManagedNode):
         self._waiting.append(partial(estimator.take_markers, given.time, given.value, deviation))
 
     def _take_waiting(self) -> None:
-        """Update with the new poses and markers; log and reject invalid ones."""
+        """Update the estimate by new poses and markers; reject and log invalid ones."""
         waiting, self._waiting = self._waiting, []
         for take in waiting:
             try:
@@ -169,7 +170,7 @@ class StateEstimatorNode(ManagedNode):
                 self.warn('measurement', str(error))
 
     def _take_pressures(self, now: float) -> str:
-        """Use measured pressures in the model; return why, if the last ones remain."""
+        """Use measured pressures in the model; return the reason if the last ones remain."""
         try:
             found = fresh_pressures(now, self.pressure_timeout, self.pressures)
         except InputError as error:
@@ -178,7 +179,7 @@ class StateEstimatorNode(ManagedNode):
         return ''
 
     def _find_sag(self, now: float, estimate: StateEstimate) -> str:
-        """Return that the empty robot hangs by its weight, looked for now and then, in words."""
+        """Return in words that the empty robot sags under its weight; empty otherwise."""
         if not 0.0 <= now - self._sought < SAG_PERIOD:
             self._sought, self._sag = now, ''
             if estimate.pose is None and isinstance(self.markers, StampedInput):
@@ -211,13 +212,13 @@ class StateEstimatorNode(ManagedNode):
 
 
 def _rejection(given: Input) -> str:
-    """Return the reason of the last rejection of an input; empty without one."""
+    """Return the reason of an input's last rejection; empty without one."""
     rejected = given if isinstance(given, RejectedInput) else getattr(given, 'rejected', None)
     return '' if rejected is None else rejected.reason
 
 
 def _describe_doubts(estimate: StateEstimate) -> str:
-    """Return suspected faults in words; empty without one."""
+    """Return suspected faults in words; empty without any."""
     doubts = []
     if estimate.swapped:
         doubts.append(f'swapped markers: {" and ".join(estimate.swapped)}')

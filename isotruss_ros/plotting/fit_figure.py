@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Figure in the form of the paper's Fig. 4: measured points, the beam, power laws."""
+"""Figure like the paper's Fig. 4: measured points, the fitted beam, and power laws."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, ScalarFormatter
 import numpy as np
 
-#: Name, line style, and stiffness as a function of length [m] and pressure [Pa].
+#: Curve: name, line style, and stiffness as a function of length [m] and pressure [Pa].
 Curve = tuple[str, str, Callable[[Array, Array], Array]]
 
 MEASURED_COLOR = 'tab:blue'
-#: Largest number of lengths with own ticks [-].
+#: Largest number of lengths that have their own ticks [-].
 MAX_TICKS = 4
 LABELS = {
     'axial': ('δx [m]', 'P [N]', 'P/δx [N/m]'),
@@ -33,7 +33,7 @@ LABELS = {
 
 def draw(analysis: Analysis, path: Path) -> None:
     """
-    Draw a column for each mode: points of the middle group above, all stiffnesses below.
+    Draw a column for each mode: points of one group above, stiffnesses of all groups below.
 
     :param analysis: results of the fits.
     :param path: path of the file, whose extension selects the format.
@@ -56,7 +56,7 @@ def draw(analysis: Analysis, path: Path) -> None:
 
 
 def _middle(slopes: Sequence[Slope]) -> Slope:
-    """Return the group nearest to the middle pressure and length."""
+    """Return the slope of the group nearest to the middle pressure and length."""
     places = np.log([[slope.group.pressure, slope.group.length] for slope in slopes])
     return slopes[int(np.argmin(np.abs(places - np.median(places, axis=0)).sum(axis=1)))]
 

@@ -21,7 +21,7 @@ FORCE_COLOR = '#c8102e'
 REGION_COLOR = '#1b1b6f'
 WRINKLED_COLOR = '#c8102e'
 UNDEFORMED_COLOR = '#222222'
-#: Length of an arrow per force [m/N].
+#: Length of a force's arrow [m/N].
 ARROW_SCALE = 0.015
 #: Half the width of the magnified view, in object diameters [-].
 VIEW_HALF_WIDTH = 1.0
@@ -33,10 +33,10 @@ def draw_forces(
     """
     Draw the resultant force of each grasping member on the object as an arrow.
 
-    :param axes: axes in metres.
+    :param axes: axes in the robot frame [m].
     :param body: the object.
-    :param analysis: analysis of its grasp.
-    :param scale: length of an arrow per force [m/N].
+    :param analysis: analysis of the grasp.
+    :param scale: length of a force's arrow [m/N].
     """
     for tail, tip in _resultants(body, analysis, scale):
         axes.annotate(
@@ -62,16 +62,15 @@ def plot_grasp(
     scale: float = ARROW_SCALE,
 ) -> Axes:
     """
-    Draw the object, the deformed tubes, their undeformed axes, contact regions and forces.
+    Draw the object, deformed and undeformed tubes, contact regions and forces.
 
-    Tubes that wrinkle have a red outline. The title has the normal forces and the lengths of the
-    contact regions.
+    Tubes that wrinkle have a red outline. The title has the normal forces and the contact lengths.
 
     :param config: configuration of the robot.
     :param body: the object.
-    :param analysis: analysis of its grasp in this configuration.
-    :param axes: axes in the robot's frame [m]; None: those of a new figure.
-    :param scale: length of an arrow per force [m/N].
+    :param analysis: analysis of the grasp in this configuration.
+    :param axes: axes in the robot frame [m]; None: axes of a new figure.
+    :param scale: length of a force's arrow [m/N].
     :return: the axes.
     """
     axes = axes or new_axes()
@@ -112,8 +111,8 @@ def describe_contacts(
     Return the normal force and contact length of each member in contact, in words.
 
     :param analysis: analysis of a grasp.
-    :param normal_forces: forces on the free object by member, in place of those on the fixed
-        object [N].
+    :param normal_forces: normal forces on the free object by member [N]; None: those on the fixed
+        object.
     """
     if not analysis.contact_forces:
         return 'no contact'
@@ -123,14 +122,14 @@ def describe_contacts(
 
 
 def _list(numbers: Iterable[float], unit: str) -> str:
-    """Return rounded numbers in words; a single one if all are equal."""
+    """Return rounded numbers in words; a single number if all are equal."""
     words = [f'{number:.0f}' for number in numbers]
     alike = len(words) > 1 and len(set(words)) == 1
     return f'{words[0]} {unit} each' if alike else f'{" + ".join(words)} {unit}'
 
 
 def _resultants(body: ConvexObject, analysis: GraspAnalysis, scale: float) -> Points:
-    """Return (g, 2) tails and tips of the resultants by member [m]; tips at the mean contact."""
+    """Return tails and tips (g, 2) of the members' resultants; tips at the mean contact."""
     lines = force_lines(body, analysis, scale)
     touching = analysis.normal_forces > 0.0
     forces, member = analysis.normal_forces[touching], analysis.members[touching]

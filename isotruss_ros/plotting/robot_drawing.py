@@ -14,7 +14,8 @@ from matplotlib.patches import Circle, Polygon
 import matplotlib.pyplot as plt
 import numpy as np
 
-#: Distinct for colour-blind readers and in grey: orange, blue, grey, yellow, violet.
+#: Colours of the tubes: orange, blue, grey, yellow, violet; distinct for colour-blind readers and
+#: in grey.
 TUBE_COLORS = ('#e08a3c', '#3f78b5', '#c4c4c4', '#ecd06f', '#6b4f8f')
 SUPPORT_COLOR = '#7a5230'
 MODULE_COLOR = '#3b3b3b'
@@ -23,7 +24,7 @@ ARROW_COLOR = '#2e9e44'
 PATH_COLOR = '#1f4fd8'
 #: Length of the taper of a pinched end, in diameters [-].
 TAPER_LENGTH = 0.8
-#: Position of the tube's corner between pinch points and joint, as a share of the rod [-].
+#: Position of the tube's corner between pinch points and joint, relative to the rod length [-].
 CORNER_POSITION = 0.5
 #: Width of rod and pinch bar, in tube diameters [-].
 ROD_WIDTH = 0.3
@@ -33,10 +34,10 @@ PINCH_THICKNESS = 0.15
 
 def plot_robot(config: Configuration, axes: Axes | None = None) -> Axes:
     """
-    Draw tubes, modules and supports; return the axes, in metres.
+    Draw tubes, modules and supports; return the axes in the robot frame [m].
 
     :param config: configuration of the robot.
-    :param axes: axes for the drawing; None: those of a new figure, centred on the robot.
+    :param axes: axes for the drawing; None: axes of a new figure, centred on the robot.
     """
     given, axes = axes is not None, axes or new_axes()
     topology, points = config.robot.topology, config.points
@@ -63,7 +64,7 @@ def plot_robot(config: Configuration, axes: Axes | None = None) -> Axes:
 
 def draw_object(axes: Axes, pose: Pose, diameter: float) -> None:
     """
-    Draw the object and, as an arrow, its orientation.
+    Draw the object, and its orientation as an arrow.
 
     :param axes: axes for the drawing.
     :param pose: pose of the object in the robot frame.
@@ -93,7 +94,7 @@ def new_axes() -> Axes:
 
 def frame(axes: Axes, low: Array, high: Array) -> None:
     """
-    Set the limits of axes to a box [m] with equal scales.
+    Set the limits of axes to a box, with equal scales of x and y.
 
     :param axes: the axes.
     :param low: (2,) smallest x and y [m].
@@ -111,7 +112,7 @@ def _plane(points: Points) -> Array:
 
 
 def _tube(start: complex, end: complex, diameter: float) -> Array:
-    """Return the outline of a tube that is pinched at both ends."""
+    """Return the outline of a tube with pinched ends."""
     length = abs(end - start)
     axis = (end - start) / length
     taper = min(TAPER_LENGTH * diameter, 0.5 * length)
@@ -128,7 +129,7 @@ def _bar(start: complex, end: complex, width: float) -> Array:
 
 
 def _draw_supports(axes: Axes, config: Configuration, below: float) -> None:
-    """Draw a triangle under a joint fixed in x and y, a wheel under a sliding one."""
+    """Draw a triangle under each joint fixed in x and y, and a wheel under each sliding joint."""
     for joint, grounded in config.robot.description.supports.items():
         x, y = config.nodes[config.robot.node_names.index(joint)]
         marker = '^' if len(grounded) == 2 else 'o'

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Control panel of one browser: owner of the control, and commands while it has control."""
+"""Control panel of one browser: owner of the control, and commands of the browser in control."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from isotruss_ros.viewer.names import DRAGGED, PICK, PLACE, PLANT, RELEASE, RESE
 from isotruss_ros.viewer.requests import Setting, SETTINGS, WRENCH
 import viser
 
-#: Order of the switch and the commands, between the stop and the measurements.
+#: Position of the panel between the stop and the measurements.
 PANEL_ORDER = -9.0
 
 
 class BrowserPanel:
     """
-    Switch of the control, and commands visible only to the browser in control.
+    Switch for the control, and commands that only the browser in control has.
 
     :param client: the browser.
-    :param choices: choices by the name of the request.
-    :param leave: callback in a thread of the server, with name and value of a request.
+    :param choices: possible values by the name of the request.
+    :param leave: callback with name and value of a request; it runs in a thread of the server.
     """
 
     def __init__(
@@ -46,10 +46,10 @@ class BrowserPanel:
 
     def show(self, control: Control, wish: bool, values: Mapping[str, float | str]) -> None:
         """
-        Show the owner of the control.
+        Show the owner of the control and the settings.
 
-        :param control: current state of the control.
-        :param wish: request of this browser in that state.
+        :param control: state of the control.
+        :param wish: whether this browser requests control.
         :param values: values of the settings by the names of their requests.
         """
         mine = control.browser == self._number

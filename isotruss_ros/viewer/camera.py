@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Pose of the camera of a browser, with the whole robot beside the panel."""
+"""Pose of a browser's camera, with the whole robot in view beside the panel."""
 
 from __future__ import annotations
 
@@ -9,15 +9,16 @@ import math
 
 from isotruss_ros.core.numerics.arrays import Points
 
-#: Vertical field of view of the page [rad].
+#: Vertical field of view of the camera [rad].
 FIELD_OF_VIEW = math.radians(75.0)
-#: Size of the picture relative to the robot [-].
+#: Size of the view relative to the robot [-].
 PICTURE_SCALE = 1.25
-#: Largest width over height of an upright phone; windows have the panel beside the scene [-].
+#: Largest width over height of an upright phone [-]; wider windows have the panel beside the
+#: scene.
 PHONE_ASPECT = 0.6
-#: Height of the panel on an upright screen as a share of the screen, from below [-].
+#: Height of the panel at the bottom of an upright screen, relative to the screen [-].
 PANEL_SHARE = 0.38
-#: Style of upright screens, with the panel below the robot; the breakpoint is that of viser.
+#: Style of upright screens, with the panel below the robot; its breakpoint is that of viser.
 STYLE = f"""<style>
 @media (max-width: 36em) {{
   [style*="max-height: 60%"] {{
@@ -35,7 +36,7 @@ def place_camera(points: Points, aspect: float) -> tuple[Place, Place]:
     """
     Return position and target of a camera above a robot [m].
 
-    :param points: (k,) points of the robot in its plane [m].
+    :param points: (k,) points of the robot in its plane, x + iy [m].
     :param aspect: width over height of the picture.
     """
     x, y = (0.5 * (float(part.max()) + float(part.min())) for part in (points.real, points.imag))

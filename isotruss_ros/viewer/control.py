@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Control of the robot: its owner and the commands."""
+"""Control of the robot by a browser: owner and commands."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ ZERO = (0.0, 0.0, 0.0)
 
 @dataclass
 class Control:
-    """Control by at most one browser, with its commands."""
+    """Control by at most one browser, with the commands of this browser."""
 
     browser: int | None = None  #: index of the browser in control; None without one
     drag: Drag | None = None  #: active drag; None without one
     wrench: tuple[float, float, float] = ZERO  #: (fx, fy, m) on the object [N, N m]
-    stopped: bool = False  #: an emergency stop is latched: drags are ignored
+    stopped: bool = False  #: whether an emergency stop is latched; then drags are ignored
 
     def pass_on(self, wishes: Mapping[int, bool]) -> None:
         """
-        Take control from a disconnected or released browser; give it to one that requests it.
+        Take control from a browser that has left or released it; give it to one that requests it.
 
-        :param wishes: request for control, by index of each connected browser.
+        :param wishes: whether each connected browser requests control, by its index.
         """
         if self.browser is not None and not wishes.get(self.browser, False):
             self.release()
@@ -34,12 +34,12 @@ class Control:
             self.browser = next((browser for browser, wish in wishes.items() if wish), None)
 
     def release(self) -> None:
-        """Release control, and drop its commands."""
+        """Release control, and discard its commands."""
         self.browser, self.drag, self.wrench = None, None, ZERO
 
     def latch(self, stopped: bool) -> None:
         """
-        Drop a drag under an emergency stop, and refuse new ones until its release.
+        Discard a drag under an emergency stop, and refuse new drags until its release.
 
         :param stopped: whether a stop is latched.
         """
@@ -51,7 +51,7 @@ class Control:
         self, target: tuple[float, float], begins: bool, now: float, turns: bool = False
     ) -> None:
         """
-        Move the target; an abandoned drag continues with a new grab only.
+        Move the target; after the end of a drag, only a new grab moves it.
 
         :param target: (x, y) of the handle [m].
         :param begins: whether the handle was just grabbed.
@@ -69,7 +69,7 @@ class Control:
         """
         Return the owner of the control in words for one browser.
 
-        :param browser: index of that browser.
+        :param browser: index of the browser.
         """
         if self.browser is None:
             return f'browser {browser}: nobody has control'

@@ -4,8 +4,8 @@
 """
 Controls of the view: a stop, handles to drag, and a panel for each browser.
 
-Callbacks of a browser's events run in threads of the server. They only queue requests, which the
-owner of the view processes in its own thread.
+Callbacks of browser events run in threads of the server. They only queue requests; the owner of
+the view processes the requests in its own thread.
 """
 
 from __future__ import annotations
@@ -42,14 +42,14 @@ from isotruss_ros.viewer.requests import (
 )
 import viser
 
-#: Radius of the handles [m], and their colours.
+#: Radius [m] and colours of the handles for translation and rotation.
 HANDLE, COLOR, TURN_COLOR = 0.07, (31, 79, 217), (242, 120, 0)
-#: Requests that cancel the target of a drag.
+#: Requests that cancel a drag.
 CANCELLING_REQUESTS = (DRAGGED, PICK, PLACE, SHAPE, PLANT, RESET)
 FORCES = tuple(setting.name for setting in WRENCH)
 
 
-#: Orders of the stop, at the top of the panel, and of the introduction after it.
+#: Positions of the stop, at the top of the panel, and of the introduction below it.
 STOP_ORDER, FIRST_ORDER = -10.0, -9.5
 INTRODUCTION = """\
 A truss robot of inflated tubes holds an object. To move it, switch *control* on and drag the blue
@@ -59,14 +59,14 @@ ball; the object follows. The orange ball turns it.
 
 class Controls:
     """
-    Accepts requests of the browser in control only, and a stop from each.
+    Controls that accept requests of the browser in control, and a stop from any browser.
 
-    :ivar control: owner and commands.
+    :ivar control: owner of the control and its commands.
     :param server: server of the view.
     :param picture: initial picture.
-    :param friction: initial value of its slider.
-    :param timeout: timeout of the heartbeat of the page in control [s].
-    :param report: callback with refused requests in words.
+    :param friction: initial value of the friction slider.
+    :param timeout: timeout of the heartbeat of the browser in control [s].
+    :param report: callback with a refused request in words.
     """
 
     def __init__(
@@ -119,7 +119,7 @@ class Controls:
         """
         Update the owner of the control, and return the requests since the last call, in order.
 
-        :param now: time on the clock of the robot, which may be slower than that of browsers [s].
+        :param now: time on the robot's clock [s]; it may run slower than the browsers' clocks.
         :return: name and value of each request.
         """
         clients = self._server.get_clients()
@@ -155,9 +155,9 @@ class Controls:
 
     def update(self, pose: Pose | None) -> None:
         """
-        Show the handles on the dragged part, while nobody drags it.
+        Show the handles at the dragged part while nobody drags it.
 
-        :param pose: pose of object or joint; None if unknown.
+        :param pose: pose of the object or joint; None if unknown.
         """
         shown = self.control.browser is not None and pose is not None
         self._handle.visible = shown
@@ -179,7 +179,7 @@ class Controls:
         )
 
     def _sort(self, name: str, value: object, now: float) -> list[tuple[str, float | str]]:
-        """Apply a request to the controls; return the rest for the owner of the view."""
+        """Apply a request to the controls; return requests for the owner of the view."""
         control = self.control
         if name == TARGET:
             self._move_handle(*value, now)  # type: ignore[call-arg, misc]
@@ -200,7 +200,7 @@ class Controls:
         return [] if value == INITIAL_CHOICE else [(name, value)]  # type: ignore[list-item]
 
     async def _drag(self, name: str, event: viser.SceneNodeDragEvent) -> None:
-        """Queue a request; in the loop of the server, which preserves the order of events."""
+        """Queue a drag event in the loop of the server, which preserves the order of events."""
         begins = event.phase == 'start'
         drag = (begins, event.start_position[:2], event.end_position[:2])
         self._requests.put((event.client_id, name, drag))
@@ -208,7 +208,7 @@ class Controls:
     def _move_handle(
         self, begins: bool, grabbed: tuple[float, float], pointer: tuple[float, float], now: float
     ) -> None:
-        """Move the grabbed point of the handle to the pointer."""
+        """Move the handle such that its grabbed point is at the pointer."""
         if begins:
             x, y, _ = self._handle.position
             self._grip = (x - grabbed[0], y - grabbed[1])
@@ -220,7 +220,7 @@ class Controls:
     def _move_turner(
         self, begins: bool, grabbed: tuple[float, float], pointer: tuple[float, float], now: float
     ) -> None:
-        """Rotate the lever by the rotation of the pointer about the object since the grab."""
+        """Rotate the handle by the rotation of the pointer about the object since the grab."""
         x, y, _ = self._handle.position
         angle, start = (math.atan2(place[1] - y, place[0] - x) for place in (pointer, grabbed))
         if begins:

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Twist of a dragged object or joint toward its handle."""
+"""Twist of a dragged object or joint toward the target of its handle."""
 
 from __future__ import annotations
 
@@ -9,22 +9,22 @@ import math
 
 #: Distance of the rotation handle from the object's centre [m].
 LEVER_LENGTH = 0.35
-#: Speed per distance [1/s]; tolerance of the target [m].
+#: Speed per distance from the target [1/s], and tolerance of the target [m].
 GAIN, REACHED = 2.0, 0.001
-#: Smallest executed share of the commanded motion [-], and its averaging time [s].
+#: Smallest executed share of the commanded motion [-], and time over which it is averaged [s].
 PROGRESS, PATIENCE = 0.1, 2.0
 
 
 class Drag:
     """
-    A dragged object or joint on its way to a target.
+    Motion of a dragged object or joint to a target.
 
     :ivar target: (x, y) of the handle [m].
-    :ivar turns: whether it rotates the object: positions are those of `place_on_circle`, not of
-        the plane.
+    :ivar turns: whether the drag rotates the object; then positions are those of
+        `place_on_circle`.
     :param target: initial target [m].
-    :param now: time on the clock of the robot [s], as in `follow` and `is_stuck`.
-    :param turns: whether it rotates the object.
+    :param now: time on the robot's clock, as in `follow` and `is_stuck` [s].
+    :param turns: whether the drag rotates the object.
     """
 
     def __init__(self, target: tuple[float, float], now: float, turns: bool = False) -> None:
@@ -36,7 +36,7 @@ class Drag:
         self, position: tuple[float, float], max_speed: float, now: float
     ) -> tuple[float, float]:
         """
-        Return the velocity (vx, vy) toward the target, zero there [m/s], and update the progress.
+        Return the velocity (vx, vy) toward the target [m/s], zero at it; update the progress.
 
         :param position: position (x, y) of the dragged part [m].
         :param max_speed: largest speed [m/s].
@@ -58,7 +58,7 @@ class Drag:
 
     def is_stuck(self, now: float) -> bool:
         """
-        Return whether the drag made no progress for PATIENCE, or the clock ran back by that.
+        Return whether there was no progress for `PATIENCE`, or the clock ran back by that time.
 
         :param now: time [s].
         """
@@ -67,10 +67,10 @@ class Drag:
 
 def place_on_circle(angle: float, near: float = 0.0) -> tuple[float, float]:
     """
-    Return the position of an angle on the path of the rotation handle: (path, 0) [m].
+    Return the position (path, 0) on the path of the rotation handle for an angle [m].
 
     :param angle: angle of the object [rad].
-    :param near: path within half a turn of the angle [m].
+    :param near: path of which the result is within half a turn [m].
     """
     begin = near / LEVER_LENGTH
     return LEVER_LENGTH * (begin + math.remainder(angle - begin, 2.0 * math.pi)), 0.0

@@ -4,10 +4,10 @@
 """
 Heartbeats of the pages of a view, and the notice of a lost server.
 
-A script in the page sends a message ten times a second from the main thread over the websocket of
-viser, through its worker, which the script captures at construction. The clock is a worker of the
-script, since browsers slow down timers of hidden pages. The message is an unsolicited response of
-viser.
+A script in the page sends a message ten times a second from its main thread. It uses the websocket
+of viser, through viser's worker, which it captures when the worker is made. The clock is a worker
+of the script, because browsers slow down the timers of hidden pages. The message is a response of
+viser that nobody has requested.
 """
 
 from __future__ import annotations
@@ -48,9 +48,9 @@ SCRIPT = """<script>
 
 class Heartbeats:
     """
-    Times of the last heartbeat of each page.
+    Time of the last heartbeat of each page.
 
-    :param server: server of the pages, with `SCRIPT` in each.
+    :param server: server whose pages have `SCRIPT`.
     """
 
     def __init__(self, server: viser.ViserServer) -> None:
@@ -62,7 +62,7 @@ class Heartbeats:
 
     def note(self, browser: int) -> None:
         """
-        Register a heartbeat.
+        Record a heartbeat of a browser.
 
         :param browser: index of the browser.
         """
@@ -72,8 +72,8 @@ class Heartbeats:
         """
         Return whether the heartbeat of a browser has timed out.
 
-        :param browser: index of the browser; None without one.
-        :param timeout: the timeout [s].
+        :param browser: index of the browser; None: no browser.
+        :param timeout: largest time between heartbeats [s].
         """
         now = time.monotonic()
         return now - self._last.get(browser, now) > timeout

@@ -8,11 +8,12 @@ from __future__ import annotations
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 import numpy as np
 
-#: Corners of a cross section.
+#: Number of corners of a cross section [-].
 CORNERS = 12
-#: Thickness of a pinched end and length of its taper, in diameters [-].
+#: Thickness of a pinched end and length of its taper, in tube diameters [-].
 PINCH, TAPER = 0.15, 0.8
-#: Colours of utilisation: unloaded blue, grey, nearly wrinkled orange, wrinkled red.
+#: Utilisations [-] of the colours blue (no load), grey, orange (close to wrinkling) and red
+#: (wrinkled).
 UTILISATION_LEVELS = np.array([0.0, 0.4, 0.8, 1.0])
 COLORS = np.array([[111, 159, 200], [196, 196, 196], [242, 153, 0], [217, 26, 26]])
 
@@ -21,7 +22,7 @@ def tube_vertices(line: Points, diameter: float, samples: int) -> Array:
     """
     Return the vertices (samples * CORNERS, 3) of a tube with pinched ends [m].
 
-    :param line: (s,) centre line [m].
+    :param line: (s,) points of the centre line, x + iy [m].
     :param diameter: diameter of the tube [m].
     :param samples: number of cross sections.
     """
@@ -46,7 +47,7 @@ def tube_vertices(line: Points, diameter: float, samples: int) -> Array:
 
 def tube_faces(samples: int) -> Indices:
     """
-    Return the triangles (f, 3) of `tube_vertices`.
+    Return the triangles (f, 3) of the mesh with `tube_vertices`.
 
     :param samples: number of cross sections.
     """
@@ -60,8 +61,8 @@ def prism(outline: Points, height: float) -> tuple[Array, Indices]:
     """
     Return the vertices (2 k, 3) and triangles (f, 3) of an upright prism.
 
-    :param outline: (k,) its convex cross section around the origin, counter-clockwise [m].
-    :param height: height of the prism, half above the plane [m].
+    :param outline: (k,) convex cross section around the origin, counter-clockwise, x + iy [m].
+    :param height: height of the prism, half of it above the plane [m].
     """
     count = len(outline)
     here = np.arange(count)
@@ -78,7 +79,7 @@ def prism(outline: Points, height: float) -> tuple[Array, Indices]:
 
 def color_of(utilisation: float) -> tuple[int, int, int]:
     """
-    Return the colour (r, g, b), 0 to 255, of a tube.
+    Return the colour (r, g, b), 0 to 255, of a tube for its utilisation.
 
     :param utilisation: largest bending moment over the wrinkling moment [-].
     """

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Checks of messages from any publisher or file before their display."""
+"""Checks of messages from any publisher or file before they are displayed."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from isotruss_ros.core import IsotrussError, Pose, Status
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 
-#: Namespaces of the markers of grasp_analysis that are drawn.
+#: Namespaces of grasp_analysis's markers that are drawn.
 DEFORMED, REGIONS, FORCES = 'deformed', 'contact_regions', 'contact_forces'
-#: Sizes of the groups of points in a marker: two triangles for each step of a region, the two ends
-#: of an arrow.
+#: Number of points in a group of a marker: two triangles for each step of a region, two ends of an
+#: arrow.
 GROUPS = {DEFORMED: 1, REGIONS: 6, FORCES: 2}
-#: Smallest code of a grasp without results.
+#: Smallest status code of a grasp analysis without result.
 MIN_CODE_WITHOUT_RESULT = 10
 #: Largest valid coordinate [m].
 MAX_DISTANCE = 1e4
@@ -29,11 +29,11 @@ class PictureError(IsotrussError, ValueError):
 
 def read_travel(message: Any, names: tuple[str, ...]) -> dict[str, float]:
     """
-    Return the roller travel of a message by name [m].
+    Return the roller travel of a message by roller [m].
 
-    :param message: sensor_msgs/JointState, of all rollers, some, or none.
+    :param message: sensor_msgs/JointState of all rollers, some or none.
     :param names: names of the rollers.
-    :raises PictureError: different numbers of positions and names, or an invalid position.
+    :raises PictureError: a position is invalid, or the numbers of positions and names differ.
     """
     if len(message.name) != len(message.position):
         raise PictureError(
@@ -49,7 +49,7 @@ def read_travel(message: Any, names: tuple[str, ...]) -> dict[str, float]:
 
 def read_pose(message: Any) -> Pose:
     """
-    Return the pose of a message in the robot's frame.
+    Return the pose of a message in the robot frame.
 
     :param message: geometry_msgs/PoseStamped.
     """
@@ -59,9 +59,9 @@ def read_pose(message: Any) -> Pose:
 
 def check_pose(pose: Pose) -> None:
     """
-    Raise for an invalid pose.
+    Raise PictureError for an invalid pose.
 
-    :param pose: pose in the robot's frame.
+    :param pose: pose in the robot frame.
     :raises PictureError: a number is not finite or out of range.
     """
     if not all(abs(value) <= MAX_DISTANCE for value in pose):  # excludes NaN
@@ -70,11 +70,12 @@ def check_pose(pose: Pose) -> None:
 
 def check_state(message: Any, members: int) -> None:
     """
-    Raise for an analysis of another robot.
+    Raise PictureError for a grasp analysis of another robot.
 
     :param message: isotruss_msgs/GraspState.
     :param members: number of members of the robot.
-    :raises PictureError: different numbers of utilisations and members, or no slip direction.
+    :raises PictureError: the numbers of utilisations and members differ, or there is no slip
+        direction.
     """
     used = np.asarray(message.utilisation, dtype=float)
     if message.code < MIN_CODE_WITHOUT_RESULT and (len(used) != members or np.isnan(used).any()):
@@ -85,10 +86,10 @@ def check_state(message: Any, members: int) -> None:
 
 def check_status(message: Any) -> None:
     """
-    Raise for an unknown status.
+    Raise PictureError for an unknown status.
 
     :param message: isotruss_msgs/ManipulationStatus.
-    :raises PictureError: an unknown code.
+    :raises PictureError: the status code is unknown.
     """
     if message.code not in tuple(Status):
         raise PictureError(f'manipulation status: code {message.code}')
@@ -99,7 +100,7 @@ def read_line(marker: Any) -> Array:
     Return the points (k, 3) of a marker [m].
 
     :param marker: visualization_msgs/Marker of one of the namespaces of `GROUPS`.
-    :raises PictureError: an invalid point, an incomplete group, or a line without length.
+    :raises PictureError: a point is invalid, a group is incomplete, or a line has no length.
     """
     points = np.array([(p.x, p.y, p.z) for p in marker.points], dtype=float).reshape(-1, 3)
     what = f'markers: {marker.ns} {marker.id}'

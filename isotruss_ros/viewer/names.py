@@ -1,24 +1,24 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Names shared by the view and its owner, without dependencies for drawing."""
+"""Names shared by the view and its owner; no import of drawing packages."""
 
 from __future__ import annotations
 
 from isotruss_ros.core import IsotrussError
 
-#: Name of the dragged object; requests that are no settings.
+#: Name of the dragged object, and requests that are not settings.
 OBJECT, STOP, RELEASE = 'object', 'stop', 'release'
-#: Requests that are goals.
+#: Requests for goals.
 PICK, PLACE = 'pick', 'place'
-#: Requests to select the dragged part, to drag it and to rotate it.
+#: Requests to select the dragged part, to translate it and to rotate it.
 DRAGGED, TARGET, TURN = 'dragged', 'target', 'turn'
-#: The request of a reset.
+#: Request for a reset.
 RESET = 'reset'
-#: The request of another plant, and the choices.
+#: Request for another plant.
 PLANT = 'plant'
 KINEMATIC, ELASTIC, MUJOCO = PLANTS = ('kinematic', 'elastic', 'mujoco')
-#: The request for another object, and the parameter `object` of what can be chosen.
+#: Request for another object.
 SHAPE = 'shape'
 OBJECTS = {
     'disc': '',
@@ -26,7 +26,7 @@ OBJECTS = {
     'vertices: [[-0.15, -0.12], [0.15, -0.12], [0.15, 0.12], [-0.15, 0.12]]}',
     'ellipse': '{shape: ellipse, semi_axes: [0.17, 0.13]}',
 }
-#: This machine only.
+#: Address that only this machine can reach.
 LOCAL = '127.0.0.1'
 
 

@@ -14,7 +14,7 @@ import numpy as np
 import viser
 from viser import uplot
 
-#: Updates per update of the plots [-], the largest part of the data.
+#: Number of updates per update of the plots, which are most of the data [-].
 PLOT_INTERVAL = 5
 
 
@@ -49,10 +49,10 @@ class Panels:
 
     def update(self, picture: Picture, now: float) -> None:
         """
-        Show a picture.
+        Show the texts and plots of a picture.
 
-        :param picture: the picture.
-        :param now: time on the clock of its messages [s].
+        :param picture: displayed state.
+        :param now: time on the clock of the picture's messages [s].
         """
         words = describe(picture, now)
         if words != self._shown:
@@ -83,8 +83,8 @@ def describe(picture: Picture, now: float) -> str:
     """
     Return the state of grasp and manipulation in words, as Markdown.
 
-    :param picture: the picture.
-    :param now: time on the clock of its messages [s].
+    :param picture: displayed state.
+    :param now: time on the clock of the picture's messages [s].
     """
     parts = [*_describe_grasp(picture, now), escape(picture.describe_manipulation(now))]
     parts += [escape(words) for words in (picture.describe_squeeze(now), picture.goal_report)]

@@ -4,7 +4,7 @@
 """
 Displayed state, updated from messages.
 
-Messages are read by their fields, for messages of rclpy and of recordings without ROS.
+Messages are read by their fields, so messages of rclpy and of recordings without ROS are equal.
 """
 
 from __future__ import annotations
@@ -32,66 +32,66 @@ from isotruss_ros.viewer.message_checks import (
 )
 import numpy as np
 
-#: Largest age of current messages [s].
+#: Largest age of a current message [s].
 MESSAGE_TIMEOUT = 1.0
 #: Time span of the plots [s].
 HISTORY_DURATION = 20.0
-#: Largest number of samples, for 20 Hz [-].
+#: Largest number of samples in the plots, for 20 Hz [-].
 MAX_SAMPLES = 400
-#: Marker actions to delete one marker, as in older recordings, or all.
+#: Actions of markers that delete one marker (in older recordings) or all markers.
 DELETE, DELETEALL = 2, 3
-#: Largest number of stored statuses, some seconds of a control loop [-].
+#: Largest number of stored statuses, enough for some seconds of a control loop [-].
 MAX_STATUSES = 2000
-#: Codes of an unlimited motion.
+#: Statuses of a motion that no limit reduces.
 UNLIMITED_STATUSES = (Status.OK, Status.IDLE, Status.FOLLOWING_TRAJECTORY, Status.ARRIVED)
 
-#: A plot without a curve.
+#: Plot without a curve.
 EMPTY_CURVE = (np.array([-1.0, 0.0]), np.array([np.nan, np.nan]))
 
 
 @dataclass
 class Picture:
     """
-    Latest messages, in the form of the view.
+    Displayed state of the robot, from the latest messages.
 
-    :ivar config: configuration by the last joint states.
-    :ivar pose: pose of the object; None before the first message.
-    :ivar goal: target (x, y) of a drag [m]; None without one.
-    :ivar lines: points (k, 3) [m] of the markers by namespace and id: lines, triangles of regions,
-        ends of arrows.
-    :ivar samples: points of the plots: time [s], mean normal force of the grasping members [N],
-        distance of the object from its goal [m]; NaN if unknown.
+    :ivar config: configuration at the last joint states.
+    :ivar pose: pose of the object; None before the first pose.
+    :ivar goal: target (x, y) of a drag [m]; None without a drag.
+    :ivar lines: points (k, 3) [m] of the markers by namespace and id: lines, triangles of contact
+        regions, or ends of arrows.
+    :ivar samples: samples of the plots: time [s], mean normal force of the grasping members [N],
+        and distance of the object from its goal [m]; NaN if unknown.
     """
 
     robot: Robot  #: the robot
     diameter: float  #: diameter of the object [m]
-    shape: Shape | None = None  #: shape of the object; None: disc of that diameter
+    shape: Shape | None = None  #: shape of the object; None: disc with this diameter
     pose: Pose | None = None
     goal: tuple[float, float] | None = None
-    goal_report: str = ''  #: state of the last goal in words; empty before the first
-    state: Any = None  #: last grasp/state; None before the first
-    status: Any = None  #: last manipulation/status; None before the first
+    goal_report: str = ''  #: state of the last goal in words; empty before the first goal
+    state: Any = None  #: last message grasp/state; None before the first
+    status: Any = None  #: last message manipulation/status; None before the first
     lines: dict[tuple[str, int], Array] = field(default_factory=dict)
     samples: deque[tuple[float, float, float]] = field(
         default_factory=lambda: deque(maxlen=MAX_SAMPLES)
     )
 
     def __post_init__(self) -> None:
-        """Start at home."""
+        """Set the configuration to home."""
         self.config = self.robot.home
         self._tracker = ConfigurationTracker(self.robot.home)
         self._received: dict[str, float] = {}
-        #: Statuses of the last seconds with their times of arrival.
+        #: Statuses of the last seconds, with their times of arrival.
         self._statuses: deque[tuple[float, Any]] = deque(maxlen=MAX_STATUSES)
-        #: Travel of each roller with its time of arrival.
+        #: Travel of each roller, with its time of arrival.
         self._travel: dict[str, tuple[float, float]] = {}
 
     def is_fresh(self, name: str, now: float) -> bool:
         """
-        Return whether a message was received recently.
+        Return whether the last message of a kind is current.
 
         :param name: `joint_states`, `object_pose`, `state`, `status` or `markers`.
-        :param now: time on the clock of the `receive` functions [s].
+        :param now: time on the clock of the messages' arrival [s].
         """
         return now - self._received.get(name, -math.inf) < MESSAGE_TIMEOUT
 
@@ -116,9 +116,9 @@ class Picture:
         """
         Update the pose of the object from a message.
 
-        :param message: geometry_msgs/PoseStamped in the robot's frame.
+        :param message: geometry_msgs/PoseStamped in the robot frame.
         :param now: time of arrival [s].
-        :raises PictureError: the message has no pose.
+        :raises PictureError: the pose is invalid.
         """
         self.take_pose(read_pose(message), now)
 
@@ -126,7 +126,7 @@ class Picture:
         """
         Update the pose of the object.
 
-        :param pose: pose in the robot's frame.
+        :param pose: pose in the robot frame.
         :param now: time of arrival [s].
         :raises PictureError: the pose is invalid.
         """
@@ -165,7 +165,7 @@ class Picture:
 
         :param message: visualization_msgs/MarkerArray of grasp_analysis.
         :param now: time of arrival [s].
-        :raises PictureError: a marker is invalid; earlier ones are applied.
+        :raises PictureError: a marker is invalid; the markers before it are applied.
         """
         for marker in message.markers:
             key = (marker.ns, marker.id)
@@ -191,7 +191,7 @@ class Picture:
 
     def is_held(self, now: float) -> bool | None:
         """
-        Return whether the object is held; None if that is unknown.
+        Return whether the object is held; None if unknown.
 
         :param now: time on the same clock [s].
         """
@@ -201,7 +201,7 @@ class Picture:
 
     def is_stopped(self, now: float) -> bool:
         """
-        Return whether an emergency stop is latched according to the manipulation.
+        Return whether the manipulation reports a latched emergency stop.
 
         :param now: time on the same clock [s].
         """
@@ -221,7 +221,7 @@ class Picture:
 
     def describe_squeeze(self, now: float) -> str:
         """
-        Return the estimated squeeze in words; empty without regulation.
+        Return the estimated squeeze in words; empty without squeeze control.
 
         :param now: time on the same clock [s].
         """
@@ -231,10 +231,10 @@ class Picture:
 
     def describe_hindrance(self, now: float, span: float) -> str:
         """
-        Return the most frequent limit of the manipulation in an interval, in words.
+        Return the most frequent limit of the motion in an interval, in words.
 
         :param now: time on the same clock [s].
-        :param span: length of the interval up to now [s].
+        :param span: length of the interval, which ends now [s].
         """
         lately = [status for time, status in self._statuses if now - time <= span]
         codes = Counter(status.code for status in lately if status.code not in UNLIMITED_STATUSES)
@@ -246,7 +246,7 @@ class Picture:
 
     def sample(self, now: float) -> None:
         """
-        Add a point to the plots.
+        Add a sample to the plots.
 
         :param now: time on the same clock [s].
         """
@@ -265,7 +265,9 @@ def _describe_status(status: Any) -> str:
 
 def trim_start(time: Array, values: Array) -> tuple[Array, Array]:
     """
-    Return a curve from its first finite value, since uPlot draws none with a leading NaN.
+    Return a curve from its first finite value on.
+
+    uPlot does not draw a curve with a leading NaN.
 
     :param time: (k,) times [s].
     :param values: (k,) values of the curve, NaN if unknown.

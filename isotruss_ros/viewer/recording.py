@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Messages of a recording, read without ROS into a picture."""
+"""Reading of recorded messages without ROS into a picture."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 
 #: Separator of the definitions in a schema, and prefix of their names.
 SEPARATOR, NAME = '=' * 80 + '\n', 'MSG: '
-#: Type and receiving method by the last part of a topic's name.
+#: Type of message and method of `Picture` by the last part of a topic's name.
 RECEIVERS = {
     'joint_states': ('sensor_msgs/msg/JointState', Picture.receive_joint_states),
     'object_pose': ('geometry_msgs/msg/PoseStamped', Picture.receive_object_pose),
@@ -25,27 +25,29 @@ RECEIVERS = {
     'grasp/markers': ('visualization_msgs/msg/MarkerArray', Picture.receive_markers),
     'manipulation/status': ('isotruss_msgs/msg/ManipulationStatus', Picture.receive_status),
 }
-#: Largest valid record [bytes]; a damaged length may exceed it.
+#: Largest size of a record [bytes]; a damaged length may exceed it.
 MAX_RECORD_SIZE = 2**30
 
 
 class RecordingError(IsotrussError, ValueError):
-    """A recording has nothing to display."""
+    """A recording has no messages to display."""
 
 
 class BrokenRecordingError(RecordingError):
-    """A recording is damaged; the part before the damage was read."""
+    """A recording is damaged; its part before the damage was read."""
 
 
 def read_recording(path: Path) -> Iterator[tuple[float, str, Any]]:
     """
-    Yield (time [s], topic, message) of an MCAP file for the topics of a view, in order.
+    Yield (time [s], topic, message) of an MCAP file in order, for the topics of a view.
 
-    A truncated or damaged file is read up to the damage. The index at its end is not used.
+    A truncated or damaged file is read up to the damage. The index at the end of the file is not
+    used.
 
     :param path: path of the file.
-    :raises RecordingError: no MCAP file, or no message of these topics.
-    :raises BrokenRecordingError: after the last complete message, if the rest is damaged.
+    :raises RecordingError: the file is not MCAP, or has no message of these topics.
+    :raises BrokenRecordingError: the rest of the file is damaged; raised after the last complete
+        message.
     """
     types = get_typestore(Stores.EMPTY)
     known: set[int] = set()
@@ -82,10 +84,10 @@ def read_recording(path: Path) -> Iterator[tuple[float, str, Any]]:
 
 def show_message(picture: Picture, topic: str, message: Any, now: float) -> None:
     """
-    Update a picture with a message.
+    Update a picture by a message.
 
     :param picture: the picture.
-    :param topic: topic with or without namespace.
+    :param topic: name of the topic, with or without namespace.
     :param message: message with the fields of the ROS message.
     :param now: time of the message [s].
     :raises PictureError: the message is invalid.
@@ -112,7 +114,7 @@ def _is_shown(topic: str, schema: Any, encoding: str) -> bool:
 
 
 def _register(types: Any, name: str, text: str) -> None:
-    """Add the unknown definitions of a schema."""
+    """Add the definitions of a schema that are not known yet."""
     first, *others = text.split(SEPARATOR)
     definitions = {name: first}
     for part in others:

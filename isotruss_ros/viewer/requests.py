@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Requests of a browser: settings with their bounds, and the check of values."""
+"""Requests of a browser: settings with their bounds, and checks of values."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from isotruss_ros.viewer.names import (
     TURN,
 )
 
-#: The running plant, or its object, before another one is chosen.
+#: Name of the plant or object with which the view was started.
 INITIAL_CHOICE = 'as started'
 #: Largest valid coordinate of a drag [m].
 MAX_DRAG_DISTANCE = 100.0
@@ -36,14 +36,14 @@ BUTTONS = (STOP, RELEASE, RESET, PICK, PLACE)
 
 
 class RequestError(IsotrussError, ValueError):
-    """A browser sent a value outside of its controls."""
+    """A browser sent a value that its controls cannot send."""
 
 
 @dataclass(frozen=True)
 class Setting:
-    """A slider."""
+    """Slider for a setting."""
 
-    name: str  #: name of its request
+    name: str  #: name of the request
     label: str  #: displayed name
     bounds: tuple[float, float]  #: smallest and largest value
     step: float  #: step of the values
@@ -64,12 +64,13 @@ BOUNDS = {setting.name: setting.bounds for setting in (*SETTINGS, *WRENCH)}
 
 def check_request(name: str, value: object, choices: Mapping[str, Sequence[str]]) -> None:
     """
-    Raise for a value outside of the control of a request.
+    Raise RequestError for a value that the control of a request cannot send.
 
     :param name: name of the request.
     :param value: received value.
-    :param choices: choices by the name of the request.
-    :raises RequestError: the value is out of bounds, no choice, or no drag.
+    :param choices: possible values by the name of the request.
+    :raises RequestError: the value is out of bounds, or not among the choices, or not a valid
+        drag.
     """
     if name in BOUNDS:
         low, high = BOUNDS[name]
@@ -91,7 +92,7 @@ def check_request(name: str, value: object, choices: Mapping[str, Sequence[str]]
 
 def list_choices(joints: Sequence[str]) -> dict[str, Sequence[str]]:
     """
-    Return the choices by the name of the request.
+    Return the possible values by the name of the request.
 
     :param joints: names of the joints that can be dragged.
     """

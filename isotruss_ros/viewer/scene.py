@@ -30,7 +30,7 @@ ROD, STRIPE = 0.03, 0.02
 
 class Scene:
     """
-    Draws a picture; unchanged parts are not sent.
+    Scene of a picture; only changed parts are sent to browsers.
 
     :param server: server of the view.
     :param picture: initial picture.
@@ -89,10 +89,10 @@ class Scene:
 
     def update(self, picture: Picture, now: float) -> None:
         """
-        Draw a picture.
+        Draw the current state of a picture.
 
-        :param picture: the picture.
-        :param now: time on the clock of its messages [s].
+        :param picture: displayed state.
+        :param now: time on the clock of the picture's messages [s].
         """
         self._fit_cameras(picture)
         if (picture.diameter, picture.shape) != self._drawn:
@@ -120,7 +120,7 @@ class Scene:
         self._show_lines(self._forces, forces, top)
 
     def _fit_cameras(self, picture: Picture) -> None:
-        """Fit the whole robot into upright screens, once the page has its initial camera."""
+        """Fit the whole robot into an upright screen after the page has set its initial camera."""
         for number, client in self._server.get_clients().items():
             camera = client.camera
             begins = np.allclose(camera.position, self._server.initial_camera.position, atol=0.01)
@@ -133,7 +133,7 @@ class Scene:
     def _add_support(
         self, scene: viser.SceneApi, joint: str, axes: Sequence[str]
     ) -> viser.SceneNodeHandle:
-        """Return a box on a fixed joint, a ball on a sliding one."""
+        """Return a box for a fixed joint, a ball for a sliding joint."""
         name, size = f'/supports/{joint}', 0.6 * self._diameter
         if len(axes) == 2:
             return scene.add_box(name, SUPPORT_COLOR, (2.0 * size,) * 3)
@@ -203,7 +203,7 @@ class Scene:
 
 
 def _module_lines(picture: Picture) -> Array:
-    """Return (2 n, 2, 3) rods from the joints to the bars between pinch points, and the bars."""
+    """Return the lines (2 n, 2, 3) of the rods and of the bars between pinch points."""
     topology, points = picture.robot.topology, picture.config.points
     joint, b, c = points[topology.joint], points[topology.b], points[topology.c]
     ends = np.concatenate([np.stack([0.5 * (b + c), joint], 1), np.stack([b, c], 1)])

@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Server of a view: own port, and a gate for its page and websocket.
+Server of a view on its own port, with a gate for its page and websocket.
 
-viser 1.1.1 skips a used port, hangs if an address cannot be bound, and accepts every origin. It is
-given a bound socket, and the missing options of `websockets`.
+viser 1.1.1 skips a used port, hangs if an address cannot be bound, and accepts any origin. So this
+module gives it a bound socket and the missing options of `websockets`.
 """
 
 from __future__ import annotations
@@ -32,17 +32,17 @@ import websockets.asyncio.server
 from websockets.asyncio.server import ServerConnection
 from websockets.http11 import Request, Response
 
-#: Response headers against framing by other pages and leaks of the address.
+#: Response headers that prevent framing by other pages and leaks of the address.
 HEADERS = {'X-Frame-Options': 'DENY', 'Referrer-Policy': 'no-referrer'}
-#: Head of a page.
+#: First lines of the head of a page.
 HEAD = f'<head>{SCRIPT}{STYLE}'
-#: A documentation address (RFC 5737) for the route lookup, which sends nothing.
+#: Documentation address (RFC 5737) for a route lookup, which sends nothing.
 REMOTE_ADDRESS = ('192.0.2.1', 9)
-#: Subprotocol of the websocket of viser.
+#: Handler of requests to the server.
 Answer = Callable[[ServerConnection, Request], Response | None]
-#: Lock of the patched module `websockets` during the start of a server.
+#: Lock of the module `websockets`, which is patched during the start of a server.
 _starting = threading.Lock()
-#: Logger of connections, without tracebacks of invalid HTTP.
+#: Logger of connections that does not print tracebacks of invalid HTTP.
 _quiet = logging.Logger('isotruss_ros.viewer', logging.CRITICAL)
 
 
@@ -52,10 +52,10 @@ class ViewError(IsotrussError, RuntimeError):
 
 class Gate:
     """
-    Access rules of a server: own pages only, from other machines with a token.
+    Access rules of a server: own pages only; from other machines, with a token.
 
     :ivar origins: allowed origins of the websocket.
-    :ivar address: address for a browser, with the token if required.
+    :ivar address: address for a browser, with a token if required.
     :param bound: bound socket of the server.
     """
 
@@ -81,9 +81,9 @@ class Gate:
 
     def guard(self, answer: Answer) -> Answer:
         """
-        Return the handler of requests, which refuses those without access.
+        Return a handler that refuses requests without access.
 
-        :param answer: handler of admitted requests; None for those of the websocket.
+        :param answer: handler of the other requests; None for requests to the websocket.
         """
 
         def answer_or_refuse(connection: ServerConnection, request: Request) -> Response | None:
@@ -123,7 +123,7 @@ class Gate:
 
 
 class _Server(viser.ViserServer):
-    """A server that pages cannot make public."""
+    """Server that a page cannot make public."""
 
     def request_share_url(self, verbose: bool = True) -> None:
         """Refuse a tunnel to the network, which a page can request by a message."""
@@ -133,7 +133,7 @@ def open_server(host: str, port: int) -> tuple[viser.ViserServer, str]:
     """
     Return a server and its address for a browser.
 
-    :param host: address of this machine; 0.0.0.0 for all of them.
+    :param host: address of this machine to bind; 0.0.0.0: all addresses.
     :param port: port of the server; 0: any free port.
     :raises ViewError: the address cannot be bound, or viser fails.
     """
@@ -173,7 +173,7 @@ def _bind(host: str, port: int) -> socket.socket:
 
 @contextlib.contextmanager
 def _serving(bound: socket.socket, gate: Gate) -> Iterator[list[bool]]:
-    """Serve on a socket behind a gate, for servers of `websockets` started in the block."""
+    """Serve on a socket behind a gate, for servers of `websockets` that start in the block."""
     module, served = websockets.asyncio.server, []
     serve = module.serve
 
@@ -199,7 +199,7 @@ def _serving(bound: socket.socket, gate: Gate) -> Iterator[list[bool]]:
 
 
 def _find_address() -> str:
-    """Return the address of this machine on its network; the loopback address without one."""
+    """Return this machine's address on its network; the loopback address without a network."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
             probe.connect(REMOTE_ADDRESS)

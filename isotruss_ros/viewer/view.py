@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Server of the live view."""
+"""Live view, served to browsers."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from isotruss_ros.viewer.server import open_server
 
 class View:
     """
-    Scene and panels; the owner of a robot adds `controls`.
+    Live view with scene and panels; the owner of a robot adds `controls`.
 
     :ivar server: server of the view.
-    :ivar picture: displayed picture.
+    :ivar picture: displayed state.
     :ivar address: address for a browser.
-    :param picture: displayed picture.
+    :param picture: displayed state.
     :param host: address to which the server is bound.
     :param port: port of the server; 0: any free port.
     :raises ViewError: the address cannot be served.
@@ -38,9 +38,9 @@ class View:
 
     def update(self, now: float) -> None:
         """
-        Show the current picture.
+        Show the current state of the picture.
 
-        :param now: time on the clock of its messages [s].
+        :param now: time on the clock of the picture's messages [s].
         """
         with self.server.atomic():
             self._scene.update(self.picture, now)

@@ -45,13 +45,6 @@ def presses(values, cases=CASES):
     return Presses(*np.array(cases).T, values)
 
 
-def test_the_factor_divides_the_whole_kernel():
-    place, alike = 0.005 * np.arange(20.0), np.zeros(20, dtype=int)
-    once, twice = (flattening(RADIUS, 3e4, TUBE.fabric, local_stiffness=f) for f in (1.0, 2.0))
-    one, two = (kernel.compliance(place, alike, alike, 0.005) for kernel in (once, twice))
-    assert two == pytest.approx(0.5 * one, rel=1e-12)
-
-
 @pytest.mark.parametrize('factor', [0.4, 1.7])
 def test_loads_without_noise_give_the_factor_back(factor):
     found = fit_local_stiffness(presses(loads(factor)), TUBE)

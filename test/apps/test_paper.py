@@ -10,12 +10,11 @@ import re
 from isotruss_ros import core
 from isotruss_ros.calibration.measurements import MODES
 from isotruss_ros.calibration.pressed_tube import ClampedTube, press
-from isotruss_ros.core.statics.cut_frame import CutFrame
-from isotruss_ros.core.statics.load_path import follow_loads
 from isotruss_ros.core.statics.section import InflatableBeam
 from isotruss_ros.core.statics.structure import structure_of
 from isotruss_ros.core.statics.wrinkling import find_utilisation, wrinkling_moment
 from matplotlib import rc_context
+from nightly import some_now
 import numpy as np
 from paper import figure_4, figure_5, figure_6, figure_7, figure_9, membrane, synthetic
 from paper.default_tube import end_stiffnesses
@@ -58,23 +57,32 @@ def results():
 # -- The pages --
 
 
-def test_page_is_what_the_items_report(results):
+each_item = pytest.mark.parametrize(
+    'item',
+    # Fig. 4 fits many drawn series.
+    some_now(sorted(ITEMS, key=lambda item: item.name == 'figure_4'), len(ITEMS) - 1),
+    ids=lambda item: item.name,
+)
+
+
+@each_item
+def test_page_is_what_the_item_reports(item, results):
     """Run `make paper` where this fails: the numbers on the page are no longer those computed."""
-    reports = [(item, item.report(results[item.name])) for item in ITEMS]
+    report = item.report(results[item.name])
     digits = re.compile(r'-?\d+(?:\.\d+)?')
-    written = (DOCS / 'paper.md').read_text(encoding='utf-8')
-    computed = page(reports)
+    beginning, *sections = (DOCS / 'paper.md').read_text(encoding='utf-8').split('\n## ')
+    assert len(sections) == len(ITEMS)
+    written = '\n## '.join([beginning, sections[ITEMS.index(item)]])
+    computed = page([(item, report)])
     assert digits.sub('#', written) == digits.sub('#', computed)
-    for texts in zip(written.split('\n## '), computed.split('\n## '), strict=True):
-        numbers = np.array([[float(x) for x in digits.findall(text)] for text in texts])
-        # Another machine rounds another way: last digits differ, and a search may end in another
-        # of several grasps that are almost as good.
-        np.testing.assert_allclose(*numbers, rtol=0.2 if 'plan_grasps' in texts[0] else 0.03)
-    for item, report in reports:
-        assert all((report.heading, report.stated, report.computed, report.difference))
-        assert report.assumption
-        assert report.tables
-        assert bool(item.draw) == bool(report.picture)
+    numbers = np.array([[float(x) for x in digits.findall(text)] for text in (written, computed)])
+    # Another machine rounds another way: last digits differ, and a search may end in another of
+    # several grasps that are almost as good.
+    np.testing.assert_allclose(*numbers, rtol=0.2 if 'plan_grasps' in written else 0.03)
+    assert all((report.heading, report.stated, report.computed, report.difference))
+    assert report.assumption
+    assert report.tables
+    assert bool(item.draw) == bool(report.picture)
 
 
 def test_page_links_to_files_that_are_there():
@@ -86,18 +94,18 @@ def test_page_links_to_files_that_are_there():
         assert f'{FOLDER}/{path.name}' in links, f'{path.name} is not on the page'
 
 
-def test_figures_and_tables_are_the_same_each_time(results, tmp_path, monkeypatch):
+@each_item
+def test_figure_and_tables_are_the_same_each_time(item, results, tmp_path, monkeypatch):
     monkeypatch.setattr('paper.style.DOTS_PER_INCH', 40)
     folders = (tmp_path / 'first', tmp_path / 'second')
-    again = next(item for item in ITEMS if item.draw)  # all of them are saved alike
     for folder in folders:
         folder.mkdir()
-        for item in ITEMS:
-            if item is again or (item.draw and folder is folders[0]):
-                with rc_context(SETTINGS):
-                    save(item.draw(results[item.name]), folder / f'{item.name}.png')
-            for table in item.report(results[item.name]).tables:
-                write_csv(table, folder)
+        # All figures are saved alike.
+        if item.draw and (folder is folders[0] or item.name == 'figure_5'):
+            with rc_context(SETTINGS):
+                save(item.draw(results[item.name]), folder / f'{item.name}.png')
+        for table in item.report(results[item.name]).tables:
+            write_csv(table, folder)
     for path in folders[1].iterdir():
         assert path.read_bytes() == (folders[0] / path.name).read_bytes(), path.name
     for path in folders[0].iterdir():
@@ -132,6 +140,7 @@ def test_stiffnesses_are_those_of_clamped_beams():
             assert k['rotary'] == pytest.approx(1.0 / turn)
 
 
+@pytest.mark.nightly
 def test_fit_returns_what_made_the_points(results):
     result = results['figure_4']
     assert sum(figure_4.inside(result.analysis)) >= 2
@@ -183,21 +192,6 @@ def test_the_track_bears_nothing_of_a_symmetric_push(name, results):
     left, right = (state.reactions[structure.node(joint)] for joint in 'LR')
     assert left[:2] == pytest.approx([-right[0], right[1]], abs=1e-6)
     assert left[1] == pytest.approx(0.5, abs=1e-6)
-
-
-@pytest.mark.parametrize('name', EDGES)
-def test_the_largest_load_is_that_of_a_mesh(name, results):
-    shape = results['figure_5'][name]
-    structure, frame = structure_of(shape.config), figure_5.pinned_frame(shape.config)
-    pieces = structure.pieces[2].repeat(3)
-    mesh = CutFrame(frame, pieces, frame.length[pieces] * np.tile([0.25, 0.5, 0.75], 3))
-    loads = np.zeros((len(mesh.points), 3))
-    loads[structure.node('T'), 1] = -1.0
-    # Nodes inside its legs move farther than the top.
-    path = follow_loads(mesh, loads, figure_5.MOST, 2.0 * figure_5.FARTHEST)
-    sunk = [-each.displacements[structure.node('T'), 1] for each in path.tangents]
-    expected = np.interp(shape.displacements[-1], sunk, path.factors)
-    assert shape.forces[-1] == pytest.approx(expected, rel=0.01)
 
 
 def test_tubes_wrinkle_before_the_triangle_gives_way(results):

@@ -8,7 +8,7 @@ from isotruss_ros.core import ConvexObject, Grip, Polygon, RollingGrip
 from isotruss_ros.core.holding.build_statics import find_pressed
 from isotruss_ros.core.manipulation.grip import find_contacts
 from isotruss_ros.core.manipulation.rolling_grip import roll_object
-from isotruss_ros.core.model.contact_patch import contact_patch, PLANNED_DEPTH
+from isotruss_ros.core.model.shapes import PLANNED_DEPTH
 from isotruss_ros.core.planning.facing import contact_ends
 import numpy as np
 import pytest
@@ -59,7 +59,7 @@ def test_one_verdict_on_a_face_for_all_tilts_and_depths(tilt, sign, depth):
     body = tilted(sign * tilt, depth)
     wanted = TABLE[tilt][DEPTHS.index(depth)]
     outward, skin = normal_in(body)
-    patch = contact_patch(body.shape, outward / body.turn, RADIUS, skin)
+    patch = body.shape.contact_patch(outward / body.turn, RADIUS, skin)
     corners = tuple(end.corner for end in patch)
     assert len(corners) == wanted
     number = np.array([NINE.member_names.index(MEMBERS[0])])
@@ -87,7 +87,7 @@ def test_one_verdict_of_twist_rolling_and_plan_for_the_planned_indentation(tilt,
     outward, skin = normal_in(body)
     one, other = contact_ends(body, np.array([outward]), RADIUS)
     assert (one[0] != other[0]) == (wanted == 2)
-    assert len(contact_patch(body.shape, outward / body.turn, RADIUS, skin)) == wanted
+    assert len(body.shape.contact_patch(outward / body.turn, RADIUS, skin)) == wanted
 
 
 def _corners_of(grip):

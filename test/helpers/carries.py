@@ -61,8 +61,7 @@ def place(robot, name, mass):
 
 def mujoco_plant(robot, body, members):
     """Return the MuJoCo plant with an object in the grip, at rest."""
-    options = PlantOptions(friction=FRICTION, module_mass=robot.description.module.mass)
-    return hold_at_home(robot, body, members, options)
+    return hold_at_home(robot, body, members, PlantOptions(friction=FRICTION))
 
 
 class Carry(Regulated):

@@ -3,14 +3,12 @@
 
 """The loop in MuJoCo with zeros that are off and rollers that slip, by what is estimated."""
 
-from comparison import estimated_carries
 from comparison.estimated_carries import carry, SIX, THREE
 from comparison.random_carries import BOX, DISC
 from mujoco_worlds import needs_mujoco
-from nightly import some_now
 import pytest
 
-pytestmark = needs_mujoco
+pytestmark = [needs_mujoco, pytest.mark.nightly]
 CASES = [
     (kind, names, stiffness)
     for stiffness in (1.0, 0.6, 1.5)
@@ -19,10 +17,8 @@ CASES = [
 ]
 
 
-@pytest.mark.parametrize(('kind', 'names', 'stiffness'), some_now(CASES, 0))
-def test_the_squeeze_is_what_it_should_be(kind, names, stiffness, monkeypatch):
-    if (kind, names, stiffness) == CASES[0]:
-        monkeypatch.setattr(estimated_carries, 'LEGS', 1)  # half of the way in a third less time
+@pytest.mark.parametrize(('kind', 'names', 'stiffness'), CASES)
+def test_the_squeeze_is_what_it_should_be(kind, names, stiffness):
     found = carry(kind, 2, names, stiffness)
     assert abs(found.squeeze) < 0.1
     assert found.worst < 0.2
@@ -31,6 +27,5 @@ def test_the_squeeze_is_what_it_should_be(kind, names, stiffness, monkeypatch):
     assert found.encoders > 4.0 * found.joints
 
 
-@pytest.mark.nightly
 def test_by_the_encoders_alone_it_is_not():
     assert abs(carry(DISC, 2, (), fed=False).squeeze) > 0.1

@@ -12,6 +12,7 @@ from isotruss_ros.core import (
     ConvexObject,
     deform,
     load_robot,
+    Robot,
     RollerFaults,
     settle_grasp,
     tangent_center,
@@ -63,11 +64,11 @@ def test_the_capsules_of_a_member_join_at_any_length():
 
 @needs_mujoco
 def test_modules_weigh_what_their_mass_says():
-    robot = load_robot('triangle')
+    file = load_robot('triangle').description
 
     def sag(mass):
-        options = replace(STILL, module_mass=mass, gravity=(0.0, -0.05))
-        plant = MujocoPlant(robot, options=options)
+        robot = Robot(replace(file, module=replace(file.module, mass=mass)))
+        plant = MujocoPlant(robot, options=replace(STILL, gravity=(0.0, -0.05)))
         plant.settle(4.0)
         return plant.nodes - robot.home.nodes
 

@@ -99,8 +99,9 @@ def test_an_oscillation_that_grows_is_stopped_before_the_object_is_lost(grasp, g
     assert np.abs(carry.errors[-1]).max() < 2e-3
 
 
-@pytest.mark.parametrize('seed', some_now(range(4)))
-@pytest.mark.parametrize('grasp', some_now(['box', 'brick', 'disc 0.1 m', 'disc 0.3 m']))
+@pytest.mark.nightly
+@pytest.mark.parametrize('seed', range(4))
+@pytest.mark.parametrize('grasp', ['box', 'brick', 'disc 0.1 m', 'disc 0.3 m'])
 def test_noise_is_no_slip_where_a_load_is_expected(grasp, seed):
     carry = Carry(grasp, late=3, noise=NOISE, seed=seed, load=5.0)
     rng = np.random.default_rng(seed)
@@ -138,6 +139,7 @@ def test_a_frozen_pose_halts_within_seventeen_millimetres(grasp):
     assert halted(Carry(grasp), lambda k: (0.03, 0.02, 0.0), lambda k: 0.0) < 0.017
 
 
+@pytest.mark.nightly
 def test_a_pose_made_of_the_commanded_path_halts_where_the_object_stays_behind():
     twist = np.array([0.03, 0.02, 0.0])
     assert halted(Carry('box'), lambda k: twist, lambda k: twist / 100.0) < 0.017
@@ -145,7 +147,7 @@ def test_a_pose_made_of_the_commanded_path_halts_where_the_object_stays_behind()
 
 def test_a_load_on_the_way_is_no_slip():
     carry = Carry('disc 0.3 m')
-    carry.run(1.0)
+    carry.run(0.5)
     carry.plant.pull((0.0, -1.5, 0.0))
     carry.run(1.5, (0.02, 0.0, 0.0))
     carry.plant.pull((0.0, 0.0, 0.0))

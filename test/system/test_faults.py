@@ -306,6 +306,7 @@ def test_a_path_ends_with_its_node_and_the_next_one_works(r):
     assert (status, code) == (GoalStatus.STATUS_SUCCEEDED, Result.REACHED)
 
 
+@pytest.mark.nightly
 def test_a_path_is_cancelled_or_preempted_by_another_process(r):
     w, paths = r.w, Paths(r)
     r.check_rests()
@@ -328,6 +329,7 @@ def test_a_path_is_cancelled_or_preempted_by_another_process(r):
     r.check_rests()
 
 
+@pytest.mark.nightly
 def test_a_trajectory_ends_with_its_node_and_the_next_one_works(r):
     w = r.w
     topic = 'joint_trajectory_controller/joint_trajectory'

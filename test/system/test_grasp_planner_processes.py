@@ -13,6 +13,7 @@ from action_msgs.msg import GoalStatus
 from isotruss_msgs.action import PlanGrasp
 from isotruss_ros.core import ConvexObject, GraspRequirements, plan_grasps
 from lifecycle_msgs.msg import Transition
+from nightly import some_now
 from planning import assert_same, CENTER, DIAMETER, goal, NO_MARGIN, node, workers
 from probe import DEADLINE, Manager, ROBOT, world
 import psutil
@@ -90,6 +91,7 @@ def test_survives_the_death_of_a_process():
         assert not set(before) & set(workers())
 
 
+@pytest.mark.nightly
 def test_answers_as_the_core_does_on_two_processes_and_stops_when_cancelled():
     # Before the node runs, whose joint states would be old after it.
     needs = GraspRequirements(module='north/Z', count=1)
@@ -126,7 +128,7 @@ def test_leaves_no_process_when_it_is_deactivated_or_destroyed():
     assert not workers()
 
 
-@pytest.mark.parametrize('how', [signal.SIGKILL, signal.SIGINT])
+@pytest.mark.parametrize('how', some_now([signal.SIGKILL, signal.SIGINT]))
 def test_leaves_no_process_when_its_own_is_ended(how):
     command = [sys.executable, '-m', 'isotruss_ros.executables', 'grasp_planner', '--ros-args']
     command += ['-p', 'workers:=2', '-p', 'command_timeout:=5.0']

@@ -254,7 +254,7 @@ def test_an_object_is_picked_where_it_was_placed(tmp_path, shape, draw):
 @pytest.mark.parametrize(
     ('stage', 'progress'),
     [
-        (PickObject.Feedback.PLANNING, 0.0),
+        pytest.param(PickObject.Feedback.PLANNING, 0.0, marks=pytest.mark.nightly),
         (PickObject.Feedback.APPROACHING, 0.0),
         # A grip that only begins to close does not press yet.
         pytest.param(PickObject.Feedback.CLOSING, 0.3, marks=pytest.mark.nightly),

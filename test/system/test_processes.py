@@ -91,10 +91,12 @@ def test_bad_parameters_end_the_process_with_one_sentence(tmp_path):
 
 @pytest.mark.parametrize(
     ('content', 'words'),
-    [
-        (None, 'Error opening YAML file'),
-        ('simulator: {rate: 3.0}', 'Cannot have a value before ros__parameters at line 1'),
-    ],
+    some_now(
+        [
+            (None, 'Error opening YAML file'),
+            ('simulator: {rate: 3.0}', 'Cannot have a value before ros__parameters at line 1'),
+        ]
+    ),
 )
 def test_a_bad_file_of_parameters_ends_the_process_with_one_line(content, words, tmp_path):
     path = tmp_path / 'parameters.yaml'
@@ -137,7 +139,7 @@ def test_a_home_that_cannot_be_written_is_answered_by_the_variable_to_set():
 
 
 @pytest.mark.parametrize(
-    'environment', [{'LC_ALL': 'C', 'PYTHONUTF8': '0', 'PYTHONCOERCECLOCALE': '0'}, {}]
+    'environment', some_now([{'LC_ALL': 'C', 'PYTHONUTF8': '0', 'PYTHONCOERCECLOCALE': '0'}, {}])
 )
 def test_a_path_in_another_encoding_is_refused_in_one_line(environment):
     path = b'robot:=/tmp/w\xf6lfe.yaml' if not environment else 'robot:=/tmp/wölfe.yaml'.encode()

@@ -70,11 +70,11 @@ def analyze_grasp(
     :param spacing: spacing of the contact points along the tubes [m]. Flattening tubes have points
         in contact regions only; a short region has a half or a quarter of the spacing.
     :param pressure: gauge pressure [Pa]: one for all tubes, one for each in the order of the robot
-        file, or by tube name; None: the pressure of the robot file.
+        file, or by tube name; None: as in the robot file.
     :param previous: analysis of a similar grasp, the initial guess of the search. If a deep
         indentation has several equilibria, it selects one.
-    :param paper_model: whether the structure is linear about straight tubes with round sections,
-        as in the paper.
+    :param paper_model: whether the model is the paper's: linear about straight tubes with round
+        sections.
     :raises GraspError: an argument is invalid.
     :raises StructureError: the robot is a mechanism, a pressure is invalid, or the stiffness laws
         contradict each other.
@@ -174,8 +174,7 @@ def check_load(
     Return the coefficient of friction and the external wrench (fx, fy, m) [N, N m] as floats.
 
     :param body: the object.
-    :param friction: coefficient between tube and object; None: the coefficient of the object, or
-        0.5.
+    :param friction: coefficient of friction; None: the coefficient of the object, or 0.5.
     :param external_wrench: wrench (fx, fy, m) about the origin of the object's frame [N, N m].
     :raises GraspError: the coefficient or the wrench is invalid.
     """

@@ -17,24 +17,25 @@ from isotruss_ros.core.contact.contact_points import ContactPoints, ContactState
 from isotruss_ros.core.contact.surfaces import Surface
 from isotruss_ros.core.errors import SolverError
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
-from isotruss_ros.core.numerics.qp import GAP_TOLERANCE, solve_complementarity
-from isotruss_ros.core.numerics.tolerances import ROUNDING, SMALLEST_NORMAL
+from isotruss_ros.core.numerics.qp import solve_complementarity
+from isotruss_ros.core.numerics.tolerances import (
+    MAX_NEWTON_ITERATIONS,
+    NEGLIGIBLE_SHARE,
+    ROUNDING,
+    SMALLEST_NORMAL,
+)
 import numpy as np
 from scipy.linalg import lapack
 
-#: Largest tangential force relative to the largest contact force [-].
-NORMAL_TOLERANCE = 1e-6
+#: Largest number of updates of the normals [-]; of large discs they settle slowly.
 MAX_STEPS = 300
 #: Points of a flattening member are in the estimated contact if they are deeper than this share of
 #: the largest depth [-].
 CONTACT_DEPTH_SHARE = 0.7
-MAX_RELAXATIONS = 2_000_000
 #: Largest gap of a contact [m]; at larger gaps forces that remain in (9) are set to zero.
 MAX_CONTACT_GAP = 1e-7
-#: Steps of (9) between updates of normals and convergence checks [-].
-STEPS_PER_CHECK = 200
-#: Tolerance of complementarity in (9): gap [m], and force relative to the largest force [-].
-RELAXATION_TOLERANCE = 1e-2 * GAP_TOLERANCE
+#: Steps of (9) between checks of convergence with updated normals, and largest number of checks.
+STEPS_PER_CHECK = 1000
 
 
 def solve_contact(
@@ -76,9 +77,9 @@ def solve_contact(
             pressing, sizes = push * turned.conj(), np.abs(push)
             if (
                 (pressing.real >= 0.0).all()
-                and (np.abs(pressing.imag) <= NORMAL_TOLERANCE * sizes.max(initial=0.0)).all()
-                and (left >= -GAP_TOLERANCE).all()
-                and (left[places] <= GAP_TOLERANCE).all()
+                and (np.abs(pressing.imag) <= NEGLIGIBLE_SHARE * sizes.max(initial=0.0)).all()
+                and (left >= -ROUNDING).all()
+                and (left[places] <= ROUNDING).all()
             ):
                 normal = pressing.real * turned
                 return ContactState(pressing.real, left, turned, displacements, radii, normal)
@@ -106,7 +107,7 @@ def _settle_normals(
     )
     # Few points, and several steps: the whole matrix is cheaper than its factors.
     compliance = contact_points.compliance(places).reshape(2 * count, 2 * count)
-    for _ in range(30):
+    for _ in range(MAX_NEWTON_ITERATIONS):
         along, across = local.real, local.imag
         moving = compliance[:, :count] * along + compliance[:, count:] * across
         normal = along[:, None] * moving[:count] + across[:, None] * moving[count:]
@@ -120,7 +121,7 @@ def _settle_normals(
         forces = pressing * local
         change = float(np.abs(turned - local).max())
         local, gaps = turned, left - (moved * turned.conj()).real
-        if change < 0.01 * NORMAL_TOLERANCE:
+        if change < 0.01 * NEGLIGIBLE_SHARE:
             break
     return axis * forces
 
@@ -199,13 +200,13 @@ def relax_contact(
     :param surface: surface that the points meet, see `find_contact_points`.
     :param forces: (c,) initial forces [N]; None: zero.
     :param normals: (c,) initial normals, x + iy; None: the normals at the undeformed tubes.
-    :raises SolverError: no convergence within two million steps.
+    :raises SolverError: no convergence within a million steps.
     """
     away = contact_points.skin - surface.center
     if normals is None:
         normals = face_tubes(contact_points, surface)
     forces = np.zeros(len(away)) if forces is None else forces.copy()
-    for _ in range(MAX_RELAXATIONS // STEPS_PER_CHECK):
+    for _ in range(STEPS_PER_CHECK):
         gaps = open_gaps(away, normals, surface)
         compliance = contact_points.normal_compliance(normals)
         # Points without force that are not touched take no part: they do not bound the gain.
@@ -217,12 +218,12 @@ def relax_contact(
         displacements = contact_points.displacements(forces * normals)
         gap, normals, radii = surface.nearest(away + displacements)
         left = np.maximum(gap, 0.0) * forces / largest
-        if (gap > -RELAXATION_TOLERANCE).all() and (left < RELAXATION_TOLERANCE).all():
+        if (gap > -ROUNDING).all() and (left < ROUNDING).all():
             touching = np.where(gap < MAX_CONTACT_GAP, forces, 0.0)
             push = touching * normals
             return ContactState(touching, gap, normals, displacements, radii, push)
     raise SolverError(
-        f'the relaxation of the contact forces did not rest in {MAX_RELAXATIONS} steps'
+        f'the relaxation of the contact forces did not rest in {STEPS_PER_CHECK**2} steps'
     )
 
 

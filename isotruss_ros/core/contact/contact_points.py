@@ -33,10 +33,8 @@ class ContactPoints:
     tube, one of p, and by forces inside the piece with fixed ends. The compliance is kept in these
     factors, along and across the bent members.
 
-    :ivar points: (c,) points on the centre lines, x + iy [m], by linear extrapolation to zero
-        contact forces.
-    :ivar skin: (c,) points on the skin toward the object, x + iy [m]; in the paper's model, on the
-        centre lines.
+    :ivar points: (c,) points on the centre lines, extrapolated to zero contact forces, x + iy [m].
+    :ivar skin: (c,) points on the skin toward the object; in the paper's model, `points` [m].
     :ivar member: (c,) index of the member (pinch point to pinch point) of each point.
     :ivar place: (c,) distance of each point from its member's start [m].
     :ivar spacing: length of tube that each point represents [m].
@@ -145,15 +143,14 @@ class ContactPoints:
         """Return the largest motion of nodes since then, in another state [m]."""
         return float(np.abs(bent.tangent.points - self.bent.tangent.factored.points).max())
 
-    def lend(self, bent: BentTubes, farthest: float) -> bool:
+    def lend(self, bent: BentTubes) -> bool:
         """
         Let tubes use the factorised frame, and return whether their state is near enough.
 
         :param bent: the tubes, at any places.
-        :param farthest: largest motion of a node from the factorised state [m].
         """
         alike = not bent.is_straight and bent.structure.pressures == self.bent.structure.pressures
-        near = alike and self._apart(bent) <= farthest
+        near = alike and self._apart(bent) <= KEPT_MOTION
         if near:
             bent.tangent.borrow(self.bent.tangent)
         return near
@@ -238,8 +235,7 @@ class ContactState:
     :ivar gaps: (c,) distances of the deformed tubes from the surface, not negative [m].
     :ivar normals: (c,) outward unit normals of the surface, x + iy.
     :ivar displacements: (c,) displacements of `ContactPoints.skin`, x + iy [m].
-    :ivar radii: (c,) radius of curvature of the surface at the point nearest to each contact point
-        [m].
+    :ivar radii: (c,) radius of curvature of the surface nearest to each point [m].
     :ivar push: (c,) forces of the object on the tubes, x + iy [N].
     """
 
@@ -268,8 +264,7 @@ def find_contact_points(
         offset by the tube radius.
     :param spacing: distance of the points along the tube [m].
     :param flattening: local compliance of the tubes; None for the paper's model.
-    :param windows: (m, 2) interval of the points on each member, from its start [m]; None: no
-        limits.
+    :param windows: (m, 2) interval of points on each member, from its start [m]; None: no limits.
     :param bent: tubes in a similar bent state, at any places; None: straight tubes.
     :param known: other points of these tubes, and forces on them, x + iy [N]. Points near to them
         take over their compliance.
@@ -293,11 +288,7 @@ def find_contact_points(
     place = np.clip(foot[member] + spacing * number, 0.0, length[member])
     tubes = BentTubes(structure, member, place, shortest=SHORTEST_SHARE * spacing)
     tubes = tubes if bent is None else tubes.bent_like(bent)
-    if (
-        known is not None
-        and known[0].lend(tubes, KEPT_MOTION)
-        and known[0].is_parallel(tubes, spacing)
-    ):
+    if known is not None and known[0].lend(tubes) and known[0].is_parallel(tubes, spacing):
         return known[0].about(tubes, known[1])
     points = points_on_members(tubes, spacing)
     if flattening is None:

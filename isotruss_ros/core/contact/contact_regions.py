@@ -7,8 +7,7 @@ Contact regions: lengths, widths and pressures of the tubes on the object.
 The wall of a flattened section is straight across the tube. Along the tube it has the tension T
 and follows an object with the radius of curvature r. So the contact pressure is p + T / r with the
 gauge pressure p. The width of the contact is the load per length over this pressure. It is at most
-half of the tube's circumference, pi R; then the section is flat, and a larger load raises the
-pressure.
+half of the tube's circumference, pi R; then the section is flat, and the pressure is higher.
 """
 
 from __future__ import annotations

@@ -71,8 +71,7 @@ class SkinIndentation:
         """
         Return the depth [m] and its derivative by the force [m/N]; linear beyond the table.
 
-        :param force: normal force [N]. A negative force has a negative depth, for searches that
-            pass zero.
+        :param force: normal force [N]; a negative force has a negative depth, for searches.
         """
         piece, x, beyond, per_force = self._locate(force)
         a, b, c, d = self._pieces[piece]
@@ -93,9 +92,8 @@ class SkinIndentation:
         Return the second derivative of the depth by the force, and derivatives by the pressure.
 
         :param force: normal force [N].
-        :return: second derivative of the depth by the force [m/N^2]; derivative of the depth by
-            the tube's gauge pressure [m/Pa]; derivative of the depth by force and pressure [m/(N
-            Pa)].
+        :return: derivatives of the depth: second by the force [m/N^2]; by the tube's gauge
+            pressure [m/Pa]; by force and pressure [m/(N Pa)].
         """
         size, sign = max(abs(force), 1e-9), math.copysign(1.0, force)
         piece, x, beyond, stretch = self._locate(force)
@@ -185,7 +183,7 @@ def skin_indentation(
     :param robot: the robot.
     :param tube: index of the tube.
     :param radius: radius of the object [m].
-    :param pressures: (t,) gauge pressure of each tube [Pa]; None: the pressures of the robot file.
+    :param pressures: (t,) gauge pressure of each tube [Pa]; None: as in the robot file.
     """
     depths = DISC_DEPTHS * min(radius, 0.5 * robot.description.tube_diameter)
     kernel = flattening_of(robot, pressures)
@@ -230,7 +228,7 @@ def corner_dents(
     :param corner: index of the corner in contact, see `Shape.corner_at`.
     :param cuts: extent of the contact clockwise and counter-clockwise of its point along the
         surface [m]: half of a face whose other end is another contact, or infinite.
-    :param pressures: (t,) gauge pressure of each tube [Pa]; None: the pressures of the robot file.
+    :param pressures: (t,) gauge pressure of each tube [Pa]; None: as in the robot file.
     """
     radius = 0.5 * robot.description.tube_diameter
     point = shape.point_at(corner, complex(np.exp(1j * angle)))

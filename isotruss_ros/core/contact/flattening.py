@@ -14,7 +14,7 @@ of all modes is 3 / (4 pi p) for a load from one side that the beam's shear flow
     f_n = E t / (E t + G t n^2 lambda_n^2 / R^2),   lambda_n = sqrt(G_n / k_n),
 
 by the wall tension p R / 2 and the shear of the fabric. Its compliance at a distance s is exp(-s /
-lambda_n) / (2 sqrt(k_n G_n)). Modes beyond the first few are so short that they act only at the
+lambda_n) / (2 sqrt(k_n G_n)). All but the first few modes are so short that they act only at the
 load.
 """
 
@@ -37,8 +37,7 @@ class Flattening:
     Local compliance of the tubes' sections under transverse forces from one side.
 
     :ivar radius: tube radius R [m].
-    :ivar stiffness: (t, n) k_n of each tube's modes with extent along the tube, per unit length
-        [N/m^2].
+    :ivar stiffness: (t, n) k_n of modes with extent along the tube, per unit length [N/m^2].
     :ivar tension: (t, n) G_n of these modes [N].
     :ivar rest: (t,) compliance of all further modes for a line load [m^2/N].
     :ivar pressure: (t,) gauge pressure p in each tube [Pa].
@@ -150,8 +149,7 @@ def flattening(
 
     :param radius: tube radius R [m].
     :param pressure: (t,) gauge pressure p in each tube [Pa].
-    :param fabric: E t and G t of the wall; None for f_n = 0, which leaves radius and pressure
-        alone.
+    :param fabric: E t and G t of the wall; None for f_n = 0, without an effect of the fabric.
     :param modes: number of the highest ring mode with extent along the tube.
     :param local_stiffness: ratio of a measured tube's local stiffness to this theory [-].
     """
@@ -185,8 +183,7 @@ def flattening_of(robot: Mechanism, pressures: tuple[float, ...] | None = None) 
     Return the local compliance of a robot's tubes, from a cache of the last few.
 
     :param robot: robot with tube diameter and stiffness model.
-    :param pressures: (t,) gauge pressures in the order of the robot file [Pa]; None: the pressures
-        of the file.
+    :param pressures: (t,) gauge pressures in the order of the robot file [Pa]; None: its own.
     """
     file = robot.description
     if pressures is None:

@@ -17,16 +17,10 @@ import functools
 
 from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.numerics.qp import find_nearest, solve_least_squares
-from isotruss_ros.core.numerics.tolerances import ROUNDING
+from isotruss_ros.core.numerics.tolerances import NEGLIGIBLE_SHARE, ROUNDING
 import numpy as np
 import scipy
 
-#: Largest residual of closure relative to the forces, and largest cosine of the angle between the
-#: residual and segments normal to it [-].
-CLOSURE_TOLERANCE = 1e-6
-#: Weight of the friction forces in least squares [-]; it makes them unique and changes the
-#: residual by its square.
-FRICTION_REGULARIZATION = 1e-6
 #: Number of facets that are computed at once [-].
 FACET_BATCH = 4096
 
@@ -39,12 +33,10 @@ class FrictionClosure:
     :ivar closed: whether the residual is at most `tolerance`.
     :ivar residual: norm of the unbalanced wrench, with moments over d/2 [N].
     :ivar tolerance: largest residual of closure [N].
-    :ivar friction_forces: (k,) friction forces on the object along the tangents, counter-clockwise
-        [N].
-    :ivar required_friction: smallest coefficient of friction with closure; infinite if none
-        exists.
-    :ivar margin: largest additional wrench that friction balances in every direction [N]; negative
-        without closure.
+    :ivar friction_forces: (k,) friction on the object along the tangents, counter-clockwise [N].
+    :ivar required_friction: smallest coefficient of friction with closure, or infinite.
+    :ivar margin: largest further wrench that friction balances in every direction [N]; else
+        negative.
     """
 
     closed: bool
@@ -74,9 +66,7 @@ def balance_by_friction(
     """
     touching = normal_forces > 0.0
     segments = np.column_stack([tangents, levers])[touching] * normal_forces[touching, None]
-    tolerance = CLOSURE_TOLERANCE * max(
-        1e-3, float(np.abs(load).max()), float(normal_forces.sum())
-    )
+    tolerance = NEGLIGIBLE_SHARE * max(1e-3, float(np.abs(load).max()), float(normal_forces.sum()))
     facets = _facets(segments)
     required, margin = _extremes(facets, -load, friction, tolerance)
     shares, residual = _balance(segments, facets, load, friction)
@@ -97,7 +87,7 @@ def _balance(
     # What is left when all friction is used points away from all that could take more of it: only
     # shares across it are open, few of all.
     lever, reach = segments @ left, np.linalg.norm(segments, axis=1) * np.linalg.norm(left)
-    free = np.abs(lever) <= CLOSURE_TOLERANCE * reach
+    free = np.abs(lever) <= NEGLIGIBLE_SHARE * reach
     shares = np.where(free, 0.0, -friction * np.sign(lever))
     if free.any() and friction > 0.0:
         shares[free] = _smallest(segments[free], left - load - shares @ segments, friction)
@@ -113,7 +103,7 @@ def _smallest(segments: Array, wanted: Array, friction: float) -> Array:
     size = max(float(np.abs(segments).max()), 1e-6 * float(np.abs(wanted).max()))
     count = len(segments)
     return scipy.optimize.lsq_linear(
-        np.concatenate([segments.T / size, FRICTION_REGULARIZATION * np.eye(count)]),
+        np.concatenate([segments.T / size, NEGLIGIBLE_SHARE * np.eye(count)]),
         np.concatenate([wanted / size, np.zeros(count)]),
         (-friction, friction),
         method='bvls',

@@ -25,8 +25,7 @@ class SolvedContact(NamedTuple):
     :ivar points: candidate contact points.
     :ivar contact: contact with its forces.
     :ivar length: (m,) length of tube in contact [m]; zero without contact.
-    :ivar spans: (m, 2) start and end of the contact from the member's start [m]; inf and -inf
-        without contact.
+    :ivar spans: (m, 2) start and end of the contact from the member's start [m]; or inf, -inf.
     :ivar kept: (k,) indices of the points of the result; all other points are from the search.
     """
 
@@ -61,8 +60,7 @@ class GraspAnalysis(
         normals times forces differs from `normal_wrench`, which is exact: by 0.3 % on an ellipse,
         by a tenth and at most a quarter at sharp corners, not at all on discs.
     :ivar normal_forces: (k,) normal forces along `normals`, not negative [N].
-    :ivar friction_forces: (k,) friction forces on the object along its tangents, counter-clockwise
-        [N].
+    :ivar friction_forces: (k,) friction on the object along its tangents, counter-clockwise [N].
     :ivar normal_wrench: wrench (fx, fy, m) of the tubes on the object without friction, about the
         origin of its frame [N, N m]. Its forces are normal to the bent centre lines.
     :ivar closed_by_friction: whether the object has contact and friction balances the normal
@@ -70,8 +68,7 @@ class GraspAnalysis(
     :ivar closure_residual: norm of the unbalanced wrench [N]; moments are about the centroid, over
         half of the mean width, d/2 of a cylinder.
     :ivar closure_tolerance: largest residual of closure [N].
-    :ivar required_friction: smallest coefficient of friction with closure; infinite if none
-        exists.
+    :ivar required_friction: smallest coefficient of friction with closure, or infinite.
     :ivar closure_margin: largest additional wrench that friction balances in every direction, with
         moments over half of the mean width [N]; negative without closure.
     :ivar contact_lengths: length of tube in contact by member, for members in contact [m].
@@ -88,8 +85,8 @@ class GraspAnalysis(
         Their section is flat; depth and force are outside of the model.
     :ivar utilisation: largest bending moment over the wrinkling moment, for all members [-]. A
         tube wrinkles from 1 on; then the results are outside of the model.
-    :ivar utilisation_places: distance of the largest utilisation from the member's start, for all
-        members [m].
+    :ivar utilisation_places: distance of this maximum from the member's start, for all members
+        [m].
     :ivar center: origin of the object's frame, x + iy [m].
     :ivar structure: the frame of the robot.
     :ivar solved: solved contact, with the normals that are assessed at corners.
@@ -154,8 +151,7 @@ class GraspAnalysis(
         """
         Return the relative excess of contact forces on bent tubes over those on linear tubes.
 
-        It is computed to first order from the work of the contact forces; zero in the paper's
-        model.
+        It follows to first order from the work of the contact forces; zero in the paper's model.
         """
         points, contact = self.solved.points, self.solved.contact
         if points.bent.is_straight or not contact.forces.any():

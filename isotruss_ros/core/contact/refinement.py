@@ -27,6 +27,7 @@ from isotruss_ros.core.contact.grasp_analysis import SolvedContact
 from isotruss_ros.core.contact.surfaces import Surface
 from isotruss_ros.core.errors import SolverError, StructureError
 from isotruss_ros.core.numerics.arrays import Array, Flags, Points
+from isotruss_ros.core.numerics.tolerances import COINCIDENCE, MAX_SEARCH_STEPS
 from isotruss_ros.core.statics.bent_tubes import BentTubes
 from isotruss_ros.core.statics.structure import Structure
 import numpy as np
@@ -49,15 +50,10 @@ TUBE_CURVATURE = 15.0
 #: Smallest ratio of successive motions [-]: of contact along the normals of a disc, and of contact
 #: across the tubes.
 LEAST_RATIOS = (1e-3, 0.1)
-#: Bounds of the iteration: next motion relative to the displacements of the skin [-], next motion
-#: within rounding and motion of soft structures within rounding [m]. The forces then depend on the
-#: initial guess by 1e-7 at most.
-SETTLED_SHARE, SETTLED_MOTION, SOFT_MOTION = 5e-8, 1e-12, 1e-6
-#: Largest number of steps [-], and ratio of successive motions above which the compliance is
-#: computed again [-].
-MAX_BENDS, QUICK_SHARE = 12, 0.5
-#: Largest motion of a node during the iteration with one factorisation [m].
-KEPT_MOTION = 1e-3
+#: Bounds of the iteration: next motion relative to the displacements of the skin [-], motion of
+#: soft structures within rounding [m], and ratio of successive motions above which the compliance
+#: is computed again [-]. The forces then depend on the initial guess by 1e-7 at most.
+SETTLED_SHARE, SOFT_MOTION, QUICK_SHARE = 5e-8, 1e-6, 0.5
 #: Shares of the bending by the contact forces, tried one after another [-].
 BENT_SHARES = (1.0, 0.5, 0.2, 0.0)
 
@@ -228,11 +224,11 @@ class _Search:
         surface, last, quick = self.surface.resolved(found.points.spacing), np.inf, True
         points, contact = found.points, found.contact
         least = LEAST_RATIOS[self.budget is not None]
-        for _ in range(MAX_BENDS):
+        for _ in range(MAX_SEARCH_STEPS):
             distance = points.distance(contact.push)
             ratio = max(TUBE_CURVATURE * (distance + points.kept), least, distance / last)
             reach = np.abs(contact.displacements).max(initial=0.0)
-            settled = ratio * distance <= max(SETTLED_SHARE * reach, SETTLED_MOTION)
+            settled = ratio * distance <= max(SETTLED_SHARE * reach, COINCIDENCE)
             shorter = ratio <= QUICK_SHARE
             # Soft structures, which give by a metre for a newton, move more by rounding of forces.
             rounding = distance <= SOFT_MOTION and not (shorter or quick)
@@ -246,7 +242,7 @@ class _Search:
                 contact: ContactState = contact,
                 quick: bool = quick,
             ) -> tuple[ContactPoints, ContactState]:
-                quick = quick and points.lend(bent, KEPT_MOTION)
+                quick = quick and points.lend(bent)
                 there = points.about(bent, contact.push if quick else None)
                 found = contact.forces, contact.normals, contact.push
                 return there, self.solver(there, surface, *found)
@@ -255,8 +251,8 @@ class _Search:
         names = self.structure.config.robot.member_names
         touched = ', '.join(names[i] for i in np.flatnonzero(_touched(found.spans)))
         raise SolverError(
-            f'{touched}: the bent tubes did not settle in {MAX_BENDS} steps (the last moved a '
-            f'node by {1e3 * last:.3g} mm); the object is pressed in too deeply, or the '
+            f'{touched}: the bent tubes did not settle in {MAX_SEARCH_STEPS} steps (the last '
+            f'moved a node by {1e3 * last:.3g} mm); the object is pressed in too deeply, or the '
             'structure gives way under it'
         )
 

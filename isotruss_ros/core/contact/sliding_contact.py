@@ -22,17 +22,17 @@ from isotruss_ros.core.contact.surfaces import Surface
 from isotruss_ros.core.errors import SolverError
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
 from isotruss_ros.core.numerics.qp import solve_complementarity
+from isotruss_ros.core.numerics.tolerances import (
+    COINCIDENCE,
+    MAX_NEWTON_ITERATIONS,
+    MAX_SEARCH_STEPS,
+)
 import numpy as np
 from scipy.linalg import lapack
 
-#: Largest size of a closed gap [m].
-GAP_TOLERANCE = 1e-11
 #: Steepest tangent of the object relative to the tube, as a direction; steeper tangents are turned
 #: to it.
 STEEPEST = np.exp(1j * np.deg2rad(75.0))
-#: Largest number of steps from one start, and number of half steps from the second start [-]. 20
-#: steps solve the same contacts as 10, 3 solve fewer.
-MAX_STEPS, DAMPED_STEPS = 30, 10
 #: Largest inclination of a normal relative to the tube's transverse direction, at a corner with
 #: folded skin [rad].
 FOLD = np.deg2rad(12.0)
@@ -64,12 +64,12 @@ def solve_sliding_contact(
     if found is not None:
         return found
     # Full steps may cycle between a few sets of points.
-    found = _iterate(contact_points, surface, None, undeformed, DAMPED_STEPS)
+    found = _iterate(contact_points, surface, None, undeformed, MAX_SEARCH_STEPS)
     # Skin beyond the far side of a small object touches nothing: that is no answer here.
     if found is None or not found.forces.any():
         raise SolverError(
-            f'the contact did not settle in {2 * MAX_STEPS} steps; the object is pressed in too '
-            'deeply'
+            f'the contact did not settle in {2 * MAX_NEWTON_ITERATIONS} steps; the object is '
+            'pressed in too deeply'
         )
     return found
 
@@ -95,7 +95,7 @@ def _iterate(
     normals, _ = _limit(normals, bent, side)
     still = open_gaps(away, normals, surface)
     settled = False
-    for step in range(MAX_STEPS):
+    for step in range(MAX_NEWTON_ITERATIONS):
         damped = step < damped_steps
         # Along and across the bent tubes.
         local = normals * bent.conj()
@@ -123,8 +123,8 @@ def _iterate(
             at = np.flatnonzero(steep)
             gaps[at] = open_gaps(moved[at], normals[at], surface)
         # Where no other point has come to touch, the same ones do.
-        settled = bool((gaps >= -GAP_TOLERANCE).all())
-        if settled and not damped and (np.abs(gaps[active]) <= GAP_TOLERANCE).all():
+        settled = bool((gaps >= -COINCIDENCE).all())
+        if settled and not damped and (np.abs(gaps[active]) <= COINCIDENCE).all():
             return ContactState(forces, gaps, normals, displacements, radii, push)
         still = gaps - (displacements * normals.conj()).real
     return None

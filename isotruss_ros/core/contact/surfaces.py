@@ -79,8 +79,7 @@ class Surface:
         """
         Return the outward normals (c,) of the surface at unbent tubes, x + iy.
 
-        :param away: (c,) points of the centre lines relative to the centre, x + iy [m]; they may
-            be inside.
+        :param away: (c,) points of the centre lines, relative to the centre, x + iy [m].
         :param axis: (c,) unit vectors along the tubes, x + iy.
         """
         if self.shape.is_round:
@@ -114,8 +113,7 @@ def surface_of(body: ConvexObject, margin: float = 0.0) -> Surface:
     Return the surface of an object, or its offset.
 
     :param body: the object at its pose.
-    :param margin: offset of the surface [m]: 0, or the tube radius for centre lines of round
-        tubes.
+    :param margin: offset [m]: 0, or the tube radius for centre lines of round tubes.
     """
     reach = body.shape.reach + abs(body.shape.centroid) + margin
     return Surface(body, margin, body.shape, body.middle, reach)

@@ -10,10 +10,12 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.tolerances import MAX_SEARCH_STEPS
 import numpy as np
 
-#: Largest number of iterations in an update [-].
-MAX_ITERATIONS = 4
+#: Probability that valid measurements fail a gate or a comparison [-]. Some twenty independent
+#: comparisons per second then have one false alarm in an hour.
+FALSE_ALARM_PROBABILITY = 1.5e-5
 
 
 class Expectation(NamedTuple):
@@ -69,7 +71,7 @@ def update_belief(
     :param considered: index of the considered state; None: no considered state.
     """
     mean = prior.mean
-    for _ in range(MAX_ITERATIONS):
+    for _ in range(MAX_SEARCH_STEPS):
         values, rates = expect(mean)
         crossed = prior.covariance @ rates.T
         gain = np.linalg.solve(rates @ crossed + noise, crossed.T).T

@@ -72,8 +72,7 @@ class ContactWalk:
 
         :param time: time of the correction [s].
         :param moved: (3,) correction of the pose by contacts and unexplained pose [m].
-        :param unsure: (3, 3) covariance of contacts and unexplained pose before the correction
-            [m^2].
+        :param unsure: (3, 3) prior covariance of contacts and unexplained pose [m^2].
         :param noise: (3, 3) covariance of pose noise and load [m^2].
         :param considered: (3, c) derivatives of the pose by the considered states, such as roller
             offsets. Where they change, an error of a considered state moves the pose.

@@ -19,6 +19,7 @@ import math
 from typing import NamedTuple
 
 from isotruss_ros.core.estimation.contact_walk import ContactWalk
+from isotruss_ros.core.estimation.offset_filter import SLIP_LENGTH
 from isotruss_ros.core.estimation.pose_noise import PoseNoise, PRIOR_DEVIATIONS
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings, MAX_KNOWN_DEVIATION
 from isotruss_ros.core.holding.attach_grip import attach_grip
@@ -27,8 +28,8 @@ from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.held_gradient import held_gradient
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, NotHeldError, travel_rates
 from isotruss_ros.core.holding.roll_grip import roll_grip, with_pressures
-from isotruss_ros.core.inputs import Timeline
-from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.inputs import HISTORY_DURATION, Timeline
+from isotruss_ros.core.kinematics.configuration import Configuration, MAX_FIRST_ORDER_TRAVEL
 from isotruss_ros.core.manipulation.grip import find_members, Grip
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.model.pose import Pose, pose_difference
@@ -36,27 +37,22 @@ from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.safety.usage_limits import UsageLimits
 import numpy as np
 
-#: Random walk of the unexplained pose relative to the object's motion [-], of the contacts
-#: relative to roller travel [-], and correlation length of both [m].
-POSE_WALK, CONTACT_SLIP, WALK_LENGTH = 0.03, 0.02, 0.1
+#: Random walk of the unexplained pose relative to the object's motion, and of the contacts
+#: relative to roller travel, both with the correlation length `SLIP_LENGTH` [-].
+POSE_WALK, CONTACT_SLIP = 0.03, 0.02
 #: Prior standard deviations: of the unexplained pose, and of states that the first pose determines
 #: [m].
 POSE_DEVIATION, ANY = 0.0005, 0.1
-#: Prior standard deviation of the poses' delay beyond their stamps, and largest delay [s].
-DELAY_DEVIATION, MAX_DELAY = 0.03, 0.15
-#: Gate of the normalised squared innovation, with three degrees of freedom [-]. One of 60000 valid
-#: poses fails it.
-INNOVATION_GATE = 25.0
-#: The equilibrium is searched again after this number of poses [-], and after this correction of a
-#: roller offset [m].
-FIRST_POSES, MAX_CORRECTION = 15, 2e-3
-#: Largest roller travel without a new computation of the derivatives [m].
-MAX_RATE_TRAVEL = 3e-3
-#: Interval over which the object's velocity is measured, and largest age of a pose [s].
-SPEED_TIME, OLDEST = 0.05, 1.0
-#: Corrections and load in standard deviations beyond which contacts slip [-].
+#: Prior standard deviation of the poses' delay beyond their stamps [s].
+DELAY_DEVIATION = 0.03
+#: Number of poses after which the equilibrium is searched again [-].
+FIRST_POSES = 15
+#: Interval over which the object's velocity is measured [s].
+SPEED_TIME = 0.05
+#: Innovations in standard deviations beyond which a pose is inconsistent, as one of 60000 valid
+#: poses is, and corrections and load beyond which contacts slip [-].
 MAX_DEVIATIONS = 5.0
-#: Gauge pressure of each tube (t,) [Pa]; None: the pressures of the robot file.
+#: Gauge pressure of each tube (t,) [Pa]; None: as in the robot file.
 Pressures = tuple[float, ...] | None
 #: Indices of load, unexplained pose and delay in the state, and first index of the contacts'
 #: shifts.
@@ -82,11 +78,9 @@ class GripBelief:
     :ivar grasp: equilibrium without a load, in the current configuration.
     :ivar grip: grip whose rows of (19) predict the motion of the object, see `HeldGrip.touching`.
     :ivar load: estimated wrench (fx, fy, m / arm) on the object [N].
-    :ivar bias: (3,) unexplained pose: measured pose minus the model's, rotations times the arm
-        [m].
+    :ivar bias: (3,) unexplained pose, measured minus modelled, rotations times the arm [m].
     :ivar delay: delay of the measured poses beyond their stamps [s].
-    :ivar innovation: normalised squared innovation of the last pose, with three degrees of freedom
-        [-].
+    :ivar innovation: normalised squared innovation (3 degrees of freedom) of the last pose [-].
     :ivar drift: (4,) rates of the pose [m/s, rad/s] and of the squeeze [N/s] beyond the prediction
         by (19), in the last cycle.
     :ivar usage: limits on the use of slip margin and utilisation.
@@ -246,8 +240,7 @@ class GripBelief:
 
         :param config: configuration of the robot.
         :param elapsed: time since the last call [s].
-        :param pressures: (t,) gauge pressure of each tube [Pa]; None: the pressures of the robot
-            file.
+        :param pressures: (t,) gauge pressure of each tube [Pa]; None: as in the robot file.
         """
         before = self.grasp
         given = replace(with_pressures(before, pressures), anchors=self._anchors)
@@ -267,11 +260,11 @@ class GripBelief:
             self._learn(before, rolled, travel, change, elapsed)
         self._travelled = self._travelled + change
         self._way.add(self._time, self._travelled)
-        self._way.discard_before(self._time - OLDEST)
+        self._way.discard_before(self._time - HISTORY_DURATION)
         self._take(rolled)
         self._predict(elapsed, self._even * change, np.abs(travel))
         # One noisy pose is not enough, and large corrections are beyond the first order.
-        due = self._poses == FIRST_POSES or np.abs(self._corrected).max() > MAX_CORRECTION
+        due = self._poses == FIRST_POSES or np.abs(self._corrected).max() > MAX_FIRST_ORDER_TRAVEL
         self._poses += due
         # A search sooner would see loads that pass.
         waited = self._time - self._searched > self.settings.load_time
@@ -303,8 +296,7 @@ class GripBelief:
         Search the equilibrium at the estimated pose, and place the contacts by it.
 
         :param config: configuration of the robot.
-        :param pressures: (t,) gauge pressure of each tube [Pa]; None: the pressures of the robot
-            file.
+        :param pressures: (t,) gauge pressure of each tube [Pa]; None: as in the robot file.
         :return: whether an equilibrium exists.
         """
         self.searches, self._searched = self.searches + 1, self._time
@@ -326,8 +318,7 @@ class GripBelief:
         """
         Initialise the contacts by a pose, independently of load and offsets.
 
-        The contacts' shifts explain the pose where they can; the unexplained pose is the
-        remainder.
+        The contacts' shifts explain the pose if they can; the unexplained pose is the remainder.
 
         :param pose: (3,) pose of the object without load [m, rad].
         """
@@ -388,14 +379,15 @@ class GripBelief:
         unsure = walking @ prior @ walking.T
         spread = rates @ prior @ rates.T + noise
         self.innovation, self.jump = float(off @ np.linalg.solve(spread, off)), 0.0
-        if self.innovation > INNOVATION_GATE:  # contacts and pose are free to go there
+        if self.innovation > MAX_DEVIATIONS**2:  # contacts and pose are free to go there
             self.jump = math.hypot(*off)
             freed = np.zeros(len(prior))
             freed[BIAS] = freed[SHIFTS:] = self.jump**2
             prior = prior + np.diag(freed)
         self._covariance = prior
         change = self._condition(rates, noise) @ off
-        self.delay = min(max(self.delay + float(change[DELAY]), 0.0), MAX_DELAY)
+        delay = self.delay + float(change[DELAY])
+        self.delay = min(max(delay, 0.0), MAX_DEVIATIONS * DELAY_DEVIATION)
         self._shift(change)
         give = self._rates.pose[:, LOAD] * self.settings.load
         self.walk.add(
@@ -437,13 +429,13 @@ class GripBelief:
         left = math.exp(-elapsed / given.load_time)
         more, kept = np.zeros(len(self._covariance)), np.ones(len(self._covariance))
         kept[LOAD] = left
-        more[BIAS] = POSE_WALK**2 * WALK_LENGTH * math.hypot(*moved)
-        more[SHIFTS:] = CONTACT_SLIP**2 * WALK_LENGTH * travel.max()
+        more[BIAS] = POSE_WALK**2 * SLIP_LENGTH * math.hypot(*moved)
+        more[SHIFTS:] = CONTACT_SLIP**2 * SLIP_LENGTH * travel.max()
         self.walk.spread(self._rates.pose * more @ self._rates.pose.T)
         more[LOAD] = given.load**2 * (1.0 - left**2)
         self._covariance = self._covariance * np.outer(kept, kept) + np.diag(more)
         self._sensitivity *= kept[:, None]
-        self._considered[:-1, :-1] += np.diag(given.slip**2 * WALK_LENGTH * travel)
+        self._considered[:-1, :-1] += np.diag(given.slip**2 * SLIP_LENGTH * travel)
         decayed, response = (left - 1.0) * self.load, self.grasp.response
         self._lag[0] += np.append(response.pose @ decayed, response.squeeze @ decayed)
         self.load = self.load + decayed
@@ -477,7 +469,7 @@ class GripBelief:
         known, at = self._differentiated, grasp.config.roller_positions
         far = known is None or known.contacts is not grasp.contacts
         far = far or len(self._rates.squeeze) != len(self._covariance)
-        if far or np.abs(at - known.config.roller_positions).max() > MAX_RATE_TRAVEL:
+        if far or np.abs(at - known.config.roller_positions).max() > MAX_FIRST_ORDER_TRAVEL:
             self._differentiate(grasp)
         owners = np.eye(len(grasp.members))[grasp.contacts.owners]
         by_shift = self._anchored @ owners
@@ -539,7 +531,7 @@ def attach_model(config: Configuration, grip: Grip, pressures: Pressures = None)
 
     :param config: configuration of the robot.
     :param grip: grip with the object at its measured pose.
-    :param pressures: (t,) gauge pressure of each tube [Pa]; None: the pressures of the robot file.
+    :param pressures: (t,) gauge pressure of each tube [Pa]; None: as in the robot file.
     :raises NotHeldError: no such equilibrium exists.
     :raises GraspError: the robot has no such members.
     :raises StructureError: see `structure_of`.

@@ -7,12 +7,10 @@ from __future__ import annotations
 
 import itertools
 
+from isotruss_ros.core.estimation.belief import FALSE_ALARM_PROBABILITY
 from isotruss_ros.core.numerics.arrays import Array, Flags
 import numpy as np
 import scipy
-
-#: Probability that a valid measurement fails the gate [-].
-GATE_PROBABILITY = 1e-4
 
 
 def passes_gate(innovation: Array, covariance: Array) -> bool:
@@ -22,7 +20,12 @@ def passes_gate(innovation: Array, covariance: Array) -> bool:
     :param innovation: (m,) measured minus predicted values.
     :param covariance: (m, m) covariance of the innovation.
     """
-    return _size(innovation, covariance) <= scipy.special.chdtri(len(innovation), GATE_PROBABILITY)
+    return _size(innovation, covariance) <= _gate(len(innovation))
+
+
+def _gate(count: int) -> float:
+    """Return the largest squared Mahalanobis distance of valid numbers (count,)."""
+    return scipy.special.chdtri(count, FALSE_ALARM_PROBABILITY)
 
 
 def judge_markers(
@@ -40,8 +43,7 @@ def judge_markers(
     :param covariance: (2k, 2k) covariance of the innovation [m^2].
     :param by_rollers: (2k, r) derivatives of the joint positions by roller travel [-].
     :param reach: (r,) largest possible slip of each roller [m].
-    :return: (k,) mask of the consistent markers, and (r,) slip of the rollers with which they are
-        consistent [m].
+    :return: (k,) mask of the consistent markers, and (r,) slip that makes them consistent [m].
     """
     count, off = len(innovation), innovation.ravel()
     every, kept = np.ones((2, count), dtype=bool)
@@ -54,8 +56,8 @@ def judge_markers(
 
     slip = _find_slip(off, covariance, by_rollers, reach)
     left = _size(off - by_rollers @ slip, covariance)
-    explained = left <= scipy.special.chdtri(2 * count, GATE_PROBABILITY)
-    while kept.any() and size(kept) > scipy.special.chdtri(2 * kept.sum(), GATE_PROBABILITY):
+    explained = left <= _gate(2 * count)
+    while kept.any() and size(kept) > _gate(2 * int(kept.sum())):
         kept = min(kept & ~np.eye(count, dtype=bool)[kept], key=size)
     if 2 * kept.sum() < count:
         kept[:] = False

@@ -110,8 +110,7 @@ class OffsetFilter:
         :param measured: (m,) measured coordinates of markers [m].
         :param noise: (m, m) covariance of the measurement noise [m^2].
         :param rows: (m,) indices of the measured coordinates.
-        :param joints: function from offsets (r,) to the joint positions and their Jacobian, see
-            `expect`.
+        :param joints: function from offsets (r,) to joint positions and Jacobian, see `expect`.
         """
 
         def expect(mean: Array) -> Expectation:

@@ -24,8 +24,8 @@ class PoseNoise:
 
     :ivar variances: (3,) variances of x, y and angle times the characteristic radius, including
         the model error [m^2].
-    :param deviations: (3,) prior standard deviations of x, y and angle times the characteristic
-        radius [m].
+    :param deviations: (3,) prior standard deviations, the angle times the characteristic radius
+        [m].
     """
 
     def __init__(self, deviations: Array) -> None:

@@ -7,13 +7,11 @@ from __future__ import annotations
 
 from collections import deque
 
+from isotruss_ros.core.estimation.belief import FALSE_ALARM_PROBABILITY
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 import scipy
 
-#: Probability of a false alarm in a comparison [-]. Some twenty independent comparisons per second
-#: then have one false alarm in an hour.
-FALSE_ALARM_PROBABILITY = 1.5e-5
 #: Smallest change of an offset under slip, in standard deviations [-].
 SLIP_SIGMAS = -float(scipy.special.ndtri(FALSE_ALARM_PROBABILITY))
 #: Two tests for slip: smallest change of an offset as a share of the travel [-], over an interval

@@ -31,8 +31,7 @@ class EstimatorSettings:
     :ivar joint_error: model error of the joints, and mounting offset of each marker [m].
     :ivar marker_shift: common shift of all markers [m].
     :ivar marker_turn: common rotation of all markers [rad].
-    :ivar pose_error: model error of the object's pose, rotations times its characteristic radius
-        [m].
+    :ivar pose_error: model error of the pose, rotations times the characteristic radius [m].
     :ivar squeeze_error: relative model error of the squeeze [-].
     """
 
@@ -65,8 +64,7 @@ class StateEstimate(Record, headline=('travel', 'pose', 'squeeze', 'left_out', '
     :ivar pose: pose (x, y, angle) of the held object [m, rad]; None if the model does not hold it.
     :ivar pose_covariance: (3, 3) covariance of the pose [m^2, m rad, rad^2].
     :ivar squeeze: mean normal force of the members [N]; NaN if the model does not hold an object.
-    :ivar squeeze_deviation: standard deviation of the squeeze, including the error of the
-        stiffness [N].
+    :ivar squeeze_deviation: standard deviation of the squeeze, with the stiffness error [N].
     :ivar used: names of the joints whose last markers were accepted, sorted.
     :ivar left_out: names of the joints whose last markers were rejected, sorted.
     :ivar swapped: names of two joints whose markers are apparently swapped; empty otherwise.

@@ -24,11 +24,11 @@ from isotruss_ros.core.estimation.slip_watch import SlipWatch
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings, StateEstimate
 from isotruss_ros.core.holding.held_grip import HoldStatus
 from isotruss_ros.core.holding.loaded_frame import held_joints
-from isotruss_ros.core.inputs import steady_pressures, Timeline
+from isotruss_ros.core.inputs import HISTORY_DURATION, steady_pressures, Timeline
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.grip import find_members, Grip
-from isotruss_ros.core.model.pose import MAX_DISTANCE, Pose
-from isotruss_ros.core.numerics.arrays import Array, finite_array
+from isotruss_ros.core.model.pose import Pose
+from isotruss_ros.core.numerics.arrays import Array, finite_array, MAX_MAGNITUDE
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 import numpy as np
 from numpy.typing import ArrayLike
@@ -36,8 +36,8 @@ from numpy.typing import ArrayLike
 #: Number of successive messages without a consistent marker after which the offsets are unknown
 #: [-].
 MAX_INCONSISTENT_MESSAGES = 5
-#: Largest age of a measurement relative to the encoders, and largest lead [s].
-OLDEST, AHEAD = 1.0, 0.05
+#: Largest lead of a measurement relative to the encoders [s].
+AHEAD = 0.05
 
 
 class StateEstimator:
@@ -94,7 +94,7 @@ class StateEstimator:
                 return
             self._zeros.predict(time - before, np.abs(readings - last))
         self._readings.add(time, np.array(readings, dtype=float))
-        self._readings.discard_before(time - OLDEST)
+        self._readings.discard_before(time - HISTORY_DURATION)
 
     def take_pressures(self, pressures: tuple[float, ...] | None) -> None:
         """
@@ -115,11 +115,10 @@ class StateEstimator:
         :param deviations: (3,) standard deviations of x, y [m] and angle [rad], positive.
         :return: whether the pose was used: it is fresh and the object is held.
         :raises ConfigurationError: no configuration exists at the encoder readings.
-        :raises GraspError: the pose is not three numbers within range, or a deviation is not
-            positive.
+        :raises GraspError: the pose is not three valid numbers, or a deviation is not positive.
         """
         what = "the object's pose (x, y, angle) [m, rad]"
-        pose = Pose(*finite_array(pose, 3, what, GraspError, MAX_DISTANCE).tolist())
+        pose = Pose(*finite_array(pose, 3, what, GraspError, MAX_MAGNITUDE).tolist())
         deviations = _positive(deviations, 3, 'deviations of the pose [m, rad]')
         if self._grip is None or not self._in_time(time):
             return False
@@ -149,8 +148,7 @@ class StateEstimator:
         :param deviation: standard deviation of a coordinate, positive [m].
         :return: whether at least one marker was used.
         :raises ConfigurationError: no configuration exists at the encoder readings.
-        :raises GraspError: the robot has no such joint, or the deviation is not a positive number
-            within range.
+        :raises GraspError: the robot has no such joint, or the deviation is not positive.
         """
         (deviation,) = _positive([deviation], 1, 'deviation of the markers [m]').tolist()
         names = self._robot.topology.joint_names
@@ -303,7 +301,7 @@ class StateEstimator:
 
 def _positive(deviations: ArrayLike, count: int, what: str) -> Array:
     """Return standard deviations (count,) as floats; their squares must be finite and positive."""
-    checked = finite_array(deviations, count, what, GraspError, MAX_DISTANCE)
+    checked = finite_array(deviations, count, what, GraspError, MAX_MAGNITUDE)
     if checked.min() <= 0.0:
         raise GraspError(f'{what}: {checked.tolist()}: must be positive')
     return checked

@@ -17,8 +17,7 @@ def arrow_of(wrench: Sequence[float]) -> str:
     """
     Return an arrow for a planar wrench; empty for a zero wrench.
 
-    :param wrench: (fx, fy, m / arm) [N]. If the moment exceeds the force, the arrow shows the
-        moment.
+    :param wrench: (fx, fy, m / arm) [N]; a moment larger than the force is shown instead.
     """
     fx, fy, m = wrench
     force = math.hypot(fx, fy)

@@ -32,7 +32,6 @@ from isotruss_ros.core.holding.contact_forces import (
 from isotruss_ros.core.holding.contact_statics import (
     ContactConditions,
     ContactStatics,
-    MAX_STEPS,
     SOFTNESS,
     TubeModel,
 )
@@ -46,21 +45,22 @@ from isotruss_ros.core.holding.held_grip import (
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.manipulation.grip import MAX_MEMBERS
-from isotruss_ros.core.model.contact_patch import contact_body
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
+from isotruss_ros.core.numerics.tolerances import (
+    MAX_NEWTON_ITERATIONS,
+    MAX_SEARCH_STEPS,
+    NEGLIGIBLE_SHARE,
+)
 import numpy as np
 
-#: Bounds of the search from the predicted equilibrium: number of Newton steps [-], and largest
-#: distance [m] and relative difference of normal forces [-] from the prediction.
-FEW_STEPS, NEAR, LIKE = 5, 2e-3, 0.3
-#: Largest number of contact hypotheses in a quick search, and of Newton steps for each [-]. It
-#: finds 95 of the 100 equilibria of boxes that the whole search finds.
-QUICK_SETS, QUICK_STEPS = 2, 12
-#: Largest distance of the frame's origin from the centroid that counts as zero, relative to the
-#: characteristic radius [-].
-CENTERED = 1e-3
+#: Largest distance [m] and relative difference of normal forces [-] from the predicted
+#: equilibrium.
+NEAR, LIKE = 2e-3, 0.3
+#: Largest number of contact hypotheses in a quick search [-]. It finds 95 of the 100 equilibria of
+#: boxes that the whole search finds.
+QUICK_SETS = 2
 
 
 def attach_grip(
@@ -79,7 +79,7 @@ def attach_grip(
     :param body: the object at its measured pose.
     :param members: (m,) indices of the two or three grasping members; None: the members that the
         object overlaps, or the two nearest.
-    :param external_wrench: (fx, fy, m) on the object about the origin of its frame [N, N m]; None:
+    :param external_wrench: (fx, fy, m) on the object about its frame's origin [N, N m]; None:
         zero.
     :param tubes: model of the tubes.
     :param before: previous equilibrium; it is the initial guess if its contacts are similar.
@@ -87,7 +87,7 @@ def attach_grip(
     :raises NotHeldError: no equilibrium near the measured pose exists.
     :raises StructureError: see `structure_of`.
     """
-    body = contact_body(body, 0.5 * config.robot.description.tube_diameter)
+    body = body.smoothed(0.5 * config.robot.description.tube_diameter)
     depths = member_depths(config, body)
     if members is None:
         count = max(int(np.count_nonzero(depths > 0.0)), 2)
@@ -98,7 +98,7 @@ def attach_grip(
     if depths[members].min() <= -config.robot.description.tube_diameter:
         raise NotHeldError(HoldStatus.NO_CONTACT)
     wrench = scaled_wrench(external_wrench, body.arm)
-    sets, steps = (QUICK_SETS, QUICK_STEPS) if quick else (None, MAX_STEPS)
+    sets, steps = (QUICK_SETS, MAX_SEARCH_STEPS) if quick else (None, MAX_NEWTON_ITERATIONS)
 
     def find(contacts: PressedContacts) -> HeldGrip | None:
         statics = build_statics(config, body, contacts, tubes)
@@ -185,7 +185,7 @@ def _find_rest(
 def _search_centered(statics: ContactStatics, wrench: Array, steps: int) -> Array | None:
     """Return initial unknowns whose equilibrium does not depend on the object's frame."""
     body, shape = statics.body, statics.body.shape
-    if abs(shape.centroid) <= CENTERED * body.arm:
+    if abs(shape.centroid) <= NEGLIGIBLE_SHARE * body.arm:
         return start_at(statics, body)
     pose = Pose(body.middle.real, body.middle.imag, body.pose.angle)
     centered = ConvexObject(shape.centered, pose)
@@ -225,7 +225,7 @@ def _solve_nearby(
     bent, structure = grip.statics.bent, statics.bent.structure
     if structure is not bent.structure:
         bent = bent.update(known.loads, known.feet, structure)
-    found = replace(statics, bent=bent).settle(start, wrench, conditions, FEW_STEPS)
+    found = replace(statics, bent=bent).settle(start, wrench, conditions, MAX_SEARCH_STEPS)
     if found is None:
         return None
     moved = np.abs(found[1].unknowns - start)

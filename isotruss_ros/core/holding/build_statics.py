@@ -22,9 +22,8 @@ from isotruss_ros.core.holding.contact_forces import PressedContacts
 from isotruss_ros.core.holding.contact_statics import ContactStatics, TubeModel
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_lines
-from isotruss_ros.core.model.contact_patch import contact_patch, PLANNED_DEPTH
 from isotruss_ros.core.model.convex_object import ConvexObject
-from isotruss_ros.core.model.shapes import Shape
+from isotruss_ros.core.model.shapes import PLANNED_DEPTH, Shape
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.statics.bent_tubes import BentTubes
 from isotruss_ros.core.statics.structure import Structure, structure_of
@@ -38,7 +37,7 @@ ANGLE_STEP = 0.01
 
 def find_pressed(config: Configuration, body: ConvexObject, members: Indices) -> PressedContacts:
     """
-    Return the contacts of members with an object, see `contact_patch`.
+    Return the contacts of members with an object, see `Shape.contact_patch`.
 
     :param config: configuration of the robot.
     :param body: the object at its pose.
@@ -50,7 +49,7 @@ def find_pressed(config: Configuration, body: ConvexObject, members: Indices) ->
     skins = ((starts - body.center) * normals.conj()).real - radius
     found: list[tuple[int, int, float, float]] = []
     for member, normal, skin in zip(members.tolist(), own.tolist(), skins.tolist(), strict=True):
-        first, *others = contact_patch(body.shape, normal, radius, skin)
+        first, *others = body.shape.contact_patch(normal, radius, skin)
         half = 0.5 * (others[0].along - first.along) if others else np.inf
         found.append((member, first.corner, np.inf, half))
         found += [(member, other.corner, half, np.inf) for other in others]
@@ -88,8 +87,7 @@ def build_statics(
     :param body: the object at its pose.
     :param contacts: contacts of the object.
     :param tubes: model of the tubes.
-    :param normals: (k,) normals of the bent tubes, which determine the dents; None: the straight
-        tubes' normals.
+    :param normals: (k,) normals of the tubes, which determine the dents; None: straight tubes.
     :raises StructureError: see `structure_of`.
     """
     structure = structure_of(config, tubes.pressure)

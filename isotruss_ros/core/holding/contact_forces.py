@@ -102,11 +102,9 @@ class ContactForces:
 
     :ivar unknowns: (3 + 4k,) pose x, y [m], angle [rad]; positions s_i of the contacts along the
         members [m]; inclinations beta_i of the bent tubes relative to the straight members [rad];
-        normal forces N_i [N]; friction forces T_i on the tubes, counter-clockwise around the
-        object [N].
+        normal forces N_i [N]; friction T_i on the tubes, counter-clockwise around the object [N].
     :ivar normals: (k,) unit normals from the object toward the tubes.
-    :ivar loads: (k, 3) loads on the tubes: forces along and across the members [N], and moments [N
-        m].
+    :ivar loads: (k, 3) loads on the tubes: forces along and across members [N], moments [N m].
     :ivar jacobian: (3 + 4k, 3 + 4k) Jacobian of the equations by the unknowns.
     """
 

@@ -37,14 +37,14 @@ from isotruss_ros.core.holding.contact_forces import (
 )
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array, Points
-from isotruss_ros.core.statics.bent_tubes import BentTubes, MAX_BENDS, SETTLED_MOTION
+from isotruss_ros.core.numerics.tolerances import MAX_NEWTON_ITERATIONS, MAX_SEARCH_STEPS, ROUNDING
+from isotruss_ros.core.statics.bent_tubes import BentTubes
 from isotruss_ros.core.statics.section import Pressure
 import numpy as np
 from scipy.linalg import lapack
 
 #: Tolerances of the balance relative to the sum of normal forces [-], and of touch [m].
 FORCE_TOLERANCE, LENGTH_TOLERANCE = 1e-10, 1e-11
-MAX_STEPS = 40
 #: Largest translation in a Newton step relative to the object's characteristic radius [-].
 MAX_MOVE = 0.5
 #: Largest rotation in a Newton step, and largest inclination of a tube in equilibrium [rad];
@@ -92,8 +92,7 @@ class ContactStatics:
     :ivar body: the object at its measured pose.
     :ivar contacts: the k contacts.
     :ivar tube_radius: radius of the tubes [m].
-    :ivar sides: (k,) +1 for an object on the right of its member, seen from start to end; -1 on
-        the left.
+    :ivar sides: (k,) +1 for an object on the right of its member (from start to end), else -1.
     :ivar indentation: depths of the dents in the skin as functions of the normal forces.
     :ivar given: (k, 3) offsets of the equations of touch along and across [m] and of inclination
         [rad]; or one number for all.
@@ -262,7 +261,7 @@ class ContactStatics:
         start: Array,
         wrench: Array,
         conditions: ContactConditions,
-        steps: int = MAX_STEPS,
+        steps: int = MAX_NEWTON_ITERATIONS,
     ) -> ContactForces | None:
         """
         Return the equilibrium near a start by Newton's method; None if it is not found.
@@ -297,8 +296,8 @@ class ContactStatics:
         start: Array,
         wrench: Array,
         conditions: ContactConditions,
-        steps: int = MAX_STEPS,
-        reach: float = SETTLED_MOTION,
+        steps: int = MAX_NEWTON_ITERATIONS,
+        reach: float = ROUNDING,
     ) -> tuple[ContactStatics, ContactForces] | None:
         """
         Return the equilibrium near a start, and the equations with tubes linearised about it.
@@ -311,7 +310,7 @@ class ContactStatics:
         :return: the equations and the equilibrium; None if it is not found.
         """
         statics, unknowns = self, start
-        for _ in range(MAX_BENDS):
+        for _ in range(MAX_SEARCH_STEPS):
             state = statics.solve(unknowns, wrench, conditions, steps)
             if state is None:
                 return None

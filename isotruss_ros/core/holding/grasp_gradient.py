@@ -39,12 +39,10 @@ class GraspGradient(
     """
     Derivatives of a `SettledGrasp` by p parameters, while its contacts are constant.
 
-    Without an equilibrium only the derivatives of pose and slip margin are not zero, see
-    `LostContact`.
+    Without an equilibrium only those of pose and slip margin are not zero, see `LostContact`.
 
-    Between two members, the equilibrium depends only on one component of the given pose: the
-    position along the members' bisector. Between three members it does not depend on the given
-    pose.
+    Between two members, the equilibrium depends on the given position along their bisector, not on
+    the rest of the given pose. Between three members it does not depend on the given pose.
 
     :ivar parameters: columns of the parameters in each derivative.
     :ivar settled: the grasp.
@@ -53,8 +51,7 @@ class GraspGradient(
         `SettledGrasp.normal_forces`.
     :ivar friction_forces: (m, p) derivatives of the friction forces on the object,
         counter-clockwise.
-    :ivar required_friction: (p,) derivatives of the required friction, for the first member in
-        `needs_most`.
+    :ivar required_friction: (p,) derivatives of the required friction of `needs_most[0]`.
     :ivar needs_most: names of the members that need the most friction. If there are several, as in
         a symmetric grasp, the required friction has a kink.
     :ivar utilisation: (n, p) derivatives of the largest utilisation of each member, in the order

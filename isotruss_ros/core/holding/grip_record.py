@@ -27,7 +27,7 @@ class GripRecord(NamedTuple):
     :ivar travel: (r,) roller travel since home [m].
     :ivar contacts: the k contacts.
     :ivar unknowns: (3 + 4k,) unknowns, see `ContactForces`.
-    :ivar pressures: (t,) gauge pressure of each tube [Pa]; None: the pressures of the robot file.
+    :ivar pressures: (t,) gauge pressure of each tube [Pa]; None: as in the robot file.
     """
 
     travel: Array
@@ -54,8 +54,8 @@ class GripRecord(NamedTuple):
 
         :param config: configuration near the recorded one.
         :param body: the object at any pose.
-        :param external_wrench: (fx, fy, m) on the object about the origin of its frame [N, N m];
-            None: zero.
+        :param external_wrench: (fx, fy, m) on the object about its frame's origin [N, N m]; None:
+            zero.
         :raises GraspError: the object cannot have the recorded contacts.
         :raises ConfigurationError: the robot cannot have the recorded configuration.
         :raises StructureError: see `structure_of`.

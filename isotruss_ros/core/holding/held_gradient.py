@@ -23,8 +23,8 @@ class HeldGradient:
     Derivatives of pose, normal forces and joint positions of a held object.
 
     The p = r + 4 + k columns are: travel of the r rollers [m], wrench (fx, fy, m / arm) on the
-    object [N], ratio of the robot's stiffness to the model's [-], and rolling invariants of the k
-    contacts [m].
+    object [N], ratio of the robot's stiffness to the model's [-], rolling invariants of k contacts
+    [m].
 
     :ivar pose: (3, p) derivatives of the pose (x, y, angle).
     :ivar normal_forces: (m, p) derivatives of the normal forces by grasping member.
@@ -44,9 +44,8 @@ def held_gradient(grip: HeldGrip) -> HeldGradient:
     """
     Return the derivatives of a held grip with sticking contacts.
 
-    The equations of the equilibrium, F(y, x) = 0, give y' = -F_y^-1 F_x, see `grasp_gradient`. A
-    joint position is its position in the configuration plus its displacement under the contact
-    forces.
+    The equations of the equilibrium, F(y, x) = 0, give y' = -F_y^-1 F_x, see `grasp_gradient`.
+    Joint positions are those of the configuration plus the displacements by contact forces.
 
     :param grip: equilibrium of the object.
     :raises GraspError: the equilibrium is neutral.

@@ -28,6 +28,9 @@ from isotruss_ros.core.statics.wrinkling import find_utilisation, Utilisation
 import numpy as np
 from scipy.linalg import lapack
 
+#: Largest distance of an equilibrium from the measured pose, and largest gap of a member that a
+#: motion may close, in tube diameters [-].
+MAX_DISPLACEMENT = 0.25
 #: Largest multiple of the previous change that is extrapolated [-].
 MAX_EXTRAPOLATION = 2.0
 #: Smallest slip margin of a moving object, relative to the squeeze [-].
@@ -71,8 +74,7 @@ class HeldGrip:
     """
     Equilibrium of a convex object between two or three members, with its rolling invariants.
 
-    `attach_grip` finds the equilibrium near a measured pose; `roll_grip` rolls it to another
-    configuration.
+    `attach_grip` finds it near a measured pose; `roll_grip` rolls it to another configuration.
 
     :ivar config: the configuration.
     :ivar body: the object at its pose in equilibrium.
@@ -174,8 +176,7 @@ class HeldGrip:
 
         :param friction: coefficient between tube and object.
         :param more: (3,) additional wrench (fx, fy, m / arm) [N].
-        :return: the margin; negative if a member slips or a contact pulls, zero if the equilibrium
-            is neutral.
+        :return: the margin; negative after slip or in tension, zero in a neutral equilibrium.
         """
         if self.response is None:
             return 0.0

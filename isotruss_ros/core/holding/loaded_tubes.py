@@ -11,13 +11,10 @@ from typing import NamedTuple
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.numerics.arrays import Array, Points
-from isotruss_ros.core.statics.bent_tubes import SETTLED_MOTION
+from isotruss_ros.core.numerics.tolerances import NEGLIGIBLE_SHARE, ROUNDING
 from isotruss_ros.core.statics.frame_rates import section_rates
 from isotruss_ros.core.statics.wrinkling import find_utilisation, use_sections
 import numpy as np
-
-#: Relative step of finite differences of the utilisation [-].
-STEP = 1e-6
 
 
 class GraspParameters(NamedTuple):
@@ -114,7 +111,7 @@ class LoadedTubes:
         chosen: Array,
         parameters: GraspParameters,
         sections: Array | None = None,
-        reach: float = SETTLED_MOTION,
+        reach: float = ROUNDING,
     ) -> None:
         self._grip, self._chosen, self._parameters = grip, chosen, parameters
         state, statics = grip.state, grip.statics
@@ -272,7 +269,7 @@ class LoadedTubes:
             (np.abs(changes) / np.abs(loads).max(axis=0)).max(axis=0),
             (np.abs(others) / sections).max(axis=0),
         )
-        small = STEP / np.maximum(size, np.finfo(float).tiny)
+        small = NEGLIGIBLE_SHARE / np.maximum(size, np.finfo(float).tiny)
         ahead, behind = (
             np.take_along_axis(
                 use_sections(loads + step * changes, sections + step * others, radius)[0],

@@ -26,26 +26,24 @@ from isotruss_ros.core.holding.contact_statics import (
     SOFTNESS,
     unwrapped,
 )
-from isotruss_ros.core.holding.held_grip import HeldGrip, scaled_wrench, travel_rates
+from isotruss_ros.core.holding.held_grip import (
+    HeldGrip,
+    MAX_DISPLACEMENT,
+    scaled_wrench,
+    travel_rates,
+)
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_depths, member_lines
 from isotruss_ros.core.manipulation.grip import MAX_MEMBERS
 from isotruss_ros.core.model.convex_object import segment_gaps
 from isotruss_ros.core.model.shapes import Face
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
+from isotruss_ros.core.numerics.tolerances import MAX_SEARCH_STEPS
 from isotruss_ros.core.statics.bent_tubes import BentTubes, FOLLOWED_MOTION
 from isotruss_ros.core.statics.section import Pressure
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 
-#: Largest gap of a third member that is checked for contact, in tube diameters [-].
-NEAR = 0.25
-#: Largest number of changed contacts in one motion [-], enough for five short faces under two
-#: contacts. Fewer stop an object that rolls over several corners at once; more only prolong
-#: failing searches.
-MAX_CHANGES = 12
-#: Largest number of Newton steps [-]; few are enough after a short motion.
-STEPS = 12
 #: No contacts.
 NOTHING = np.zeros(0, dtype=np.intp)
 NOTHING.flags.writeable = False
@@ -62,13 +60,13 @@ def roll_grip(
 
     :param grip: equilibrium of the object.
     :param config: configuration near the configuration of the grip.
-    :param external_wrench: (fx, fy, m) on the object about the origin of its frame [N, N m]; None:
+    :param external_wrench: (fx, fy, m) on the object about its frame's origin [N, N m]; None:
         zero.
     :return: the grip; None without an equilibrium.
     """
     wrench = scaled_wrench(external_wrench, grip.arm)
     rolled = roll_contacts(grip, config, grip.contacts, grip.anchors, grip.angles, wrench)
-    changes = iter(range(MAX_CHANGES))
+    changes = iter(range(MAX_SEARCH_STEPS))
     found = None if rolled is None else _lift_ends(rolled, changes)
     return None if found is None else _join(_lay_down(found, changes))
 
@@ -107,9 +105,9 @@ def roll_contacts(
         statics = build_statics(config, grip.body, contacts, grip.tubes, normals)
         start = kept = start_at(statics, grip.body)
     conditions, reach = stick(statics, anchors, travel, angles, fresh), FOLLOWED_MOTION
-    settled = statics.settle(start, wrench, conditions, STEPS, reach)
+    settled = statics.settle(start, wrench, conditions, MAX_SEARCH_STEPS, reach)
     if settled is None and start is not kept:
-        settled = statics.settle(kept, wrench, conditions, STEPS, reach)
+        settled = statics.settle(kept, wrench, conditions, MAX_SEARCH_STEPS, reach)
     if settled is None:
         return None
     statics, state = settled
@@ -203,7 +201,7 @@ def _join(grip: HeldGrip) -> HeldGrip:
     depths = member_depths(grip.config, grip.body)
     depths[grip.members] = -np.inf
     number = int(depths.argmax())
-    near = NEAR * grip.config.robot.description.tube_diameter
+    near = MAX_DISPLACEMENT * grip.config.robot.description.tube_diameter
     if depths[number] <= -near or _depth_in(grip, number, float(depths[number])) <= 0.0:
         return grip
     member = np.array([number])

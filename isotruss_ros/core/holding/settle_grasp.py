@@ -14,6 +14,7 @@ from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.held_grip import (
     HeldGrip,
     HoldStatus,
+    MAX_DISPLACEMENT,
     NotHeldError,
     scaled_wrench,
 )
@@ -21,17 +22,12 @@ from isotruss_ros.core.holding.settled_grasp import SettledGrasp
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.manipulation.grip import find_members, Grip
-from isotruss_ros.core.model.contact_patch import contact_body
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.statics.section import Pressure
 import numpy as np
 from numpy.typing import ArrayLike
-
-#: Largest distance of the equilibrium from the measured pose of a held object, in tube diameters
-#: [-].
-MAX_DISPLACEMENT = 0.25
 
 
 @single_threaded
@@ -69,7 +65,7 @@ def settle_grasp(
         contradict each other.
     """
     mu, wrench = check_load(body, friction, external_wrench)
-    body = contact_body(body, 0.5 * config.robot.description.tube_diameter)
+    body = body.smoothed(0.5 * config.robot.description.tube_diameter)
     numbers = None
     if members is not None:
         numbers = find_members(config.robot, Grip(tuple(members), body).members).members

@@ -149,8 +149,7 @@ class SettledGrasp(
         """
         Return the stiffness of the object with sticking contacts, (3, 3) [N/m, N, N m].
 
-        It is the wrench (fx, fy, m) per displacement (dx, dy, dtheta); zero without an
-        equilibrium.
+        It is the wrench (fx, fy, m) by displacement (dx, dy, dtheta); zero without equilibrium.
         """
         response = None if self.equilibrium is None else self.equilibrium.response
         return np.zeros((3, 3)) if response is None else response.stiffness

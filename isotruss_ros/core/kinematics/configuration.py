@@ -14,16 +14,12 @@ from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.factorization import Factor, factorize
 from isotruss_ros.core.numerics.records import Record
+from isotruss_ros.core.numerics.tolerances import MAX_NEWTON_ITERATIONS, NEGLIGIBLE_SHARE
 import numpy as np
 from numpy.typing import ArrayLike
 
 #: Largest change of a member in one continuation step, relative to the shortest member [-].
 MAX_MEMBER_STEP = 0.25
-#: Smallest continuation step [m]; if it fails, the branch of solutions ends.
-MIN_MEMBER_STEP = 1e-6
-#: Largest number of continuation steps [-]. A longer search passes a singular configuration. Two
-#: searches of this length take at most 20 ms.
-MAX_CONTINUATION_STEPS = 50
 #: Largest roller travel that is predicted to first order [m].
 MAX_FIRST_ORDER_TRAVEL = 3e-3
 
@@ -137,11 +133,10 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
         Return the configuration at other roller travel on the same branch of solutions.
 
         :param roller_positions: (r,) roller travel since home [m].
-        :param nearby: factorised matrix of a nearby configuration, for the first step and for the
-            result.
+        :param nearby: factorised matrix of a nearby configuration, for first step and result.
         :raises ConfigurationError: wrong shape or not finite; a member would have no length; or
             the straight line in roller travel passes a singular configuration or takes more than
-            `MAX_CONTINUATION_STEPS` steps.
+            `MAX_NEWTON_ITERATIONS` steps.
         """
         return self._reached(roller_positions, nearby)
 
@@ -161,7 +156,7 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
         difference = goal_lengths - lengths
         change = float(np.abs(difference).max())
         points, factor = self.points, nearby or self.__dict__.get('factor', self._nearby)
-        done, step, steps = 0.0, change, 0
+        done, step, steps, least = 0.0, change, 0, NEGLIGIBLE_SHARE * change
         while done < change:
             steps += 1
             step = min(
@@ -176,10 +171,10 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
                 points, factor, done, step = found, None, end, 2.0 * step
             else:
                 step *= 0.25
-            if done < change and (step < MIN_MEMBER_STEP or steps == MAX_CONTINUATION_STEPS):
+            if done < change and (step < least or steps == MAX_NEWTON_ITERATIONS):
                 why = 'no shape of the robot'
-                if step >= MIN_MEMBER_STEP:
-                    why = f'next to a singular shape, none found in {MAX_CONTINUATION_STEPS} steps'
+                if step >= least:
+                    why = f'next to a singular shape, none found in {MAX_NEWTON_ITERATIONS} steps'
                 raise ConfigurationError(
                     f'robot {robot.name}: roller positions {goal.tolist()} m: {why} '
                     f'beyond {100 * done / change:.6g} % of the way from {start.tolist()} m'
@@ -285,8 +280,7 @@ class ConfigurationTracker:
         """
         Return the configuration at measured travel, and the prediction after further travel.
 
-        The next call reuses the factorised matrix of the prediction, so each control cycle
-        factorises once.
+        The next call reuses the factorised matrix of the prediction: one factorisation a cycle.
 
         :param roller_positions: (r,) measured roller travel since home [m].
         :param travel: (r,) further roller travel [m].

@@ -16,19 +16,15 @@ from dataclasses import dataclass
 from isotruss_ros.core.model.topology import Topology
 from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.core.numerics.factorization import Factor, factorize
-from isotruss_ros.core.numerics.tolerances import EPSILON
+from isotruss_ros.core.numerics.tolerances import EPSILON, MAX_NEWTON_ITERATIONS
 import numpy as np
 from scipy.sparse import coo_matrix, csc_matrix
 
 #: Largest number of coordinates with dense matrices [-]. Beyond it sparse factorisations are
 #: faster (nested triangles of 9 to 303 modules).
 MAX_DENSE_COORDINATES = 180
-MAX_NEWTON_ITERATIONS = 12
 #: Largest ratio of successive residuals at which a factorisation is reused [-].
 MAX_REUSE_CONTRACTION = 0.1
-#: Predicted residual, relative to the tolerance, below which the residual is not evaluated again
-#: [-].
-RESIDUAL_CHECK_SHARE = 0.01
 
 
 @dataclass(frozen=True)
@@ -204,8 +200,7 @@ def follow_branch(
     """
     Move nodes to new targets along the same branch of solutions.
 
-    A predictor takes a tangent step (12); a corrector takes modified Newton steps with few
-    factorisations.
+    The predictor is a tangent step (12), the corrector modified Newton steps.
 
     :param constraints: the robot's constraints.
     :param points: (n,) nodes that fulfil the constraints for nearby targets [m].
@@ -244,7 +239,7 @@ def follow_branch(
         points = moved
         if error > MAX_REUSE_CONTRACTION * previous:
             factor = None
-        elif error * error < RESIDUAL_CHECK_SHARE * tolerance * previous:
+        elif error * error < MAX_REUSE_CONTRACTION**2 * tolerance * previous:
             # Steps with one factor contract alike: the residual after the next step is
             # predictable.
             return points - factor.solve(residual).view(np.complex128)

@@ -44,8 +44,7 @@ def push_out(config: Configuration, body: ConvexObject) -> ConvexObject:
     Return an object after translation out of all members that overlap it.
 
     The object is translated along the normal of the member with the deepest overlap, until no
-    member overlaps it. If members enclose the object, the result of the last translation is
-    returned.
+    member overlaps it. If members enclose the object, the last translation ends the search.
 
     :param config: configuration of the robot.
     :param body: the object at its pose.

@@ -19,8 +19,7 @@ inside the disc of a module. So the pairs are modules with members, rods and mod
 with members and rods.
 
 Pairs of parts that are fixed to each other are excluded: a member with the modules, rods and
-joints at its ends. Rods that share a joint meet at it; the pair of their modules keeps these rods
-apart as well.
+joints at its ends. Rods that share a joint meet at it; the pair of their modules keeps them apart.
 """
 
 from __future__ import annotations
@@ -43,8 +42,7 @@ def nearest_on_segment(point: Points, start: Points, end: Points) -> tuple[Array
     :param start: (k,) start points of the segments [m].
     :param end: (k,) end points [m]; they may equal the start points.
     :return: distances (k,) [m]; unit vectors (k,) from the segments to the points, normal to a
-        segment that contains its point; positions (k,) of the nearest points on the segments, 0 to
-        1.
+        segment that contains its point; positions (k,) of the nearest points, 0 to 1.
     """
     arm, along = point - start, end - start
     squares = np.maximum(along.real**2 + along.imag**2, COINCIDENCE**2)
@@ -149,8 +147,7 @@ class CollisionModel:
 
         :param config: configuration of the robot.
         :param body: the object at its pose.
-        :param parts: (k,) indices of parts: members, modules, rods, m of each; by default, all
-            parts.
+        :param parts: (k,) indices of parts: members, modules, rods, m of each; default all.
         :return: (k,) distances [m], negative for an overlap; (k, 2n) rows on the node velocities
             [-]; (k, 3) rows on the object's twist vx, vy [-], omega [m] in the robot frame.
         """

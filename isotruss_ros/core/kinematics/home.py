@@ -17,16 +17,13 @@ from isotruss_ros.core.model.description import RobotDescription
 from isotruss_ros.core.model.topology import Topology
 from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.core.numerics.factorization import factorize, factorize_with_condition
-from isotruss_ros.core.numerics.tolerances import COINCIDENCE, MAX_NEWTON_ITERATIONS
+from isotruss_ros.core.numerics.tolerances import COINCIDENCE, MAX_CONDITION, MAX_NEWTON_ITERATIONS
 import numpy as np
 from scipy.sparse import csc_matrix
 
 #: Smallest deviation of a corner from straight and from folded [rad]; below it, a module has no
 #: inner side.
 MIN_CORNER_ANGLE = np.deg2rad(1.0)
-#: Largest condition number of the matrix of (12) at home [-]; a robot beyond it is a mechanism in
-#: double precision. The nine-member preset has 5e2.
-MAX_CONDITION = 1e8
 
 
 def place_home(

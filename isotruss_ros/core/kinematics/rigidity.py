@@ -6,8 +6,7 @@ Rigidity index: the scaled smallest singular value of the matrix of (12).
 
 The bisection rows [1/m] are multiplied by the rod length h. Then all rows are dimensionless, and
 the singular values do not depend on the robot's size. The rigidity index is the smallest singular
-value divided by that at home. It is 1 at home and 0 if the robot with locked rollers is a
-mechanism.
+value divided by that at home. It is 1 at home, and 0 for a mechanism with locked rollers.
 
 Block inverse iteration with the factorised matrix replaces a full singular value decomposition. A
 block finds the smallest value even if singular values are close or change their order.

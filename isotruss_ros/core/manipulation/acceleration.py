@@ -26,8 +26,7 @@ def limit_acceleration(
     """
     Return the closest command to a desired one within the largest change of roller speeds.
 
-    If limits of the configuration require a faster stop, the rollers decelerate at their largest
-    rate.
+    If limits of the configuration require a faster stop, the deceleration is the largest possible.
 
     :param command: desired command.
     :param previous: (r,) roller speeds of the previous cycle [m/s].

@@ -6,7 +6,8 @@ Grip of an object between any two or three members, with its contacts.
 
 Members are undeformed centre lines from pinch point to pinch point. A contact is the point of the
 object's surface farthest toward the member. A face on a member has contacts at both ends, see
-`contact_patch`, so it can neither lift nor rotate. Points of the plane are complex numbers x + iy.
+`Shape.contact_patch`, so it can neither lift nor rotate. Points of the plane are complex numbers
+x + iy.
 """
 
 from __future__ import annotations
@@ -20,8 +21,8 @@ from isotruss_ros.core.errors import GraspError, quote
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.kinematics.robot import Robot
-from isotruss_ros.core.model.contact_patch import contact_body, contact_patch
 from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.model.topology import Topology
 from isotruss_ros.core.numerics.arrays import Indices
 import numpy as np
 from numpy.typing import ArrayLike
@@ -40,9 +41,8 @@ class Grip:
     :ivar friction: coefficient of friction between tubes and object; by default the object's own,
         or `DEFAULT_FRICTION`.
     :ivar corners: by member, indices of the corners in contact: one, or both ends of a face. None:
-        the contacts of the planned indentation, see `contact_patch`.
-    :raises GraspError: not two or three different names, no such object, or an invalid
-        coefficient.
+        the contacts of the planned indentation, see `Shape.contact_patch`.
+    :raises GraspError: not two or three different names, or an invalid coefficient.
     """
 
     members: tuple[str, ...]
@@ -140,8 +140,7 @@ class MemberNodes(NamedTuple):
     entries: Indices  #: (4 k,) flat indices of the entries of `member_rows` in (3 k, n)
 
 
-@functools.lru_cache(maxsize=256)
-def find_members(robot: Robot, names: tuple[str, ...]) -> MemberNodes:
+def find_members(robot: Mechanism, names: tuple[str, ...]) -> MemberNodes:
     """
     Return the indices of members and their nodes, read-only.
 
@@ -155,8 +154,12 @@ def find_members(robot: Robot, names: tuple[str, ...]) -> MemberNodes:
             f'members {quote(", ".join(map(str, unknown)))}: robot {robot.name} has no such '
             f'members; its members are {", ".join(robot.member_names)}'
         )
-    topology = robot.topology
-    members = np.array([robot.member_names.index(name) for name in names], dtype=np.intp)
+    return _find_nodes(robot.topology, names)
+
+
+@functools.lru_cache(maxsize=256)
+def _find_nodes(topology: Topology, names: tuple[str, ...]) -> MemberNodes:
+    members = np.array([topology.member_names.index(name) for name in names], dtype=np.intp)
     driven = np.flatnonzero(np.isin(members, topology.driven))
     lines = np.stack([topology.b[members], topology.c[topology.following[members]]], axis=1)
     rows = topology.n_nodes * np.arange(3 * len(members)).reshape(-1, 3)
@@ -196,7 +199,7 @@ def find_contacts(config: Configuration, grip: Grip) -> list[GripContact]:
     """
     nodes = find_members(config.robot, grip.members)
     tube = config.robot.description.tube_diameter
-    body = contact_body(grip.body, 0.5 * tube)
+    body = grip.body.smoothed(0.5 * tube)
     inside, back = body.middle, body.turn.conjugate()
     found: list[GripContact] = []
     places: list[tuple[float, float]] = []
@@ -207,12 +210,12 @@ def find_contacts(config: Configuration, grip: Grip) -> list[GripContact]:
         side = math.copysign(1.0, (axis.conjugate() * (inside - start)).imag)
         normal = -1j * side * axis
         if grip.corners is None:
-            patch = contact_patch(body.shape, normal * back, 0.5 * tube)
-            corners = tuple(end.corner for end in patch)
+            patch = body.shape.contact_patch(normal * back, 0.5 * tube)
+            touched = [(end.corner, end.point) for end in patch]
         else:
             corners = grip.corners[owner]
-        for corner in corners:
-            own_point = body.shape.point_at(corner, normal * back)
+            touched = [(k, body.shape.point_at(k, normal * back)) for k in corners]
+        for corner, own_point in touched:
             point = body.center + body.turn * own_point
             found.append(GripContact(owner, start, normal, point, corner, side))
             away = start - point

@@ -26,15 +26,9 @@ from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.manipulation.task import Task
 from isotruss_ros.core.manipulation.twist_qp import maximize_progress, PENALTIES, project_target
 from isotruss_ros.core.numerics.arrays import Array, Indices
-from isotruss_ros.core.numerics.tolerances import ROUNDING
+from isotruss_ros.core.numerics.tolerances import NEGLIGIBLE_SHARE, ROUNDING
 import numpy as np
 
-#: Largest ratio of the admissible progress to that of the least-cost solution at full speed [-].
-MAX_SCALE = 1e4
-#: Largest slack of a binding row relative to the roller speeds [-].
-BINDING_TOLERANCE = 1e-7
-#: Smallest regularisation weight [-]; it makes the closest point unique.
-MIN_REGULARIZATION = 1e-6
 #: Largest number of rollers with all rows at once; beyond it, active rows are faster
 #: (benchmarks/scaling.py) [-].
 MAX_ROLLERS_WITH_ALL_ROWS = 60
@@ -94,8 +88,8 @@ def apply_limits(
         np.maximum(rows.lower, -largest) / unit,
         np.minimum(rows.upper, largest) / unit,
     )
-    farthest, direction = min(asked / unit, MAX_SCALE), task.direction / gain
-    penalty, weight, guess = PENALTIES[0], MIN_REGULARIZATION, None
+    farthest, direction = min(asked / unit, 1.0 / NEGLIGIBLE_SHARE), task.direction / gain
+    penalty, weight, guess = PENALTIES[0], NEGLIGIBLE_SHARE, None
     if handling.period > 0.0:
         slower = min(1.0, REFERENCE_PERIOD / handling.period)
         penalty = min(penalty, PROGRESS_WEIGHT * slower * max_speed / (unit * gain))
@@ -110,7 +104,7 @@ def apply_limits(
         fixed = bounds.take(~np.repeat([limit.can_slide for limit in limits], counts))
     solution, made = _solve(task, progress, fixed, guess)
     slack = bounds.slack(solution)
-    if handling.slide_along_limits and (slack < -BINDING_TOLERANCE).any():
+    if handling.slide_along_limits and (slack < -NEGLIGIBLE_SHARE).any():
         target, slid = made * direction, True
 
         def closest(cost: Array, equality: Array, limited: Rows) -> tuple[Array, float]:
@@ -128,7 +122,7 @@ def apply_limits(
     if scale > 1.0 - ROUNDING:
         return velocities, 1.0, task.status, ()
     # A row binds if a step toward the free solution would violate it.
-    binding = (slack < BINDING_TOLERANCE) & (rows.slack(task.velocities) < 0.0)
+    binding = (slack < NEGLIGIBLE_SHARE) & (rows.slack(task.velocities) < 0.0)
     slowed, limiting = name_binding_rows(config, limits, binding)
     if task.status is Status.OK:
         return velocities, scale, Status.SLIDING if slid else slowed, limiting
@@ -163,8 +157,7 @@ def solve_by_few_rows(
     :param even: (w, w) matrix E, see `WorkingRollers`.
     :param equality: (k, w) task J on the working rollers.
     :param rows: all rows of the limits, with bounds in the units of the program.
-    :param guess: (w,) speeds; the rows closest to their bounds at these speeds form the initial
-        set.
+    :param guess: (w,) speeds; the rows closest to their bounds are the initial set.
     :return: (w,) speeds, and the progress.
     :raises SolverError: a program was not solved.
     """

@@ -18,7 +18,6 @@ from __future__ import annotations
 
 import cmath
 from dataclasses import dataclass, replace
-import functools
 import itertools
 import math
 from typing import NamedTuple
@@ -26,7 +25,6 @@ from typing import NamedTuple
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import find_contacts, find_members, Grip
-from isotruss_ros.core.model.contact_patch import contact_body
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.model.shapes import Shape
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
@@ -41,14 +39,13 @@ class RollingGrip:
 
     :ivar config: the configuration.
     :ivar grip: the grip, with the object at its pose.
-    :ivar angles: (m,) unwrapped angles of the normals toward the members, in the object's frame
-        [rad].
+    :ivar angles: (m,) unwrapped angles of the normals in the object's frame [rad].
     :ivar owners: (k,) number of each contact's member within the grip: one contact for each
         member, or two for a face.
     :ivar corners: (k,) index of the polygon's corner in contact.
-    :ivar kept: (2, k) invariants: gaps of the object from the centre lines, and anchors along the
-        tubes [m].
+    :ivar kept: (2, k) invariants: gaps from the centre lines, and anchors along the tubes [m].
     :ivar sides: (m,) +1 for an object on the left of the member, -1 on the right.
+    :ivar shape: shape of the object for contacts, see `Shape.smoothed`.
     :ivar misfit: largest deviation from the invariants [m]: members have come closer, moved apart
         or slipped, because the rollers did not keep the contacts.
     """
@@ -60,6 +57,7 @@ class RollingGrip:
     corners: Indices
     kept: Array
     sides: Array
+    shape: Shape
     misfit: float = 0.0
 
     @classmethod
@@ -78,7 +76,9 @@ class RollingGrip:
         angles = np.angle(normals * grip.body.turn.conjugate())
         owners = np.array([contact.owner for contact in contacts])
         corners = np.array([contact.corner for contact in contacts])
-        rolling = cls(config, grip, angles, owners, corners, np.zeros((2, len(owners))), sides)
+        shape = grip.body.shape.smoothed(0.5 * config.robot.description.tube_diameter)
+        none = np.zeros((2, len(owners)))
+        rolling = cls(config, grip, angles, owners, corners, none, sides, shape)
         return replace(rolling, kept=rolling._touch(rolling._lines(config)).values)
 
     @property
@@ -95,8 +95,7 @@ class RollingGrip:
         the pose minimises the squared deviations from the invariants, and `misfit` is the largest
         deviation.
 
-        :param config: configuration near the current one; the object rotates by less than half a
-            turn.
+        :param config: configuration nearby; the object rotates by less than half a turn.
         :raises GraspError: no such pose exists; or a member does not touch the object any more.
         """
         rolled = self._rolled(config)
@@ -160,17 +159,11 @@ class RollingGrip:
 
     def _lowest(self, normals: Points) -> Indices:
         """Return the corners (k,) in contact: both ends of a face, or the farthest corner."""
-        if not self._shape.faces_at(0):
+        if not self.shape.faces_at(0):
             return self.corners
         alone = np.bincount(self.owners) == 1
-        farthest = [self._shape.corner_at(normal) for normal in normals.tolist()]
+        farthest = [self.shape.corner_at(normal) for normal in normals.tolist()]
         return np.where(alone[self.owners], np.array(farthest)[self.owners], self.corners)
-
-    @functools.cached_property
-    def _shape(self) -> Shape:
-        """Return the shape of the object for contacts, see `contact_body`."""
-        tube = self.config.robot.description.tube_diameter
-        return contact_body(self.grip.body, 0.5 * tube).shape
 
     def _unwrapped(self, normals: Points, angle: float) -> Array:
         """Return the angles (m,) of normals in the object's frame, unwrapped."""
@@ -195,7 +188,7 @@ class RollingGrip:
         self, lines: _Lines, center: complex, angle: float, corners: Indices
     ) -> _Touch:
         """Return the invariants at a given pose with given corners."""
-        shape, turn, owners = self._shape, cmath.rect(1.0, angle), self.owners
+        shape, turn, owners = self.shape, cmath.rect(1.0, angle), self.owners
         own = lines.normals * turn.conjugate()
         points = shape.surface_at(corners, own[owners])[0]
         axes, sides = lines.axes[owners], self.sides[owners]

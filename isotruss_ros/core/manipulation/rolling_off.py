@@ -21,11 +21,8 @@ from isotruss_ros.core.manipulation.grip import find_contacts, Grip, GripContact
 from isotruss_ros.core.manipulation.grip_rows import contact_rows, member_rows, rows_of_two
 from isotruss_ros.core.manipulation.task import find_task, Reach
 from isotruss_ros.core.numerics.arrays import Array, as_xy
-from isotruss_ros.core.numerics.tolerances import ROUNDING
+from isotruss_ros.core.numerics.tolerances import NEGLIGIBLE_SHARE, ROUNDING
 import numpy as np
-
-#: Smallest reduction of the residual twist by rolling over a corner, relative to the residual [-].
-MIN_GAIN = 1e-6
 
 
 def roll_off_faces(config: Configuration, grip: Grip, reach: Reach, twist: Array) -> Reach:
@@ -48,7 +45,7 @@ def roll_off_faces(config: Configuration, grip: Grip, reach: Reach, twist: Array
     for kept in choices:
         found = Reach.of(rows_of_two(grip, kept, members), working, reach.weights)
         missed, task = _missed(found, twist), find_task(found, twist)
-        if missed >= least * (1.0 - MIN_GAIN) or task.speed == 0.0:
+        if missed >= least * (1.0 - NEGLIGIBLE_SHARE) or task.speed == 0.0:
             continue
         speeds = working.spread(task.free)
         moved = rigid @ (found.motion @ speeds) - hand @ speeds

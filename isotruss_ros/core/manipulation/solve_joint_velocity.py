@@ -29,8 +29,7 @@ class JointCommand(RollerCommand):
 
     :ivar achieved_twist: (2 k,) velocities vx, vy of k joints in the robot frame [m/s].
     :ivar joints: names of the joints.
-    :ivar reachable_dof: number of independent motions of the joints that the working rollers can
-        produce.
+    :ivar reachable_dof: number of independent motions that the working rollers can produce.
     """
 
     joints: tuple[str, ...] = ()
@@ -77,8 +76,8 @@ def solve_joint_velocity(
     :param failed: names of failed rollers, which stand still.
     :param limits: limits instead of those of the robot file; None: those of the file.
     :param handling: behaviour at binding limits.
-    :raises GraspError: no such joint, no velocities, a velocity that is not two finite numbers, or
-        no such roller.
+    :raises GraspError: no such joint or roller, no velocities, or one that is not two finite
+        numbers.
     :raises ConfigurationError: the configuration is singular.
     :raises SolverError: a quadratic program was not solved.
     """

@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-import functools
 import math
 
 from isotruss_ros.core.errors import GraspError
@@ -85,9 +84,8 @@ def solve_twist(
     return carry_out(config, reach, desired, limits, handling, opening_rate)
 
 
-@functools.lru_cache(maxsize=8)
 def _find_reach(config: Configuration, grip: Grip, working: WorkingRollers) -> Reach:
-    """Return the twists of the object that keep its contacts, from a cache of the last few."""
+    """Return the twists of the object that keep its contacts."""
     weights = np.array([1.0, 1.0, grip.body.arm])
     return Reach.of(grip_jacobian(config, grip), working, weights)
 

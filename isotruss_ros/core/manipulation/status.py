@@ -74,13 +74,11 @@ class RollerCommand(
     :ivar scale: factor on the twist, or on the closest reachable one, by limits, 0 to 1; when
         sliding, the relative component along it.
     :ivar status: status code.
-    :ivar limiting: names of the rollers, members and other parts whose limits bind; empty at scale
-        1.
+    :ivar limiting: names of the rollers, members and parts whose limits bind.
     :ivar reachable_dof: number of independent motions of the object that the working rollers can
         produce, 0 to 3; 0 in a halt without valid inputs.
     :ivar motion: (3, r) Jacobian of the twist by roller speeds; None in a halt.
-    :ivar contact_rows: (g, r) contact constraints on the roller speeds, zero for failed rollers;
-        None in a halt.
+    :ivar contact_rows: (g, r) contact constraints on the roller speeds; None in a halt.
     """
 
     roller_velocities: Array

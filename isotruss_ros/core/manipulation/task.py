@@ -20,7 +20,7 @@ from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.model.topology import check_roller_names
 from isotruss_ros.core.numerics.arrays import Array, finite_array, Indices
-from isotruss_ros.core.numerics.tolerances import COINCIDENCE, ROUNDING, SMALLEST_NORMAL
+from isotruss_ros.core.numerics.tolerances import COINCIDENCE, EPSILON, ROUNDING, SMALLEST_NORMAL
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import lapack
@@ -31,8 +31,6 @@ RANK_TOLERANCE = 1e-5
 #: Basis of all twists.
 IDENTITY = np.eye(3)
 IDENTITY.flags.writeable = False
-#: Largest speed of a twist in the program [m/s]; it keeps the roller speeds finite.
-MAX_TWIST_SPEED = 1e290
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,8 +124,7 @@ class Reach(NamedTuple):
         twist along the directions, then the contact constraints that the rollers can violate.
     :ivar directions: (k, 3) orthonormal basis of the reachable twists.
     :ivar weights: (3,) factors from vx, vy, omega to surface speeds: 1, 1, d/2 [m].
-    :ivar opening: (g,) factors from the opening rate to the right-hand sides of the contact rows
-        [-].
+    :ivar opening: (g,) right-hand sides of the contact rows for an opening rate of 1 m/s [-].
     """
 
     working: WorkingRollers
@@ -185,8 +182,7 @@ class Task(NamedTuple):
     :ivar reach: reachable twists, with the rows of (20).
     :ivar direction: (k + g,) unit vector of the closest reachable twist, in the rows of (20).
     :ivar speed: norm of the closest reachable twist [m/s].
-    :ivar status: `OK` if it equals the commanded twist, else `UNREACHABLE`; `IDLE` without a
-        command.
+    :ivar status: `OK` for the commanded twist, else `UNREACHABLE`; `IDLE` without a command.
     :ivar free: (w,) least-cost roller speeds for the norm 1 m/s, without limits.
     :ivar velocities: (r,) least-cost speeds of all rollers for the closest reachable twist [m/s].
     """
@@ -234,7 +230,8 @@ def find_task(reach: Reach, twist: Array, opening_rate: float = 0.0) -> Task:
     direction /= length
     speed = size * length
     free = least_cost(working.even, reach.rows, direction)
-    velocities = working.spread(free * min(speed, MAX_TWIST_SPEED))
+    # The speeds of the rollers stay finite.
+    velocities = working.spread(free * min(speed, EPSILON / SMALLEST_NORMAL))
     return Task(reach, direction, speed, status, free, velocities)
 
 

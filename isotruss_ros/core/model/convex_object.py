@@ -11,10 +11,10 @@ import math
 from typing import NamedTuple
 
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.model.pose import MAX_DISTANCE, MAX_MASS, Pose
+from isotruss_ros.core.model.pose import MAX_MASS, Pose
 from isotruss_ros.core.model.shapes import Disc, Shape, SurfacePoints
 from isotruss_ros.core.model.units import likely_unit
-from isotruss_ros.core.numerics.arrays import Array, finite_array, Points
+from isotruss_ros.core.numerics.arrays import Array, finite_array, MAX_MAGNITUDE, Points
 from isotruss_ros.core.numerics.tolerances import COINCIDENCE
 import numpy as np
 from numpy.typing import ArrayLike
@@ -72,7 +72,7 @@ class ConvexObject:
             x, y = finite_array(
                 self.center_of_mass, 2, 'center_of_mass (x, y) in the object [m]', GraspError
             )
-            away = max(abs(x), abs(y)) > MAX_DISTANCE  # squares of more may overflow
+            away = max(abs(x), abs(y)) > MAX_MAGNITUDE  # squares of more may overflow
             if away or self.shape.nearest(np.array([complex(x, y)])).gaps[0] > 0.0:
                 raise GraspError(f'center_of_mass ({x:g}, {y:g}) m: must be within the object')
             object.__setattr__(self, 'center_of_mass', (float(x), float(y)))
@@ -141,13 +141,13 @@ class ConvexObject:
         """Set the pose and the quantities derived from it."""
         try:
             x, y, angle = map(float, pose)
-            fits = all(-MAX_DISTANCE <= number <= MAX_DISTANCE for number in pose)
+            fits = all(-MAX_MAGNITUDE <= number <= MAX_MAGNITUDE for number in pose)
             fits = fits and not {bool, np.bool_}.issuperset(map(type, pose))
         except (TypeError, ValueError):
             fits = False
         if not fits:
             finite_array(pose, 3, "the object's pose (x, y, angle) [m, rad]", GraspError)
-            raise GraspError(f"the object's pose {pose!r}: must be within {MAX_DISTANCE:g} m")
+            raise GraspError(f"the object's pose {pose!r}: must be within {MAX_MAGNITUDE:g} m")
         center, turn = complex(x, y), cmath.rect(1.0, angle)
         middle = center + turn * self.shape.centroid
         self.__dict__.update(pose=Pose(x, y, angle), center=center, turn=turn, middle=middle)
@@ -190,8 +190,7 @@ def segment_gaps(body: ConvexObject, starts: Points, ends: Points) -> SegmentGap
     """
     Return the gaps between an object and line segments, with their directions.
 
-    The gap is measured along the normal of the segment's line that points away from the object's
-    centroid.
+    A normal is perpendicular to its segment and points away from the object's centroid.
 
     :param body: the object at its pose.
     :param starts: (k,) starts of the segments, robot frame, x + iy [m].

@@ -44,13 +44,11 @@ class RobotDescription:
     :ivar module: dimensions of the roller modules.
     :ivar tube_diameter: outer diameter of the tubes [m].
     :ivar pressures: gauge pressures by tube, in the order of the file [Pa].
-    :ivar local_stiffness: ratio of the section's stiffness against flattening to the theoretical
-        one [-].
+    :ivar local_stiffness: ratio of the flattening stiffness to the theoretical one [-].
     :ivar stiffness_scale: ratio of the tubes' stiffness to the model's [-].
     :ivar tube_mass: mass of the tubes per length [kg/m].
     :ivar damping_ratio: damping ratio of the slowest mode [-].
-    :ivar calibration: block `calibration` of the robot file: standard deviations of home and
-        stiffness.
+    :ivar calibration: block `calibration` of the file: deviations of home and stiffness.
     :ivar stiffness: block `stiffness` of the robot file, unchanged.
     :ivar supports: grounded axes (`x`, `y`) by joint.
     :ivar max_speed: largest speed of a roller [m/s].

@@ -55,8 +55,7 @@ def make_object(content: Any, source: str) -> ConvexObject:
 
     :param content: content of a file, or of a message.
     :param source: name of the file or message, for errors.
-    :raises ObjectFileError: the content does not describe an object. The message names key and
-        valid range.
+    :raises ObjectFileError: the content does not describe an object; names key and range.
     """
     if not isinstance(content, Mapping):
         raise ObjectFileError(

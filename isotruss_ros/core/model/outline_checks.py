@@ -10,12 +10,9 @@ from collections.abc import Sequence
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.model.pose import MAX_SIZE, MIN_DIAMETER
 from isotruss_ros.core.model.units import likely_unit
-from isotruss_ros.core.numerics.arrays import Array, finite_array, Points
+from isotruss_ros.core.numerics.arrays import Array, finite_array, MAX_ENTRIES, Points
 from isotruss_ros.core.numerics.tolerances import ROUNDING
 import numpy as np
-
-#: Largest number of vertices [-]; a larger number is taken for a mistake.
-MAX_VERTICES = 1000
 
 
 def check_outline(vertices: object, corner_radius: object) -> tuple[Points, Array]:
@@ -52,9 +49,9 @@ def _validate_vertices(vertices: object) -> Points:
         count = len(vertices)  # type: ignore[arg-type]
     except TypeError:
         raise GraspError(f'vertices {vertices!r}: must be a list of [x, y] [m]') from None
-    if not 3 <= count <= MAX_VERTICES:
+    if not 3 <= count <= MAX_ENTRIES:
         raise GraspError(
-            f'a polygon of {count} vertices: must have at least 3 and at most {MAX_VERTICES}'
+            f'a polygon of {count} vertices: must have at least 3 and at most {MAX_ENTRIES}'
         )
     found = np.empty(count, dtype=np.complex128)
     for i, vertex in enumerate(vertices):  # type: ignore[arg-type, var-annotated]

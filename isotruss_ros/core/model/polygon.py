@@ -33,10 +33,8 @@ class Polygon(Shape):
 
     :ivar vertices: (x, y) of three or more vertices in the object's frame [m], in either sense,
         without repetition of the first. They are stored counter-clockwise.
-    :ivar corner_radius: radius of the arcs [m]: one for all corners, or one for each vertex; 0 for
-        sharp corners.
-    :raises GraspError: the polygon is not convex, or an arc does not fit; the message names the
-        vertex.
+    :ivar corner_radius: radius of the arcs [m]: one for all corners or one for each; 0 if sharp.
+    :raises GraspError: the polygon is not convex, or an arc does not fit; names the vertex.
     """
 
     vertices: tuple[tuple[float, float], ...]

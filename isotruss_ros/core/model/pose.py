@@ -9,12 +9,12 @@ import math
 from typing import NamedTuple
 
 from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.tolerances import ROUNDING
 import numpy as np
 from numpy.typing import ArrayLike
 
-#: Smallest size and largest distance of an object [m]; products of them neither vanish nor
-#: overflow.
-MIN_DIAMETER, MAX_DISTANCE = 1e-9, 1e9
+#: Smallest size of an object [m]; smaller ones are rounding errors.
+MIN_DIAMETER = ROUNDING
 #: Largest size [m] and mass [kg] of an object, several times what a robot of a few metres holds. A
 #: tenth would refuse objects of the examples; with ten times, centimetres would be taken for
 #: metres.

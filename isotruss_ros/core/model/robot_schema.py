@@ -16,12 +16,11 @@ from typing import Any, TYPE_CHECKING
 from isotruss_ros.core.errors import RobotFileError
 from isotruss_ros.core.model.presets import config_directory
 from isotruss_ros.core.model.units import likely_unit
+from isotruss_ros.core.numerics.arrays import MAX_MAGNITUDE
 
 if TYPE_CHECKING:
     import jsonschema
 
-#: Largest magnitude of a number [-]; larger numbers are typing errors and overflow in products.
-MAX_MAGNITUDE = 1e12
 #: Largest number of reported faults [-].
 MAX_COMPLAINTS = 50
 

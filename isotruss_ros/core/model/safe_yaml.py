@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from isotruss_ros.core.errors import IsotrussError
+from isotruss_ros.core.numerics.arrays import MAX_ENTRIES
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 from ruamel.yaml.events import AliasEvent, CollectionEndEvent, CollectionStartEvent, ScalarEvent
@@ -17,8 +18,6 @@ from ruamel.yaml.events import AliasEvent, CollectionEndEvent, CollectionStartEv
 MAX_FILE_SIZE = 200_000
 #: Largest nesting depth [-]. Robot files need four; the time of parsing is quadratic in the depth.
 MAX_NESTING_DEPTH = 8
-#: Longest scalar [characters]; Python does not print longer integers.
-MAX_SCALAR_LENGTH = 1000
 
 
 def read_text(path: Path, kind: str, error: type[IsotrussError]) -> str:
@@ -63,10 +62,10 @@ def parse_yaml(source: object, text: str, kind: str, refusal: type[IsotrussError
                 raise refusal(
                     f'{source}: line {event.start_mark.line + 1}: nested too deeply for {kind}'
                 )
-            if isinstance(event, ScalarEvent) and len(event.value) > MAX_SCALAR_LENGTH:
+            if isinstance(event, ScalarEvent) and len(event.value) > MAX_ENTRIES:
                 raise refusal(
                     f'{source}: line {event.start_mark.line + 1}: {event.value[:20]!r}... has '
-                    f'{len(event.value)} characters; must be at most {MAX_SCALAR_LENGTH}'
+                    f'{len(event.value)} characters; must be at most {MAX_ENTRIES}'
                 )
             # An alias can refer to its own parent, or expand a small file to gigabytes.
             if getattr(event, 'anchor', None) is not None:

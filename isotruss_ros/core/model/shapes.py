@@ -15,13 +15,18 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
+import math
 from typing import ClassVar, NamedTuple
 
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.model.pose import MAX_SIZE, MIN_DIAMETER
 from isotruss_ros.core.model.units import likely_unit
 from isotruss_ros.core.numerics.arrays import Array, finite_array, Indices, Points
+from isotruss_ros.core.numerics.tolerances import NEGLIGIBLE_SHARE
 import numpy as np
+
+#: Assumed depth of an object that does not penetrate a tube yet, in tube radii [-].
+PLANNED_DEPTH = 0.02
 
 
 class SurfacePoints(NamedTuple):
@@ -29,10 +34,8 @@ class SurfacePoints(NamedTuple):
     Surface points nearest to given points: for each point, `point - gap * normal`.
 
     :ivar gaps: (c,) distances of the points from the surface, negative inside [m].
-    :ivar normals: (c,) outward unit normals at the nearest points, x + iy; at a corner, one normal
-        of its cone.
-    :ivar radii: (c,) radii of curvature at the nearest points [m]: 0 at a sharp corner, infinite
-        on a face.
+    :ivar normals: (c,) outward unit normals at the nearest points, x + iy; any at a corner.
+    :ivar radii: (c,) radii of curvature [m]: 0 at a sharp corner, infinite on a face.
     """
 
     gaps: Array
@@ -47,6 +50,15 @@ class Face(NamedTuple):
     corner: int  #: index of the corner at the other end of the face
     normal: complex  #: outward unit normal, x + iy
     length: float  #: length between the corners, or between the centres of their arcs [m]
+
+
+class PatchEnd(NamedTuple):
+    """One end of the contact patch of a shape and a tube."""
+
+    corner: int  #: index of the corner, see `Shape.corner_at`
+    point: complex  #: point of the surface, x + iy in the object's frame [m]
+    height: float  #: height toward the tube, from the origin of the object's frame [m]
+    along: float  #: distance from the deepest corner along the faces, counter-clockwise [m]
 
 
 class Shape(ABC):
@@ -131,13 +143,56 @@ class Shape(ABC):
         """
         return ()
 
+    def contact_patch(
+        self, normal: complex, tube_radius: float, skin: float = math.inf
+    ) -> list[PatchEnd]:
+        """
+        Return one or two ends of the contact patch with a tube, counter-clockwise.
+
+        A face is in contact at both ends if both corners penetrate the straight tube; the angle of
+        the face has no threshold. A face shorter than the tube radius is one contact. The method
+        defines the contacts for twist, rolling, planner, guard and the model of a held object.
+
+        :param normal: unit vector toward the straight tube, x + iy.
+        :param tube_radius: radius of the tube [m].
+        :param skin: height of the straight tube's skin along the normal, from the origin [m];
+            infinite before the tube is pressed.
+        """
+        corner, back = self.corner_at(normal), normal.conjugate()
+        point, short = self.point_at(corner, normal), tube_radius
+        near = [PatchEnd(corner, point, (point * back).real, 0.0)]
+        far: list[PatchEnd] = []
+        depth = max(near[0].height - skin, PLANNED_DEPTH * tube_radius)
+        least = near[0].height - depth
+        for side in range(len(self.faces_at(corner))):
+            at, along, short_face = corner, 0.0, True
+            while short_face:
+                face = self.faces_at(at)[side]
+                at, along = face.corner, along + face.step * face.length
+                point, short_face = self.point_at(at, face.normal), face.length < short
+                height = (point * back).real
+                # A face is in contact at its ends only; a curve of short faces has no ends.
+                if height < least or at == corner or (short_face and abs(along) >= short):
+                    break
+                (near if short_face else far).append(PatchEnd(at, point, height, along))
+        # Of corners of equal depth the nearest to the middle counts first.
+        tie, middle = NEGLIGIBLE_SHARE * depth, (self.centroid * back).imag
+        ends = near + far
+        highest = max(each.height for each in ends) - tie
+        first = min(
+            (each for each in ends if each.height >= highest),
+            key=lambda each: abs((each.point * back).imag - middle),
+        )
+        apart = [each for each in ends if abs(each.along - first.along) >= short]
+        other = max(apart, key=lambda each: each.height, default=None)
+        return [first] if other is None else sorted((first, other), key=lambda each: each.along)
+
     @abstractmethod
     def surface_at(self, corners: Indices, normals: Points) -> tuple[Points, Array]:
         """
         Return points (k,) of the surface with given normals [m], and their radii of curvature [m].
 
-        :param corners: (k,) index of the corner of each point. Its arc is extended beyond its
-            ends.
+        :param corners: (k,) index of each point's corner, whose arc is extended beyond its ends.
         :param normals: (k,) outward unit normals, x + iy.
         """
 

@@ -14,15 +14,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
-from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.arrays import Array, MAX_MAGNITUDE
+from isotruss_ros.core.numerics.tolerances import ROUNDING
 import numpy as np
-
-#: Range of stiffnesses in SI units; values outside come from constants in other units, and
-#: overflow.
-MIN_STIFFNESS, MAX_STIFFNESS = 1e-30, 1e30
-#: Relative rounding error of the ratio 12 k_rotary / (k_transverse L^2), whose lower bound is 4
-#: [-].
-RATIO_TOLERANCE = 1e-9
 
 
 class Law(NamedTuple):
@@ -87,11 +81,11 @@ def find_contradictions(
             for limit in limits:
                 length = limit if mode == 'axial' else limit - 2.0 * ring
                 k = float(law.stiffness(np.array(length), np.array(pressure)))
-                if not MIN_STIFFNESS <= k <= MAX_STIFFNESS:
+                if not 1.0 / MAX_MAGNITUDE <= k <= MAX_MAGNITUDE:
                     yield (
                         f'tube.stiffness.{mode}: C = {law.C:g}, a = {law.a:g}, b = {law.b:g} '
                         f'gives {k:g} for a length of {length:.6g} m {case}: must be from '
-                        f'{MIN_STIFFNESS:g} to {MAX_STIFFNESS:g}; laws are in SI units'
+                        f'{1.0 / MAX_MAGNITUDE:g} to {MAX_MAGNITUDE:g}; laws are in SI units'
                     )
                     return
         yield from _contradiction(laws, pressure, limits, ring, case)
@@ -110,7 +104,7 @@ def _contradiction(
         + (rotary.a - transverse.a) * np.log(pressure)
     )
     between = np.array(limits) - 2.0 * ring
-    least = np.log(4.0) + np.log1p(-RATIO_TOLERANCE)
+    least = np.log(4.0) + np.log1p(-ROUNDING)
     short, long = level + slope * np.log(between) < least
     if not (short or long):
         return

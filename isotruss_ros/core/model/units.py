@@ -25,8 +25,7 @@ def likely_unit(value: float, unit: str, low: float, high: float) -> str:
     :param unit: SI unit in which the value was read.
     :param low: smallest value of the range, in the SI unit.
     :param high: largest value of the range, in the SI unit.
-    :return: clause, for example `; in cm it would be 0.102 m`; empty if no unit explains the
-        value.
+    :return: clause, for example `; in cm it would be 0.102 m`; empty without such a unit.
     """
     fitting = [
         f'in {name} it would be {float(f"{value * size:.4g}"):g} {unit}'

@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import Any
 
 from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.tolerances import NEGLIGIBLE_SHARE
 import numpy as np
 from scipy.linalg import lapack
 from scipy.sparse import bmat, csc_matrix, identity
@@ -144,10 +145,6 @@ def invert_symmetric(matrices: Array) -> Array:
     return found
 
 
-#: Diagonal regularisation of constraint rows in the count of pivots, relative to the matrix [-].
-CONSTRAINT_REGULARIZATION = 1e-7
-
-
 def count_negative_pivots(matrix: Array | csc_matrix, constraints: int) -> int:
     """
     Return the number of negative pivots of the factorisation L D L^T of a symmetric matrix.
@@ -164,9 +161,9 @@ def count_negative_pivots(matrix: Array | csc_matrix, constraints: int) -> int:
     # SuperLU exchanges no rows of a quasi-definite matrix: the constraints are regularised, and
     # their penalty stiffness is added to the constrained block.
     rows = matrix[-constraints:, :-constraints] if constraints else matrix[:0]
-    softened = CONSTRAINT_REGULARIZATION * identity(constraints, format='csc')
+    softened = NEGLIGIBLE_SHARE * identity(constraints, format='csc')
     stiff = matrix[: matrix.shape[0] - constraints, : matrix.shape[0] - constraints]
-    blocks = [[stiff + rows.T @ rows / CONSTRAINT_REGULARIZATION**0.5, rows.T], [rows, -softened]]
+    blocks = [[stiff + rows.T @ rows / NEGLIGIBLE_SHARE**0.5, rows.T], [rows, -softened]]
     whole = bmat(blocks, format='csc') if constraints else matrix
     options = {'SymmetricMode': True}
     factor = splu(whole, permc_spec='MMD_AT_PLUS_A', diag_pivot_thresh=0.0, options=options)

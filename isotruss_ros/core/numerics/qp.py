@@ -29,6 +29,7 @@ from isotruss_ros.core.numerics.arrays import Array, Flags, Indices
 from isotruss_ros.core.numerics.tolerances import (
     COINCIDENCE,
     EPSILON,
+    MAX_SEARCH_STEPS,
     ROUNDING,
     SMALLEST_NORMAL,
 )
@@ -42,11 +43,6 @@ LOOSE_TOLERANCE = 1e-8
 #: Perturbations of the bounds relative to the size of the solution [-]. They are tried one after
 #: another at degenerate vertices, where rounding disturbs the search.
 BOUND_PERTURBATIONS = (0.0, 1e-12, 1e-11, 1e-10, 1e-9)
-#: Tolerance of gaps and complementarity [m]; divided by the smallest compliance it is the
-#: tolerance of forces.
-GAP_TOLERANCE = 1e-9
-#: Number of block exchanges without progress after which least squares is used [-].
-MAX_BLOCK_EXCHANGES = 10
 
 
 class QuadraticProgram(NamedTuple):
@@ -78,8 +74,7 @@ def solve_qp(problem: QuadraticProgram) -> Array | None:
     Return the solution of a quadratic program.
 
     :param problem: quadratic program.
-    :return: (n,) optimal point; None if the constraints contradict each other or P is not positive
-        definite.
+    :return: (n,) optimal point; None if there is none, or P is not positive definite.
     """
     rows, bounds = _inequalities(problem)
     free, start = _free_space(problem)
@@ -164,8 +159,7 @@ def find_nearest(columns: Array, room: Array, size: float, relaxation: float) ->
     :param size: estimate of |y|, not negative.
     :param relaxation: perturbation of the bounds in the active-set search relative to the size,
         zero or small [-].
-    :return: nearest point; None if the constraints contradict each other, or rounding disturbed
-        the search.
+    :return: nearest point; None if there is none, or rounding disturbed the search.
     """
     lengths = np.sqrt(np.einsum('fl,fl->l', columns, columns))
     lengths[lengths <= COINCIDENCE * lengths.max(initial=0.0)] = np.inf
@@ -234,17 +228,17 @@ def solve_complementarity(compliance: Array, gaps: Array, active: Flags) -> tupl
     :raises SolverError: the matrix is not positive definite.
     """
     active = active.copy()
-    best, progress_timeout = len(gaps) + 1, MAX_BLOCK_EXCHANGES
+    best, progress_timeout = len(gaps) + 1, MAX_SEARCH_STEPS
     while True:
         forces = np.zeros(len(gaps))
         forces[active] = _closing(compliance, gaps, active)
         left = gaps + compliance @ forces
-        wrong = (active & (forces < 0.0)) | (~active & (left < -0.1 * GAP_TOLERANCE))
+        wrong = (active & (forces < 0.0)) | (~active & (left < -0.1 * ROUNDING))
         count = int(wrong.sum())
         if count == 0:
             return forces, active
         if count < best:
-            best, progress_timeout = count, MAX_BLOCK_EXCHANGES
+            best, progress_timeout = count, MAX_SEARCH_STEPS
         elif progress_timeout == 0:
             return _by_least_squares(compliance, gaps)
         progress_timeout -= 1

@@ -14,8 +14,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-#: Length of the longest array [numbers] and text [characters] that is shown in full.
-MAX_SHOWN_NUMBERS, MAX_SHOWN_CHARACTERS = 12, 90
+#: Longest text shown in full, also of an array [characters].
+MAX_SHOWN_CHARACTERS = 90
 
 
 class Record:
@@ -163,12 +163,11 @@ def _show(value: Any) -> str:
     """Return a value on one line, numbers to four digits."""
     if hasattr(value, 'to_dict'):
         return type(value).__name__
-    if isinstance(value, np.ndarray) and value.size > MAX_SHOWN_NUMBERS:
-        return f'array of shape {value.shape}'
     if isinstance(value, enum.Enum):
         return str(as_plain(value))
     if isinstance(value, np.ndarray):
-        return _show(value.tolist())
+        text = _show(value.tolist()) if value.size <= MAX_SHOWN_CHARACTERS else '…'
+        return f'array of shape {value.shape}' if text.endswith('…') else text
     if isinstance(value, (float, np.floating)):
         return f'{value:.4g}'
     if isinstance(value, Mapping):

@@ -14,5 +14,15 @@ ROUNDING = 1e-9
 #: Distance below which points coincide [m], and relative length below which vectors vanish [-]. It
 #: is also the last step of Newton's method, whose error is the square of the step.
 COINCIDENCE = 1e-12
-#: Largest number of iterations of Newton's method [-]; quadratic convergence takes about five.
+#: Share of a quantity that has no consequence [-]: difference of equal values, residual of a
+#: balance, weight of a regularisation that makes a solution unique.
+NEGLIGIBLE_SHARE = 1e-6
+#: Largest condition number of a structure [-]; beyond it the structure is a mechanism in double
+#: precision.
+MAX_CONDITION = 1e10
+#: Largest number of iterations of Newton's method and of continuation [-]. Of 400 random calls
+#: none took more than 29, most about five; a third of it misses one equilibrium in thirty.
 MAX_NEWTON_ITERATIONS = 50
+#: Cap of steps that each solve a whole problem, such as linearisations, changes of contacts or
+#: corrections of a waypoint, and of iterations that must end within a control cycle [-].
+MAX_SEARCH_STEPS = 12

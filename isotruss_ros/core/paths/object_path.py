@@ -16,8 +16,7 @@ from __future__ import annotations
 import math
 
 from isotruss_ros.core.errors import NoMotionError, PathError
-from isotruss_ros.core.model.pose import MAX_DISTANCE
-from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.arrays import Array, MAX_MAGNITUDE
 from isotruss_ros.core.numerics.tolerances import ROUNDING
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,11 +24,9 @@ import scipy
 
 #: Largest number of poses [-] and longest duration [s] of a valid path.
 MAX_POSES, MAX_DURATION = 10_000, 86_400.0
-#: Approximate length [m] and rotation [rad] of a segment of a smooth path.
+#: Approximate length [m] and rotation [rad] of a segment of a smooth path; longer where they would
+#: be more than `MAX_POSES`.
 PIECE, PIECE_TURN = 0.005, 0.02
-MAX_PIECES_OF_A_SPAN = 200
-#: Largest number of segments of a smooth path [-]; it bounds time and memory.
-MAX_PIECES = 100_000
 
 
 class ObjectPath:
@@ -119,11 +116,11 @@ def _checked(poses: ArrayLike, first: int) -> Array:
         )
     if len(array) > MAX_POSES:
         raise PathError(f'the path has {len(array)} poses; must be at most {MAX_POSES}')
-    bad = np.flatnonzero(~(np.abs(array) <= MAX_DISTANCE).all(axis=1))
+    bad = np.flatnonzero(~(np.abs(array) <= MAX_MAGNITUDE).all(axis=1))
     if len(bad):
         raise PathError(
             f'pose {bad[0] + first} of the path: {array[bad[0]].tolist()}: must be finite, '
-            f'at most {MAX_DISTANCE:g}'
+            f'at most {MAX_MAGNITUDE:g}'
         )
     return array
 
@@ -160,7 +157,6 @@ def _smoothed(poses: Array, durations: Array) -> Array:
     Return samples of the spline through poses.
 
     :param durations: (n - 1,) durations of the segments, the metric of the spline [s].
-    :raises PathError: the path has too many segments.
     """
     spans = np.sqrt(durations)
     knots = np.concatenate([[0.0], np.cumsum(spans)])
@@ -168,13 +164,8 @@ def _smoothed(poses: Array, durations: Array) -> Array:
     tangents = np.gradient(poses, knots, axis=0, edge_order=2 if len(poses) > 2 else 1)
     steps = np.diff(poses, axis=0)
     wanted = np.maximum(np.hypot(*steps[:, :2].T) / PIECE, np.abs(steps[:, 2]) / PIECE_TURN)
-    counts = np.clip(np.ceil(wanted), 1, MAX_PIECES_OF_A_SPAN).astype(int)
-    total = int(counts.sum())
-    if total > MAX_PIECES:
-        raise PathError(
-            f'the smooth path has {total} pieces of about {PIECE:g} m or {PIECE_TURN:g} rad; '
-            f'must be at most {MAX_PIECES}: give fewer poses, or do not smooth it'
-        )
+    wanted *= min(1.0, MAX_POSES / wanted.sum())
+    counts = np.ceil(wanted).clip(1).astype(int)
     span = np.repeat(np.arange(len(counts)), counts)
     share = (np.arange(len(span)) - np.repeat(np.cumsum(counts) - counts, counts)) / counts[span]
     cut = np.append(knots[span] + share * spans[span], knots[-1])

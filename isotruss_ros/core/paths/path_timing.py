@@ -7,10 +7,8 @@ from __future__ import annotations
 
 import math
 
-from isotruss_ros.core.inputs import Timeline
+from isotruss_ros.core.inputs import HISTORY_DURATION, Timeline
 
-#: Length of the history of path time, and so the largest age of a measurement [s].
-HISTORY_DURATION = 1.0
 #: Smallest rate while limits slow the robot [-]; the next part of the path may be free of them.
 MIN_LIMITED_RATE = 0.1
 
@@ -27,8 +25,7 @@ class PathClock:
     :param duration: duration of the path [s].
     :param ramp_time: initial ramp time [s].
     :param progress_timeout: largest time without progress [s].
-    :param period: initial period of the control loop [s]; an elapsed time is clipped to two
-        periods.
+    :param period: initial period [s]; an elapsed time is clipped to two periods.
     """
 
     def __init__(

@@ -20,8 +20,8 @@ import math
 from typing import NamedTuple
 
 from isotruss_ros.core.errors import PathError
-from isotruss_ros.core.model.pose import MAX_DISTANCE, Pose, pose_difference
-from isotruss_ros.core.numerics.arrays import Array, finite_array
+from isotruss_ros.core.model.pose import Pose, pose_difference
+from isotruss_ros.core.numerics.arrays import Array, finite_array, MAX_MAGNITUDE
 from isotruss_ros.core.numerics.tolerances import COINCIDENCE
 from isotruss_ros.core.paths.object_path import ObjectPath
 from isotruss_ros.core.paths.path_timing import PathClock
@@ -168,7 +168,7 @@ class PathTracker:
         :raises PathError: the measured pose is not three finite numbers within range.
         """
         finite_array(
-            measured, 3, 'the measured pose (x, y, angle) [m, rad]', PathError, MAX_DISTANCE
+            measured, 3, 'the measured pose (x, y, angle) [m, rad]', PathError, MAX_MAGNITUDE
         )
         age, elapsed = max(age, 0.0), max(elapsed, 0.0)
         error = pose_difference(self.path.pose(self.clock.time_then(elapsed, age)), measured)

@@ -24,12 +24,10 @@ from numpy.typing import ArrayLike
 
 #: Decay rate of errors of the roller positions [1/s].
 POSITION_GAIN = 5.0
-#: Largest distance of the rollers from the first waypoint [m].
-START_TOLERANCE = 0.01
 #: End tolerance of the rollers [m], and time within it at the end [s]; larger end tolerance for
 #: imprecise drives or encoders of low resolution [m].
 TOLERANCE, SETTLING_TIME, NEAR_TOLERANCE = 2e-5, 0.1, 5e-4
-#: Largest lag of a roller at which trajectory time runs [m].
+#: Largest distance of a roller from the trajectory, at its start and while its time runs [m].
 MAX_LAG = 5e-3
 #: Largest time without progress [s].
 PROGRESS_TIMEOUT = 3.0
@@ -202,11 +200,11 @@ class RollerTrajectoryServo:
         state = require_fresh(now, self.timeout, joint_states=self.rollers)[0].value
         away = np.abs(trajectory.at(0.0).positions - state.positions)
         worst = int(away.argmax())
-        if away[worst] > START_TOLERANCE:
+        if away[worst] > MAX_LAG:
             raise ConfigurationError(
                 f'the trajectory begins {away[worst]:.4g} m from where roller '
                 f'{self._robot.roller_names[worst]} is; must begin within '
-                f'{START_TOLERANCE} m'
+                f'{MAX_LAG} m'
             )
         return state
 

@@ -52,8 +52,7 @@ class TrajectoryTolerances(NamedTuple):
     """
     Tolerances of a trajectory goal.
 
-    :ivar path: tolerance along the trajectory; None: no bound, trajectory time stops if a roller
-        lags.
+    :ivar path: tolerance along the trajectory; None: no bound, lagging rollers stop time.
     :ivar goal: tolerance at the end; None: the servo's own.
     :ivar goal_time: largest delay of the end, infinite without a bound [s]; None: the servo's own.
     """

@@ -11,32 +11,27 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-import itertools
 import math
 
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.planning.closing import Closing, evaluate_state
+from isotruss_ros.core.numerics.tolerances import MAX_SEARCH_STEPS
+from isotruss_ros.core.planning.closing import Closing, evaluate_state, GAP_TOLERANCE
 from isotruss_ros.core.planning.closing_step import take_closing_step
 from isotruss_ros.core.planning.facing import balances, CONE_SHARE, find_facing, USED_SHARE
 from isotruss_ros.core.planning.violations import RequirementError
 import numpy as np
 
-#: Gap of the grasping members at the end of the approach, and its tolerance, in tube diameters
-#: [-].
-STANDOFF, STANDOFF_TOLERANCE = 0.06, 0.02
+#: Gap of the grasping members at the end, in tube diameters [-].
+STANDOFF = 0.06
 #: Tolerance of the members' rotation at the end of the approach [rad].
 TURN_TOLERANCE = 1e-3
-#: Largest number of steps [-], and of successive steps with less progress than the tolerance of
-#: the gap [tube diameters, rad].
-MAX_STEPS, MAX_IDLE_STEPS = 100, 12
 
 
 def approach(config: Configuration, closing: Closing) -> Iterator[Configuration]:
     """
     Yield the path of the grasping members toward the object, in directions of force closure.
 
-    The path begins at the current configuration. Between configurations it is linear in roller
-    travel.
+    The path begins at the current configuration and is piecewise linear in roller travel.
 
     :param config: configuration of the robot.
     :param closing: closing motion with members and object.
@@ -47,17 +42,18 @@ def approach(config: Configuration, closing: Closing) -> Iterator[Configuration]
     targets = np.full(len(members), STANDOFF * diameter)
     state = evaluate_state(config, closing.body)
     best, idle, share = np.inf, 0, 1.0
-    for number in itertools.count():
+    while True:
         yield state.config
         gap = float((state.gaps[members] - targets).max())
         missing, turned = _find_turn(state.config, closing)
-        far = gap > STANDOFF_TOLERANCE * diameter
+        far = gap > GAP_TOLERANCE * diameter
         if not far and missing <= TURN_TOLERANCE:
             return
         left = max(gap, 0.0) / diameter + missing
-        idle = 0 if left < best - STANDOFF_TOLERANCE else idle + 1
+        idle = 0 if left < best - GAP_TOLERANCE else idle + 1
         best = min(best, left)
-        if idle > MAX_IDLE_STEPS or number == MAX_STEPS:
+        # Steps with less progress than the tolerance of the gaps [tube diameters, rad].
+        if idle > MAX_SEARCH_STEPS:
             name, value = ('reach', gap) if far else ('facing', missing)
             raise RequirementError(name, value, 0.0)
         state, share = take_closing_step(state, turned, targets, share)

@@ -39,8 +39,7 @@ def export_path(grasp: PlannedGrasp) -> dict[str, Any]:
     """
     Return the path to a grasp: `path` (k, r) [m], `times` (k,) [s] and the row `touch`.
 
-    The speed is the limit of the rollers, and `NEAR_SPEED_SHARE` of it from two waypoints before
-    the touch on.
+    The rollers have their largest speed, and `NEAR_SPEED_SHARE` of it near the touch.
 
     :param grasp: planned grasp.
     """

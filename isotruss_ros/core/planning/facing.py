@@ -6,7 +6,7 @@ Directions of members toward an object with force closure.
 
 Two balanced forces act along one line. The required friction is the tangent of the angle between
 this line and the normals, for the best line through the contacts. A face can have contact at any
-of its points, see `contact_patch`. Three members that enclose the object balance with forces
+of its points, see `Shape.contact_patch`. Three members that enclose the object balance with forces
 within their friction cones.
 """
 
@@ -15,7 +15,6 @@ from __future__ import annotations
 import functools
 import math
 
-from isotruss_ros.core.model.contact_patch import contact_body, contact_patch
 from isotruss_ros.core.model.convex_object import ConvexObject, ORIGIN
 from isotruss_ros.core.model.shapes import Shape
 from isotruss_ros.core.numerics.arrays import Array, Points
@@ -38,7 +37,7 @@ def contact_ends(body: ConvexObject, normals: Points, tube_radius: float) -> tup
     :param tube_radius: radius of the members [m].
     :return: two arrays (s,), x + iy from the origin of the object's frame, in robot axes [m].
     """
-    shape, own = contact_body(body, tube_radius).shape, normals * body.turn.conjugate()
+    shape, own = body.shape.smoothed(tube_radius), normals * body.turn.conjugate()
     first, last = _patch_ends(shape, own.tobytes(), tube_radius)
     return body.turn * first, body.turn * last
 
@@ -50,7 +49,7 @@ def _patch_ends(shape: Shape, facing: bytes, tube_radius: float) -> tuple[Points
     if not shape.faces_at(0):
         points = shape.support_points(normals)
         return points, points
-    found = [contact_patch(shape, normal, tube_radius) for normal in normals.tolist()]
+    found = [shape.contact_patch(normal, tube_radius) for normal in normals.tolist()]
     first, last = ([patch[i].point for patch in found] for i in (0, -1))
     return np.array(first), np.array(last)
 
@@ -128,12 +127,11 @@ def find_facing(
     :param angle: half angle of the usable friction cones [rad].
     :param tube_radius: radius of the members [m].
     :param turning: weight of the members' rotation relative to the friction angle [-].
-    :return: (2,) unit vectors from the object toward the members; None if no such directions
-        exist.
+    :return: (2,) unit vectors from the object toward the members, or None.
     """
     # Directions in the object's frame, so that the contacts of one search serve the next.
     firsts = np.exp(2j * np.pi * np.arange(72) / 72)
-    firsts = np.concatenate([firsts, _face_normals(contact_body(body, tube_radius).shape)])
+    firsts = np.concatenate([firsts, _face_normals(body.shape.smoothed(tube_radius))])
     firsts, wedges = (grid.ravel() for grid in np.meshgrid(firsts, np.linspace(-0.8, 0.8, 17)))
     others = -firsts * np.exp(1j * wedges)
     used = friction_angles(body.moved_to(ORIGIN), firsts, others, tube_radius)

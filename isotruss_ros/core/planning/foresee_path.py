@@ -18,16 +18,15 @@ from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.solve_twist import solve_twist
 from isotruss_ros.core.model.convex_object import ConvexObject
-from isotruss_ros.core.model.pose import MAX_DISTANCE, Pose, pose_difference
-from isotruss_ros.core.numerics.arrays import Array, finite_array, finite_rows
+from isotruss_ros.core.model.pose import Pose, pose_difference
+from isotruss_ros.core.numerics.arrays import Array, finite_array, finite_rows, MAX_MAGNITUDE
 from isotruss_ros.core.numerics.blas_threads import single_threaded
+from isotruss_ros.core.planning.reach_pose import MIN_STEP_SCALE
 import numpy as np
 
 #: Length of a step, with rotations times the characteristic radius [m], and largest number of
 #: steps [-]; long paths have longer steps.
 STEP, MAX_STEPS = 0.005, 400
-#: Smallest scale of a step by limits [-]; a smaller scale ends the path.
-MIN_STEP_SCALE = 0.5
 
 
 class Foresight(NamedTuple):
@@ -93,7 +92,7 @@ def foresee_path(held: HeldGrip, friction: float, poses: Array) -> Foresight:
     :raises StructureError: see `structure_of`.
     """
     what = 'the poses of the path (x, y, angle) [m, rad]'
-    poses = finite_rows(poses, 3, what, GraspError, MAX_DISTANCE)
+    poses = finite_rows(poses, 3, what, GraspError, MAX_MAGNITUDE)
     if not len(poses):
         raise GraspError('the path has no poses: must have one or more')
     goals = _divide(poses, held.arm)

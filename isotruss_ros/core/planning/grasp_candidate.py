@@ -61,8 +61,7 @@ def close_grip(
     :param opened: configuration with the members near the object.
     :param closing: closing motion with members and object.
     :param needs: requirements of the grasp.
-    :return: path and grip; None if no grip is admissible. Then the tally of the closing motion has
-        the violation.
+    :return: path and grip; None if no grip is admissible, then the tally has a violation.
     :raises SolverError: a quadratic program, or the contact, was not solved.
     :raises StructureError: see `structure_of`.
     """

@@ -15,21 +15,19 @@ import math
 from isotruss_ros.core.errors import ConfigurationError, GraspError
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.held_gradient import held_gradient
-from isotruss_ros.core.holding.held_grip import HeldGrip, NotHeldError
+from isotruss_ros.core.holding.held_grip import HeldGrip, MAX_DISPLACEMENT, NotHeldError
 from isotruss_ros.core.holding.roll_grip import roll_grip
-from isotruss_ros.core.holding.settle_grasp import MAX_DISPLACEMENT
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.limits import stack_rows
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import pose_difference
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.qp import QuadraticProgram, solve_qp
+from isotruss_ros.core.numerics.tolerances import MAX_SEARCH_STEPS
 from isotruss_ros.core.planning.closing import Closing, evaluate_state
 from isotruss_ros.core.planning.violations import RequirementError
 import numpy as np
 
-#: Largest number of Newton iterations for a waypoint [-].
-MAX_CORRECTIONS = 12
 #: Relative tolerance of the squeeze [-], and tolerance of the pose with rotations times the
 #: characteristic radius [m].
 SQUEEZE_TOLERANCE, PLACE_TOLERANCE = 1e-3, 2e-5
@@ -86,7 +84,7 @@ def squeeze_in_place(grasp: HeldGrip, force: float, closing: Closing) -> HeldGri
     rows = np.concatenate([limits.matrix, -limits.matrix])
     room = np.concatenate([limits.upper, -limits.lower])  # up to the end of the motion
     rollers = len(grasp.config.roller_positions)
-    for _ in range(MAX_CORRECTIONS):
+    for _ in range(MAX_SEARCH_STEPS):
         # Errors in units of tolerances: squeeze, pose and, for three members, evenness.
         missing = _missing(grasp, force, closing.body) / scale
         try:

@@ -21,7 +21,9 @@ from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.blas_threads import single_threaded
+from isotruss_ros.core.numerics.tolerances import NEGLIGIBLE_SHARE
 from isotruss_ros.core.planning.closing import Closing
+from isotruss_ros.core.planning.closing_step import MAX_STEP
 from isotruss_ros.core.planning.grasp_candidate import judge_candidate
 from isotruss_ros.core.planning.grasp_plan import GraspPlan, PlannedGrasp, Progress
 from isotruss_ros.core.planning.requirements import GraspRequirements
@@ -31,11 +33,6 @@ from isotruss_ros.core.safety.margins import object_distances
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 
-#: Largest overlap of a free object with the robot [m].
-OVERLAP_TOLERANCE = 1e-6
-#: Largest difference of roller positions of equal grasps by the same members, in mean member
-#: lengths [-].
-EQUALITY_SHARE = 0.02
 #: Period of the check for a stop while an executor computes [s].
 POLL_INTERVAL = 0.05
 
@@ -68,8 +65,7 @@ def plan_grasps(
     :param on_progress: callback at the start of each round and after each candidate.
     :param should_stop: function that is called before each candidate, and with an executor every
         `POLL_INTERVAL`. If it returns true, the search stops with the grasps so far.
-    :param thorough: whether all candidates of a round are computed; otherwise the round ends with
-        enough grasps.
+    :param thorough: whether a round computes all candidates, or ends with enough grasps.
     :param max_rounds: largest number of rounds; a round is the last if enough grasps are found.
     :raises GraspError: unknown module or members, or an invalid seed.
     :raises StructureError: the robot cannot be analysed.
@@ -85,7 +81,8 @@ def plan_grasps(
     structure_of(config)  # contradictory stiffness laws are reported here, once
     search = _Search(config, needs, executor, on_progress, should_stop)
     gap = float(object_distances(config, body).min())
-    if gap < -OVERLAP_TOLERANCE:  # there is no path to a grasp
+    length = config.robot.home.member_lengths.mean()
+    if gap < -NEGLIGIBLE_SHARE * length:  # there is no path to a grasp
         search.tally.record(Violation('free', gap, 0.0))
         return search.plan()
     for number in range(max_rounds):
@@ -132,7 +129,8 @@ class _Search:
 
     def best(self) -> list[PlannedGrasp]:
         """Return the distinct grasps, best first."""
-        same = EQUALITY_SHARE * self._config.robot.home.member_lengths.mean()
+        # Grasps of the same members within one step of the closing are equal.
+        same = MAX_STEP * self._config.robot.home.member_lengths.mean()
         distinct: list[PlannedGrasp] = []
         for grasp in sorted(self._grasps, key=lambda grasp: -grasp.score):
             if not any(

@@ -16,8 +16,9 @@ from isotruss_ros.core.manipulation.limits import default_limits
 from isotruss_ros.core.manipulation.rolling_grip import RollingGrip
 from isotruss_ros.core.manipulation.solve_twist import solve_twist_ahead
 from isotruss_ros.core.manipulation.status import Status
-from isotruss_ros.core.model.pose import MAX_DISTANCE, Pose, pose_difference
-from isotruss_ros.core.numerics.arrays import Array, finite_array
+from isotruss_ros.core.model.pose import Pose, pose_difference
+from isotruss_ros.core.model.robot_file import DEFAULT_RISE_TIME
+from isotruss_ros.core.numerics.arrays import Array, finite_array, MAX_MAGNITUDE
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.records import Record
 from isotruss_ros.core.numerics.tolerances import ROUNDING
@@ -27,12 +28,8 @@ from numpy.typing import ArrayLike
 
 #: Length of a step of the object, with rotations times the characteristic radius [m].
 STEP = 2e-3
-#: Speed of the object in a step [m/s]; so low that limits of the configuration slow it late.
-STEP_SPEED = 0.02
 #: Smallest scale of a step by limits [-]; a smaller scale ends the motion.
 MIN_STEP_SCALE = 0.05
-#: Largest ratio of the number of steps to the number without limits [-].
-MAX_STEP_RATIO = 20
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -70,12 +67,12 @@ def reach_pose(
         touch the object.
     """
     what = 'the pose to reach (x, y, angle) [m, rad]'
-    goal = finite_array(pose, 3, what, GraspError, MAX_DISTANCE)
+    goal = finite_array(pose, 3, what, GraspError, MAX_MAGNITUDE)
     guard = guard or ShapeGuard(config.robot)
     rolling, path = RollingGrip.attach(config, grip), [config.roller_positions]
     left = pose_difference(goal, rolling.pose)
     whole = size = math.hypot(*left[:2], grip.body.arm * left[2])
-    for _ in range(MAX_STEP_RATIO * (math.ceil(whole / STEP) + 1)):
+    for _ in range(math.ceil((whole / STEP + 1.0) / MIN_STEP_SCALE)):
         if size <= ROUNDING:
             status, why = Status.OK, ''
             break
@@ -100,7 +97,8 @@ def _take_step(
 ) -> tuple[RollingGrip | None, Status, str]:
     """Return the grip after a displacement (3,), the status and a reason; None if it ended."""
     config, grip = rolling.config, rolling.grip
-    duration = STEP / STEP_SPEED
+    # Low speeds, so that limits of the configuration do not slow early.
+    duration = DEFAULT_RISE_TIME
     watch = guard.watch(config, grip)
     limits = (*default_limits(config.robot), *watch.limits)
     command = solve_twist_ahead(

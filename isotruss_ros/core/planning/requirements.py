@@ -131,8 +131,7 @@ class GraspRequirements:
         Return the score of a grip by the measure; a larger score is better.
 
         :param grip: admissible grip.
-        :param shortness: score for the measure of travel, which decreases with the length of the
-            path.
+        :param shortness: score for the measure of travel, larger for a shorter path.
         """
         if self.measure is Measure.TRAVEL:
             return shortness

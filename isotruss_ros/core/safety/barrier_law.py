@@ -76,8 +76,7 @@ class BarrierLaw:
 
         Margins below `LEFT_MARGIN` of the safety margin, and negative ones, must not decrease, so
         errors of a fraction of the safety margin are harmless. A decrease by effects of second
-        order is tolerated unless it crosses the bound; otherwise the robot would stop in every
-        other sample.
+        order is tolerated (the robot would stop every other sample), but not across the bound.
 
         :param margins: (k,) margins at the start of the sample.
         :param duration: duration of the sample, positive [s].
@@ -135,8 +134,7 @@ class Barrier(Protocol):
         """
         Return whether the values depend on the object.
 
-        Such a barrier applies only while an object is held; the guard moves the object with the
-        robot.
+        Such a barrier applies while an object is held, which the guard moves with the robot.
         """
 
     @property

@@ -30,8 +30,6 @@ from isotruss_ros.core.safety.barrier_law import (
 from isotruss_ros.core.safety.margins import grip_gradients, object_distances
 import numpy as np
 
-#: Skin of the Verlet neighbour list [m].
-NEIGHBOR_SKIN = 0.05
 NO_PAIRS = np.zeros(0, dtype=np.intp)
 
 
@@ -76,11 +74,13 @@ class NeighborList:
     of both. Near pairs are in a list. All pairs are evaluated if one may have entered the list;
     the pairs of the list are evaluated if one may be close.
 
-    :param near: largest distance of close pairs [m].
+    :ivar listed_below: distance below which pairs are in the list, half a band beyond [m].
+    :param law: law of the distances; those within its band are close.
     """
 
-    def __init__(self, near: float) -> None:
-        self._near = near
+    def __init__(self, law: BarrierLaw) -> None:
+        self._near, self._skin = law.active_below, 0.5 * law.band
+        self.listed_below = self._near + self._skin
         self._pairs = NO_PAIRS
         self._others: Measured | None = None
         self._listed: Measured | None = None
@@ -100,10 +100,8 @@ class NeighborList:
         """
         if self._others is None or not self._others.holds(config, grip):
             distances = measure(ALL_VALUES)
-            self._pairs = np.flatnonzero(distances < self._near + NEIGHBOR_SKIN)
-            spare = (
-                NEIGHBOR_SKIN if len(self._pairs) else distances.min(initial=np.inf) - self._near
-            )
+            self._pairs = np.flatnonzero(distances < self.listed_below)
+            spare = self._skin if len(self._pairs) else distances.min(initial=np.inf) - self._near
             self._others = Measured(config, grip, float(spare))
             distances = distances[self._pairs]
         elif not len(self._pairs) or (self._listed and self._listed.holds(config, grip)):
@@ -130,7 +128,7 @@ class SelfCollisionBarrier:
     def __init__(self, robot: Mechanism, law: BarrierLaw) -> None:
         self.law = law
         self._model = collision_model(robot)
-        self._neighbors = NeighborList(law.active_below)
+        self._neighbors = NeighborList(law)
 
     def active(self, config: Configuration, grip: Grip | None) -> ActiveValues:
         """Return the close pairs; see `Barrier.active`."""
@@ -164,7 +162,7 @@ class ObjectBarrier:
     def __init__(self, robot: Mechanism, law: BarrierLaw) -> None:
         self.law = law
         self._model = collision_model(robot)
-        self._neighbors = NeighborList(law.active_below)
+        self._neighbors = NeighborList(law)
 
     def active(self, config: Configuration, grip: Grip) -> ActiveValues:
         """Return the parts close to the object; see `Barrier.active`."""
@@ -177,7 +175,7 @@ class ObjectBarrier:
 
     def values(self, config: Configuration, grip: Grip, indices: Selection) -> Array:
         """Return the distances of parts [m], infinite for the grip's; see `Barrier.values`."""
-        far = self.law.active_below + NEIGHBOR_SKIN
+        far = self._neighbors.listed_below
         return object_distances(config, grip.body, grip.members, far, indices)
 
     def names(self, indices: Indices) -> list[str]:
@@ -190,8 +188,7 @@ class RigidityBarrier:
     """
     Rigidity index of the configuration, see `rigidity_index`.
 
-    All singular values near the bound are included, because the order of close ones may change in
-    a step.
+    All singular values near the bound are included, because their order may change in a step.
 
     :param robot: the robot.
     :param law: law of the rigidity index [-].

@@ -20,17 +20,12 @@ import numpy as np
 FAILURE_TIME = 1.0
 #: Smallest commanded speed that counts, above stiction [m/s].
 MIN_SPEED = 0.002
-#: Smallest commanded range that counts, divided by the mean commanded speed [s]. Drives need not
-#: follow faster oscillations.
-MIN_SWING_TIME = 0.1
 #: Smallest measured share of the commanded range that proves motion [-].
 MIN_SHARE = 0.25
 #: Largest delay between command and motion [s].
 SETTLING_TIME = 0.2
 #: Commanded range after which the timing of a working roller restarts [m].
 EVIDENT_TRAVEL = 0.02
-#: Largest interval between two samples that are compared; their times must increase [s].
-MAX_GAP = 0.5
 
 
 class _Range:
@@ -102,7 +97,8 @@ class FailureDetector:
             return
         elapsed = time - self._time if self._time is not None else -1.0
         self._time = time
-        if not 0.0 < elapsed <= MAX_GAP:
+        # Samples must not run back, nor be as far apart as a failure takes.
+        if not 0.0 < elapsed <= FAILURE_TIME:
             self._begin(np.ones(len(self._names), dtype=bool), positions)
             return
         counts = np.abs(commanded) >= MIN_SPEED
@@ -126,7 +122,8 @@ class FailureDetector:
 
     def _flag(self, long: Flags, sent: Array, moved: Array, time: float) -> Flags:
         """Flag failed rollers of those that are timed; return the rollers to time again."""
-        swing = MIN_SWING_TIME * self._path
+        # Drives need not follow oscillations faster than they settle.
+        swing = 0.5 * SETTLING_TIME * self._path
         far = (sent >= MIN_SPEED * FAILURE_TIME) & (sent * self._commanded >= swing)
         ready = long & far & np.isnan(self._asked)
         self._asked[ready], self._asked_at[ready] = sent[ready], time

@@ -46,8 +46,7 @@ class Decision:
     :ivar failed: names of the failed rollers, which are held at zero velocity.
     :ivar frequency: lowest natural frequency of the held object [rad/s]; 0 if unknown.
     :ivar pose_gain: gain of the pose control [1/s]; 0 without control.
-    :ivar squeeze: mean normal force of the members, and its standard deviation [N]; None without a
-        held object.
+    :ivar squeeze: mean normal force and its standard deviation [N]; None without object.
     :ivar pose_delay: delay of the measured poses beyond their stamps [s].
     """
 

@@ -8,21 +8,20 @@ from __future__ import annotations
 import enum
 import math
 
+from isotruss_ros.core.estimation.grip_belief import MAX_DEVIATIONS
 from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 
-#: Smallest half-swing of the pose error that counts: as a length [m], and in standard deviations
-#: of the noise [-].
-MIN_SWING, MIN_SWING_SIGMAS = 0.002, 4.0
-#: Longest half-swing that counts: in units of pi / omega [-], and for unknown omega as a time [s].
-MAX_SWING_PHASE, MAX_SWING_TIME = 2.0, 0.5
+#: Smallest half-swing of the pose error that counts, unless noise is as large [m].
+MIN_SWING = 0.002
+#: Longest half-swing that counts, in units of pi / omega [-].
+MAX_SWING_PHASE = 2.0
+#: Assumed omega where it is unknown [rad/s].
+DEFAULT_FREQUENCY = 15.0
 #: Number of successive half-swings of an oscillation [-], and smallest ratio of their amplitudes
 #: [-].
 SWING_COUNT, MIN_SWING_RATIO = 3, 0.95
-#: Time constant of the low-pass filter on the pose error for unknown omega [s]; otherwise it is 1
-#: / omega.
-FILTER_TIME = 0.05
 
 
 class GripFault(enum.Enum):
@@ -42,8 +41,8 @@ class SwingWatch:
 
     def __init__(self, frequency: float | None = None) -> None:
         # Noise is faster than a growing oscillation, which is the lowest mode.
-        self._filter_time = 1.0 / frequency if frequency else FILTER_TIME
-        self._longest = MAX_SWING_PHASE * math.pi / frequency if frequency else MAX_SWING_TIME
+        self._filter_time = 1.0 / (frequency or DEFAULT_FREQUENCY)
+        self._longest = MAX_SWING_PHASE * math.pi * self._filter_time
         self._error = np.zeros(3)
         self.forget()
 
@@ -61,7 +60,7 @@ class SwingWatch:
         """
         passed = -math.expm1(-elapsed / self._filter_time)
         self._error = self._error + passed * (error - self._error)
-        least = max(MIN_SWING, MIN_SWING_SIGMAS * noise)
+        least = max(MIN_SWING, MAX_DEVIATIONS * noise)
         pairs = zip(self._swings, self._error.tolist(), strict=True)
         return sum(swings.update(value, elapsed, least) for swings, value in pairs) > 0
 

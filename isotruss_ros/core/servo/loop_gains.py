@@ -22,8 +22,8 @@ from typing import NamedTuple
 GAIN_SHARE = 0.25
 #: Pose gain for an unknown frequency [1/s].
 DEFAULT_GAIN = 0.6
-#: Largest gains of the squeeze and of the unexplained pose [1/s].
-MAX_SQUEEZE_GAIN, MAX_BIAS_GAIN = 5.0, 2.0
+#: Largest gain of the squeeze [1/s].
+MAX_SQUEEZE_GAIN = 5.0
 
 
 class LoopGains(NamedTuple):
@@ -48,7 +48,8 @@ def gains_of(gain: float) -> LoopGains:
 
     :param gain: pose gain p, positive [1/s].
     """
-    return LoopGains(gain, min(MAX_SQUEEZE_GAIN, gain), min(MAX_BIAS_GAIN, 0.5 * gain), 1.0 / gain)
+    squeeze = min(MAX_SQUEEZE_GAIN, gain)
+    return LoopGains(gain, squeeze, 0.5 * squeeze, 1.0 / gain)
 
 
 def choose_gain(frequency: float | None) -> float:

@@ -25,10 +25,8 @@ class SqueezeSettings:
     Desired squeeze and settings of its control.
 
     :ivar force: mean normal force of the grasping members, positive [N].
-    :ivar pose_gain: pose gain, which determines the other gains [1/s]; None: by the frequency, see
-        `choose_gain`.
-    :ivar frequency: measured lowest natural frequency of the held object [rad/s]; None: computed
-        from the masses.
+    :ivar pose_gain: pose gain, which determines all gains [1/s]; None: see `choose_gain`.
+    :ivar frequency: measured lowest natural frequency [rad/s]; None: computed from the masses.
     :ivar max_utilisation: bound on the utilisation of the tubes [-]. Commands toward it are
         slowed; beyond it, only commands away from it are executed.
     :ivar load: standard deviation of loads on the object [N]; 0: the value of `EstimatorSettings`.
@@ -52,13 +50,11 @@ class ServoSettings:
     :ivar period: time from cycle to cycle [s].
     :ivar timeout: largest age of inputs [s]; older inputs stop the rollers.
     :ivar joint: joint that twists move without an object; None: twists move the object.
-    :ivar squeeze: settings of the squeeze control; None: the opening angle of the grip is kept
-        (14).
+    :ivar squeeze: settings of the squeeze control; None: the opening angle (14) is kept.
     :ivar bounds: bounds of the configuration; None: no guard and no barriers.
     :ivar barriers: user-defined barriers.
     :ivar limits: user-defined limits besides those of the robot file.
-    :ivar slide_along_limits: whether motion slides along limits of lengths and shapes; otherwise
-        it stops.
+    :ivar slide_along_limits: whether motion slides along limits of lengths and shapes, or stops.
     :ivar max_acceleration: largest acceleration of a roller, except in halts [m/s^2]; None: the
         value of the robot file.
     :ivar failure_time: time without motion under a command after which a roller has failed [s].

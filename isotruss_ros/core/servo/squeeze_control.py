@@ -192,8 +192,7 @@ class SqueezeControl:
         """
         Return the command that executes a twist of the object and controls the squeeze.
 
-        In a fault the twist is zero and the squeeze is controlled; in an oscillation the rollers
-        stop.
+        In a fault only the squeeze is controlled; in an oscillation the rollers stop.
 
         :param twist: (3,) vx, vy [m/s], omega [rad/s] of the object in the robot frame.
         :param period: duration of the command, positive [s].
@@ -230,10 +229,8 @@ class SqueezeControl:
         Integrate the executed twist into the reference.
 
         :param twist: (3,) commanded twist [m/s, rad/s].
-        :param command: executed command; if its direction differs from the twist's, the reference
-            is reset.
-        :param missing: (3,) part of the command's twist that acceleration or barriers did not
-            admit.
+        :param command: executed command; another direction than the twist's resets the reference.
+        :param missing: (3,) part of the twist that acceleration or barriers did not admit.
         """
         if command.status in (Status.UNREACHABLE, Status.SLIDING):
             self.reference = None

@@ -29,8 +29,7 @@ class RigidObject:
 
     :ivar rolling: rolling grip; None for a free object.
     :param body: the object at its initial pose.
-    :param friction: coefficient of friction between tube and object; the object's own has
-        precedence.
+    :param friction: coefficient of friction; the object's own has precedence.
     """
 
     def __init__(self, body: ConvexObject, friction: float) -> None:

@@ -162,8 +162,7 @@ class SimulatedRobot(DrivenRollers):
         Integrate the motion over a time interval.
 
         :param duration: length of the interval, not negative [s].
-        :raises ConfigurationError: no configuration exists at the commanded travel; then the
-            rollers block.
+        :raises ConfigurationError: no configuration exists at this travel; the rollers block.
         """
         speeds = self._speeds()
         moving = bool(speeds.any())

@@ -22,6 +22,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from isotruss_ros.core.numerics.arrays import Array, Flags
+from isotruss_ros.core.numerics.tolerances import EPSILON
 import numpy as np
 
 #: Matrix from the displacements of a member's ends to the motions along and across its chord and
@@ -29,10 +30,6 @@ import numpy as np
 CHORD = np.array(
     [[-1, 0, 0, 1, 0, 0], [0, -1, 0, 0, 1, 0], [0, 0, 1, 0, 0, 0], [0, 0, 0, 0, 0, 1]], dtype=float
 )
-
-
-#: Imaginary step of complex-step derivatives [-].
-STEP = 1e-30
 
 
 class EndForces(NamedTuple):
@@ -85,7 +82,7 @@ class BeamColumns:
         rated: bool = False,
     ) -> None:
         # Derivatives along the imaginary axis, which have no rounding of differences.
-        self._step = 1j * STEP if rated else 0.0
+        self._step = 1j * EPSILON if rated else 0.0
         length = length + self._step
         self.length, self.stretch = length, length / axial
         bar = (flexural == 0.0) | (pinned_start & pinned_end)
@@ -134,7 +131,7 @@ class BeamColumns:
             pull, moments = nearest, moments + slope * (nearest - pull)
         if not self._step:
             return EndForces(pull, moments.T, stiffness.T, stressed, gap)
-        rates = np.array([pull, *moments]).imag / STEP
+        rates = np.array([pull, *moments]).imag / EPSILON
         real = pull.real, moments.T.real, stiffness.T.real, tuple(each.real for each in stressed)
         return EndForces(*real, gap.real, rates.T)
 
@@ -158,11 +155,11 @@ def evaluate_rates(
     :param chord: (k,) elongations l - l0 [m].
     """
     length, axial, flexural, shear = (
-        value + 1j * STEP * change for value, change in zip(values, changes, strict=True)
+        value + 1j * EPSILON * change for value, change in zip(values, changes, strict=True)
     )
     columns = BeamColumns(length, axial, flexural, shear, *pins)
-    found = columns.evaluate(chord - 1j * STEP * changes[0], turns)
-    return np.column_stack([found.pull, found.moments]).imag / STEP
+    found = columns.evaluate(chord - 1j * EPSILON * changes[0], turns)
+    return np.column_stack([found.pull, found.moments]).imag / EPSILON
 
 
 def _reciprocal(series: Array) -> Array:
@@ -208,8 +205,7 @@ def local_stiffness(
     :param flexural: (k,) EI [N m^2].
     :param shear: (k,) GA [N], infinite for no shear deformation.
     :param pins: (k,) masks of pinned starts and pinned ends; None for fixed ends.
-    :return: (k, 6, 6), rows and columns (ux, uy, theta) at start and end; zero for the rotation of
-        a pinned end.
+    :return: (k, 6, 6) by (ux, uy, theta) at start and end; zero for pinned rotations.
     """
     fixed = np.zeros(np.shape(length), dtype=bool)
     columns = BeamColumns(length, axial, flexural, shear, *(pins or (fixed, fixed)))

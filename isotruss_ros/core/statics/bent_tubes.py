@@ -16,19 +16,15 @@ from typing import NamedTuple
 
 from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
+from isotruss_ros.core.numerics.tolerances import MAX_SEARCH_STEPS, NEGLIGIBLE_SHARE, ROUNDING
 from isotruss_ros.core.statics.cut_frame import CutFrame, keep_apart
 from isotruss_ros.core.statics.frame import end_forces, Frame, Tangent
 from isotruss_ros.core.statics.structure import Structure
 import numpy as np
 
-#: Factor on the loads that makes the bent model linear, as in the paper [-]. At a third of it
-#: rounding is 1e-9, at three times the nonlinear part is of this size.
-LINEAR_SHARE = 1e-6
-#: Largest motion of a node [m] without a new linearisation: in equilibrium, and while a motion is
-#: followed. The remaining error is 15 /m times the square of the motion.
-SETTLED_MOTION, FOLLOWED_MOTION = 1e-9, 1e-4
-#: Largest number of linearisations [-].
-MAX_BENDS = 8
+#: Largest motion of a node [m] without a new linearisation while a motion is followed; in
+#: equilibrium it is `ROUNDING`. The remaining error is 15 /m times the square of the motion.
+FOLLOWED_MOTION = 1e-4
 #: Weight of a place's motion relative to a node's motion in `BentTubes.distance` [-].
 PLACE_SHARE = 0.2
 #: Smallest distance of a cut from other cuts and from the ends of its piece of tube [m].
@@ -56,10 +52,8 @@ class PlaceChanges(NamedTuple):
     Changes of the frame by p motions of the places along their members, at constant loads.
 
     :ivar nodes: (n, 3, p) motion of the nodes [m, rad].
-    :ivar inclined: (k, p) changes of the inclinations at the places while the nodes are fixed
-        [rad].
-    :ivar forces: (c, 3, p) changes of N [N], M1 and M2 [N m] of the members while the nodes are
-        fixed.
+    :ivar inclined: (k, p) changes of the inclinations at the places, nodes fixed [rad].
+    :ivar forces: (c, 3, p) changes of the members' N [N], M1 and M2 [N m], nodes fixed.
     """
 
     nodes: Array
@@ -150,12 +144,12 @@ class BentTubes:
         displaced = np.append(nodes, own, axis=0), multipliers, np.zeros((len(own), 3)), pull[part]
         return self.bent_to(Displaced(*displaced))
 
-    @property
+    @cached_property
     def ahead(self) -> Array:
         """Return 1 for each place (k,) on a piece of tube along its member, else -1."""
         return self._cut[1]
 
-    @property
+    @cached_property
     def cuts(self) -> Array:
         """Return the distances of the cuts from the members' starts, (k,) [m]."""
         return self._cut[2]
@@ -165,7 +159,7 @@ class BentTubes:
         """Return whether the tubes are linearised about the state without loads."""
         return self.before is None
 
-    @property
+    @cached_property
     def frame(self) -> Frame:
         """Return the frame with cuts at the places."""
         return self._cut[0]
@@ -182,8 +176,8 @@ class BentTubes:
 
     @cached_property
     def share(self) -> float:
-        """Return the factor on all loads: `LINEAR_SHARE` in the paper's model, else 1."""
-        return LINEAR_SHARE if self.linear else 1.0
+        """Return the factor on all loads, negligible in the linear model of the paper, else 1."""
+        return NEGLIGIBLE_SHARE if self.linear else 1.0
 
     @cached_property
     def tangent(self) -> Tangent:
@@ -377,11 +371,11 @@ class BentTubes:
         :raises StructureError: no equilibrium is found.
         """
         bent = self
-        for _ in range(MAX_BENDS):
-            if bent.distance(loads, places) <= SETTLED_MOTION:
+        for _ in range(MAX_SEARCH_STEPS):
+            if bent.distance(loads, places) <= ROUNDING:
                 return bent
             bent = bent.update(loads, places)
-        raise StructureError(f'the bent tubes did not settle in {MAX_BENDS} steps')
+        raise StructureError(f'the bent tubes did not settle in {MAX_SEARCH_STEPS} steps')
 
     def changes(self, loads: Array, places: Array) -> tuple[Array, PlaceChanges]:
         """
@@ -389,8 +383,7 @@ class BentTubes:
 
         :param loads: (k, 3, p) further loads at the places.
         :param places: (k, p) motion of the places along the members [m].
-        :return: (n, 3, p) motions of the nodes by the loads, and the changes by motion of the
-            places.
+        :return: (n, 3, p) motions of the nodes by the loads, and changes by the places.
         """
         frame, count, found = self.frame, len(self.members), self._changes[0]
         by_loads = found[..., : 3 * count] @ loads.reshape(3 * count, -1)
@@ -455,10 +448,9 @@ class BentTubes:
         """
         Return the changes of the frame by p changes of sections, at constant loads and places.
 
-        In the paper's model the effect of loads is scaled by `LINEAR_SHARE`.
+        In the paper's model the effect of loads is scaled by `NEGLIGIBLE_SHARE`.
 
-        :param changes: (4, c, p) changes of the members' rest lengths [m], EA [N], EI [N m^2] and
-            GA [N].
+        :param changes: (4, c, p) changes of rest lengths [m], EA [N], EI [N m^2] and GA [N].
         :return: (n, 3, p) motions of the nodes, (k, p) changes of the inclinations at the places,
             and (c, 3, p) changes of N, M1 and M2 of the members while the nodes are fixed.
         """

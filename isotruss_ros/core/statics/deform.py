@@ -121,7 +121,7 @@ def deform(
     :param config: configuration of the robot, with rollers at rest.
     :param joint_loads: (fx, fy) by joint, robot frame [N]. Joints are hinges and take no moment.
     :param pressure: gauge pressure [Pa]: one for all tubes, one for each, or by tube name; None:
-        the pressure of the robot file.
+        as in the robot file.
     :param module_loads: (fx, fy, m) by module, at the midpoint of its pinch points [N, N m].
     :param tube_loads: (l, 4) by member: rows (place, fx, fy, m) with the distance from the
         member's start [m, N, N m].

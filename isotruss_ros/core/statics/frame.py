@@ -26,6 +26,7 @@ from isotruss_ros.core.numerics.factorization import (
     factorize_with_condition,
     invert_symmetric,
 )
+from isotruss_ros.core.numerics.tolerances import MAX_CONDITION, MAX_NEWTON_ITERATIONS, ROUNDING
 from isotruss_ros.core.statics.beam_column import (
     BeamColumns,
     CHORD,
@@ -44,11 +45,6 @@ from isotruss_ros.core.statics.frame_pattern import (
 import numpy as np
 from scipy.sparse import coo_matrix, csc_matrix
 
-#: Largest condition number of the scaled matrix of (4) [-]; beyond it the frame is a mechanism.
-MAX_CONDITION = 1e12
-#: Length of the last step of Newton's method [m]; the remaining error is rounding.
-STEP_TOLERANCE = 1e-7
-MAX_NEWTON_ITERATIONS = 20
 #: Largest ratio of the displacements to those of the linear frame [-].
 MAX_GROWTH = 3.0
 #: Index of each entry of `chord_motions` in the list (0, 1, -1, x, y, -x, -y) of a direction (x,
@@ -68,8 +64,7 @@ class FrameState:
     :ivar end_forces: (k, 6) forces of the nodes on the members at start and end: along the chord,
         across it [N], and moment [N m].
     :ivar multipliers: (c,) multipliers of the constraints.
-    :ivar bowing: (k,) axial forces that amplify the moments inside bent members [N]; zero in the
-        linear frame.
+    :ivar bowing: (k,) axial forces that amplify moments inside members [N]; zero if linear.
     """
 
     displacements: Array
@@ -84,10 +79,8 @@ class CondensedChains(NamedTuple):
     Cut members whose inner points are eliminated by static condensation.
 
     :ivar chains: the cut members.
-    :ivar inverse: (b, 3 p, 3 p) displacements of the inner points by loads on them, with fixed
-        member ends.
-    :ivar spread: (b, 3 p, 6) displacements of the inner points by displacements of the member
-        ends.
+    :ivar inverse: (b, 3 p, 3 p) displacements of the inner points by their loads, ends fixed.
+    :ivar spread: (b, 3 p, 6) displacements of the inner points by those of the ends.
     :ivar stiffness: (b, 3 p, 3 p) stiffness of the inner points with fixed member ends.
     """
 
@@ -121,13 +114,10 @@ class Tangent:
     :ivar axis: (k,) unit vectors of the chords, x + iy.
     :ivar length: (k,) lengths of the chords [m].
     :ivar forces: forces of the members.
-    :ivar motions: (k, 4, 6) stretch and sway of the chords and end rotations, by displacements of
-        the ends.
-    :ivar stretched: (k,) elongations l - l0 [m], and (k, 2) rotations of the ends relative to the
-        chords [rad].
+    :ivar motions: (k, 4, 6) stretch, sway and end rotations by displacements of the ends.
+    :ivar stretched: (k,) elongations [m], and (k, 2) end rotations relative to chords [rad].
     :ivar gaps: (c,) violations of the constraints.
-    :ivar stiffness: (k, 4, 4) stiffness of the members by stretch and sway of the chords and end
-        rotations.
+    :ivar stiffness: (k, 4, 4) stiffness of the members by stretch, sway and end rotations.
     """
 
     displacements: Array
@@ -279,8 +269,7 @@ class Frame:
     :ivar members: members between the nodes.
     :ivar length: (k,) lengths of the members [m].
     :ivar axis: (k,) unit vectors of the members from start to end, x + iy.
-    :ivar rows: constraints on the displacements: linear ones, or constraints on rotations of
-        spans.
+    :ivar rows: linear constraints on displacements, or constraints on rotations of spans.
     :ivar whole: (k,) index of the uncut frame's member of which each member is a part.
     :ivar held: (n, 3) mask of ux, uy, theta fixed by supports.
     :ivar pattern: sparsity pattern of the frame; for a cut frame, of the uncut frame.
@@ -294,10 +283,8 @@ class Frame:
     :param members: members between the nodes.
     :param held: (n, 3) mask of ux, uy, theta fixed by supports.
     :param names: (n,) names of the nodes for error messages.
-    :param rows: constraints on the displacements: linear ones, or constraints on rotations of
-        spans.
-    :param pattern: sparsity pattern of a frame with the same connections and supports; None:
-        computed.
+    :param rows: linear constraints on displacements, or constraints on rotations of spans.
+    :param pattern: pattern of a frame with the same connections and supports; None: computed.
     :param rated: see `BeamColumns`.
     """
 
@@ -367,8 +354,7 @@ class Frame:
 
         :param displacements: (n, 3) displacements ux, uy [m], theta [rad].
         :param multipliers: (c,) multipliers of the constraints.
-        :param pull: (k,) axial forces N, see `BeamColumns.evaluate` [N]; None: computed from the
-            displacements.
+        :param pull: (k,) axial forces [N], see `BeamColumns.evaluate`; None: computed.
         """
         rows, size = self.rows, displacements.size
         ends = displacements.ravel()[self.places]
@@ -448,7 +434,7 @@ class Frame:
         Return displacements, reactions and member forces under loads, by the linear frame (4).
 
         :param loads: (n, 3) loads fx, fy [N], m [N m] on the nodes.
-        :raises StructureError: the frame is a mechanism (names the nodes that move), or the loads
+        :raises StructureError: the frame is a mechanism (names moving nodes), or the loads
             overflow.
         """
         rest, flat = self.rest, loads.ravel()
@@ -484,8 +470,7 @@ class Frame:
         :param loads: (n, 3) loads fx, fy [N], m [N m] on the nodes.
         :param start: frame linearised about the initial state; None: about the unloaded state.
         :param growth: largest ratio of the displacements to those of the linear frame [-].
-        :return: the frame linearised about its equilibrium; None without an equilibrium close to
-            the linear one.
+        :return: the frame linearised about its equilibrium; None if there is none near.
         :raises StructureError: the frame is a mechanism.
         """
         tangent = self.rest if start is None else start
@@ -506,7 +491,7 @@ class Frame:
                 tangent = self.tangent(
                     displacements, tangent.multipliers + multipliers[:, 0], pull
                 )
-            if size <= STEP_TOLERANCE:
+            if size <= ROUNDING:
                 return tangent
         return None
 
@@ -552,8 +537,7 @@ class Frame:
 
         :param tangent: linearised frame.
         :param parts: (p,) indices of the members.
-        :param changes: (4, p, c) changes of the members' rest lengths [m], EA [N], EI [N m^2] and
-            GA [N].
+        :param changes: (4, p, c) changes of rest lengths [m], EA [N], EI [N m^2] and GA [N].
         """
         own, count = self.members, changes.shape[2]
         each = parts.repeat(count)

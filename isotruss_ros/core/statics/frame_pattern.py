@@ -97,8 +97,7 @@ class TurnRows(NamedTuple):
         :param points: (n,) nodes without loads, x + iy [m].
         :param displacements: (n, 3) displacements ux, uy [m], theta [rad] of the nodes.
         :param multipliers: (c,) multipliers of the constraints.
-        :return: entries (2 e,), violations (c,), and the geometric stiffness (4 h,) of the spans
-            by `pairs`.
+        :return: entries (2 e,), violations (c,), and geometric stiffness (4 h,) by `pairs`.
         """
         moved = points + displacements @ (1.0, 1j, 0.0)
         before, spans = (self._spans(each) for each in (points, moved))
@@ -161,10 +160,8 @@ class FramePattern:
     :ivar entries: (e,) indices of the members' stiffness entries that are in the matrix of (4).
     :ivar weights: (w,) indices of the constraints' entries that are in the matrix of (4).
     :ivar bound: (w,) index of the unknown displacement of each such constraint entry.
-    :ivar multiplier: (w,) index of the multiplier of each such constraint entry, among all
-        unknowns.
-    :ivar curved: (h,) indices of the pairs `TurnRows.pairs` of which both displacements are
-        unknown.
+    :ivar multiplier: (w,) index among the unknowns of each such entry's multiplier.
+    :ivar curved: (h,) indices of `TurnRows.pairs` with two unknown displacements.
     :ivar matrix_rows: (e + 2 w + h,) row of each of these entries in the matrix of (4).
     :ivar matrix_columns: (e + 2 w + h,) column of each of these entries.
     :ivar flat_places: (e + 2 w + h,) index of each of these entries in the flattened dense matrix.

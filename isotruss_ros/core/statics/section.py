@@ -165,7 +165,7 @@ def tube_pressures(
 
     :param description: description of the robot.
     :param pressure: gauge pressure [Pa]: one for all tubes, (t,) in the order of the robot file,
-        or by tube name; None: the pressures of the robot file.
+        or by tube name; None: as in the robot file.
     :return: (t,) gauge pressures [Pa].
     :raises StructureError: no such tube, a wrong number of pressures, or a pressure that is not a
         number from 1e-3 to 1e7 Pa.

@@ -17,14 +17,9 @@ from typing import Any, ClassVar
 
 from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.model.description import RobotDescription
-from isotruss_ros.core.model.stiffness_law import (
-    Law,
-    MAX_STIFFNESS,
-    MIN_STIFFNESS,
-    RATIO_TOLERANCE,
-    read_laws,
-)
-from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.model.stiffness_law import Law, read_laws
+from isotruss_ros.core.numerics.arrays import Array, MAX_MAGNITUDE
+from isotruss_ros.core.numerics.tolerances import ROUNDING
 from isotruss_ros.core.statics.section import (
     as_floats,
     broadcast_members,
@@ -99,8 +94,7 @@ class PowerLaw:
     """
     Measured end stiffnesses of a member, as power laws of pressure and length.
 
-    :param axial: axial force over displacement of a member's end at a pinch point, with the other
-        end fixed [N/m].
+    :param axial: axial force over displacement of a pinch point, the other one fixed [N/m].
     :param transverse: transverse force over displacement of a tube's end at a guide ring, with the
         other end and both end rotations fixed [N/m].
     :param rotary: moment over rotation of a tube's end at a guide ring, with its translation and
@@ -126,13 +120,14 @@ class PowerLaw:
         for mode, span in (('axial', length), ('transverse', between), ('rotary', between)):
             law: Law = getattr(self, mode)
             k = law.stiffness(span, pressure)
-            wrong = ~((k >= MIN_STIFFNESS) & (k <= MAX_STIFFNESS))
+            wrong = ~((k >= 1.0 / MAX_MAGNITUDE) & (k <= MAX_MAGNITUDE))
             if wrong.any():
                 at = int(np.argmax(wrong))
                 raise StructureError(
                     f'stiffness law {mode}: C = {law.C:g}, a = {law.a:g}, b = {law.b:g} gives '
                     f'{k[at]:g} for {_case(length[at], pressure[at])}: '
-                    f'must be from {MIN_STIFFNESS:g} to {MAX_STIFFNESS:g}; laws are in SI units'
+                    f'must be from {1.0 / MAX_MAGNITUDE:g} to {MAX_MAGNITUDE:g}; '
+                    'laws are in SI units'
                 )
             stiffnesses.append(k)
         return stiffnesses[0], stiffnesses[1], stiffnesses[2]
@@ -154,7 +149,7 @@ class PowerLaw:
         axial, transverse, rotary = self._end_stiffnesses(length, pressure)
         between = length - 2.0 * self.guide_ring_distance
         ratio = 12.0 * rotary / (transverse * between**2)
-        wrong = ratio < 4.0 * (1.0 - RATIO_TOLERANCE)
+        wrong = ratio < 4.0 * (1.0 - ROUNDING)
         if wrong.any():
             at = int(np.argmax(wrong))
             raise StructureError(
@@ -165,7 +160,7 @@ class PowerLaw:
                 f'{transverse[at] * between[at] ** 2 / 3.0:.6g} N m/rad'
             )
         # Within rounding of 4 there is no shear, not a stiffness of whatever the rounding leaves.
-        phi = np.where(ratio > 4.0 * (1.0 + RATIO_TOLERANCE), ratio - 4.0, 0.0)
+        phi = np.where(ratio > 4.0 * (1.0 + ROUNDING), ratio - 4.0, 0.0)
         flexural = transverse * between**3 * (1.0 + phi) / 12.0
         shear = np.full_like(length, np.inf)
         np.divide(12.0 * flexural, phi * between**2, out=shear, where=phi > 0.0)

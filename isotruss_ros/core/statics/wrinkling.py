@@ -15,14 +15,13 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from isotruss_ros.core.numerics.arrays import Array, Indices
+from isotruss_ros.core.numerics.tolerances import ROUNDING
 from isotruss_ros.core.statics.frame import Frame
 from isotruss_ros.core.statics.structure import Structure
 import numpy as np
 
 #: Largest recommended utilisation of a tube [-].
 MAX_UTILISATION = 0.8
-#: Smallest phase of a sinusoidal moment, against division by zero [rad].
-TINY = 1e-9
 
 
 def wrinkling_moment(pressure: float, radius: float) -> float:
@@ -39,8 +38,7 @@ class Utilisation(NamedTuple):
     """
     Utilisation of the m members of a robot under loads.
 
-    :ivar used: (m,) largest |M| / M_w on each member; infinite if the compression exceeds the
-        pull.
+    :ivar used: (m,) largest |M| / M_w on each member; infinite if compression exceeds the pull.
     :ivar place: (m,) distance of this maximum from the member's start [m].
     :ivar piece: (m,) index of the frame's member with the maximum.
     :ivar kind: (m,) 0 if the maximum is at this member's start, 1 at its end, 2 inside.
@@ -134,7 +132,7 @@ def use_sections(
     length, flexural, shear = sections
     # M = begin cos(k x) + sine sin(k x); without compression the ends bear most.
     wave = np.sqrt(np.maximum(-pull, 0.0) / flexural / (1.0 + pull / shear))
-    turned = np.maximum(wave * length, TINY)
+    turned = np.maximum(wave * length, ROUNDING)
     sine = (end - begin * np.cos(turned)) / np.sin(turned)
     crest = np.arctan2(sine, begin) % np.pi
     within = (wave > 0.0) & (crest < turned)

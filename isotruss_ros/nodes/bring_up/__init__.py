@@ -4,6 +4,7 @@
 """
 Bring-up of a robot: checks before the first motion, and calibration.
 
-Entry points: `preflight`, `check_rollers`, `calibration`, `pluck`. `joint_markers` has their
-measurements. Imports `nodes.framework`, `calibration` and the core.
+Entry points: `preflight`, `check_rollers`, `calibration`, `pluck`. They measure by
+`joint_markers`.
+Imports `nodes.framework`, `calibration` and the core.
 """

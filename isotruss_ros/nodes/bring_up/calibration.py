@@ -33,13 +33,13 @@ SPECS = (
 
 
 class Calibration(StoppableNode):
-    """Measures the empty robot on request, and writes the result to a robot file."""
+    """Node that measures the empty robot on request, and writes the result to a robot file."""
 
     node_name = 'calibration'
     specs = SPECS
 
     def start(self) -> None:
-        """Subscribe, and offer the services."""
+        """Create the subscriptions and services."""
         self._robot = load_robot(self.values.robot)
         self._output = Path(self.values.output)
         self._markers = JointMarkers(self, self._robot)
@@ -65,7 +65,7 @@ class Calibration(StoppableNode):
     def _calibrate_stiffness(
         self, request: CalibrateStiffness.Request, response: CalibrateStiffness.Response
     ) -> CalibrateStiffness.Response:
-        """Fit the stiffness to the joints under a pull and in the same posture without it."""
+        """Fit the stiffness to joints under a pull, and in the same posture without the pull."""
         try:
             under, count = self._measure()
             before = [each for each in self._postures if _is_same(each, under)]
@@ -96,7 +96,7 @@ class Calibration(StoppableNode):
 
 
 def _is_same(posture: Posture, other: Posture) -> bool:
-    """Return whether the rollers are at the same positions."""
+    """Return whether the roller positions of two postures are equal."""
     return bool(
         np.abs(posture.roller_positions - other.roller_positions).max() < 2.0 * REST_TOLERANCE
     )

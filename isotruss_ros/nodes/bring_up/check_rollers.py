@@ -4,7 +4,7 @@
 """
 Node `check_rollers`: moves one roller at a time, and checks the motion of the joints.
 
-It ends at the first roller of a wrong sign, scale or assignment, before another one moves.
+It ends at the first roller with a wrong sign, scale or assignment, before another roller moves.
 """
 
 from __future__ import annotations
@@ -40,16 +40,16 @@ SPECS = (
 
 class CheckRollers(StoppableNode):
     """
-    Moves each roller of the empty robot forth and back.
+    Node that moves each roller of the empty robot forth and back.
 
-    :ivar right: names of the rollers found correct.
+    :ivar right: names of the rollers that are correct.
     """
 
     node_name = 'check_rollers'
     specs = SPECS
 
     def start(self) -> None:
-        """Subscribe, and wait for the markers."""
+        """Create the subscriptions, and wait for the markers."""
         self._robot = load_robot(self.values.robot)
         self.right: list[str] = []
         self._commands = RollerCommands(self, len(self._robot.roller_names))
@@ -70,7 +70,7 @@ class CheckRollers(StoppableNode):
             raise MeasurementError('emergency stop')
 
     def _cycle(self) -> None:
-        """Publish the current velocities; continue after the current pause."""
+        """Publish the current velocities, and continue the check after each pause."""
         others = self._commands.find_others()
         if others is not None:
             raise MeasurementError(others)
@@ -83,7 +83,7 @@ class CheckRollers(StoppableNode):
         self._commands.publish(self._velocities)
 
     def _check_all(self) -> Generator[float, None, None]:
-        """Check one roller after the other; yields pauses [s]."""
+        """Check the rollers one by one; yield pauses [s]."""
         travel, speed = self.values.travel, self.values.speed
         rest = self.values.settle_time + WINDOW
         for number, name in enumerate(self._robot.roller_names):
@@ -110,14 +110,14 @@ class CheckRollers(StoppableNode):
             self.right.append(name)
 
     def _finish(self) -> None:
-        """Mark the rollers in the robot file as checked, and end."""
+        """Write the names of the checked rollers to the robot file, and end."""
         if self.values.output:
             write_checked_rollers(self._robot, Path(self.values.output), self.right)
         self.done = True
 
 
 def _judge_encoders(names: Sequence[str], number: int, travel: float, turned: Array) -> str:
-    """Return the fault of the encoders of a correct roller; empty without one."""
+    """Return the fault of the encoders when a correct roller moves; empty without a fault."""
     expected = np.zeros(len(names))
     expected[number] = travel
     off = np.abs(turned - expected)

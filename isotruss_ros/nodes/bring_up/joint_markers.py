@@ -23,7 +23,7 @@ from isotruss_ros.nodes.framework.runner import StoppableNode
 from isotruss_ros.nodes.framework.sensors import Inputs
 import numpy as np
 
-#: Averaging time of markers: noise of 1 mm leaves 5 % of a stiffness scale [s].
+#: Averaging time of markers [s]. Noise of 1 mm then causes 5 % error of a stiffness scale.
 WINDOW = 1.0
 DEVIATION = Spec(
     'marker_deviation',
@@ -31,18 +31,18 @@ DEVIATION = Spec(
     'Standard deviation of a coordinate of a marker [m]',
     bounds=(1e-6, 0.1),
 )
-#: Largest change of the encoders of rollers at rest within the window [m].
+#: Largest change of an encoder within the averaging time for a roller at rest [m].
 REST_TOLERANCE = 5e-4
-#: Largest age of the last message of a live topic [s].
+#: Largest age of a topic's last message, if the topic is not silent [s].
 MAX_TOPIC_AGE = 0.5
 
 
 class MeasuredJoints(NamedTuple):
     """
-    Joints of a robot with the rollers at rest.
+    Measured joints of a robot whose rollers are at rest.
 
-    :ivar posture: readings of the encoders, and means of the joints.
-    :ivar count: smallest number of messages of a joint.
+    :ivar posture: encoder readings, and mean positions of the joints.
+    :ivar count: smallest number of averaged messages of a joint.
     """
 
     posture: Posture
@@ -53,10 +53,10 @@ class JointMarkers:
     """
     Recent messages of `joint_markers` and `joint_states`.
 
-    :ivar frame: frame of the robot and the joints.
+    :ivar frame: frame of the robot and of the joints.
     :ivar timeout: largest age of an input [s].
-    :ivar rollers: input of the `RollerState`.
-    :ivar markers: input of the joints {name: (x, y)} [m].
+    :ivar rollers: input of the measured `RollerState`.
+    :ivar markers: input of the measured joints {name: (x, y)} [m].
     :param node: subscribing node.
     :param robot: the robot.
     """
@@ -73,7 +73,7 @@ class JointMarkers:
 
     def measure(self, now: float) -> MeasuredJoints:
         """
-        Return the means over the window.
+        Return the mean joint positions over the averaging time.
 
         :param now: time on the clock of the stamps [s].
         :raises MeasurementError: a topic is silent, or the rollers move.

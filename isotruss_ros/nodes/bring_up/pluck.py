@@ -4,7 +4,7 @@
 """
 Node `pluck`: measurement of the oscillation of a held object.
 
-The rollers push the object by a short twist and stop; frequency and damping ratio are fitted to
+The rollers push the object by a short twist and stop. Frequency and damping ratio are fitted to
 the following poses. Then the node ends.
 """
 
@@ -25,7 +25,7 @@ from isotruss_ros.nodes.framework.sensors import Inputs
 from isotruss_ros.nodes.framework.topics import RELIABLE
 import numpy as np
 
-#: Duration of the push, short against the period of the oscillation [s].
+#: Duration of the push, short compared with the period of the oscillation [s].
 PUSH_TIME = 0.15
 SPECS = (
     ROBOT,
@@ -48,16 +48,16 @@ SPECS = (
 
 class Pluck(StoppableNode):
     """
-    Pushes the object once, and fits an oscillation to its poses.
+    Node that pushes the object once and fits an oscillation to its poses.
 
-    :ivar found: fitted oscillation; None before.
+    :ivar found: fitted oscillation; None before the fit.
     """
 
     node_name = 'pluck'
     specs = SPECS
 
     def start(self) -> None:
-        """Subscribe, and wait for the inputs."""
+        """Create the subscriptions, and wait for the inputs."""
         values = self.values
         self.found: Oscillation | None = None
         robot = load_robot(values.robot)
@@ -91,7 +91,7 @@ class Pluck(StoppableNode):
             raise MeasurementError(f'manipulation halted meanwhile: {message.message}')
 
     def _cycle(self) -> None:
-        """Wait for inputs, push, record poses; then report the result."""
+        """Wait for inputs, push the object, record poses, and report the result."""
         now, values = self.now(), self.values
         self._inputs.settle()
         if self._pushed is None:
@@ -104,7 +104,7 @@ class Pluck(StoppableNode):
             self._report()
 
     def _wait(self, now: float) -> None:
-        """Start the push once the object is held and poses are received."""
+        """Start the push when the object is held and poses are received."""
         self._publish_twist(0.0)
         status, waited = self._status, now - self._began > self.values.wait_time
         if status is not None and status.pose_gain > 0.0:

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Node `preflight`: checks before the first motion of a robot, one line each."""
+"""Node `preflight`: checks before the first motion of a robot, with one line for each."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from std_msgs.msg import Bool
 
 #: Smallest rates of joint_states and object_pose [Hz].
 LEAST_JOINT_RATE, LEAST_POSE_RATE = 50.0, 10.0
-#: Largest difference of joints by markers and by encoders [m].
+#: Largest distance between joints by markers and joints by encoders [m].
 MAX_ZERO_ERROR = 0.01
 SPECS = (
     ROBOT,
@@ -38,10 +38,10 @@ SPECS = (
 
 class Preflight(StoppableNode):
     """
-    Receives messages for some time and checks them, without any motion.
+    Node that receives messages for some time and checks them, without motion.
 
-    :ivar faults: names of the checks that failed.
-    :ivar pose: input of the `Pose` of the object.
+    :ivar faults: names of the failed checks.
+    :ivar pose: input of the object's `Pose`.
     :ivar timeout: largest age of an input [s].
     """
 
@@ -49,7 +49,7 @@ class Preflight(StoppableNode):
     specs = SPECS
 
     def start(self) -> None:
-        """Subscribe, and start to record."""
+        """Create the subscriptions, and start to record."""
         self._robot = load_robot(self.values.robot)
         self._markers = JointMarkers(self, self._robot)
         self.timeout, self.pose = MAX_TOPIC_AGE, None
@@ -79,7 +79,7 @@ class Preflight(StoppableNode):
         create_steady_timer(self, self.values.listen_time, self._report)
 
     def _report(self) -> None:
-        """Print a line for each check and end, with an error after a failed one."""
+        """Print a line for each check and end; with an error if a check failed."""
         for name, check in self._checks.items():
             try:
                 print(f'ok    {name}: {check()}', flush=True)
@@ -174,7 +174,7 @@ class Preflight(StoppableNode):
         return f'module {module:g} kg, object {body:g} kg'
 
     def _check_live(self, topic: str, given: Input) -> str:
-        """Return the age of an input in words; raise for a stale or missing one."""
+        """Return the age of an input in words; raise an error if it is stale or missing."""
         now = self.now()
         try:
             (found,) = require_fresh(now, MAX_TOPIC_AGE, '', **{topic: given})
@@ -187,7 +187,7 @@ class Preflight(StoppableNode):
     def _check_rate(
         self, topic: str, messages: Sequence[JointState | PoseStamped], least: float
     ) -> str:
-        """Return the rate of a topic in words; raise for a low one."""
+        """Return the rate of a topic in words; raise an error if it is too low."""
         rate = len(messages) / self.values.listen_time
         if rate < 0.9 * least:
             raise MeasurementError(f'{topic} comes {rate:.3g} times a second: must be {least:g}')

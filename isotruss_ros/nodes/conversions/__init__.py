@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Conversion of messages to values of the core and back, with checks of external input.
+Conversion between messages and values of the core, with checks of messages.
 
 Entry points: `read_...` raise MessageError, `to_...` return messages. Imports `nodes.grasp`, the
 core and message packages, no `rclpy` node.

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Contact forces of members as wrenches in contact frames."""
+"""Contact forces of members as wrenches in the frames of the contacts."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from isotruss_ros.nodes.conversions.messages import make_header, name_contact_fr
 
 class ContactFrame(NamedTuple):
     """
-    Frame of a contact in the robot's frame.
+    Frame of a contact, relative to the robot frame.
 
     :ivar origin: centre of pressure, x + iy [m].
-    :ivar direction: unit normal into the object, x + iy: the x axis.
+    :ivar direction: unit vector of the x axis, normal to the object and into it, x + iy.
     """
 
     origin: complex
@@ -27,7 +27,7 @@ class ContactFrame(NamedTuple):
 
 def find_contact_frames(analysis: GraspAnalysis, robot: Robot) -> dict[str, ContactFrame]:
     """
-    Return contact frames by member.
+    Return the contact frame of each member in contact, by member.
 
     :param analysis: analysis of the grasp.
     :param robot: robot with the members.
@@ -49,13 +49,14 @@ def to_contact_wrench(
     frame: str, member: str, when: float, normal: float, friction: float = 0.0
 ) -> WrenchStamped:
     """
-    Return the force of a member on the object, in its contact frame.
+    Return the message of a member's force on the object, in its contact frame.
 
-    :param frame: the robot's frame.
+    :param frame: name of the robot frame.
     :param member: name of the member.
     :param when: time of the force [s].
-    :param normal: normal force [N]: `force.x`.
-    :param friction: friction force on the object, counter-clockwise around it [N]: `-force.y`.
+    :param normal: normal force, the component `force.x` [N].
+    :param friction: friction force on the object, counter-clockwise around it, minus `force.y`
+        [N].
     """
     message = WrenchStamped(header=make_header(when, name_contact_frame(frame, member)))
     message.wrench.force.x, message.wrench.force.y = normal, -friction

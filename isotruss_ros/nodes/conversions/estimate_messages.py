@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Conversion of state estimates to messages and back."""
+"""Conversion of state estimates to messages and from messages."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from isotruss_ros.nodes.conversions.messages import (
 )
 import numpy as np
 
-#: Indices of x, y and rotation in the covariance (6, 6) of a pose.
+#: Indices of x, y and angle in the covariance (6, 6) of a pose.
 PLANAR_INDICES = np.ix_([0, 1, 5], [0, 1, 5])  # type: ignore[var-annotated]
-#: Largest roller offset [m].
+#: Largest valid roller offset [m].
 MAX_OFFSET = 1.0
 
 
@@ -58,11 +58,11 @@ def to_estimate_message(estimate: StateEstimate, robot: Robot) -> StateEstimateM
 
 def read_estimate(message: StateEstimateMessage, robot: Robot) -> EstimatedTravel:
     """
-    Return the offsets and covariances of an estimate for a control loop.
+    Return the offsets and their covariance in a message, for a control loop.
 
     :param message: message of the topic `state_estimate`.
     :param robot: the robot.
-    :raises MessageError: another frame or other rollers, or offsets or covariances that are not
+    :raises MessageError: another frame, other rollers, or offsets or covariances that are not
         finite.
     """
     check_frame('state estimate', message.header, robot.frame)

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Conversion of grasp analyses to messages, and of requests from messages."""
+"""Conversion of grasp analyses to messages, and of requests and wrenches from messages."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ from isotruss_ros.nodes.conversions.object_messages import describes_object, rea
 from isotruss_ros.nodes.grasp.grasp_report import GraspQuery, GraspReport
 import numpy as np
 
-#: Largest valid wrench [N, N m]; larger values come from a broken sensor.
+#: Largest valid component of a wrench [N, N m]; larger values come from a broken sensor.
 MAX_WRENCH = 1e6
-#: Fields of an analysis by member, in messages in the order of `contact_members`.
+#: Fields of an analysis by member; in messages they have the order of `contact_members`.
 MEMBER_FIELDS = (
     'contact_lengths',
     'contact_widths',
@@ -41,13 +41,14 @@ def read_external_wrench(
     message: WrenchStamped, frame: str, angle: float | None = None
 ) -> tuple[float, float, float]:
     """
-    Return the external wrench (fx, fy, m) on the object in axes of the robot's frame [N, N m].
+    Return the external wrench (fx, fy, m) on the object, in robot axes [N, N m].
 
-    :param message: wrench about the object's centre, in the frame of `name_aligned_frame`, or in
-        the object's own.
-    :param frame: the robot's frame.
-    :param angle: angle of the object in that frame; None if unknown [rad].
-    :raises MessageError: another frame, not finite, or larger than `MAX_WRENCH`.
+    :param message: wrench about the object's origin, in the aligned frame (see
+        `name_aligned_frame`) or in the object's frame.
+    :param frame: name of the robot frame.
+    :param angle: angle of the object in the robot frame [rad]; None if unknown.
+    :raises MessageError: another frame, a value that is not finite, or a component above
+        `MAX_WRENCH`.
     """
     wrench = _planar(message.wrench)
     if frame and message.header.frame_id == name_object_frame(frame) and angle is not None:
@@ -66,9 +67,9 @@ def read_external_wrench(
 
 def to_wrench_message(wrench: Sequence[float]) -> Wrench:
     """
-    Return a planar wrench as a message.
+    Return the message of a planar wrench.
 
-    :param wrench: (fx, fy, m) [N, N m].
+    :param wrench: planar wrench (fx, fy, m) [N, N m].
     """
     fx, fy, m = map(float, wrench)
     return Wrench(force=Vector3(x=fx, y=fy), torque=Vector3(z=m))
@@ -78,12 +79,12 @@ def read_query(
     request: AnalyzeGrasp.Request, spacing: float, paper_model: bool = False
 ) -> GraspQuery:
     """
-    Return the query of a request; the analysis checks the other values.
+    Return the query of a request; the analysis checks its other values.
 
     :param request: request of the service `analyze_grasp`.
     :param spacing: spacing of the contact points along the tubes [m].
-    :param paper_model: see `analyze_grasp`.
-    :raises MessageError: no object, two of them, or an invalid one.
+    :param paper_model: whether the paper's model is used, see `analyze_grasp`.
+    :raises MessageError: no object, two objects, or an invalid object.
     """
     body = _read_described(request)
     if body is None:
@@ -95,7 +96,7 @@ def read_query(
 
 
 def _read_described(request: AnalyzeGrasp.Request) -> ConvexObject | None:
-    """Return the described object; None for a disc."""
+    """Return the object that a request describes; None for a disc."""
     if not describes_object(request.object):
         if request.diameter == 0.0:
             raise MessageError(
@@ -123,16 +124,16 @@ def _read_described(request: AnalyzeGrasp.Request) -> ConvexObject | None:
 
 
 def _planar(wrench: Wrench) -> tuple[float, float, float]:
-    """Return (fx, fy, m) [N, N m]; the ground carries components out of the plane."""
+    """Return the planar components (fx, fy, m) [N, N m]; the ground carries the others."""
     return wrench.force.x, wrench.force.y, wrench.torque.z
 
 
 def to_state_message(report: GraspReport, frame: str) -> GraspState:
     """
-    Return the message of an analysis; without a result with the most conservative values.
+    Return the message of a report; without a result, it has the most conservative values.
 
     :param report: report of the grasp monitor.
-    :param frame: the robot's frame.
+    :param frame: name of the robot frame.
     """
     state = GraspState(code=int(report.code), message=report.message)
     state.header = make_header(report.time, frame)
@@ -169,7 +170,7 @@ def to_state_message(report: GraspReport, frame: str) -> GraspState:
 
 
 def _to_contact_messages(analysis: GraspAnalysis) -> list[Contact]:
-    """Return the contact points with a normal force."""
+    """Return the messages of the contact points that have a normal force."""
     touching = np.flatnonzero(analysis.normal_forces > 0.0)
     points, normals = analysis.points[touching].tolist(), analysis.normals[touching].tolist()
     numbers = (analysis.normal_forces, analysis.friction_forces, analysis.gaps)

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Conversion of held grips to messages and back."""
+"""Conversion of held grips to messages and from messages."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def to_grip_message(record: GripRecord, robot: Robot, when: float) -> HeldGripMe
 
     :param record: record of the grip.
     :param robot: robot that holds the object.
-    :param when: time for which it holds [s].
+    :param when: time of the grip [s].
     """
     contacts = record.contacts
     before, behind = contacts.cuts.T.tolist()
@@ -46,8 +46,8 @@ def read_grip(message: HeldGripMessage, robot: Robot) -> GripRecord:
 
     :param message: message of the topic `manipulation/grip`.
     :param robot: robot that holds the object.
-    :raises MessageError: another frame, contacts that are not the robot's, or lists that do not
-        fit together or are not finite.
+    :raises MessageError: another frame; contacts that the robot cannot have; lists of different
+        lengths; or values that are not finite.
     """
     check_frame('held grip', message.header, robot.frame)
     names, count = robot.member_names, len(message.members)

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Rollers in `sensor_msgs/JointState`, tube pressures in `sensor_msgs/FluidPressure`."""
+"""Conversion of joint states and tube pressures from messages."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ MAX_SPEED = 10.0
 
 def read_roller_part(message: JointState, names: Sequence[str]) -> dict[int, tuple[float, float]]:
     """
-    Return travel [m] and velocity [m/s] by index of the rollers in a message.
+    Return travel [m] and speed [m/s] of the rollers in a message, by roller index.
 
-    Other joints are ignored; a message without rollers is no input. Missing velocities, and NaN
-    (from a broadcaster without a measurement), are zero.
+    Other joints are ignored; a message without rollers gives an empty result. Missing speeds are
+    zero, and so is NaN (from a broadcaster without a measurement).
 
     :param message: joint states, in any order.
     :param names: names of the rollers.
-    :raises MessageError: a roller is named twice, there are not as many positions (or velocities)
-        as names, or a number is not finite or out of range.
+    :raises MessageError: a roller is named twice; the numbers of names, positions and velocities
+        differ; or a number is not finite or out of range.
     """
     numbers = {name: number for number, name in enumerate(names)}
     places = [place for place, name in enumerate(message.name) if name in numbers]
@@ -70,9 +70,9 @@ def read_roller_part(message: JointState, names: Sequence[str]) -> dict[int, tup
 
 def read_roller_state(message: JointState, names: Sequence[str]) -> RollerState:
     """
-    Return travel (r,) [m] and velocities (r,) [m/s] of all rollers, by name.
+    Return travel (r,) [m] and speeds (r,) [m/s] of all rollers in a message.
 
-    :param message: see `read_roller_part`.
+    :param message: joint states, see `read_roller_part`.
     :param names: names of the rollers, in the order of the result.
     :raises MessageError: a roller is missing, or see `read_roller_part`.
     """
@@ -88,12 +88,12 @@ def read_roller_state(message: JointState, names: Sequence[str]) -> RollerState:
 
 def read_tube_pressure(message: FluidPressure, robot: Robot, ambient: float) -> tuple[str, float]:
     """
-    Return the name of a tube and its gauge pressure [Pa].
+    Return the name of a tube and its gauge pressure [Pa] from a message.
 
     :param message: message of the topic `tube_pressures`, with the tube in `header.frame_id`.
     :param robot: the robot.
-    :param ambient: ambient pressure, which is subtracted; 0 for gauge pressure [Pa].
-    :raises MessageError: an unknown tube, or no positive pressure.
+    :param ambient: ambient pressure that is subtracted [Pa]; 0 if the message has gauge pressure.
+    :raises MessageError: the tube is unknown, or the pressure is not positive.
     """
     known, tube = tuple(robot.description.pressures), message.header.frame_id
     if tube not in known:

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Measured joints of the robot in `sensor_msgs/MultiDOFJointState`."""
+"""Conversion of measured joints, `sensor_msgs/MultiDOFJointState`."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ def read_joint_markers(
     message: MultiDOFJointState, robot: Robot
 ) -> dict[str, tuple[float, float, float]]:
     """
-    Return the measured joints (x, y, z) by name, in the frame of the message [m].
+    Return the measured joints (x, y, z) by name, in the message's frame [m].
 
     :param message: message of the topic `joint_markers`.
     :param robot: the robot.
-    :raises MessageError: different numbers of names and transforms, an unknown or repeated joint,
-        or a position that is not finite.
+    :raises MessageError: the numbers of names and transforms differ, a joint is unknown or
+        repeated, or a position is not finite.
     """
     if len(message.joint_names) != len(message.transforms):
         raise MessageError(
@@ -44,7 +44,7 @@ def read_joint_markers(
 
 def to_joint_markers(joints: Mapping[str, Sequence[float]]) -> MultiDOFJointState:
     """
-    Return the message of measured joints, without a header.
+    Return the message of measured joints without a header.
 
     :param joints: (x, y) by name [m].
     """

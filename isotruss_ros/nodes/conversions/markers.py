@@ -20,15 +20,15 @@ from rclpy.duration import Duration
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
-#: Lifetime of markers, which expire after the end of the node.
+#: Lifetime of markers, which expire after the node has ended.
 LIFETIME = Duration(seconds=1.0)
-#: Length of an arrow per force [m/N]; longest arrow of a normal force [m].
+#: Length of an arrow per force [m/N], and largest length of a normal force's arrow [m].
 ARROW_SCALE, LONGEST_ARROW = 0.01, 0.5
 MIN_FORCE = 1e-9
 LINE_WIDTH, ARROW_WIDTH = 0.008, 0.015
 #: Scale of markers with points in metres.
 UNIT_SCALE = (1.0, 1.0, 1.0)
-#: Width of a contact region in the paper's model, which has none [m].
+#: Drawn width of contact regions in the paper's model, in which they have no width [m].
 REGION_WIDTH = 0.01
 #: Spacing of points along curved outlines [m].
 OUTLINE_SPACING = 0.01
@@ -44,10 +44,10 @@ OPEN = ColorRGBA(r=0.85, g=0.2, b=0.2, a=0.8)
 
 def to_marker_array(report: GraspReport, frame: str, time: float) -> MarkerArray:
     """
-    Return the markers of a report, after a marker that deletes previous ones.
+    Return the markers of a report, preceded by a marker that deletes earlier ones.
 
     :param report: report of the grasp monitor.
-    :param frame: the robot's frame.
+    :param frame: name of the robot frame.
     :param time: stamp of the markers [s].
     """
     markers = [Marker(action=Marker.DELETEALL)]
@@ -123,7 +123,7 @@ def _flat(line: Points) -> Iterable[Point]:
 
 
 def _strip(line: Points, half: float) -> Iterable[Point]:
-    """Yield the triangles of an upright strip, two for each segment of its line."""
+    """Yield the triangles of an upright strip, two for each segment of a line."""
     for here, following in itertools.pairwise(line.tolist()):
         low, high, last = (here, -half), (here, half), (following, half)
         for point, z in (low, high, (following, -half), (following, -half), high, last):

@@ -9,9 +9,9 @@ import importlib
 import re
 from typing import Any
 
-#: Separator of the definitions of one schema.
+#: Separator of the definitions in a schema.
 SEPARATOR = '=' * 80
-#: Type names of the interface definition language and of message files.
+#: Type names in message files by those of the interface definition language.
 TYPE_NAMES = {'double': 'float64', 'float': 'float32', 'boolean': 'bool', 'octet': 'byte'}
 
 
@@ -27,7 +27,7 @@ def type_name(kind: Any) -> str:
 
 def schema_text(kind: Any) -> str:
     """
-    Return the definition of a message and of all nested types.
+    Return the definition of a message type and of all nested types.
 
     :param kind: class of the message.
     """
@@ -39,7 +39,7 @@ def schema_text(kind: Any) -> str:
 
 
 def _collect(kind: Any, found: dict[str, str]) -> None:
-    """Add the definition of a type, and those of its fields."""
+    """Add the definition of a type and of its fields' types."""
     package, folder, name = type_name(kind).split('/')
     short = f'{package}/{name}'
     if short in found:
@@ -57,7 +57,7 @@ def _collect(kind: Any, found: dict[str, str]) -> None:
 
 
 def _split(described: str) -> tuple[str, str]:
-    """Return the type of the elements, and the brackets of an array."""
+    """Return the type of a field's elements, and the brackets of an array."""
     sequence = re.fullmatch(r'sequence<([^,>]+)(?:, (\d+))?>', described)
     if sequence:
         bound = f'<={sequence[2]}' if sequence[2] else ''

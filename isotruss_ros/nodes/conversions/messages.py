@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Conversion of messages to numbers and back; invalid messages raise MessageError."""
+"""Conversion between messages and numbers; invalid messages raise MessageError."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from std_msgs.msg import Header
 
-#: Largest distance of an object and travel of a roller [m].
+#: Largest distance of an object, and largest roller travel [m].
 MAX_DISTANCE = 1e6
 #: Largest deviation of the norm of a quaternion from 1 [-].
 QUATERNION_TOLERANCE = 0.01
 
 
 class MessageError(IsotrussError, ValueError):
-    """A message is invalid; the text names the fault and the valid value."""
+    """A message is invalid; the text names the fault and the valid range."""
 
 
 def read_stamp(header: Header) -> float:
@@ -42,7 +42,7 @@ def make_header(when: float, frame: str = '') -> Header:
     """
     Return a header.
 
-    :param when: time of the stamp, zero for negative times [s].
+    :param when: time of the stamp [s]; zero for negative times.
     :param frame: name of the frame.
     """
     seconds, nanoseconds = divmod(max(0, round(1e9 * when)), 1_000_000_000)
@@ -51,10 +51,10 @@ def make_header(when: float, frame: str = '') -> Header:
 
 def read_twist(twist: Twist) -> tuple[float, float, float]:
     """
-    Return (vx, vy, omega) [m/s, rad/s].
+    Return the planar twist (vx, vy, omega) of a message [m/s, rad/s].
 
     :param twist: twist of the object.
-    :raises MessageError: not finite, or a motion out of the plane.
+    :raises MessageError: a component is not finite, or out of the plane.
     """
     linear, angular = twist.linear, twist.angular
     planar = (linear.x, linear.y, angular.z)
@@ -70,12 +70,12 @@ def read_twist(twist: Twist) -> tuple[float, float, float]:
 
 def check_frame(what: str, header: Header, frame: str) -> None:
     """
-    Check the frame of a header; an empty one is the robot's frame.
+    Raise MessageError for a frame other than the robot frame; an empty one is the robot frame.
 
-    :param what: name of the message, for the error.
+    :param what: name of the message, for the error message.
     :param header: header of the message.
-    :param frame: the robot's frame.
-    :raises MessageError: names both frames.
+    :param frame: name of the robot frame.
+    :raises MessageError: the frame is another one; the text names both frames.
     """
     if header.frame_id not in ('', frame):
         raise MessageError(
@@ -85,7 +85,7 @@ def check_frame(what: str, header: Header, frame: str) -> None:
 
 def request_parameters(values: Mapping[str, Any]) -> SetParameters.Request:
     """
-    Return a request to set parameters of another node.
+    Return a request that sets parameters of another node.
 
     :param values: values by name.
     """
@@ -95,29 +95,31 @@ def request_parameters(values: Mapping[str, Any]) -> SetParameters.Request:
 
 def name_object_frame(frame: str) -> str:
     """
-    Return the name of the object's frame, fixed to the object.
+    Return the name of the frame that is fixed to the object.
 
-    :param frame: the robot's frame; an empty name gives an empty name.
+    :param frame: name of the robot frame; an empty name gives an empty name.
     """
     return f'{frame}_object' if frame else ''
 
 
 def name_aligned_frame(frame: str) -> str:
     """
-    Return the name of the aligned frame: the object's origin, the robot's axes.
+    Return the name of the aligned frame, with the object's origin and the robot's axes.
 
-    Wrenches on the object are about that origin.
+    Wrenches on the object are about this origin.
 
-    :param frame: the robot's frame; an empty name gives an empty name.
+    :param frame: name of the robot frame; an empty name gives an empty name.
     """
     return f'{frame}_object_aligned' if frame else ''
 
 
 def name_contact_frame(frame: str, member: str) -> str:
     """
-    Return the name of a contact frame: x is the normal into the object, y along the member's side.
+    Return the name of a member's contact frame.
 
-    :param frame: the robot's frame.
+    Its x axis is the normal into the object, its y axis is along the member's side.
+
+    :param frame: name of the robot frame.
     :param member: name of the member in contact.
     """
     return f'{frame}_{member.replace("/", "_")}_contact'
@@ -125,12 +127,12 @@ def name_contact_frame(frame: str, member: str) -> str:
 
 def check_place(what: str, x: float, y: float) -> None:
     """
-    Check a position in a message.
+    Raise MessageError for an invalid position in a message.
 
-    :param what: name of the position, for the error.
+    :param what: name of the position, for the error message.
     :param x: x of the position [m].
     :param y: y of the position [m].
-    :raises MessageError: not finite, or too far away.
+    :raises MessageError: a coordinate is not finite, or too large.
     """
     if not (abs(x) <= MAX_DISTANCE and abs(y) <= MAX_DISTANCE):
         raise MessageError(
@@ -140,11 +142,11 @@ def check_place(what: str, x: float, y: float) -> None:
 
 def read_pose(what: str, message: PoseMessage) -> Pose:
     """
-    Return a pose in the plane; its height, and tilts about x and y, are ignored.
+    Return the pose of a message in the plane; height and tilt are ignored.
 
-    :param what: name of the pose, for the error.
-    :param message: the pose.
-    :raises MessageError: not finite, too far away, or no rotation in the quaternion.
+    :param what: name of the pose, for the error message.
+    :param message: message of the pose.
+    :raises MessageError: a value is not finite or too large, or the quaternion is not a rotation.
     """
     position, q = message.position, message.orientation
     check_place(what, position.x, position.y)
@@ -157,7 +159,7 @@ def read_pose(what: str, message: PoseMessage) -> Pose:
 
 def to_pose_message(pose: Pose) -> PoseMessage:
     """
-    Return a planar pose as a message.
+    Return the message of a planar pose.
 
     :param pose: (x, y, angle) [m, rad].
     """
@@ -170,7 +172,7 @@ def to_pose_message(pose: Pose) -> PoseMessage:
 
 def to_twist_message(twist: Sequence[float] | Array) -> Twist:
     """
-    Return a twist as a message.
+    Return the message of a planar twist.
 
     :param twist: (vx, vy, omega) [m/s, rad/s].
     """

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Conversion of objects of any convex shape to messages and back."""
+"""Conversion of convex objects to messages and from messages."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from isotruss_ros.nodes.conversions.messages import MessageError, read_pose
 import numpy as np
 
 NO_OBJECT = ObjectMessage()
-#: Shapes of object files by their codes in messages.
+#: Names of shapes in object files by their codes in messages.
 SHAPE_NAMES = {
     ObjectMessage.DISC: 'disc',
     ObjectMessage.POLYGON: 'polygon',
@@ -28,7 +28,7 @@ SHAPE_NAMES = {
 
 def describes_object(message: ObjectMessage) -> bool:
     """
-    Return whether a message describes an object, valid or not; an empty message does not.
+    Return whether a message describes an object, valid or invalid; an empty one does not.
 
     :param message: message of an object.
     """
@@ -37,13 +37,13 @@ def describes_object(message: ObjectMessage) -> bool:
 
 def read_object_message(message: ObjectMessage, pose: PoseMessage) -> ConvexObject:
     """
-    Return the described object at a pose.
+    Return the object that a message describes, at a pose.
 
     :param message: message of the object.
-    :param pose: pose of its frame in the robot frame.
-    :raises MessageError: the message describes no object, has a field of another shape, or the
-        pose is invalid; names the field as a key of an object file, and the vertex or the side of
-        a polygon.
+    :param pose: pose of the object's frame in the robot frame.
+    :raises MessageError: the message does not describe an object or has a field of another shape,
+        or the pose is invalid. The text names the field as a key of an object file, and the vertex
+        or side of a polygon.
     """
     place = read_pose('object_pose', pose)
     if message.shape not in SHAPE_NAMES:
@@ -71,10 +71,10 @@ def read_object_message(message: ObjectMessage, pose: PoseMessage) -> ConvexObje
 
 def to_object_message(body: ConvexObject) -> ObjectMessage:
     """
-    Return an object as a message, without its pose.
+    Return the message of an object without its pose.
 
-    :param body: the object, anywhere.
-    :raises GraspError: messages have no such shape.
+    :param body: the object at any pose.
+    :raises GraspError: messages cannot describe its shape.
     """
     shape: Any = body.shape
     numbers = {SHAPES[name]: number for number, name in SHAPE_NAMES.items()}

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Conversion of object paths and roller trajectories to messages and back."""
+"""Conversion of object paths and roller trajectories to messages and from messages."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from nav_msgs.msg import Path
 import numpy as np
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-#: Largest number of points [-]; reading blocks the cycle for 20 us per point.
+#: Largest number of points [-]; reading a point takes 20 us of the cycle.
 MAX_POINTS = 10_000
 
 
@@ -39,15 +39,16 @@ def read_object_path(
     message: Path, speed: float, turn_rate: float, robot: Robot, smooth: bool, start: Pose
 ) -> ObjectPath:
     """
-    Return the path of a goal.
+    Return the object path of a goal.
 
     :param message: poses of the object.
     :param speed: speed of the object's centre along the path [m/s].
     :param turn_rate: largest angular velocity [rad/s].
-    :param robot: the robot; the length of its tubes bounds the poses.
-    :param smooth: spline through the poses instead of straight segments.
-    :param start: present pose of the object, where a path with fewer than two poses begins.
-    :raises MessageError: another frame, not finite, out of reach, or a rotation out of the plane.
+    :param robot: the robot; the length of its tubes limits the poses.
+    :param smooth: whether a spline through the poses replaces straight segments.
+    :param start: current pose of the object, the first pose of a path with fewer than two poses.
+    :raises MessageError: another frame, a value that is not finite, a pose out of reach, or a
+        rotation out of the plane.
     :raises PathError: see `ObjectPath`.
     """
     frame, home = robot.frame, robot.home
@@ -79,7 +80,7 @@ def read_object_path(
 
 def to_path_feedback(tracking: Tracking) -> FollowObjectPath.Feedback:
     """
-    Return the feedback of the action.
+    Return the feedback message of path following.
 
     :param tracking: tracking of the last cycle.
     """
@@ -95,12 +96,12 @@ def to_path_result(
     outcome: PathOutcome, message: str, tracker: PathTracker | None, last: Tracking | None
 ) -> FollowObjectPath.Result:
     """
-    Return the result of the action.
+    Return the result message of path following.
 
     :param outcome: result of path following.
-    :param message: the result in words.
-    :param tracker: tracker of the path; None before its start: errors are NaN then.
-    :param last: tracking of the last cycle, likewise.
+    :param message: result in words.
+    :param tracker: tracker of the path; None before its start, then errors are NaN.
+    :param last: tracking of the last cycle; None before the first, then errors are NaN.
     """
     result = FollowObjectPath.Result(code=int(outcome), message=message)
     known = tracker is not None and last is not None
@@ -119,14 +120,14 @@ def read_roller_trajectory(
     message: JointTrajectory, robot: Robot, here: Array
 ) -> RollerTrajectory:
     """
-    Return the roller trajectory from positions and times of the points.
+    Return a roller trajectory by the positions and times of a message.
 
-    :param message: trajectory of all rollers, in any order; a first point later than zero is
-        reached from the measured positions.
+    :param message: trajectory of all rollers in any order. If its first point is later than zero,
+        it begins at the measured positions.
     :param robot: the robot.
-    :param here: (r,) measured positions [m].
-    :raises MessageError: a roller is missing, unknown or named twice, a point has another number
-        of positions, or a number is not finite or out of range.
+    :param here: (r,) measured roller positions [m].
+    :raises MessageError: a roller is missing, unknown or repeated; the number of a point's
+        positions is wrong; or a number is not finite or out of range.
     :raises ConfigurationError: see `RollerTrajectory`.
     """
     names, points = list(message.joint_names), message.points
@@ -175,14 +176,14 @@ def to_roller_feedback(
     kind: type, robot: Robot, wanted: RollerState, measured: RollerState, when: float, now: float
 ) -> Any:
     """
-    Return the feedback with desired and measured states of the rollers.
+    Return the feedback message with desired and measured states of the rollers.
 
-    :param kind: the feedback of FollowRollerTrajectory or FollowJointTrajectory.
+    :param kind: type of the feedback, of FollowRollerTrajectory or FollowJointTrajectory.
     :param robot: the robot.
-    :param wanted: desired state.
-    :param measured: measured state.
-    :param when: time of the trajectory [s].
-    :param now: time on the clock [s].
+    :param wanted: desired state of the rollers.
+    :param measured: measured state of the rollers.
+    :param when: trajectory time [s].
+    :param now: time on the node's clock [s].
     """
 
     def point(positions: Array, **others: Any) -> JointTrajectoryPoint:
@@ -200,9 +201,9 @@ def to_roller_feedback(
 
 def to_duration(seconds: float) -> Duration:
     """
-    Return a duration as a message.
+    Return the message of a duration.
 
-    :param seconds: not negative [s].
+    :param seconds: duration, not negative [s].
     """
     whole, rest = divmod(round(1e9 * seconds), 1_000_000_000)
     return Duration(sec=whole, nanosec=rest)
@@ -210,8 +211,8 @@ def to_duration(seconds: float) -> Duration:
 
 def read_duration(duration: Duration) -> float:
     """
-    Return a duration [s].
+    Return the duration of a message [s].
 
-    :param duration: message.
+    :param duration: message of the duration.
     """
     return duration.sec + 1e-9 * duration.nanosec

@@ -1,6 +1,6 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Conversion of goals of the grasp search from messages, feedback and results to messages."""
+"""Conversion of search goals from messages, and of feedback and results to messages."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ from isotruss_ros.nodes.conversions.object_messages import describes_object, rea
 from isotruss_ros.nodes.conversions.path_messages import to_duration, to_trajectory_message
 import numpy as np
 
-#: Largest number of grasps of a goal.
+#: Largest number of grasps that a goal may request [-].
 MAX_COUNT = 1000
 
 
 class SearchGoal(NamedTuple):
     """
-    Arguments of a search.
+    Arguments of a grasp search.
 
     :ivar body: the object at its pose.
     :ivar requirements: requirements of the grasps.
     :ivar seed: seed of the search.
-    :ivar time_limit: time limit of the search [s]; none if 0.
+    :ivar time_limit: time limit of the search [s]; 0: no limit.
     """
 
     body: ConvexObject
@@ -47,14 +47,13 @@ def read_goal(
     goal: PlanGrasp.Goal, robot: Robot, described: ConvexObject | None = None
 ) -> SearchGoal:
     """
-    Return the arguments of a search from a goal.
+    Return the arguments of the search that a goal requests.
 
     :param goal: goal of the action.
     :param robot: the robot.
-    :param described: object at any pose, for a goal without an object.
-    :raises MessageError: no pose, another frame, no object or two of them, or a number that is out
-        of range.
-    :raises GraspError: an invalid object or requirement, or unknown modules or members.
+    :param described: object at any pose, for goals without an object; None: none.
+    :raises MessageError: no pose, another frame, no object, two objects, or a number out of range.
+    :raises GraspError: an invalid object or requirement, or an unknown module or member.
     """
     if goal.object_pose == PoseStamped():
         raise MessageError(
@@ -73,7 +72,7 @@ def read_goal(
 
 
 def _read_requirements(goal: PlanGrasp.Goal, robot: Robot) -> GraspRequirements:
-    """Return the requirements; zero or empty fields of the goal mean the defaults."""
+    """Return the requirements of a goal; zero or empty fields mean the defaults."""
     names = ('max_contact_force', 'max_total_force', 'max_utilisation', 'min_rigidity')
     given = {name: getattr(goal, name) for name in (*names, 'squeeze', 'min_margin', 'module')}
     direction = tuple(goal.direction.tolist())
@@ -98,7 +97,7 @@ def _read_requirements(goal: PlanGrasp.Goal, robot: Robot) -> GraspRequirements:
 
 
 def _read_carry(goal: PlanGrasp.Goal) -> tuple[tuple[float, float, float], ...]:
-    """Return the path along which the object is to be carried, with unwrapped angles."""
+    """Return the path along which the object must be carried, with unwrapped angles."""
     if len(goal.carry) == 1 or len(goal.carry) > MAX_POSES:
         raise MessageError(f'carry: {len(goal.carry)} poses: must be none, or 2 to {MAX_POSES}')
     poses = [read_pose(f'pose {i} of carry', pose) for i, pose in enumerate(goal.carry)]
@@ -107,7 +106,7 @@ def _read_carry(goal: PlanGrasp.Goal) -> tuple[tuple[float, float, float], ...]:
 
 
 def _read_body(goal: PlanGrasp.Goal, described: ConvexObject | None) -> ConvexObject:
-    """Return the object at its pose, of the goal or of the parameter."""
+    """Return the object at its pose, from the goal or from the parameter."""
     pose, diameter = goal.object_pose.pose, goal.object_diameter
     if describes_object(goal.object):
         if diameter != 0.0:
@@ -128,7 +127,7 @@ def _read_body(goal: PlanGrasp.Goal, described: ConvexObject | None) -> ConvexOb
 
 def to_feedback_message(progress: Progress) -> PlanGrasp.Feedback:
     """
-    Return the feedback of the action.
+    Return the feedback message of a search.
 
     :param progress: progress of the search.
     """
@@ -143,7 +142,7 @@ def to_feedback_message(progress: Progress) -> PlanGrasp.Feedback:
 
 def to_result_message(answer: Answer, robot: Robot) -> PlanGrasp.Result:
     """
-    Return the result of the action.
+    Return the result message of a search.
 
     :param answer: result of the search.
     :param robot: the robot.
@@ -163,7 +162,7 @@ def to_result_message(answer: Answer, robot: Robot) -> PlanGrasp.Result:
 
 
 def _to_grasp_message(grasp: PlannedGrasp, robot: Robot) -> PlannedGraspMessage:
-    """Return the message of a grasp with the trajectory to it."""
+    """Return the message of a grasp, with the trajectory to it."""
     exported = export_path(grasp)
     times = exported['times']
     path = to_trajectory_message(robot, exported['path'], times)

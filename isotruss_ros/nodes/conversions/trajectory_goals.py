@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Goals of FollowRollerTrajectory and FollowJointTrajectory, by the standard."""
+"""Reading of the goals of FollowRollerTrajectory and FollowJointTrajectory."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ Result = FollowRollerTrajectory.Result
 
 class TrajectoryGoalError(MessageError):
     """
-    A trajectory goal is invalid, with an error code of `FollowJointTrajectory`.
+    A trajectory goal is invalid; the code is an error code of `FollowJointTrajectory`.
 
     :ivar code: error code of the result.
     :param code: error code of the result.
-    :param message: the reason in words.
+    :param message: reason in words.
     """
 
     def __init__(self, code: int, message: str) -> None:
@@ -42,10 +42,10 @@ class TrajectoryGoalError(MessageError):
 
 class RollerGoal(NamedTuple):
     """
-    Arguments of a trajectory goal.
+    Arguments of a roller trajectory's goal.
 
     :ivar trajectory: trajectory of the rollers.
-    :ivar start: start time on the clock of the node [s]; None: at once.
+    :ivar start: start time on the node's clock [s]; None: at once.
     :ivar tolerances: tolerances of the goal.
     """
 
@@ -56,11 +56,11 @@ class RollerGoal(NamedTuple):
 
 def read_start(header: Header, now: float, timeout: float) -> float | None:
     """
-    Return the start time of a trajectory [s]; None for an immediate start.
+    Return the start time of a trajectory [s]; None: at once.
 
     :param header: header of the trajectory; a stamp of zero means at once.
     :param now: time on the clock of the node [s].
-    :param timeout: largest age of a stamp [s].
+    :param timeout: largest age of the stamp [s].
     :raises TrajectoryGoalError: the stamp is too old.
     :raises MessageError: the stamp is more than a day ahead.
     """
@@ -84,16 +84,16 @@ def read_roller_goal(
     goal: Any, robot: Robot, here: Array, now: float, timeout: float
 ) -> RollerGoal:
     """
-    Return the arguments of a goal.
+    Return the arguments of a trajectory goal.
 
     :param goal: goal of FollowRollerTrajectory or FollowJointTrajectory.
     :param robot: the robot.
-    :param here: (r,) measured positions [m].
+    :param here: (r,) measured roller positions [m].
     :param now: time on the clock of the node [s].
-    :param timeout: see `read_start`.
-    :raises TrajectoryGoalError: joints are unknown or missing, or the stamp is old.
-    :raises MessageError: see `read_roller_trajectory`; invalid tolerances, or fields that rollers
-        do not have.
+    :param timeout: largest age of the stamp, see `read_start` [s].
+    :raises TrajectoryGoalError: a joint is unknown or missing, or the stamp is too old.
+    :raises MessageError: invalid tolerances, or fields that rollers do not have; or see
+        `read_roller_trajectory`.
     :raises ConfigurationError: see `RollerTrajectory`.
     """
     names = robot.roller_names
@@ -128,7 +128,7 @@ def read_roller_goal(
 
 
 def _check_joints(what: str, given: Sequence[str], names: Sequence[str]) -> None:
-    """Raise for names that are no rollers, or repeated."""
+    """Raise TrajectoryGoalError for names that are not rollers or are repeated."""
     counts = Counter(given)
     unknown = [quote(name) for name in counts if name not in names][:20]
     twice = [name for name in names if counts[name] > 1]
@@ -141,7 +141,7 @@ def _check_joints(what: str, given: Sequence[str], names: Sequence[str]) -> None
 
 
 def _read_tolerance(what: str, given: Sequence[Any], names: Sequence[str]) -> Tolerance | None:
-    """Return the bounds of a list of tolerances; None for an empty list."""
+    """Return the bounds in a list of tolerances; None for an empty list."""
     _check_joints(what, [each.name for each in given], names)
     bounds = np.full((2, len(names)), math.inf)
     for each in given:

@@ -8,7 +8,7 @@ Entry points: `managed.ManagedNode`, `runner.run`, `sensors.Inputs`, `parameters
 `nodes.conversions` and the core.
 """
 
-#: Modules of nodes whose module is not named like the node.
+#: Modules of the nodes whose module has another name than the node.
 MODULES = {
     name: f'{name}.node' for name in ('simulator', 'manipulation', 'pick_and_place', 'viewer')
 } | {name: f'bring_up.{name}' for name in ('pluck', 'calibration', 'check_rollers', 'preflight')}

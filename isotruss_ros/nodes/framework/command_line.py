@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Command line of a node: help, and refusal of invalid arguments."""
+"""Command line of a node: help, and errors for invalid arguments."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from typing import Any
 
 from isotruss_ros.nodes.framework.parameters import Spec
 
-#: Begin and optional end of the arguments for ROS.
+#: Begin and optional end of the arguments of ROS.
 ROS_ARGUMENTS, END_OF_ROS_ARGUMENTS = '--ros-args', '--'
 
 
 def refuse_arguments(kind: Any, arguments: Sequence[str]) -> None:
     """
-    Print the help of a node on request, and refuse arguments outside those for ROS.
+    Print the help of a node if requested; refuse arguments that are not for ROS.
 
     :param kind: class of the node.
-    :param arguments: command line, with the program first.
-    :raises SystemExit: in both cases; with code 0 after the help.
+    :param arguments: command line; its first element is the program.
+    :raises SystemExit: the help was printed (code 0), or an argument is invalid.
     """
     own, of_ros = [], False
     for argument in arguments[1:]:
@@ -43,7 +43,7 @@ def refuse_arguments(kind: Any, arguments: Sequence[str]) -> None:
 
 def explain_refusal(error: RuntimeError | UnicodeEncodeError) -> str:
     """
-    Return the reason why ROS refuses its arguments, with the correction.
+    Return the reason for which ROS refuses its arguments, and the correction.
 
     :param error: error raised by `rclpy.init`.
     """

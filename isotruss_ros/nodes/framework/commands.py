@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Publishers of commands: twists for `manipulation`, and roller velocities."""
+"""Publishers of twists for `manipulation`, and of roller velocities."""
 
 from __future__ import annotations
 
@@ -26,25 +26,25 @@ QUIET_TIME = 1.0
 
 class RollerCommands:
     """
-    Publishes roller velocities and detects commands of other nodes.
+    Publisher of roller velocities, which detects commands of other nodes.
 
-    Own messages are identified by their sequence numbers, since the middleware does not name the
-    publisher of a message. Without sequence numbers, as with Cyclone DDS, other nodes are not
+    The middleware does not name the publisher of a message, so own messages are identified by
+    their sequence numbers. Without sequence numbers, as with Cyclone DDS, other nodes are not
     detected.
 
-    :param node: publishing node; a managed one publishes only while active.
+    :param node: publishing node; a managed node publishes only while it is active.
     :param count: number of rollers.
     """
 
     def __init__(self, node: StoppableNode, count: int) -> None:
         self._node, self._count = node, count
         self._publisher = _create_publisher(node, Float64MultiArray, TOPIC)
-        #: Sequence numbers of the last own message, published and received.
+        #: Sequence numbers of the last message published, and of the last own message received.
         self._sent = self._received = 0
         self._heard = -math.inf
 
     def subscribe(self) -> None:
-        """Detect commands of other nodes from now until the node is inactive."""
+        """Detect commands of other nodes until the node is inactive."""
         self._received, self._heard = self._sent, -math.inf
         self._node.create_subscription(
             Float64MultiArray, TOPIC, self.note, NEWEST, event_callbacks=NO_EVENTS, raw=True
@@ -64,20 +64,20 @@ class RollerCommands:
         self.publish(np.zeros(self._count))
 
     def wait_for_subscribers(self) -> bool:
-        """Return whether all subscribers have received the last command."""
+        """Wait shortly; return whether all subscribers have received the last command."""
         return self._publisher.wait_for_all_acked(ACKNOWLEDGE_TIME)
 
     def find_others(self) -> str | None:
-        """Return other nodes that command the rollers, in words; None without any."""
+        """Return in words the other nodes that command the rollers; None if there are none."""
         if time.monotonic() - self._heard > QUIET_TIME:
             return None
         return f'another node publishes on {TOPIC}: end or deactivate it, or this one'
 
     def note(self, _message: bytes, info: dict[str, Any]) -> None:
         """
-        Register a received command, own or foreign.
+        Record a received command, own or foreign.
 
-        :param info: metadata of the message from the middleware.
+        :param info: metadata of the message.
         """
         number = info['publication_sequence_number']
         if number is None:
@@ -94,9 +94,9 @@ def create_twist_publisher(
     """
     Return a function that publishes a twist (vx, vy, omega) [m/s, rad/s] on `cmd_vel`.
 
-    :param node: publishing node; a managed one publishes only while active.
-    :param stamped: whether to publish TwistStamped instead of Twist.
-    :param frame: frame of a TwistStamped.
+    :param node: publishing node; a managed node publishes only while it is active.
+    :param stamped: whether TwistStamped is published instead of Twist.
+    :param frame: name of the frame of a TwistStamped.
     """
     publisher = _create_publisher(node, TwistStamped if stamped else Twist, 'cmd_vel')
 
@@ -110,6 +110,6 @@ def create_twist_publisher(
 
 
 def _create_publisher(node: StoppableNode, kind: type, topic: str) -> Publisher:
-    """Return a publisher; that of a managed node publishes only while the node is active."""
+    """Return a publisher; for a managed node, it publishes only while the node is active."""
     create = getattr(node, 'create_lifecycle_publisher', node.create_publisher)
     return create(kind, topic, RELIABLE)

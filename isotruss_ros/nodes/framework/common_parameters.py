@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Parameters of several nodes: robot, object, grip, rates."""
+"""Parameters that several nodes have: robot, object, grip, rates."""
 
 from __future__ import annotations
 
@@ -79,10 +79,10 @@ def read_body(values: Parameters) -> ConvexObject:
 
 def check_grip(robot: Robot, values: Mapping[str, Value]) -> None:
     """
-    Raise if the robot has no such grip module or members of the grip.
+    Raise IsotrussError if the robot does not have the grip's module or members.
 
     :param robot: the robot.
-    :param values: new values of parameters by name; others than these are ignored.
+    :param values: new values of parameters by name; other parameters are ignored.
     :raises IsotrussError: no such module or member, or not two or three different members.
     """
     if values.get('grip_module'):
@@ -93,16 +93,16 @@ def check_grip(robot: Robot, values: Mapping[str, Value]) -> None:
 
 def named_members(value: Value) -> tuple[str, ...]:
     """
-    Return the members of the parameter `grip`; none for [''].
+    Return the members that the parameter `grip` names; none for [''].
 
-    :param value: value of the parameter.
+    :param value: value of the parameter `grip`.
     """
     return tuple(name for name in value if name)  # type: ignore[union-attr]
 
 
 def select_grip_module(robot: Robot, module: str) -> str:
     """
-    Return the module of `grip_module`; the last one of the robot by default.
+    Return the module that `grip_module` names; by default, the robot's last module.
 
     :param robot: the robot.
     :param module: value of the parameter `grip_module`.
@@ -112,10 +112,10 @@ def select_grip_module(robot: Robot, module: str) -> str:
 
 def select_grip(robot: Robot, value: Value, module: str) -> tuple[str, ...]:
     """
-    Return the names of the grasping members.
+    Return the names of the grasping members by the parameters.
 
     :param robot: the robot.
     :param value: value of the parameter `grip`.
-    :param module: value of the parameter `grip_module`, the default.
+    :param module: value of the parameter `grip_module`, used if `grip` names no members.
     """
     return named_members(value) or members_at(robot, select_grip_module(robot, module))

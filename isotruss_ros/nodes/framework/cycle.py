@@ -20,7 +20,7 @@ from rclpy.timer import Timer
 WATCH_PERIOD = 0.02
 #: Time before a cycle at which its inputs are read [s].
 INPUT_LEAD = 1e-3
-#: Smallest share of the desired rate without a warning [-].
+#: Smallest ratio of measured to desired rate without a warning [-].
 MIN_RATE_SHARE = 0.8
 #: Averaging time of the measured rate [s].
 RATE_PERIOD = 1.0
@@ -30,16 +30,16 @@ MAX_CALLBACK_DELAY = 0.02
 
 class Cycle:
     """
-    Calls back at a fixed rate until destroyed with the node's other timers.
+    Control cycle: calls back at a fixed rate until destroyed with the node's timers.
 
-    :ivar is_steady: whether the cycles are timed by the steady clock.
+    :ivar is_steady: whether the steady clock determines the times of the cycles.
     :ivar duration: computing time of the last cycle [s].
-    :ivar slowness: measured rate in words if too low; else empty.
-    :param node: node with a clock, simulated or not, and with the parameters `rate` [Hz] and
-        `command_timeout` [s] in `values`; the latter is the timeout of a stopped clock.
-    :param step: callback of each cycle, with the time [s].
-    :param jumped_back: callback before the step after the clock ran back.
-    :param stopped: repeated callback while simulated time stands still.
+    :ivar slowness: measured rate in words if it is too low; else empty.
+    :param node: node with a clock, simulated or not. Its `values` have the parameters `rate` [Hz]
+        and `command_timeout` [s], which is also the timeout of a stopped clock.
+    :param step: callback of each cycle with the current time [s].
+    :param jumped_back: callback after the clock ran back, before the next step.
+    :param stopped: callback that is repeated while simulated time stands still.
     """
 
     def __init__(
@@ -55,9 +55,10 @@ class Cycle:
         self._last = self._read = 0
         self._changed = time.monotonic()
         self.duration = 0.0
-        #: Computing times of the cycles since the last summary [s]; bounded.
+        #: Computing times of the cycles since the last summary, of limited number [s].
         self._times: deque[float] = deque(maxlen=10_000)
-        #: Number of cycles since a time on their clock [s], for the rate.
+        #: Number of cycles for the measured rate, and time on their clock since which they count
+        #: [s].
         self._count, self._since = 0, None
         self.slowness = ''
         self.is_steady = not node.get_parameter('use_sim_time').value
@@ -74,7 +75,7 @@ class Cycle:
         self._since = None
 
     def time_left(self) -> float:
-        """Return the time until the next cycle; negative if late [s]."""
+        """Return the time until the next cycle [s]; negative if it is late."""
         return 1e-9 * self._timer.time_until_next_call()
 
     def run(self) -> None:
@@ -83,7 +84,7 @@ class Cycle:
         self._tick()
 
     def summary(self) -> dict[str, object]:
-        """Return count, computing times and overruns of the cycles since the last call."""
+        """Return number, computing times and overruns of the cycles since the last call."""
         times, period = sorted(self._times), 1e-9 * self._timer.timer_period_ns
         self._times.clear()
         if not times:
@@ -112,7 +113,7 @@ class Cycle:
         self._count_rate(time.monotonic() if self.is_steady else 1e-9 * now.nanoseconds)
 
     def _count_rate(self, now: float) -> None:
-        """Count a cycle, and update the measured rate once a second."""
+        """Count a cycle; update the measured rate once a second."""
         if self._since is None or now < self._since:
             self._count, self._since = 0, now  # type: ignore[assignment]
             return
@@ -135,13 +136,14 @@ class Cycle:
 
 class PacedExecutor(SingleThreadedExecutor):
     """
-    Executes ready callbacks once before each cycle, then the cycle.
+    Executor that executes ready callbacks once before each cycle, then the cycle.
 
-    rclpy collects all entities of a node for each wait, in Python, and so for each message.
-    `SingleThreadedExecutor` works as well: `manipulation` then takes 1.25 to 1.6 times the CPU
-    time (three runs in turn at 100 Hz on a busy machine).
+    For each wait, and so for each message, rclpy collects all entities of a node in Python. This
+    executor waits once in a cycle. With `SingleThreadedExecutor`, which works as well,
+    `manipulation` takes 1.25 to 1.6 times the CPU time (three runs in turn at 100 Hz on a busy
+    machine).
 
-    :param node: the only executed node; its `cycle` is None or a `Cycle`.
+    :param node: the only node that is executed; its `cycle` is None or a `Cycle`.
     """
 
     def __init__(self, node: Node) -> None:
@@ -151,10 +153,10 @@ class PacedExecutor(SingleThreadedExecutor):
 
     def spin_once(self, timeout_sec: float | None = None) -> None:
         """
-        Wait for the next cycle; without a steady one, as rclpy does.
+        Wait for the next cycle and run it; without a steady cycle, wait like rclpy.
 
-        :param timeout_sec: without a cycle, longest wait [s].
-        :raises Exception: exception of a callback.
+        :param timeout_sec: longest wait without a cycle [s].
+        :raises Exception: a callback raised this exception.
         """
         cycle = self._node.cycle
         if cycle is None or not cycle.is_steady:
@@ -168,7 +170,7 @@ class PacedExecutor(SingleThreadedExecutor):
             cycle.run()
 
     def _execute_waiting(self) -> None:
-        """Execute the callbacks that are ready, each once."""
+        """Execute each ready callback once."""
         while True:
             try:
                 handler, _entity, _node = self.wait_for_ready_callbacks(timeout_sec=0.0)
@@ -180,9 +182,9 @@ class PacedExecutor(SingleThreadedExecutor):
 
 def create_steady_timer(node: Node, period: float, callback: Callable[[], None]) -> Timer:
     """
-    Return a timer of the steady clock, independent of simulated time and clock changes.
+    Return a timer of the steady clock, which simulated time and clock changes do not affect.
 
-    :param node: owner of the timer.
+    :param node: node that owns the timer.
     :param period: period of the callbacks [s].
     :param callback: function without arguments.
     """

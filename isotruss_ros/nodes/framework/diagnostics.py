@@ -1,6 +1,6 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""State of a node on `/diagnostics` and in the log, limited in rate."""
+"""State of a node on `/diagnostics` and in the log, at a limited rate."""
 
 from __future__ import annotations
 
@@ -12,22 +12,23 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.topics import EVENTS
 
-#: Period of reports without changes [s].
+#: Period of reports without a change [s].
 REPORT_PERIOD = 1.0
-#: Shortest period of reports of improvements [s]; deteriorations are reported at once.
+#: Shortest time between reports of an improvement [s]; a deterioration is reported at once.
 MIN_REPORT_PERIOD = 0.1
 
 
 class Diagnostics:
     """
-    Diagnostic status of one node, cheap to set between two reports.
+    Diagnostic status of one node; it may be set more often than it is reported.
 
-    The package `diagnostic_updater` has a fixed period, and no wheel for machines without ROS.
+    It replaces the package `diagnostic_updater`, which has a fixed period and no wheel for
+    machines without ROS.
 
-    :ivar hardware_id: name of the robot once loaded; reported with the node's namespace, since
-        several robots may have one name.
-    :param node: a `StoppableNode`, the publisher until destroyed.
-    :param details: function that returns values by name for each report.
+    :ivar hardware_id: name of the robot after it is loaded. It is reported with the node's
+        namespace, because several robots may have the same name.
+    :param node: `StoppableNode` that publishes until it is destroyed.
+    :param details: function that returns values by name for a report.
     """
 
     def __init__(self, node: Any, details: Callable[[], Mapping[str, object]]) -> None:
@@ -40,10 +41,10 @@ class Diagnostics:
 
     def set_status(self, level: bytes, message: str) -> None:
         """
-        Set the status, and report a changed level at once.
+        Set the status; report a changed level at once.
 
         :param level: constant of `DiagnosticStatus`.
-        :param message: human-readable text.
+        :param message: text of the status.
         """
         self._level, self._message = level, message
         if level != self._sent_level and (
@@ -52,7 +53,7 @@ class Diagnostics:
             self.report()
 
     def report(self) -> None:
-        """Publish the current status, with a logged warning of a slow cycle."""
+        """Publish the current status; log a warning for a slow cycle."""
         cycle, level, message = self._node.cycle, self._level, self._message
         if cycle is not None and cycle.slowness:
             level, message = max(level, DiagnosticStatus.WARN), f'{message}; {cycle.slowness}'

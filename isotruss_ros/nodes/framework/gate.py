@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Gate of a topic: check of stamp, content and transform of messages before use."""
+"""Gate of a topic: checks stamp, content and transform of messages before their use."""
 
 from __future__ import annotations
 
@@ -23,27 +23,29 @@ from isotruss_ros.nodes.framework.runner import StoppableNode
 from isotruss_ros.nodes.framework.topics import subscribe_each, subscribe_newest
 from rclpy.subscription import Subscription
 
-#: Largest number of messages queued for their transforms [-].
+#: Largest number of messages that wait for their transforms [-].
 MAX_QUEUED_MESSAGES = 100
 
 
 class Gate:
     """
-    Checks messages of a topic, and passes on values or reasons of rejection.
+    Gate that checks messages of a topic, and passes on values or reasons of rejection.
 
-    Messages without a transform are queued up to the largest age.
+    A message whose transform is not known yet is queued up to the largest age.
 
     :ivar subscription: subscription of the topic.
-    :param node: subscribing node with the clock of the stamps. Messages without a header are
+    :param node: subscribing node; its clock is that of the stamps. A message without a header is
         stamped at reception.
     :param kind: type of the messages.
     :param topic: relative name of the topic.
     :param name: name of the input, with underscores for spaces.
-    :param read: function from a message to its value, None for no input; raises MessageError for
-        an invalid message.
-    :param take: callback with a `StampedInput`, whose time is at most now, or a `RejectedInput`.
-    :param timeout: function that returns name and value of the largest age [s].
-    :param every: whether to process all messages, not only the newest.
+    :param read: function from a message to its value; None: the message is ignored. It raises
+        MessageError for an invalid message.
+    :param take: callback with a `StampedInput`, whose time is not in the future, or with a
+        `RejectedInput`.
+    :param timeout: function that returns the name of the timeout's parameter and the largest age
+        [s].
+    :param every: whether all messages are processed, not only the newest.
     """
 
     def __init__(
@@ -61,14 +63,14 @@ class Gate:
         self._timeout = timeout
         simulated = node.get_parameter('use_sim_time').value
         self._skew = SIMULATED_CLOCK_SKEW if simulated else CLOCK_SKEW
-        #: Queued messages with the reasons.
+        #: Queued messages, each with the reason why it waits.
         self._waiting: deque[tuple[Any, str]] = deque(maxlen=MAX_QUEUED_MESSAGES)
         subscribe = subscribe_each if every else subscribe_newest
         self.subscription: Subscription = subscribe(node, kind, topic, self.receive)
 
     def receive(self, message: Any) -> None:
         """
-        Check a message and pass it on, or queue it.
+        Check a message; pass it on or queue it.
 
         :param message: message of the topic.
         """
@@ -89,7 +91,7 @@ class Gate:
                 self._take(RejectedInput(why) if why else RejectedInput(str(error), error.fault))
 
     def clear(self) -> None:
-        """Drop the queued messages."""
+        """Discard the queued messages."""
         self._waiting.clear()
 
     def _pass_on(self, message: Any) -> None:

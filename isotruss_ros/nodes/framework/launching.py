@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Launch descriptions with the parameters of the nodes as arguments."""
+"""Launch descriptions whose arguments are the parameters of the nodes."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from launch_ros.parameter_descriptions import ParameterValue
 
 USE_SIM_TIME = Spec('use_sim_time', False, 'Time comes from the topic /clock')
 NAMESPACE, PARAMETERS = 'namespace', 'parameters'
-#: Parameters of the nodes that are arguments, in addition to `use_sim_time` and all of the
+#: Parameters of the nodes that are arguments, besides `use_sim_time` and all parameters of the
 #: simulator.
 ARGUMENTS = (
     'robot',
@@ -36,7 +36,7 @@ ARGUMENTS = (
     'require_emergency_stop',
     'port',
 )
-#: The nodes with the defaults of their arguments; None: always started.
+#: Nodes, each with the default of the argument that starts it; None: always started.
 NODES = {
     'manipulation': None,
     'grasp_analysis': None,
@@ -55,15 +55,15 @@ def describe_launch(
     defaults: Mapping[str, Value] = MappingProxyType({}),
 ) -> LaunchDescription:
     """
-    Return the nodes, and arguments for all nodes with the parameter.
+    Return the launch description: nodes, and an argument for each parameter of them.
 
-    All nodes are shut down when one of them ends: the others would look like a working robot. A
-    missing file of parameters ends the launch before a node starts.
+    If one node ends, all are shut down, because the rest would look like a working robot. If a
+    file of parameters is missing, the launch ends before a node starts.
 
-    :param folder: folder of the launch file, beside `config`.
+    :param folder: folder of the launch file; the folder `config` is beside it.
     :param simulated: whether the node `simulator` replaces the robot.
     :param required: names of the arguments without default.
-    :param defaults: defaults of arguments that differ from those of the nodes.
+    :param defaults: default values of arguments that differ from the nodes' defaults.
     """
     file = folder.parent / 'config' / 'nodes' / 'parameters.yaml'
     arguments = {
@@ -97,7 +97,7 @@ def describe_launch(
 
 
 def _declare(name: str, default: Value | None, description: str) -> DeclareLaunchArgument:
-    """Return an argument; one without default must be given."""
+    """Return an argument; without a default it is required."""
     text = str(default).lower() if isinstance(default, bool) else str(default)
     return DeclareLaunchArgument(
         name, default_value=None if default is None else text, description=description
@@ -123,7 +123,7 @@ def _describe_node(executable: str, specs: Sequence[Spec]) -> Node:
 
 
 def _check_arguments(context: LaunchContext, known: set[str]) -> list[LogInfo]:
-    """Return warnings of unknown arguments; raise for a missing file of parameters."""
+    """Return warnings of unknown arguments; raise an error for a missing file of parameters."""
     file = context.launch_configurations[PARAMETERS]
     if not Path(file).is_file():
         # launch would warn and start the nodes with their defaults.

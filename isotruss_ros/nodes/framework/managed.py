@@ -1,6 +1,6 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Managed (lifecycle) nodes; the parameter `autostart` activates them."""
+"""Managed (lifecycle) nodes, which the parameter `autostart` activates."""
 
 from __future__ import annotations
 
@@ -34,22 +34,23 @@ ERROR = TransitionCallbackReturn.ERROR
 
 class ManagedNode(StoppableNode, LifecycleNode):
     """
-    Base class of managed nodes; subclasses override the steps.
+    Base class of managed nodes; a subclass overrides the steps of the life cycle.
 
-    Entities created in `configure` (publishers, subscriptions, services, action servers, timers)
-    are destroyed at cleanup, those of `activate` at deactivation. Publishers that must be silent
-    while the node is inactive are created by `create_lifecycle_publisher`.
+    Entities (publishers, subscriptions, services, action servers, timers) that `configure` creates
+    are destroyed at cleanup; those that `activate` creates are destroyed at deactivation. A
+    publisher that must be silent while the node is inactive is created by
+    `create_lifecycle_publisher`.
 
-    After an `IsotrussError` of a step the node keeps its previous state, after any other exception
-    it is unconfigured; the reason is in the log and the diagnostics.
+    If a step raises an `IsotrussError`, the node keeps its previous state; after any other
+    exception it is unconfigured. The reason is in the log and in the diagnostics.
 
-    :cvar awaited: topics and actions that the active node requires, for the log.
-    :ivar robot: the robot, loaded before `configure`.
-    :ivar inputs: the `Inputs` of `configure`, whose ages are reported; None without.
+    :cvar awaited: topics and actions without which the active node cannot work, for the log.
+    :ivar robot: the robot; it is loaded before `configure`.
+    :ivar inputs: `Inputs` that `configure` creates, whose ages are reported; None without inputs.
     :ivar configured: whether `configure` has succeeded and its entities exist.
-    :ivar kept: entities that persist beyond the state of their creation.
-    :ivar active: whether publishers are enabled, also in transitions to and from `active`.
-    :ivar diagnostics: status of the node.
+    :ivar kept: entities that remain when the state of their creation ends.
+    :ivar active: whether publishers are enabled; also true in transitions to and from `active`.
+    :ivar diagnostics: diagnostic status of the node.
     :ivar cycle: cycle of the active node; None without one.
     """
 
@@ -63,32 +64,32 @@ class ManagedNode(StoppableNode, LifecycleNode):
     # -- Steps that subclasses override --
 
     def create(self) -> None:
-        """Create the entities of all states."""
+        """Create the entities that exist in all states."""
 
     def read_robot(self) -> Robot:
-        """Return the robot of the parameters."""
+        """Return the robot that the parameters name."""
         return load_robot(self.values.robot)
 
     def _check(self, new: dict[str, Value]) -> None:
-        """Raise for invalid values of parameters by name, at `configure` and on changes."""
+        """Raise IsotrussError for invalid new parameter values, at `configure` and on changes."""
 
     def configure(self) -> None:
         """Create publishers and subscriptions."""
 
     def _apply(self) -> None:
-        """Apply the values of the parameters, after `configure` and on changes."""
+        """Apply the parameter values, after `configure` and on changes."""
 
     def activate(self) -> None:
-        """Start the timers; publishers are enabled."""
+        """Start the timers; publishers are enabled already."""
 
     def deactivate(self) -> None:
         """Bring the robot to a safe state; publishers are still enabled."""
 
     def cleanup(self) -> None:
-        """Release resources other than entities; called after every `configure`."""
+        """Release resources other than entities; it is called after each `configure`."""
 
     def details(self) -> dict[str, object]:
-        """Return further values by name for the diagnostics of the configured node."""
+        """Return further values by name for the diagnostics of a configured node."""
         return {}
 
     # -- Public interface --
@@ -101,7 +102,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
         """
         self.diagnostics = Diagnostics(self, self.describe)
         self.kept: set[object] = set()
-        #: Entities that existed before each state.
+        #: Entities that existed before each state, by state.
         self._before: dict[str, dict[Any, Callable[[Any], object]]] = {}
         self.add_on_set_parameters_callback(self._check_change)
         self.add_post_set_parameters_callback(lambda _: self._apply_change())
@@ -115,7 +116,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
                 raise self._failure
 
     def stop(self) -> None:
-        """Shut the node down before the process ends; publishers are still enabled."""
+        """Shut down the node before the process ends; publishers are still enabled."""
         try:
             self.trigger_shutdown()
         except RuntimeError:  # of rcl: it was interrupted in a transition, or has ended
@@ -124,9 +125,9 @@ class ManagedNode(StoppableNode, LifecycleNode):
 
     def fail(self, error: Exception) -> None:
         """
-        Deactivate after an uncaught error in a callback; the node is unconfigured afterwards.
+        Deactivate the node after an uncaught error in a callback; then it is unconfigured.
 
-        :param error: the reason, logged and reported.
+        :param error: error, which is logged and reported.
         """
         traceback.print_exception(error)
         self._record_failure('run', error)
@@ -136,7 +137,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
     # -- Transitions, as rclpy calls them --
 
     def on_configure(self, _state: LifecycleState) -> TransitionCallbackReturn:
-        """Configure the node; release the entities of a failed configuration."""
+        """Configure the node; if that fails, destroy the created entities."""
         self._enter('configured')
         log_refusals(self)  # which may be simulated since it was unconfigured
         result = self._try_step('configure', self._configure)
@@ -145,7 +146,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
         return result
 
     def on_activate(self, _state: LifecycleState) -> TransitionCallbackReturn:
-        """Activate the node: publishers first, then timers."""
+        """Activate the node: first its publishers, then its timers."""
         self._enter('active')
         self.active = True
         super().on_activate(_state)
@@ -159,7 +160,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
         return result
 
     def on_deactivate(self, _state: LifecycleState) -> TransitionCallbackReturn:
-        """Deactivate the node; after an uncaught error this leads to the error state."""
+        """Deactivate the node; after an uncaught error, enter the error state."""
         self._try_step('deactivate', self.deactivate)
         self._disable(_state)
         if self._failure is not None:
@@ -168,7 +169,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
         return SUCCESS
 
     def on_cleanup(self, _state: LifecycleState) -> TransitionCallbackReturn:
-        """Destroy the entities of `configure`."""
+        """Destroy the entities that `configure` created."""
         if self._try_step('clean up', self._release) != SUCCESS:
             return ERROR
         self.diagnostics.set_status(DiagnosticStatus.WARN, 'unconfigured')
@@ -183,11 +184,11 @@ class ManagedNode(StoppableNode, LifecycleNode):
         return SUCCESS
 
     def on_error(self, _state: LifecycleState) -> TransitionCallbackReturn:
-        """Release everything; the node can be configured again if this succeeds."""
+        """Release all resources; after that the node can be configured again."""
         return SUCCESS if self._try_step('clean up', self._release) == SUCCESS else FAILURE
 
     def _try_step(self, what: str, step: Callable[[], None]) -> TransitionCallbackReturn:
-        """Run a step; record the reason of a failure."""
+        """Execute a step of the life cycle; record the reason of a failure."""
         try:
             step()
         except Exception as error:  # noqa: BLE001 - the node keeps its services
@@ -195,7 +196,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
         return SUCCESS
 
     def _record_failure(self, what: str, error: Exception) -> TransitionCallbackReturn:
-        """Store, log and report the reason of a failure; return the result of the transition."""
+        """Store, log and report the reason of a failure, and return the transition's result."""
         known = isinstance(error, IsotrussError)
         self._failure = error if known else IsotrussError(f'{type(error).__name__}: {error}')
         self.get_logger().error(f'could not {what}: {self._failure}')
@@ -203,12 +204,12 @@ class ManagedNode(StoppableNode, LifecycleNode):
         return FAILURE if known else ERROR
 
     def _enter(self, state: str) -> None:
-        """Register the existing entities before a state, which persist at its end."""
+        """Record the entities that exist before a state; they remain at its end."""
         self._failure = None
         self._before[state] = self._list_entities()
 
     def _disable(self, state: LifecycleState) -> None:
-        """Destroy the entities of `activate` and disable the publishers."""
+        """Destroy the entities that `activate` created, and disable the publishers."""
         self._destroy_since('active')
         self.cycle = None
         super().on_deactivate(state)
@@ -230,7 +231,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
         self.cleanup()
 
     def _check_change(self, parameters: list[Parameter]) -> SetParametersResult:
-        """Return whether parameters can be set; all can while the node is unconfigured."""
+        """Return whether parameters can be set; while the node is unconfigured, all can."""
         new = {parameter.name: parameter.value for parameter in parameters}
         try:
             if 'configured' in self._before:
@@ -248,14 +249,14 @@ class ManagedNode(StoppableNode, LifecycleNode):
             self.cycle.apply()
 
     def describe(self) -> dict[str, object]:
-        """Return all values for the diagnostics by name, in any state."""
+        """Return all values for the diagnostics by name; valid in any state."""
         found = {} if self.cycle is None else self.cycle.summary()
         if self.configured:
             found |= self.details()
         return found if self.inputs is None else found | self.inputs.describe_ages()
 
     def _list_entities(self) -> dict[Any, Callable[[Any], object]]:
-        """Return every entity with its destructor, timers first and publishers last."""
+        """Return all entities with their destructors: timers first, publishers last."""
         actions = [w for w in self.waitables if isinstance(w, ActionServer | ActionClient)]
         return (
             dict.fromkeys(self.timers, self.destroy_timer)
@@ -267,7 +268,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
         )
 
     def _destroy_since(self, state: str) -> None:
-        """Destroy the entities created since the start of a state."""
+        """Destroy the entities that were created since a state began."""
         if state not in self._before:
             return
         before = self._before.pop(state)
@@ -282,9 +283,9 @@ class ManagedNode(StoppableNode, LifecycleNode):
 
 def log_refusals(node: Node) -> None:
     """
-    Log errors of rclpy for negative times and invalid transitions, instead of raising.
+    Make rclpy log its errors for negative times and invalid transitions, not raise them.
 
-    :param node: node, possibly with simulated time and life cycle.
+    :param node: node whose rclpy methods are wrapped.
     """
     for entity in (*node.subscriptions, *node.services):
         name = getattr(entity, 'topic_name', '') or getattr(entity, 'service_name', '')
@@ -294,7 +295,7 @@ def log_refusals(node: Node) -> None:
 
 
 def _try_callback(node: Node, name: str, call: Callable[..., Any], *messages: Any) -> Any:
-    """Return the response of a service, also on refusal; None for a subscription."""
+    """Return the response of a service, even of a refusal; None for a subscription."""
     try:
         return call(*messages)
     except (RuntimeError, ValueError) as error:  # of rclpy; what a step raises is caught there

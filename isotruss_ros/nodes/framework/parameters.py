@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Node parameters: declared with type, range and description, checked at start and on changes.
+Parameters of nodes with type, range and description, checked at start and on changes.
 
-They are parameters of rclpy with descriptors; `generate_parameter_library` has no wheel for
-machines without ROS.
+They are parameters of rclpy with descriptors. The package `generate_parameter_library` is not
+used, because it has no wheel for machines without ROS.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from rclpy.parameter import Parameter
 
 Value = bool | int | float | str | list[str]
 
-#: Prefixes of parameters declared by rclpy.
+#: Prefixes of the parameters that rclpy declares.
 RCLPY_PREFIXES = ('use_sim_time', 'start_type_description_service', 'qos_overrides.')
 UNCONFIGURED_ONLY = 'read-only unless the node is unconfigured'
 
@@ -40,9 +40,10 @@ class Spec:
 
     :ivar name: name of the parameter.
     :ivar default: default value, which defines the type.
-    :ivar description: text for `ros2 param describe` and the documentation.
-    :ivar bounds: smallest and largest value of a number.
-    :ivar read_only: whether it is set at start only, or while a managed node is unconfigured.
+    :ivar description: description for `ros2 param describe` and the documentation.
+    :ivar bounds: smallest and largest value of a number; None: no bounds.
+    :ivar read_only: whether the value can be set only at start, or while a managed node is
+        unconfigured.
     """
 
     name: str
@@ -62,8 +63,8 @@ class Parameters:
     """
     Parameters of one node; each value is an attribute.
 
-    :ivar fixed: names of the parameters that a managed node reads at configuration.
-    :param node: node with `automatically_declare_parameters_from_overrides`, without which rclpy
+    :ivar fixed: names of the parameters that a managed node reads at configuration only.
+    :param node: node with `automatically_declare_parameters_from_overrides`; without it, rclpy
         does not pass on the overrides.
     :param specs: declarations of the parameters.
     :raises ParameterError: an override is of another type, out of range, or invalid.
@@ -89,7 +90,7 @@ class Parameters:
         return self._node.get_parameter(name).value
 
     def _declare(self, spec: Spec, given: Parameter | None) -> None:
-        """Declare a parameter with its override, if given."""
+        """Declare a parameter, with its override if there is one."""
         descriptor = ParameterDescriptor(name=spec.name, description=spec.description)
         if spec.read_only and self._managed:
             descriptor.additional_constraints = UNCONFIGURED_ONLY
@@ -118,7 +119,7 @@ class Parameters:
             raise ParameterError(f'parameter {spec.name}: {error}') from error
 
     def _read_whole_numbers(self, parameters: list[Parameter]) -> list[Parameter]:
-        """Return parameters with integers converted to floats where required."""
+        """Return parameters in which integers are converted to floats if required."""
         return [
             Parameter(p.name, value=float(p.value))
             if p.name in self._real and p.type_ == Parameter.Type.INTEGER

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Log of reasons: each once while it persists, and its count at the end."""
+"""Log of reasons: each is logged once while it persists, and its count at its end."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from typing import NamedTuple
 
 #: Time without repetition after which a reason has ended [s].
 QUIET_TIME = 2.0
-#: Shortest period of the log of alternating reasons of one kind [s].
+#: Shortest time between log entries of alternating reasons of one kind [s].
 MIN_LOG_PERIOD = 1.0
-#: Numbers in a reason, ignored in comparisons.
+#: Numbers in a reason, which comparisons ignore.
 NUMBERS = re.compile(r'[-+]?[\d.]+(e[-+]?\d+)?')
 
 
 class Reason(NamedTuple):
     """
-    A persisting reason.
+    Reason that persists.
 
     :ivar text: logged text.
     :ivar count: number of occurrences.
@@ -36,7 +36,7 @@ class Reason(NamedTuple):
 
 class ReasonLog:
     """
-    Logs reasons on changes; differences in numbers do not count.
+    Log of changes of reasons; different numbers in a reason are not a change.
 
     :param log: function that logs a line.
     """
@@ -47,10 +47,10 @@ class ReasonLog:
 
     def note(self, kind: str, text: str) -> None:
         """
-        Log a reason, unless it persists already.
+        Log a reason, unless it already persists.
 
-        :param kind: kind of the reason; a reason replaces the previous one of its kind only.
-        :param text: the reason.
+        :param kind: kind of the reason; a reason replaces only the previous one of its kind.
+        :param text: reason in words.
         """
         now, known = time.monotonic(), self._reasons.get(kind)
         if known is not None and now - known.given < QUIET_TIME:
@@ -63,14 +63,14 @@ class ReasonLog:
         self._reasons[kind] = Reason(text, 1, now, now)
 
     def end(self) -> None:
-        """Log the ended reasons."""
+        """Log the counts of reasons that have ended."""
         now = time.monotonic()
         for kind, reason in list(self._reasons.items()):
             if now - reason.given >= QUIET_TIME:
                 self._end(kind)
 
     def _end(self, kind: str) -> None:
-        """Log the count of an ended reason, if repeated."""
+        """Log the count of a reason that has ended, if it was repeated."""
         reason = self._reasons.pop(kind, None)
         if reason is not None and reason.count > 1:
             self._log(f'no longer, after {reason.count} times: {reason.text}')

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Measurements of a tracker, transformed by tf2 to the robot's frame."""
+"""Transformation of a tracker's measurements to the robot frame by tf2."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ except ImportError:
     # It has no wheel for machines without ROS.
     Buffer, NO_TRANSFORM = None, (ValueError,)  # type: ignore[assignment]
 
-#: Largest tilt out of the robot's plane [rad]; changes lengths by 0.4 %.
+#: Largest tilt of a measurement out of the robot's plane [rad]; it changes lengths by 0.4 %.
 MAX_TILT = math.radians(5.0)
 
 
@@ -39,11 +39,11 @@ class NoTransformError(MessageError):
 
 class RobotFrame:
     """
-    Transforms poses and markers to the robot's frame, at their stamps.
+    Transformation of poses and markers to the robot frame, at their stamps.
 
     :param robot: robot with the frame and the marked joints.
-    :param buffer: buffer of transforms with `lookup_transform` of `tf2_ros`; None without tf2:
-        frames must match.
+    :param buffer: buffer of transforms with the method `lookup_transform` of `tf2_ros`; None
+        without tf2, then the frames must be equal.
     """
 
     def __init__(self, robot: Robot, buffer: Any = None) -> None:
@@ -53,9 +53,9 @@ class RobotFrame:
     @classmethod
     def heard_by(cls, node: Node, robot: Robot) -> RobotFrame:
         """
-        Return the robot's frame with the transforms received by a node, if tf2 is installed.
+        Return the transformation by the transforms that a node receives, if tf2 is installed.
 
-        :param node: subscriber of `/tf` and `/tf_static`.
+        :param node: node that subscribes to `/tf` and `/tf_static`.
         :param robot: the robot.
         """
         if Buffer is None:
@@ -66,11 +66,11 @@ class RobotFrame:
 
     def read_pose(self, message: PoseStamped) -> Pose:
         """
-        Return the measured pose of an object.
+        Return the measured pose of an object in the robot frame.
 
-        :param message: message in any frame.
-        :raises MessageError: not finite, no rotation in the quaternion, no transform from its
-            frame, or a pose out of the robot's plane.
+        :param message: pose in any frame.
+        :raises MessageError: a value is not finite, the quaternion is not a rotation, no transform
+            from the frame exists, or the pose is out of the robot's plane.
         """
         what, place = 'object pose', message.pose.position
         pose = read_pose(what, message.pose)
@@ -85,11 +85,11 @@ class RobotFrame:
 
     def read_markers(self, message: MultiDOFJointState) -> dict[str, tuple[float, float]]:
         """
-        Return the measured joints (x, y) by name [m].
+        Return the measured joints (x, y) by name in the robot frame [m].
 
-        :param message: message in any frame; without heights it must be in the robot's plane.
-        :raises MessageError: see `read_joint_markers`, no transform from its frame, or points out
-            of the robot's plane.
+        :param message: joints in any frame; without heights, they must be in the robot's plane.
+        :raises MessageError: see `read_joint_markers`; no transform from the frame exists; or
+            points are out of the robot's plane.
         """
         joints = read_joint_markers(message, self._robot)
         if message.header.frame_id == self._robot.frame:
@@ -123,7 +123,7 @@ class RobotFrame:
         return rotation, np.array([shift.x, shift.y, shift.z])
 
     def _check_plane(self, what: str, header: Header, turned: Array) -> None:
-        """Raise MessageError for a tilt out of the robot's plane."""
+        """Raise MessageError for an axis that is tilted out of the robot's plane."""
         tilt = math.degrees(math.acos(min(1.0, max(-1.0, turned[2, 2]))))
         most = math.degrees(MAX_TILT)
         if tilt > most:
@@ -134,5 +134,5 @@ class RobotFrame:
 
 
 def _rotation_matrix(rotation: Quaternion) -> Array:
-    """Return the rotation matrix (3, 3) of a quaternion; ValueError for zero."""
+    """Return the rotation matrix (3, 3) of a quaternion; ValueError for a zero quaternion."""
     return Rotation.from_quat([rotation.x, rotation.y, rotation.z, rotation.w]).as_matrix()

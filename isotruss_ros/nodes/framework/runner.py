@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Executable of a node: start it or print the reason of failure, spin, stop on a signal."""
+"""Executable of a node: start it, execute it, and stop it on a signal."""
 
 from __future__ import annotations
 
@@ -27,24 +27,24 @@ from rclpy.signals import SignalHandlerOptions
 from scipy import interpolate, optimize  # noqa: F401 - imported before the first cycle
 from std_srvs.srv import Trigger
 
-#: Signals of Ctrl-C, `kill` and a closed terminal.
+#: Signals of Ctrl-C, of `kill` and of a closed terminal.
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-#: Longest wait [s]; signals do not interrupt a wait.
+#: Longest wait [s], because signals do not interrupt a wait.
 WAKE_PERIOD = 1.0
 
 
 class StoppableNode(Node):
     """
-    A node that stops the robot before the process ends; subclasses override `start`.
+    Node that stops the robot before its process ends; a subclass overrides `start`.
 
     :cvar node_name: name of the node.
     :cvar specs: parameters of the node.
-    :cvar base_specs: parameters of all nodes of its kind.
-    :cvar done: whether the node has finished its task, which ends the process.
-    :ivar cycle: control cycle; None without one.
-    :ivar values: values of the parameters, as attributes.
-    :param parameter_overrides: values of parameters other than the defaults.
-    :raises IsotrussError: a parameter is invalid; names it and its valid range.
+    :cvar base_specs: parameters of all nodes of the same kind.
+    :cvar done: whether the node has finished its task; then the process ends.
+    :ivar cycle: control cycle; None without a cycle.
+    :ivar values: values of the parameters as attributes.
+    :param parameter_overrides: values of parameters that differ from the defaults.
+    :raises IsotrussError: a parameter is invalid; the message names it and its valid range.
     """
 
     node_name: ClassVar[str]
@@ -68,13 +68,13 @@ class StoppableNode(Node):
             raise
 
     def start(self) -> None:
-        """Start with the parameters, as the last step of the constructor."""
+        """Start the task of the node, as the last step of the constructor."""
 
     def begin(self) -> None:
         """
-        Start resources of the own process: a file, a server, the keyboard.
+        Open resources of the process: a file, a server, the keyboard.
 
-        :raises IsotrussError: the reason of a failure.
+        :raises IsotrussError: a resource cannot be opened.
         """
 
     def now(self) -> float:
@@ -83,24 +83,24 @@ class StoppableNode(Node):
 
     def warn(self, kind: str, message: str) -> None:
         """
-        Log a warning, once while its reason persists; see `ReasonLog`.
+        Log a warning once while its reason persists, see `ReasonLog`.
 
-        :param kind: kind of the warning, logged independently of other kinds.
+        :param kind: kind of the warning; kinds are logged independently.
         :param message: text of the warning.
         """
         self._reasons.note(kind, message)
 
     def log_ended(self) -> None:
-        """Log the counts of ended reasons."""
+        """Log the counts of reasons that have ended."""
         self._reasons.end()
 
     def offer(self, name: str, carry_out: Callable[[], str]) -> None:
         """
         Offer a service without arguments.
 
-        :param name: name of the service, std_srvs/Trigger.
-        :param carry_out: executes the request and returns the result in words; raises
-            IsotrussError on failure.
+        :param name: name of the service of type std_srvs/Trigger.
+        :param carry_out: function that executes the request and returns the result in words; it
+            raises IsotrussError on failure.
         """
 
         def respond(_request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
@@ -119,17 +119,17 @@ class StoppableNode(Node):
         """
         End the process after an uncaught error in a callback.
 
-        :param error: the error, raised again; `run` prints the text of an IsotrussError.
+        :param error: error, which is raised again; `run` prints the text of an IsotrussError.
         """
         raise error
 
 
 def catch_signals() -> list[int]:
     """
-    Catch stop signals and return the list that gets the first one.
+    Catch stop signals; return the list that receives the first signal.
 
-    The second signal raises KeyboardInterrupt. The first must not: within a conversion from C,
-    rclpy would turn a KeyboardInterrupt into another error.
+    The second signal raises KeyboardInterrupt. The first does not, because rclpy would turn it
+    into another error during a conversion from C.
     """
     received: list[int] = []
 
@@ -145,9 +145,9 @@ def catch_signals() -> list[int]:
 
 def find_node(name: str) -> type[StoppableNode]:
     """
-    Return the class of a node.
+    Return the class of a node by its name.
 
-    :param name: name of the node, also of its module and executable.
+    :param name: name of the node, which is also the name of its executable.
     """
     module = importlib.import_module(f'isotruss_ros.nodes.{MODULES.get(name, name)}')
     return next(kind for kind in vars(module).values() if getattr(kind, 'node_name', '') == name)
@@ -155,12 +155,12 @@ def find_node(name: str) -> type[StoppableNode]:
 
 def run(kind: Callable[[], StoppableNode], args: Sequence[str] | None = None) -> int:
     """
-    Spin a node until interrupted or finished.
+    Execute a node until it is interrupted or finished.
 
     :param kind: class of the node.
-    :param args: command line, by default that of the process.
+    :param args: command line; None: that of the process.
     :return: exit code: 0 if interrupted or finished, 1 after an error.
-    :raises SystemExit: after the help, or for an invalid argument.
+    :raises SystemExit: the help was printed, or an argument is invalid.
     """
     refuse_arguments(kind, sys.argv if args is None else args)
     # rcl would print an error without the name of the invalid argument.

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Measured inputs of a node: latest valid value of each, or the reason of its rejection."""
+"""Measured inputs of a node: the latest valid value of each, or the reason of its rejection."""
 
 from __future__ import annotations
 
@@ -45,17 +45,17 @@ Take = Callable[[StampedInput], None]
 
 class Inputs:
     """
-    Subscriptions of a node, whose inputs are attributes of a holder.
+    Subscriptions of a node that store inputs as attributes of a holder.
 
-    Each message passes a `Gate` and becomes a StampedInput (stamped by the node's clock without a
-    header), or a RejectedInput with the reason.
+    Each message passes a `Gate`. It becomes a StampedInput, or a RejectedInput with the reason. A
+    message without a header is stamped by the node's clock.
 
-    :ivar holder: object with the inputs as attributes.
+    :ivar holder: object that has the inputs as attributes.
     :param node: subscribing node.
     :param robot: robot with the rollers, tubes and frame of the messages.
-    :param holder: object with the inputs as attributes; its `timeout` is the largest age of an
-        input [s], its `pressure_timeout` that of pressures.
-    :param setting: parameter of the timeout; empty without one.
+    :param holder: object that has the inputs as attributes, the largest age of an input as
+        `timeout` [s], and that of pressures as `pressure_timeout` [s].
+    :param setting: name of the parameter with the timeout; empty without one.
     """
 
     def __init__(
@@ -64,24 +64,24 @@ class Inputs:
         self._node, self._robot, self.holder = node, robot, holder
         self._setting = setting
         self._gates: dict[str, Gate] = {}
-        #: Descriptions of the attributes.
+        #: Descriptions of the inputs by attribute.
         self._words: dict[str, str] = {}
         self._parts = RollerParts(robot.roller_names)
         self._offsets = np.zeros(len(robot.roller_names))
         self._pressures: dict[str, Input] = {}
-        #: Last rejected pressure with its time [s].
+        #: Last rejected pressure, and its time [s].
         self._bad_pressure: tuple[RejectedInput | None, float] = None, -math.inf
 
     @property
     def timeouts(self) -> Any:
-        """Return the object with the largest ages of inputs."""
+        """Return the object that has the largest ages of inputs."""
         return self.holder
 
     def latest(self, name: str) -> Input:
         """
         Return the latest value of an input.
 
-        :param name: name of the attribute of the holder.
+        :param name: name of the holder's attribute.
         """
         return getattr(self.holder, name)
 
@@ -89,7 +89,7 @@ class Inputs:
         """
         Replace an input.
 
-        :param name: name of the attribute of the holder.
+        :param name: name of the holder's attribute.
         :param given: the new value.
         """
         setattr(self.holder, name, given)
@@ -106,19 +106,19 @@ class Inputs:
         oldest: float | None = None,
     ) -> Subscription:
         """
-        Subscribe to an input and store its latest value.
+        Subscribe to a topic, and store its latest value as an input.
 
         :param kind: type of the messages.
         :param topic: relative name of the topic.
-        :param read: function from a message to its value, None for no input; raises MessageError
-            for an invalid message.
-        :param name: name of the attribute of the holder.
-        :param words: description for the diagnostics, by default the topic.
-        :param stops: whether an invalid message erases the input, which stops the robot at once;
-            otherwise the previous one remains valid.
-        :param take: callback with each StampedInput in any order, not only the newest; None: no
-            callback.
-        :param oldest: largest age [s]; None: that of the holder.
+        :param read: function from a message to its value; None: the message is ignored. It raises
+            MessageError for an invalid message.
+        :param name: name of the holder's attribute.
+        :param words: description for the diagnostics; by default, the topic.
+        :param stops: whether an invalid message replaces the input, which stops the robot at once;
+            otherwise the previous value remains valid.
+        :param take: callback with each StampedInput in any order, not only with the newest; None:
+            no callback.
+        :param oldest: largest age of the input [s]; None: `timeout` of the holder.
         """
         words = words or topic.replace('_', ' ').replace('/', ' ')
 
@@ -150,7 +150,7 @@ class Inputs:
         receive: Callable[[StampedInput | RejectedInput], None],
         received: StampedInput | RejectedInput,
     ) -> None:
-        """Merge partial states of rollers and add the estimated offsets."""
+        """Merge partial states of the rollers, and add the estimated offsets."""
         if isinstance(received, StampedInput):
             self._parts.take(received.value, received.time, self._node.now())
             received = self._parts.merged()
@@ -165,19 +165,19 @@ class Inputs:
 
     def keep_encoders(self, take: Take | None = None) -> None:
         """
-        Store encoder readings from `joint_states` as `rollers`, without offsets.
+        Store encoder readings from `joint_states` as the input `rollers`, without offsets.
 
-        :param take: see `keep`.
+        :param take: callback, see `keep`.
         """
         read = partial(read_roller_part, names=self._robot.roller_names)
         self.keep(JointState, 'joint_states', read, 'rollers', stops=True, take=take)
 
     def keep_joint_states(self) -> None:
         """
-        Store the RollerState from `joint_states` as `rollers`, with estimated offsets.
+        Store the roller state from `joint_states` as the input `rollers`, with estimated offsets.
 
-        If a node publishes `state_estimate`, its EstimatedTravel is `estimate`, and its offsets
-        are included in the roller positions. The last offsets remain valid without a timeout.
+        If a node publishes `state_estimate`, it is stored as the input `estimate`, and its offsets
+        are added to the roller positions. The last offsets remain valid without a timeout.
         """
         self.keep_encoders()
         read = partial(read_estimate, robot=self._robot)
@@ -185,7 +185,7 @@ class Inputs:
 
     def keep_object_pose(self, **options: Any) -> None:
         """
-        Store the `Pose` of the object from `object_pose` as `pose`; see `RobotFrame`.
+        Store the object's pose from `object_pose` as the input `pose`; see `RobotFrame`.
 
         :param options: options of `keep`.
         """
@@ -194,7 +194,7 @@ class Inputs:
 
     def keep_joint_markers(self, **options: Any) -> None:
         """
-        Store the measured joints {name: (x, y)} [m] from `joint_markers` as `markers`.
+        Store measured joints {name: (x, y)} [m] from `joint_markers` as the input `markers`.
 
         :param options: options of `keep`.
         """
@@ -203,17 +203,17 @@ class Inputs:
 
     @functools.cached_property
     def frame(self) -> RobotFrame:
-        """Return the robot's frame with the transforms received by the node."""
+        """Return the transformation to the robot frame by the node's transforms."""
         return RobotFrame.heard_by(self._node, self._robot)
 
     def keep_tube_pressures(self, ambient: Callable[[], float]) -> None:
         """
-        Store the gauge pressures (t,) [Pa] from `tube_pressures` as `pressures`.
+        Store gauge pressures (t,) [Pa] from `tube_pressures` as the input `pressures`.
 
-        Each message has one tube. Pressures are valid once all tubes are known, with the oldest
-        stamp.
+        Each message has the pressure of one tube. The input is valid after each tube has sent one,
+        and it has the oldest stamp of them.
 
-        :param ambient: function that returns the ambient pressure, 0 for gauge pressures [Pa].
+        :param ambient: function that returns the ambient pressure [Pa]; 0 for gauge pressures.
         """
 
         def read(message: FluidPressure) -> tuple[str, float]:
@@ -226,7 +226,7 @@ class Inputs:
         receive: Callable[[StampedInput | RejectedInput], None],
         received: StampedInput | RejectedInput,
     ) -> None:
-        """Merge the pressure of one tube into those of all tubes."""
+        """Add the pressure of one tube to the pressures of all tubes."""
         now = self._node.now()
         if isinstance(received, RejectedInput):
             self._bad_pressure = received, now
@@ -250,7 +250,7 @@ class Inputs:
             gate.settle()
 
     def clear(self) -> None:
-        """Discard the inputs: their ages are unknown after a jump of the clock."""
+        """Discard all inputs, because their ages are unknown after a jump of the clock."""
         self._parts.clear()
         self._pressures.clear()
         for name, gate in self._gates.items():
@@ -262,7 +262,7 @@ class Inputs:
                 self.store(name, RejectedInput(why))
 
     def describe_ages(self) -> dict[str, object]:
-        """Return the ages of the inputs [s], or the reasons of missing ones."""
+        """Return the age of each input [s], or the reason why it is missing."""
         ages = {}
         for name, words in self._words.items():
             given = self.latest(name)
@@ -276,12 +276,11 @@ class Inputs:
 
 class TrackedShape:
     """
-    Configuration tracked from joint states.
+    Configuration of the robot, tracked from joint states.
 
     :ivar timeout: largest age of an input [s].
-    :ivar rollers: the latest joint states, a StampedInput of a RollerState.
-    :ivar estimate: input of the `EstimatedTravel` with the offsets of the rollers; None without
-        one.
+    :ivar rollers: latest joint states, a StampedInput of a RollerState.
+    :ivar estimate: input of the `EstimatedTravel` with the roller offsets; None without one.
     :param robot: the robot; home is the start of the first search.
     :param timeout: largest age of an input [s].
     """
@@ -305,7 +304,7 @@ class TrackedShape:
 
     def configuration(self, now: float) -> Configuration:
         """
-        Return the configuration of the latest joint states.
+        Return the configuration at the latest joint states.
 
         :param now: time on the clock of the inputs [s].
         :raises InputError: the joint states are missing, stale or invalid.

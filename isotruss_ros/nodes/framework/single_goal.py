@@ -1,6 +1,6 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Action server with one goal at a time, executed in the cycle of a non-blocking node."""
+"""Action server with one goal at a time, executed in the cycle of a node without blocking."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import ServerGoalHandle
 from rclpy.task import Future
 
-#: Time for which results are stored for late requests of clients [s].
+#: Time for which results are stored for late clients [s].
 RESULT_TIMEOUT = 60
 
 
 class Ending(enum.Enum):
-    """Final states of a goal of an action, by the methods of rclpy's handle."""
+    """Final states of an action's goal, by the methods of rclpy's handle."""
 
     SUCCEEDED = 'succeed'
     CANCELED = 'canceled'
@@ -36,26 +36,25 @@ class BusyError(IsotrussError):
 
 class SingleGoal:
     """
-    The active goal, executed by a timer of the node.
+    Action server whose single goal is executed by a timer of the node.
 
-    The coroutine of the action only awaits the result and takes no time: the executor resumes it
-    when it spins.
-
-    Results with a stamp are stamped at the end of the goal.
+    The coroutine of the action only awaits the result; the executor resumes it when it spins. A
+    result with a stamp is stamped at the end of the goal.
 
     :ivar kind: type of the action.
-    :param node: node that offers the action until destroyed.
+    :param node: node that offers the action until it is destroyed.
     :param kind: type of the action.
     :param name: relative name of the action.
-    :param read: function from a goal to a request, before acceptance; raises IsotrussError for an
-        invalid goal, or if the node is not ready. The active goal is not affected then.
+    :param read: function from a goal to a request, called before acceptance. It raises
+        IsotrussError for an invalid goal, or if the node is not ready; then the active goal is not
+        affected.
     :param refuse: function from such an error to a result for the client; None: the goal is
-        rejected, with the reason in the log only.
-    :param begin: callback with the request; may end the goal at once.
-    :param cancelled: callback on cancellation by a client; must end the goal at once or soon.
-    :param preempted: callback before `begin` while another goal is active; must end it. Not needed
-        if `read` refuses concurrent goals.
-    :param supervised: whether a goal ends with its supervising client, if any.
+        rejected, and only the log has the reason.
+    :param begin: callback with the request; it may end the goal at once.
+    :param cancelled: callback when a client cancels the goal; it must end the goal soon.
+    :param preempted: callback before `begin` if another goal is active; it must end that goal. It
+        is not needed if `read` refuses a second goal.
+    :param supervised: whether the goal ends if its supervising client is lost.
     """
 
     def __init__(
@@ -74,7 +73,7 @@ class SingleGoal:
         self._node, self._name, self._begin = node, name, begin
         self._read, self._refuse = read, refuse
         self._preempted, self._cancelled = preempted, cancelled
-        #: Request of the goal accepted next, or the result of its refusal.
+        #: Request of the goal that is accepted next, or the result of its refusal.
         self._asked: Any = None
         self._refusal: Any = None
         self._handle: ServerGoalHandle | None = None
@@ -101,12 +100,12 @@ class SingleGoal:
 
     @property
     def request(self) -> Any:
-        """Return the active goal, a message."""
+        """Return the message of the active goal."""
         return self._handle.request
 
     def publish_feedback(self, make: Callable[[], Any]) -> None:
         """
-        Publish feedback on the active goal, limited in rate.
+        Publish feedback on the active goal at a limited rate.
 
         :param make: function that returns the feedback message.
         """
@@ -116,19 +115,19 @@ class SingleGoal:
 
     def find_loss(self, timeout: float) -> str | None:
         """
-        Return the loss of the supervising client in words; None without a loss.
+        Return in words the loss of the client that supervises the goal; None without a loss.
 
-        :param timeout: longest time between its messages, by the steady clock [s].
+        :param timeout: longest time between the client's messages, by the steady clock [s].
         :return: text of the loss, or None.
         """
         return self._client.find_loss(timeout)
 
     def end(self, ending: Ending, result: Any) -> None:
         """
-        End the active goal; the client gets the result at the next spin of the executor.
+        End the active goal; the client receives the result when the executor spins next.
 
         :param ending: final state of the goal.
-        :param result: result message.
+        :param result: message of the result.
         """
         self._ended[_key(self._handle)].set_result((ending, self._stamp(result)))
         self._set_active(None)
@@ -142,12 +141,12 @@ class SingleGoal:
         prefix: str = '',
     ) -> None:
         """
-        End the active goal, and report its result in the diagnostics and the log.
+        End the active goal, and report its result in diagnostics and log.
 
-        :param outcome: reason of the end.
-        :param endings: final states by expected outcomes; other outcomes are aborted.
-        :param result: result message with the reason.
-        :param idle: text of the node's activity from now on.
+        :param outcome: final code.
+        :param endings: final states by code; a goal with any other code is aborted.
+        :param result: message of the result.
+        :param idle: text for the node's activity after the goal.
         :param prefix: prefix of the report.
         """
         self.end(endings.get(outcome, Ending.ABORTED), result)
@@ -166,7 +165,7 @@ class SingleGoal:
             self._client.goal = None if handle is None else _key(handle)
 
     def _stamp(self, result: Any) -> Any:
-        """Return a result with the time of the end of the goal, if it has a stamp."""
+        """Return a result with the time of the goal's end, if it has a stamp."""
         if hasattr(result, 'stamp'):
             result.stamp = self._node.get_clock().now().to_msg()
         return result

@@ -2,12 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Heartbeats of actions: a goal ends with its client, a sequence with the server of its goal.
+Heartbeats of actions: a goal ends with its client, a sequence ends with the server of its goal.
 
-Liveliness and deadline of DDS detect an ended process as fast, but their time is fixed at the
-creation of an entity, whereas `command_timeout` is a parameter; subscriptions with them match no
-publishers without them; and automatic liveliness continues while a callback hangs (see
-docs/tried.md).
+Liveliness and deadline of DDS detect an ended process equally fast, but have three faults (see
+docs/tried.md). Their time is fixed when an entity is created, whereas `command_timeout` is a
+parameter. Subscriptions with them do not match publishers without them. Automatic liveliness
+continues while a callback hangs.
 """
 
 from __future__ import annotations
@@ -19,30 +19,30 @@ from action_msgs.msg import GoalInfo
 from isotruss_ros.nodes.framework.topics import RELIABLE, subscribe_newest
 from rclpy.lifecycle import LifecycleNode
 
-#: Topic of the goals supervised by clients, published before the goal is sent.
+#: Topic on which a client names the goal that it supervises, before it sends the goal.
 TOPIC = 'supervised_goal'
-#: Shortest period of feedback [s], the heartbeat of a server.
+#: Shortest period of feedback, which is the heartbeat of a server [s].
 FEEDBACK_PERIOD = 0.05
-#: Shortest timeout of feedback [s]: two periods.
+#: Shortest timeout of feedback, two periods [s].
 MIN_FEEDBACK_TIMEOUT = 2.0 * FEEDBACK_PERIOD
-#: Longest start of a goal before the first feedback [s].
+#: Longest time from the start of a goal to its first feedback [s].
 START_TIMEOUT = 1.0
 
 
 def create_heartbeat(node: LifecycleNode) -> Callable[[GoalInfo], None]:
     """
-    Return the publisher of a client's heartbeat for a goal.
+    Return the function that publishes a client's heartbeat for a goal.
 
-    :param node: publishing node while active.
+    :param node: node that publishes while it is active.
     """
     return node.create_lifecycle_publisher(GoalInfo, TOPIC, RELIABLE).publish
 
 
 class ClientWatch:
     """
-    Time of the last heartbeat of a supervising client, if any.
+    Time of the last heartbeat of the client that supervises a goal.
 
-    :param node: subscribing node until destroyed.
+    :param node: node that subscribes until it is destroyed.
     """
 
     def __init__(self, node: LifecycleNode) -> None:
@@ -52,9 +52,9 @@ class ClientWatch:
 
     def find_loss(self, timeout: float) -> str | None:
         """
-        Return the loss of the supervising client in words; None without a loss.
+        Return in words the loss of the supervising client; None without a loss.
 
-        :param timeout: longest time between its messages, by the steady clock [s].
+        :param timeout: longest time between the client's messages, by the steady clock [s].
         :return: text of the loss, or None.
         """
         goal, heard = self._heard
@@ -73,7 +73,7 @@ class ClientWatch:
 
 class ServerWatch:
     """
-    Time of the last feedback of the server of a goal.
+    Time of the last feedback by the server of a goal.
 
     :param name: name of the action.
     :param silence: longest time without feedback [s].
@@ -84,11 +84,11 @@ class ServerWatch:
         self._heard = time.monotonic() + START_TIMEOUT
 
     def note(self) -> None:
-        """Register feedback."""
+        """Record feedback."""
         self._heard = max(self._heard, time.monotonic())
 
     def find_loss(self) -> str | None:
-        """Return the loss of the server in words; None without a loss."""
+        """Return in words the loss of the server; None without a loss."""
         if time.monotonic() - self._heard <= self._silence:
             return None
         return (

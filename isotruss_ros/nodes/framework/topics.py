@@ -4,10 +4,10 @@
 """
 Quality of service of each topic, and subscriptions to the newest message.
 
-State and twists are valid only while new: subscriptions are best-effort with a short queue, and
-match reliable and best-effort publishers. Publishers of the nodes, and the command subscription of
-the simulator, are reliable, like the controllers of ros2_control. They are volatile: the next
-message arrives with the next cycle, and an old one would be wrong once the node is inactive.
+States and twists are valid only while they are new. So subscriptions to them are best-effort with
+a short queue, and match reliable and best-effort publishers. Publishers of the nodes and the
+command subscription of the simulator are reliable, like the controllers of ros2_control. They are
+volatile, because an old message would be wrong after the node is inactive.
 
 Messages that are valid until the next one are latched.
 """
@@ -23,24 +23,24 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
-#: Newest messages. Depth 2: with depth 1 Fast DDS leaks some 100 bytes for each message that
-#: arrives while the only one is being taken.
+#: Newest messages. The depth is 2, because at depth 1 Fast DDS leaks some 100 bytes for each
+#: message that arrives while another is taken.
 NEWEST = QoSProfile(depth=2, reliability=ReliabilityPolicy.BEST_EFFORT)
-#: All messages, such as partial joint states: ten publishers of 100 Hz for a loop of 100 Hz.
+#: All messages, such as partial joint states of ten publishers at 100 Hz for a loop at 100 Hz.
 EACH = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
-#: No event callbacks: these subscriptions match every publisher, and callbacks would make each
-#: wait of `manipulation` a third longer.
+#: No event callbacks. They are not needed, because these subscriptions match any publisher, and
+#: they would make each wait of `manipulation` a third longer.
 NO_EVENTS = SubscriptionEventCallbacks(use_default_callbacks=False)
 RELIABLE = QoSProfile(depth=1)
-#: Timeout of the acknowledgement of the last command.
+#: Longest wait for the acknowledgement of the last command.
 ACKNOWLEDGE_TIME = Duration(seconds=0.5)
-#: Bursts of messages, all of them processed.
+#: Bursts of messages, all of which are processed.
 EVENTS = QoSProfile(depth=100)
-#: Messages valid until the next one, received by late joiners.
+#: Messages that are valid until the next one; late subscribers receive them.
 LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-#: `SparseMessages`: all messages of all publishers, including earlier latched ones. Both are
-#: reliable: best-effort subscriptions lose messages sent before discovery. Up to 5000 messages are
-#: stored by Fast DDS; then publishers block, or an event reports the loss.
+#: All messages of all publishers with earlier latched ones, for `SparseMessages`. It is reliable,
+#: because best-effort subscriptions lose messages from before discovery. Fast DDS stores up to
+#: 5000 messages; then publishers block, or an event reports the loss.
 EVERY = QoSProfile(history=HistoryPolicy.KEEP_ALL)
 EVERY_LATCHED = QoSProfile(
     history=HistoryPolicy.KEEP_ALL, durability=DurabilityPolicy.TRANSIENT_LOCAL
@@ -51,9 +51,9 @@ def subscribe_newest(
     node: Node, kind: type, topic: str, callback: Callable[[Any], None]
 ) -> Subscription:
     """
-    Subscribe to the newest messages of a topic; older queued ones are dropped.
+    Subscribe to the newest messages of a topic; older queued ones are discarded.
 
-    :param node: subscribing node, best-effort.
+    :param node: subscribing node; its subscription is best-effort.
     :param kind: type of the messages.
     :param topic: relative name of the topic.
     :param callback: function of a message.
@@ -65,9 +65,9 @@ def subscribe_each(
     node: Node, kind: type, topic: str, callback: Callable[[Any], None]
 ) -> Subscription:
     """
-    Subscribe to each message of a topic in order; of a flood to the newest ones.
+    Subscribe to each message of a topic in order; in a flood, to the newest messages.
 
-    :param node: subscribing node, best-effort.
+    :param node: subscribing node; its subscription is best-effort.
     :param kind: type of the messages.
     :param topic: relative name of the topic.
     :param callback: function of a message.
@@ -83,7 +83,7 @@ def subscribe_each(
 def _subscribe(
     node: Node, kind: type, topic: str, profile: QoSProfile, callback: Callable[[list[Any]], None]
 ) -> Subscription:
-    """Subscribe with a callback for all queued messages."""
+    """Subscribe with a callback that receives all queued messages."""
 
     def take(message: Any) -> None:
         # rclpy takes one message per turn, too slow for fast publishers.
@@ -95,11 +95,11 @@ def _subscribe(
 
 def take_waiting(taken: list[Any], subscription: Subscription, most: int) -> list[Any]:
     """
-    Return a message followed by the queued ones, in order.
+    Return a message, followed by the queued messages in order.
 
-    :param taken: message of the callback, if any.
+    :param taken: list with the callback's message, possibly empty.
     :param subscription: subscription with the queue.
-    :param most: largest number of messages.
+    :param most: largest number of returned messages.
     """
     messages = list(taken)
     while len(messages) < most:

@@ -32,12 +32,13 @@ except ModuleNotFoundError:  # part of every ROS installation, without a wheel
 
 class TransformBroadcaster:
     """
-    Broadcasts the frames of object, contacts and modules, relative to the robot's frame.
+    Broadcaster of the frames of object, contacts and modules, relative to the robot frame.
 
-    The object has a frame fixed to it and an aligned frame with the same origin and axes parallel
-    to the robot's frame, the reference of wrenches. The x axis of a contact frame is the normal
-    into the object. The origin of a module frame is the joint, its x axis the direction of the
-    connection rod. Without `tf2_msgs` nothing is broadcast, with a warning in the log.
+    The object has two frames with the same origin: the object frame is fixed to it; the aligned
+    frame, in which wrenches are given, has axes parallel to the robot frame. The x axis of a
+    contact frame is the normal into the object. A module frame has its origin at the joint and its
+    x axis along the connection rod. Without `tf2_msgs` a warning is logged and nothing is
+    broadcast.
 
     :param node: publishing node.
     :param robot: the robot.
@@ -63,12 +64,12 @@ class TransformBroadcaster:
         time: float,
     ) -> None:
         """
-        Publish the transforms from the robot's frame.
+        Publish the transforms from the robot frame.
 
         :param config: measured configuration of the robot.
         :param pose: pose of the object, robot frame.
-        :param contacts: frames of the contacts by member.
-        :param time: time of both measurements.
+        :param contacts: contact frames by member.
+        :param time: time of the measurements [s].
         """
         if self._transforms is None:
             return
@@ -95,7 +96,7 @@ class TransformBroadcaster:
 
 def name_module_frames(robot: Robot) -> list[str]:
     """
-    Return the names of the frames of the modules, in `Robot.module_names` order.
+    Return the names of the modules' frames in `Robot.module_names` order.
 
     :param robot: the robot.
     """

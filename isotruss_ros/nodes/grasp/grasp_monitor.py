@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Grasp monitor: analysis of the grasp for the latest inputs, or the reason of its absence.
+Grasp monitor: analysis of the grasp from the latest inputs, or the reason of its absence.
 
-A result is valid for its inputs, and dropped once one of them is stale, missing or rejected.
+A result is valid for its inputs. It is discarded when an input is stale, missing or rejected.
 """
 
 from __future__ import annotations
@@ -45,33 +45,34 @@ from isotruss_ros.nodes.grasp.grasp_report import (
 )
 import numpy as np
 
-#: Codes by errors of an analysis; the last one applies to all others.
+#: Code of a report by the error of the analysis; the last entry applies to all other errors.
 ERRORS = (
     (ConfigurationError, GraspCode.NO_CONFIGURATION),
     (StructureError, GraspCode.MECHANISM),
     (SolverError, GraspCode.NOT_SOLVED),
     (IsotrussError, GraspCode.INVALID_REQUEST),
 )
-#: A grip that changes by less is analysed no more [m, rad, N].
+#: Smallest change of a grip that causes a new analysis [m, rad, N].
 SMALL = 1e-5
 NO_CONTACT = 'the object touches nothing'
 
 
 class GraspMonitor:
     """
-    Latest value of each input, and the analysis of them.
+    Latest value of each input, and their analysis.
 
-    :ivar query: settings of the analysis; roller positions, pose, wrench and pressures are inputs.
+    :ivar query: settings of the analysis; roller positions, pose, wrench and pressures are
+        replaced by inputs.
     :ivar rollers: input of the measured `RollerState`.
-    :ivar estimate: input of the `EstimatedTravel` with the offsets of the rollers; None without.
+    :ivar estimate: input of the `EstimatedTravel` with the roller offsets; None without one.
     :ivar pose: input of the measured `Pose` of the object, robot frame.
     :ivar held_grip: input of the `GripRecord` of the loop that holds the object; None without one.
-    :ivar wrench: input of (fx, fy, m), the external wrench on the object [N, N m]; zero if None.
-    :ivar pressures: input of the (t,) gauge pressures of the tubes, in the order of the robot
-        file; None: those of the robot file [Pa].
+    :ivar wrench: input of the external wrench (fx, fy, m) on the object [N, N m]; None: zero.
+    :ivar pressures: input of the gauge pressures (t,) of the tubes in the order of the robot file
+        [Pa]; None: the pressures of the file.
     :ivar pressure_timeout: largest age of pressures [s].
     :param robot: the robot.
-    :param query: settings of the analysis, without roller positions.
+    :param query: settings of the analysis without roller positions.
     :param timeout: largest age of inputs [s].
     """
 
@@ -92,9 +93,9 @@ class GraspMonitor:
     @single_threaded
     def report(self, now: float) -> GraspReport:
         """
-        Return the analysis at the current time, recomputed for changed inputs or settings only.
+        Return the current analysis; it is computed only if inputs or settings have changed.
 
-        Invalid inputs never raise: they give a code and a message.
+        Invalid inputs raise no error; the report then has a code and a message.
 
         :param now: time on the clock of the inputs [s].
         """
@@ -128,10 +129,10 @@ class GraspMonitor:
     @single_threaded
     def analyze_request(self, query: GraspQuery, now: float) -> GraspReport:
         """
-        Return the analysis of a request; the result of `report` is not affected.
+        Return the analysis of a request, without effect on `report`.
 
-        :param query: the request; without roller positions the measured ones are used, which must
-            be fresh, like pressures once received.
+        :param query: arguments of the request. Without roller positions, the measured ones are
+            used, which must be fresh; so must pressures after the first.
         :param now: time on the clock of the inputs [s].
         """
         try:
@@ -153,10 +154,10 @@ def _analyze(
     record: GripRecord | None = None,
 ) -> GraspReport:
     """
-    Return the analysis without its time.
+    Return the report of an analysis without its time.
 
     :param find: function from roller positions to the configuration.
-    :param last: similar grasp as the initial guess.
+    :param last: similar grasp, initial guess; None: none.
     :param record: grip of the loop that holds the object; None without one.
     """
     begin = time.perf_counter()
@@ -195,7 +196,7 @@ def _analyze(
 
 
 def _alike(record: GripRecord | None, other: GripRecord | None) -> bool:
-    """Return whether grips are the same but for less than `SMALL`."""
+    """Return whether two grips differ by less than `SMALL`."""
     if record is None or other is None:
         return record is other
     if len(record.unknowns) != len(other.unknowns):
@@ -204,7 +205,7 @@ def _alike(record: GripRecord | None, other: GripRecord | None) -> bool:
 
 
 def _judge(grasp: AnalyzedGrasp) -> tuple[GraspCode, str]:
-    """Return the code of a result, with its warnings."""
+    """Return the code of a result, and its warnings."""
     if not grasp.analysis.contact_lengths:
         return GraspCode.OK, NO_CONTACT
     member, (used, place) = max(grasp.utilisation.items(), key=lambda item: item[1])

@@ -43,7 +43,7 @@ class GraspCode(enum.IntEnum):
         return self.name.lower().replace('_', ' ')
 
 
-#: Codes by names and faults of inputs.
+#: Code of a report by the name and the fault of an input.
 INPUT_CODES = {
     ('joint_states', InputFault.MISSING): GraspCode.NO_JOINT_STATES,
     ('joint_states', InputFault.STALE): GraspCode.STALE_JOINT_STATES,
@@ -62,14 +62,14 @@ class GraspQuery(NamedTuple):
     """
     Arguments of a grasp analysis.
 
-    :ivar roller_positions: (r,) travel since home [m].
+    :ivar roller_positions: (r,) roller travel since home [m].
     :ivar body: the object at its measured pose.
-    :ivar friction: coefficient between tube and object.
-    :ivar external_wrench: wrench (fx, fy, m) on the object about its frame's origin [N, N m].
+    :ivar friction: coefficient of friction between tube and object.
+    :ivar external_wrench: wrench (fx, fy, m) on the object about the origin of its frame [N, N m].
     :ivar spacing: spacing of the contact points along the tubes [m].
-    :ivar paper_model: see `analyze_grasp`.
-    :ivar pressures: (t,) gauge pressures of the tubes, in the order of the robot file; None: those
-        of the robot file [Pa].
+    :ivar paper_model: whether the paper's model is used, see `analyze_grasp`.
+    :ivar pressures: (t,) gauge pressures of the tubes in the order of the robot file [Pa]; None:
+        the pressures of the file.
     """
 
     roller_positions: tuple[float, ...]
@@ -84,12 +84,12 @@ class GraspQuery(NamedTuple):
 @dataclass(frozen=True, eq=False)
 class AnalyzedGrasp:
     """
-    Inputs and results of an analysis.
+    Inputs and results of a grasp analysis.
 
     :ivar config: configuration of the robot.
     :ivar body: the object.
     :ivar analysis: analysis of the fixed object at the measured pose.
-    :ivar settled: equilibrium of the free object near it.
+    :ivar settled: equilibrium of the free object near the measured pose.
     :ivar computing_time: computing time of configuration and analysis [s].
     """
 
@@ -102,10 +102,10 @@ class AnalyzedGrasp:
     @property
     def utilisation(self) -> dict[str, tuple[float, float]]:
         """
-        Return the utilisation of each member, including friction if the object is held.
+        Return the utilisation of each member; with friction if the object is held.
 
-        :return: by member the larger utilisation of the fixed and, in equilibrium, the free object
-            [-], with its position from the start of the member [m].
+        :return: by member, the larger utilisation of fixed and free object [-], and its distance
+            from the member's start [m].
         """
         grasps = (self.analysis, self.settled) if self.settled.hold.at_rest else (self.analysis,)
         return {
@@ -121,11 +121,11 @@ class GraspReport:
     """
     Result of a grasp analysis, or the reason of its absence.
 
-    :ivar code: OK for a result, WRINKLED for one outside of the model, else the reason.
-    :ivar message: reason of its absence, or warnings; may be empty.
-    :ivar time: time of the report: that of the oldest input; without a result that of the call
-        [s].
-    :ivar grasp: the result; None without one.
+    :ivar code: OK for a result, WRINKLED for a result outside of the model, else the reason of its
+        absence.
+    :ivar message: warnings, or the reason of the absence of a result; may be empty.
+    :ivar time: time of the oldest input [s]; without a result, time of the call.
+    :ivar grasp: result; None without one.
     """
 
     code: GraspCode
@@ -135,7 +135,7 @@ class GraspReport:
 
     @property
     def held(self) -> bool:
-        """Return whether the object is held according to a valid analysis, see `settle_grasp`."""
+        """Return whether the object is held by a valid analysis, see `settle_grasp`."""
         return self.code is GraspCode.OK and self.grasp is not None and self.grasp.settled.held
 
     @property

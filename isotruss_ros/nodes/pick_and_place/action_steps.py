@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Clients of actions and services as generators: each `yield` is one tick of a node.
+Clients of actions and services as generators, in which each `yield` is one tick of a node.
 
-A sequence of such steps reads like a script, never blocks, and can be cancelled at each `yield` by
-throwing `CancelledError`: the step then ends its goal first.
+A sequence of such steps does not block. It is cancelled at a `yield` by throwing `CancelledError`;
+then the step first ends its goal.
 """
 
 from __future__ import annotations
@@ -27,13 +27,14 @@ from rclpy.client import Client
 from rclpy.node import Node
 from rclpy.task import Future
 
-#: Ticks after which a request is repeated: rmw_fastrtps sends no response to a client that the
-#: server does not discover within 0.1 s, as at the start on a busy machine.
+#: Number of ticks after which a request is repeated [-]. rmw_fastrtps sends no response to a
+#: client that the server has not discovered within 0.1 s, for example at the start on a busy
+#: machine.
 RETRY_TICKS = 50
-#: Timeout of the end of a cancelled goal [ticks].
+#: Longest wait for the end of a cancelled goal [ticks].
 CANCEL_TICKS = 100
 
-#: Steps yield the progress of a stage, 0 to 1, and return a result.
+#: Generator that yields the progress of a stage, 0 to 1, and returns a result.
 Steps = Generator[float, None, Any]
 
 
@@ -46,12 +47,12 @@ class StepOutcome(enum.IntEnum):
     NOT_READY = 3
     NO_MOTION_FOUND = 4
     STOPPED = 5
-    #: after a pick or a move: not held; after a place: still held
+    #: The object is not held after a pick or a move, or still held after a place.
     NOT_HELD = 6
 
 
 class CancelledError(IsotrussError):
-    """A client cancelled the sequence; thrown into the generator."""
+    """A client has cancelled the sequence; this error is thrown into the generator."""
 
 
 class StepError(IsotrussError, RuntimeError):
@@ -59,10 +60,10 @@ class StepError(IsotrussError, RuntimeError):
     A sequence cannot continue.
 
     :ivar outcome: final code.
-    :ivar details: fields of the result.
+    :ivar details: further fields of the result.
     :param outcome: final code.
-    :param message: the reason in words.
-    :param details: fields of the result.
+    :param message: reason in words.
+    :param details: further fields of the result.
     """
 
     def __init__(self, outcome: StepOutcome, message: str, **details: Any) -> None:
@@ -72,16 +73,16 @@ class StepError(IsotrussError, RuntimeError):
 
 class ActionStep:
     """
-    An action of another node as a step.
+    Action of another node as a step of a sequence.
 
     DDS detects a restart of the server during a goal only after seconds. So the result is
-    requested repeatedly: a restarted server rejects the unknown goal. A server without feedback
-    for some time has ended or hangs.
+    requested repeatedly; a restarted server rejects the unknown goal. A server that sends no
+    feedback for some time has ended or hangs.
 
-    :param node: node of the client, until destroyed.
+    :param node: node that has the client until it is destroyed.
     :param kind: type of the action.
     :param name: relative name of the action.
-    :param beat: publishes the heartbeat of the client, in every tick.
+    :param beat: function that publishes the client's heartbeat for a goal in each tick.
     :param silence: function that returns the longest time without feedback [s].
     """
 
@@ -103,14 +104,14 @@ class ActionStep:
         find_fault: Callable[[], StepError | None] = lambda: None,
     ) -> Steps:
         """
-        Send a goal and return its result; cancel it if the sequence ends.
+        Send a goal and return its result; cancel the goal if the sequence ends.
 
-        :param goal: goal message.
-        :param progress: function from feedback to progress, 0 to 1.
-        :param find_fault: function that returns the reason for a cancellation or None, called in
-            every tick.
-        :raises StepError: no server, or it rejects the goal, ends or is restarted; or the fault,
-            after the server has ended the goal or does not respond.
+        :param goal: message of the goal.
+        :param progress: function from feedback to the progress, 0 to 1.
+        :param find_fault: function that is called in each tick and returns a reason to cancel the
+            goal, or None.
+        :raises StepError: there is no server; it rejects the goal, ends or is restarted; or
+            `find_fault` returned a reason and the goal has ended.
         :raises CancelledError: the sequence was cancelled.
         """
         # A goal is executed even if its response is lost, so it must not be sent twice. To test
@@ -176,7 +177,7 @@ class ActionStep:
         return _ask(goal.get_result_async, lambda: self._supervise(info, missing), progress)
 
     def _supervise(self, info: GoalInfo, missing: StepOutcome) -> None:
-        """Publish the heartbeat, if the server supervises its clients."""
+        """Publish the heartbeat if the server supervises its clients."""
         if not self._client.server_is_ready():
             raise StepError(missing, f'no node offers the action {self._name}')
         self._beat(info)
@@ -193,7 +194,7 @@ def _ask(
     require_server: Callable[[], None],
     progress: Callable[[], float] = lambda: 0.0,
 ) -> Steps:
-    """Repeat a request until the first response, and return that."""
+    """Repeat a request until its first response, and return the response."""
     sent: list[Future] = []
     while True:
         require_server()
@@ -208,11 +209,11 @@ def _ask(
 
 def set_parameters(client: Client, values: dict[str, float | str]) -> Steps:
     """
-    Set parameters of another node, as steps.
+    Set parameters of another node, as a step.
 
-    :param client: client of its service `set_parameters`.
+    :param client: client of the node's service `set_parameters`.
     :param values: values by name.
-    :raises StepError: no such node, or it refuses a value.
+    :raises StepError: the node does not exist, or refuses a value.
     """
 
     def require_service() -> None:

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Sequences to pick, place and move an object, as steps with a stage and its progress."""
+"""Sequences that pick, place and move an object, with stages and their progress."""
 
 from __future__ import annotations
 
@@ -55,15 +55,15 @@ from nav_msgs.msg import Path
 import numpy as np
 from rcl_interfaces.srv import SetParameters
 
-#: Largest rotation of a released object, unless the goal has another one [rad].
+#: Default of the largest rotation of a released object [rad].
 MAX_ROTATION = math.radians(5.0)
-#: Displacement by the closing grip below which the object is not moved back [m].
+#: Displacement of the object by the closing grip up to which it is not moved back [m].
 RETURN_TOLERANCE = 1e-3
-#: Timeout of the confirmation of a grasp, or of its end, by the analysis [s].
+#: Longest wait until the analysis confirms that the object is held, or free [s].
 CONFIRMATION_TIMEOUT = 5.0
-#: Timeout of late inputs before any motion [s].
+#: Longest wait for late inputs before any motion [s].
 INPUT_TIMEOUT = 1.0
-#: Timeout of the feedback of the planner [s], longer than that of nodes with motion.
+#: Longest time without feedback of the planner [s]; nodes with motion have a shorter one.
 PLANNER_TIMEOUT = 5.0
 PICK, PLACE, MOVE = PickObject.Feedback, PlaceObject.Feedback, MoveObject.Feedback
 
@@ -72,11 +72,11 @@ class GraspSequences(TrackedShape):
     """
     Sequences by the actions of planner, manipulation and path follower.
 
-    :ivar stage: current stage, a constant of the feedback.
-    :ivar pose: StampedInput of the object's Pose.
-    :ivar grasp: StampedInput of the GraspState.
+    :ivar stage: current stage, a constant of the action's feedback.
+    :ivar pose: StampedInput of the object's `Pose`.
+    :ivar grasp: StampedInput of the `GraspState`.
     :ivar held_grip: StampedInput of the `GripRecord` of the loop that holds the object.
-    :param node: node of the clients, until destroyed.
+    :param node: node that has the clients until it is destroyed.
     :param robot: the robot.
     """
 
@@ -104,16 +104,16 @@ class GraspSequences(TrackedShape):
         self._thread = ThreadPoolExecutor(max_workers=1)
 
     def close(self) -> None:
-        """End the thread."""
+        """End the thread of the release planner."""
         self._thread.shutdown(wait=False, cancel_futures=True)
 
     def here(self) -> Pose:
-        """Return the last measured pose of the object; the origin before."""
+        """Return the last measured pose of the object; the origin before the first."""
         known = isinstance(self.pose, StampedInput)
         return self.pose.value if known else Pose(0.0, 0.0, 0.0)
 
     def measured_pose(self) -> PoseStamped | None:
-        """Return the last measured pose of the object; None before."""
+        """Return the last measured pose of the object as a message; None before the first."""
         if not isinstance(self.pose, StampedInput):
             return None
         header = make_header(self.pose.time, self._robot.frame)
@@ -121,10 +121,10 @@ class GraspSequences(TrackedShape):
 
     def distance_left(self, path: Path) -> tuple[float, float]:
         """
-        Return the distance [m] and rotation [rad] of the object from the last pose of a path.
+        Return distance [m] and rotation [rad] of the object from the last pose of a path.
 
         :param path: path of a goal.
-        :return: NaN if a pose is unknown.
+        :return: distance and rotation; NaN if a pose is unknown.
         """
         try:
             return self._measure_error(path.poses[-1])
@@ -132,20 +132,20 @@ class GraspSequences(TrackedShape):
             return math.nan, math.nan
 
     def _measure_error(self, end: PoseStamped) -> tuple[float, float]:
-        """Return the distance [m] and rotation [rad] of the object from a pose."""
+        """Return distance [m] and rotation [rad] of the object from a pose."""
         (here,) = require_fresh(self._node.now(), self.timeout, object_pose=self.pose)
         x, y, turned = pose_difference(read_pose('pose', end.pose), here.value)
         return math.hypot(x, y), abs(turned)
 
     def pick(self, goal: PickObject.Goal) -> Steps:
         """
-        Plan a grasp, approach it, close in place, and confirm that the object is held.
+        Plan a grasp, approach it, close the grip in place, and confirm that the object is held.
 
-        An object displaced by the closing grip is moved back.
+        If the closing grip has displaced the object, it is moved back.
 
         :param goal: goal of the action.
-        :return: the result of the action.
-        :raises IsotrussError: the reason why the object is not held.
+        :return: result of the action.
+        :raises IsotrussError: the object is not held.
         """
         self.stage = PICK.PLANNING
         yield from self._await_inputs()
@@ -189,7 +189,7 @@ class GraspSequences(TrackedShape):
             )
 
     def _plan_grasp(self, goal: PickObject.Goal, lay: PoseStamped) -> Steps:
-        """Return the best grasp of the object at its pose, by the planner."""
+        """Return the planner's best grasp of the object at its pose."""
         wanted = to_search_goal(goal, lay, self._node.values, self._described)
         plan = yield from self._planner.run(wanted)
         if plan.code != PlanGrasp.Result.FOUND:
@@ -202,8 +202,8 @@ class GraspSequences(TrackedShape):
         Unload the object in place, open the grip, retreat, and confirm that it is free.
 
         :param goal: goal of the action.
-        :return: the result of the action.
-        :raises IsotrussError: the reason why the object is not free.
+        :return: result of the action.
+        :raises IsotrussError: the object is not free.
         """
         self.stage = PLACE.PLANNING
         state = yield from self._await_held(StepOutcome.NOT_READY)
@@ -249,8 +249,8 @@ class GraspSequences(TrackedShape):
         Move the held object along a path.
 
         :param goal: goal of the action.
-        :return: the result of the action.
-        :raises IsotrussError: the reason why the object is not at the end of the path.
+        :return: result of the action.
+        :raises IsotrussError: the object is not at the end of the path.
         """
         self.stage = MOVE.MOVING
         yield from self._await_held(StepOutcome.NOT_HELD)
@@ -263,7 +263,7 @@ class GraspSequences(TrackedShape):
         return MoveObject.Result(message=followed.message)
 
     def _bring_back(self, lay: PoseStamped) -> Steps:
-        """Move a displaced object back to its initial pose; return the result in words."""
+        """Move a displaced object back to its initial pose, and return the result in words."""
         moved, _ = self._measure_error(lay)
         if moved <= RETURN_TOLERANCE:
             return ''
@@ -285,7 +285,7 @@ class GraspSequences(TrackedShape):
         return f', {1e3 * left:.3g} mm from where it lay, after {1e3 * moved:.3g} mm{why}'
 
     def _drive(self, trajectory: Any, change: float, before: int, after: int) -> Steps:
-        """Move the rollers along a trajectory; the stage changes at a given time [s]."""
+        """Move the rollers along a trajectory; the stage changes at a given time of it [s]."""
         end = read_duration(trajectory.points[-1].time_from_start)
 
         def progress(feedback: Any) -> float:
@@ -301,7 +301,7 @@ class GraspSequences(TrackedShape):
             raise StepError(StepOutcome.STOPPED, result.error_string)
 
     def _confirm(self, held: bool) -> Steps:
-        """Await an analysis of the robot at rest that finds the object held, or free."""
+        """Wait for an analysis that finds the object held, or free, while the robot is at rest."""
         arrived = self._node.now()
         while True:
             now, analysed = self._node.now(), -np.inf
@@ -319,7 +319,7 @@ class GraspSequences(TrackedShape):
             yield min(1.0, max(0.0, waited / CONFIRMATION_TIMEOUT))
 
     def _await_inputs(self, **inputs: Callable[[], Input]) -> Steps:
-        """Await fresh rollers, pose and other inputs, with a timeout."""
+        """Wait for fresh rollers, pose and other inputs, with a timeout."""
         begun = time.monotonic()
         while True:
             try:
@@ -336,14 +336,14 @@ class GraspSequences(TrackedShape):
             yield 0.0
 
     def _await_held(self, otherwise: StepOutcome) -> Steps:
-        """Await a fresh analysis that finds the object held, and return it."""
+        """Wait for a fresh analysis that finds the object held, and return it."""
         *_, grasp = yield from self._await_inputs(grasp_state=lambda: self.grasp)
         if not grasp.value.held:
             raise StepError(otherwise, self._describe_grasp())
         return grasp.value
 
     def _find_loss(self) -> StepError | None:
-        """Return the reason why the object is not held; None if held."""
+        """Return an error if the object is not held; None if it is held."""
         try:
             (grasp,) = require_fresh(self._node.now(), self.timeout, grasp_state=self.grasp)
         except InputError as error:
@@ -353,7 +353,7 @@ class GraspSequences(TrackedShape):
         )
 
     def _describe_grasp(self, since: float = -np.inf) -> str:
-        """Return the last analysis in words, if later than a time [s]."""
+        """Return the last analysis in words, if it is later than a time [s]."""
         if not isinstance(self.grasp, StampedInput):
             return 'no analysis of the grasp was received'
         if self.grasp.time <= since:

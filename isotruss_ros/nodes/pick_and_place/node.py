@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Node `pick_and_place`: actions that pick, place and move an object by actions of other nodes."""
+"""Node `pick_and_place`: picks, places and moves an object by actions of other nodes."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ SPECS = (*common.OBJECT_SPECS, common.COMMAND_TIMEOUT)
 #: Period of the ticks of a sequence [s].
 TICK_PERIOD = 0.02
 
-#: Final states of goals by outcomes; other outcomes are aborted.
+#: Final state of a goal by the outcome; a goal with any other outcome is aborted.
 ENDINGS = {
     StepOutcome.SUCCEEDED: Ending.SUCCEEDED,
     StepOutcome.CANCELLED: Ending.CANCELED,
@@ -42,7 +42,7 @@ ENDINGS = {
 
 
 class PickAndPlace(ManagedNode):
-    """Executes one goal at a time, and refuses others in the meantime."""
+    """Node that executes one sequence at a time, and refuses other goals in the meantime."""
 
     node_name = 'pick_and_place'
     specs = SPECS
@@ -86,7 +86,7 @@ class PickAndPlace(ManagedNode):
         create_steady_timer(self, TICK_PERIOD, self._tick)
 
     def deactivate(self) -> None:
-        """End the goal and cancel the actions of its steps."""
+        """End the goal, and cancel the actions of its steps."""
         if self._course is not None:
             self._course.close()
             self._end(StepError(StepOutcome.STOPPED, 'the node was deactivated'))
@@ -105,7 +105,7 @@ class PickAndPlace(ManagedNode):
         return next((action for action in self._actions if action.active), None)
 
     def _apply(self) -> None:
-        """Apply the timeout."""
+        """Apply the parameter of the timeout."""
         self._sequences.timeout = self.values.command_timeout
 
     def _offer(
@@ -115,7 +115,7 @@ class PickAndPlace(ManagedNode):
         check: Callable[[Any], None],
         sequence: Callable[[Any], Steps],
     ) -> SingleGoal:
-        """Offer an action with checked goals, executed by a sequence."""
+        """Offer an action whose goals are checked and executed by a sequence."""
 
         def read(goal: Any) -> Any:
             if (running := self._goal) is not None:
@@ -142,7 +142,7 @@ class PickAndPlace(ManagedNode):
         self._cancelling = True
 
     def _tick(self) -> None:
-        """Advance the sequence; end the goal with it."""
+        """Advance the sequence; end the goal when the sequence ends."""
         self.inputs.settle()
         self._sequences.track()
         course = self._course
@@ -164,7 +164,7 @@ class PickAndPlace(ManagedNode):
         goal.publish_feedback(lambda: goal.kind.Feedback(stage=stage, progress=progress))
 
     def _end(self, ended: Any) -> None:
-        """Publish the result of the goal, from the sequence or an error."""
+        """Publish the result of the goal from the sequence, or from an error."""
         goal, self._course = self._goal, None
         outcome = StepOutcome.SUCCEEDED
         if isinstance(ended, IsotrussError):

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Validity of the goals of PickObject, PlaceObject and MoveObject."""
+"""Checks of the goals of PickObject, PlaceObject and MoveObject."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ def to_search_goal(
     goal: PickObject.Goal, lay: PoseStamped, values: Parameters, described: ConvexObject | None
 ) -> PlanGrasp.Goal:
     """
-    Return the grasp search for an object to be picked.
+    Return the goal of the grasp search for an object to be picked.
 
     :param goal: goal of the action.
     :param lay: pose of the object.
-    :param values: parameters of the node: friction and diameter of the object.
+    :param values: parameters of the node with friction and diameter of the object.
     :param described: described object; None for a disc.
     """
     wanted = PlanGrasp.Goal(
@@ -51,12 +51,12 @@ def check_pick(
     goal: PickObject.Goal, robot: Robot, values: Parameters, described: ConvexObject | None
 ) -> None:
     """
-    Raise for a goal without a valid grasp search at any pose of the object.
+    Raise IsotrussError for a goal whose grasp search would be invalid at any pose of the object.
 
     :param goal: goal of the action.
     :param robot: the robot.
-    :param values: see `to_search_goal`.
-    :param described: see `to_search_goal`.
+    :param values: parameters of the node, see `to_search_goal`.
+    :param described: described object; None for a disc.
     :raises IsotrussError: see `read_goal`.
     """
     anywhere = PoseStamped(header=Header(frame_id=robot.frame))
@@ -66,10 +66,10 @@ def check_pick(
 
 def check_place(goal: PlaceObject.Goal) -> None:
     """
-    Raise for an invalid clearance.
+    Raise MessageError for an invalid clearance.
 
     :param goal: goal of the action.
-    :raises MessageError: names the value and its valid range.
+    :raises MessageError: the clearance is invalid; the text names the value and its valid range.
     """
     if not 0.0 < goal.clearance < math.inf:
         raise MessageError(f'clearance {goal.clearance} m: must be a positive number')
@@ -77,11 +77,11 @@ def check_place(goal: PlaceObject.Goal) -> None:
 
 def check_move(goal: MoveObject.Goal, robot: Robot, here: Pose) -> None:
     """
-    Raise for an invalid path.
+    Raise IsotrussError for an invalid path.
 
     :param goal: goal of the action.
     :param robot: the robot.
-    :param here: present pose of the object, where a path with fewer than two poses begins.
+    :param here: current pose of the object, the first pose of a path with fewer than two poses.
     :raises IsotrussError: see `read_object_path`.
     """
     try:

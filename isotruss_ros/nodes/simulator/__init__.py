@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Node `simulator`: replaces a robot and its object.
+Node `simulator`, which replaces a robot and its object.
 
-Entry point: `node`. Other modules: the object of each plant, the robot in MuJoCo, sensors, ground
-truth and simulated time. Imports `nodes.framework`, `mujoco_plant` and the core.
+Entry point: `node`. Other modules: the object of each plant, the robot in MuJoCo, sensors, true
+states and simulated time. Imports `nodes.framework`, `mujoco_plant` and the core.
 """

@@ -44,7 +44,7 @@ from isotruss_ros.nodes.simulator.simulated_truth import CLOCK_SPEED, ClockSourc
 import numpy as np
 from std_msgs.msg import Float64MultiArray
 
-#: Bound of the commands [m/s], which are clipped.
+#: Speed at which roller commands are clipped [m/s].
 SPEED_LIMIT = 1.0
 KINEMATIC, ELASTIC, MUJOCO = 'kinematic', 'elastic', 'mujoco'
 SPECS = (
@@ -80,7 +80,7 @@ SPECS = (
 
 
 class Simulator(ManagedNode):
-    """Follows roller velocity commands; publishes joint states and the object's pose."""
+    """Node that follows roller velocities, and publishes joint states and object pose."""
 
     node_name = 'simulator'
     specs = SPECS
@@ -102,7 +102,7 @@ class Simulator(ManagedNode):
         self._truth = SimulatedTruth(self, self.robot)
 
     def activate(self) -> None:
-        """Follow commands from now on, starting at zero."""
+        """Follow commands from now on; the first is zero."""
         speed = self.values.clock_speed
         if speed > 0.0:
             ClockSource(self, self.values.rate, speed)
@@ -126,7 +126,7 @@ class Simulator(ManagedNode):
             self._recorder = None
 
     def read_robot(self) -> Robot:
-        """Return the robot with the home of its encoder zeros."""
+        """Return the robot whose home is at the encoders' zero readings."""
         robot, deviation = super().read_robot(), self.values.zero_deviation
         if deviation == 0.0:
             return robot
@@ -156,7 +156,7 @@ class Simulator(ManagedNode):
         return SimulatedRobot(home, simulated, faults, values.seed)
 
     def _put_object(self, pose: Pose) -> SimulatedObject:
-        """Return a free object, held only by friction later."""
+        """Return a free object at a pose, which only friction can hold."""
         self._elastic = None
         values, body = self.values, self._body.moved_to(pose)
         if values.plant == KINEMATIC:
@@ -168,7 +168,7 @@ class Simulator(ManagedNode):
         return self._elastic
 
     def _stop_on_clock_jump(self) -> None:
-        """Stop the rollers: the age of the command is unknown after a jump of the clock."""
+        """Stop the rollers, because the command's age is unknown after a jump of the clock."""
         self._simulated.stop()
         self._time = self._commanded = self.now()
 
@@ -183,7 +183,7 @@ class Simulator(ManagedNode):
         self._commanded = self._time
 
     def _set_object_pose(self, message: PoseStamped) -> None:
-        """Set the free object to another pose, without moving the robot."""
+        """Move the free object to another pose; the robot does not move."""
         try:
             check_frame('set_object_pose', message.header, self.robot.frame)
             pose = read_pose('set_object_pose', message.pose)
@@ -209,7 +209,7 @@ class Simulator(ManagedNode):
             self.warn('external_wrench', str(error))
 
     def _advance(self, now: float) -> None:
-        """Integrate to a time; a command ends after `command_timeout`."""
+        """Integrate the motion up to a time; a command ends after `command_timeout`."""
         expiry = self._commanded + self.values.command_timeout
         elapsed = min(now, expiry) - self._time
         try:
@@ -241,7 +241,7 @@ class Simulator(ManagedNode):
         self._truth.publish(now, simulated.object_pose, self._joints, self._forces)
 
     def _joints(self) -> Array:
-        """Return the joint positions (j, 2) [m]."""
+        """Return the joint positions, (j, 2) [m]."""
         count = len(self.robot.topology.joint_names)
         if self._driven is not None:
             return self._driven.plant.nodes[:count]
@@ -252,7 +252,7 @@ class Simulator(ManagedNode):
         return joints
 
     def _forces(self) -> dict[str, float]:
-        """Return the normal forces on the object by member [N]; empty without contact."""
+        """Return the normal force of each member on the object [N]; empty without contact."""
         if self._driven is not None:
             forces = self._driven.plant.contact_forces()
             return {name: force.normal for name, force in forces.items()}
@@ -262,12 +262,12 @@ class Simulator(ManagedNode):
         return dict(zip(grasp.member_names, grasp.normal_forces.tolist(), strict=True))
 
     def details(self) -> dict[str, object]:
-        """Return the lag of MuJoCo behind the clock, by name."""
+        """Return the lag of MuJoCo behind the clock for the diagnostics."""
         driven = self._driven
         return {} if driven is None else {'lag of the simulation [s]': round(driven.lag, 3)}
 
     def _report_hold(self) -> None:
-        """Report the hold of the object in the diagnostics; log once the reason of its absence."""
+        """Report in the diagnostics whether the object is held; log the reason if it is not."""
         members = [name for name, force in self._forces().items() if force > 0.0]
         dropped, before = None if self._elastic is None else self._elastic.dropped, self._dropped
         self._dropped = dropped

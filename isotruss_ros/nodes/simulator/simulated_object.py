@@ -42,10 +42,10 @@ SPECS = (
 
 def place_at_start(robot: Robot, values: Parameters) -> ConvexObject:
     """
-    Return the object at its initial pose in the robot frame, on all plants.
+    Return the object at its initial pose in the robot frame, the same for all plants.
 
     :param robot: the robot.
-    :param values: values of the parameters `SPECS`.
+    :param values: parameters of `SPECS`.
     :raises IsotrussError: a parameter is invalid, or the object does not fit.
     """
     angle, indentation = values.object_angle, values.indentation

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Simulated sensors and their faults: encoders, tracker of the object and joint markers."""
+"""Simulated sensors and their faults: encoders, object tracker and joint markers."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from sensor_msgs.msg import JointState, MultiDOFJointState
 
-#: Distance of the marks by which a tracker measures the angle of an object [m].
+#: Distance of the marks by which a tracker measures the object's angle [m].
 MARK_DISTANCE = 0.1
-#: Times that differ by less are equal, such as sums of periods [s].
+#: Largest difference of times that count as equal, such as sums of periods [s].
 TIME_TOLERANCE = 1e-6
 ALL_JOINTS = 'all'
 SENSOR_SPECS = (
@@ -56,7 +56,7 @@ SENSOR_SPECS = (
 
 class SensorChannel:
     """
-    The measurements of one sensor: sampled, noisy, late, or lost.
+    Measurements of one sensor, which are sampled, noisy, late or lost.
 
     :param seed: seed of noise and dropouts, not negative.
     """
@@ -76,18 +76,20 @@ class SensorChannel:
         noise: ArrayLike = 0.0,
     ) -> list[tuple[float, Array]]:
         """
-        Measure once in each period, and return the measurements that arrive by now.
+        Measure once in each period; return the measurements that have arrived.
 
-        A time before that of the last call drops the pending ones.
+        If the time runs back, measurements that have not arrived are discarded.
 
-        :param time: now [s].
-        :param read: returns the true values (k, n); called only to measure.
-        :param rate: measurements in a second, at most one a call; 0 for one in every call [Hz].
+        :param time: current time [s].
+        :param read: function that returns the true values (k, n); it is called only for a
+            measurement.
+        :param rate: rate of the measurements, at most one in each call [Hz]; 0: one in each call.
         :param delay: time from a measurement to its arrival [s].
         :param dropouts: share of the rows that are lost, 0 to 1.
-        :param noise: standard deviation, one for all or by value of a row [unit of the values].
-        :return: time [s] and values (k, n) of each, the oldest first; lost rows are nan, and one
-            row at least is not.
+        :param noise: standard deviation: one for all values, or one for each value of a row [unit
+            of the values].
+        :return: time [s] and values (k, n) of each measurement, the oldest first. Lost rows are
+            NaN; at least one row is not lost.
         """
         pending = self._pending
         if pending and pending[-1][0] > time:
@@ -111,13 +113,13 @@ class SensorChannel:
 
 class SimulatedSensors:
     """
-    Measures a simulated robot and its object.
+    Sensors of a simulated robot and its object.
 
     :param node: publishing node.
     :param robot: the robot.
-    :param values: values of `SENSOR_SPECS`.
+    :param values: parameters of `SENSOR_SPECS`.
     :param seed: seed of noise and dropouts.
-    :raises ParameterError: a marker at a joint that the robot does not have.
+    :raises ParameterError: the robot does not have the joint of a marker.
     """
 
     def __init__(self, node: ManagedNode, robot: Robot, values: Parameters, seed: int) -> None:
@@ -136,9 +138,9 @@ class SimulatedSensors:
         self, now: float, travel: Array, speeds: Array, pose: Pose, joints: Callable[[], Array]
     ) -> None:
         """
-        Publish the measurements due by now.
+        Publish the measurements that have arrived.
 
-        :param now: time of the simulated robot [s].
+        :param now: current time of the simulated robot [s].
         :param travel: (r,) roller travel since home [m].
         :param speeds: (r,) roller speeds [m/s].
         :param pose: pose of the object.
@@ -177,12 +179,12 @@ class SimulatedSensors:
             self._joint_markers.publish(markers)
 
     def _marker_places(self, joints: Array) -> Array:
-        """Return the positions of the marked joints (k, 2) [m]."""
+        """Return the positions of the joints with markers, (k, 2) [m]."""
         return joints[[self._robot.topology.joint_names.index(name) for name in self._marked]]
 
 
 def _find_marked(robot: Robot, values: Parameters) -> tuple[str, ...]:
-    """Return the marked joints."""
+    """Return the names of the joints with markers."""
     known = robot.topology.joint_names
     named = tuple(name for name in values.marker_joints if name)
     if named == (ALL_JOINTS,):

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Ground truth and simulated time, published by a simulator only."""
+"""True states and simulated time, which only a simulator publishes."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ CLOCK_SPEED = FixedSpec(
 
 class SimulatedTruth:
     """
-    Publishes `truth/object_pose`, `truth/joint_markers` and `truth/contact_forces`.
+    Publisher of `truth/object_pose`, `truth/joint_markers` and `truth/contact_forces`.
 
     :param node: publishing node.
     :param robot: the simulated robot.
@@ -55,9 +55,9 @@ class SimulatedTruth:
         forces: Callable[[], Mapping[str, float]],
     ) -> None:
         """
-        Publish the topics with subscribers.
+        Publish those topics that have subscribers.
 
-        :param now: time of the simulated robot [s].
+        :param now: current time of the simulated robot [s].
         :param pose: pose of the object.
         :param joints: function that returns the joint positions (j, 2) [m].
         :param forces: function that returns the normal forces on the object by member [N].
@@ -77,14 +77,14 @@ class SimulatedTruth:
 
 class ClockSource:
     """
-    Publishes `/clock` in equal steps while the node is active.
+    Publisher of `/clock` in equal steps while the node is active.
 
-    Simulated time slows down if the node is too slow: no step is skipped.
+    If the node is too slow, simulated time slows down; no step is skipped.
 
-    :param node: publishing node, whose own clock follows as well.
+    :param node: publishing node; its own clock follows as well.
     :param rate: steps per simulated second [Hz].
-    :param speed: simulated seconds per second, positive.
-    :raises ParameterError: the node's own time is not simulated.
+    :param speed: simulated seconds per second, positive [-].
+    :raises ParameterError: the node does not use simulated time.
     """
 
     def __init__(self, node: ManagedNode, rate: float, speed: float) -> None:

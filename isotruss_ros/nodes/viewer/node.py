@@ -78,18 +78,18 @@ SPECS = (
     FixedSpec('rate', 20.0, 'Pictures per second [Hz]', (5.0, 60.0)),
     Spec('max_speed', 0.05, 'Largest speed of the dragged object or joint [m/s]', (0.001, 1.0)),
 )
-#: Parameters of other nodes by the name of a request.
+#: Parameters of other nodes that a request sets, by the name of the request.
 SETTINGS = {
     'friction': ('friction', ('manipulation', 'grasp_analysis', 'pick_and_place')),
     'diameter': ('object_diameter', ('manipulation', 'grasp_analysis', 'pick_and_place')),
     'squeeze': ('squeeze_force', ('manipulation',)),
 }
-#: Timeout of the release of a stop [s].
+#: Longest time for the release of a stop [s].
 RELEASE_TIMEOUT = 2.0
 
 
 class Viewer(StoppableNode):
-    """Shows the newest messages; publishes twists while control is on and a handle is dragged."""
+    """Node that shows the newest messages, and publishes twists of a dragged handle."""
 
     node_name = 'viewer'
     specs = SPECS
@@ -118,7 +118,7 @@ class Viewer(StoppableNode):
 
     def begin(self) -> None:
         """
-        Start the server and print its address.
+        Start the server, and print its address.
 
         :raises ViewError: the address cannot be served.
         :raises MissingPackageError: viser is not installed.
@@ -146,7 +146,7 @@ class Viewer(StoppableNode):
         create_steady_timer(self, 1.0 / self.values.rate, self._step)
 
     def stop(self) -> None:
-        """Publish a zero twist after published ones, and stop the server."""
+        """Publish a zero twist if twists were published, and stop the server."""
         if self._moving:
             self._twists.publish(Twist())
         if self._view is not None:
@@ -289,7 +289,7 @@ class Viewer(StoppableNode):
         self.picture.goal_report = words
 
     def _ask_for_release(self) -> Calls:
-        """Repeat the service call until it succeeds, after the arrival of the previous message."""
+        """Call the release service until it succeeds, after the arrival of the stop message."""
         end = time.monotonic() + RELEASE_TIMEOUT
         while self._release.service_is_ready():
             response = yield partial(self._release.call_async, Trigger.Request())
@@ -299,7 +299,7 @@ class Viewer(StoppableNode):
         self.warn('release', 'no node offers release_emergency_stop')
 
     def _send_parameters(self, node: str, values: dict[str, float | str]) -> None:
-        """Set parameters of another node; log rejected ones."""
+        """Set parameters of another node, and log rejected ones."""
         client = self._set[node]
         if not client.service_is_ready():
             self.warn(node, f'{node} is not there: its parameters are not set')

@@ -1,6 +1,6 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Requests of the buttons of a view to other nodes, with reports in words."""
+"""Requests of a view's buttons to other nodes, with reports in words."""
 
 from __future__ import annotations
 
@@ -24,21 +24,21 @@ STAGES = {
     'place': ('planning', 'opening', 'backing off', 'confirming'),
 }
 SIMULATOR, MANIPULATION = 'simulator', 'manipulation'
-#: Parameters of the simulator: whether its object is free, and what holds it otherwise.
+#: Parameters of the simulator: whether its object is free, and its grip otherwise.
 IS_FREE, *GRIP = ('object_is_free', 'grip', 'grip_module')
-#: Nodes besides it with a parameter `object`, which they read when they are configured.
+#: Nodes besides the simulator that read a parameter `object` when they are configured.
 OTHERS = ('grasp_analysis', MANIPULATION, 'path_follower', 'grasp_planner', 'pick_and_place')
 
-#: Generator of calls, which receives the responses.
+#: Generator that yields service calls and receives their responses.
 Calls = Generator[Callable[[], Future], Any, None]
 
 
 def make_calls(calls: Calls, answer: Any = None) -> None:
     """
-    Make the next call of a sequence, and the following ones after its response.
+    Make the next call of a sequence; its response causes the following call.
 
-    :param calls: the sequence.
-    :param answer: response of the previous call; None at first.
+    :param calls: sequence of calls.
+    :param answer: response of the previous call; None before the first.
     """
     try:
         call = calls.send(answer)
@@ -49,10 +49,10 @@ def make_calls(calls: Calls, answer: Any = None) -> None:
 
 class ObjectGoals:
     """
-    Clients of `pick_object` and `place_object`.
+    Clients of the actions `pick_object` and `place_object`.
 
     :param node: node of the clients.
-    :param report: callback with the progress in words.
+    :param report: callback with the progress of a goal in words.
     """
 
     def __init__(self, node: Node, report: Callable[[str], None]) -> None:
@@ -90,7 +90,7 @@ class ObjectGoals:
 
 class NodeRestart:
     """
-    Reconfiguration of the simulator and other nodes by their lifecycle services.
+    Reconfiguration of the simulator and other nodes by their life cycle services.
 
     :param node: node of the clients.
     :param report: callback with the result of a restart in words.
@@ -110,23 +110,23 @@ class NodeRestart:
 
     def restart_simulator(self, squeeze: float, plant: str = '') -> None:
         """
-        Reconfigure the simulator; the robot starts at home, in the grip of the simulator.
+        Reconfigure the simulator; the robot then starts at home, with the simulator's grip.
 
-        A restart in progress is abandoned; so in `change_object`.
+        A restart in progress is abandoned.
 
-        :param squeeze: parameter `squeeze_force` of the manipulation afterwards [N].
-        :param plant: value of its parameter `plant`; unchanged if empty.
+        :param squeeze: parameter `squeeze_force` of the manipulation after the restart [N].
+        :param plant: parameter `plant` of the simulator; empty: unchanged.
         """
         name = f'plant {plant}' if plant else 'reset'
         self._begin(name, squeeze, [SIMULATOR], {'plant': plant} if plant else {})
 
     def change_object(self, squeeze: float, kind: str, description: str) -> None:
         """
-        Configure all nodes that are there anew, with another object: the robot begins at home.
+        Reconfigure all running nodes with another object; the robot then starts at home.
 
-        :param squeeze: see `restart_simulator`.
-        :param kind: the object, in a word.
-        :param description: value of their parameter `object`.
+        :param squeeze: parameter `squeeze_force` of the manipulation after the restart [N].
+        :param kind: kind of the object in a word.
+        :param description: parameter `object` of the nodes.
         """
         others = [name for name in OTHERS if self._change[name].service_is_ready()]
         self._begin(f'object {kind}', squeeze, [SIMULATOR, *others], {'object': description})
@@ -169,7 +169,7 @@ class NodeRestart:
         self._report(f'{what}: {rejected or "active"}')
 
     def _restore_grip(self, squeeze: float) -> Generator[Callable[[], Future], Any, str]:
-        """Give the manipulation the grip of the simulator, which a pick replaces."""
+        """Set the manipulation's grip to that of the simulator, because a pick changes it."""
         names = [IS_FREE, *GRIP]
         answer = yield partial(self._get.call_async, GetParameters.Request(names=names))
         is_free, *grip = answer.values

@@ -10,7 +10,8 @@ from isotruss_ros.core import place_between, Polygon, Pose
 from isotruss_ros.core.contact import dents
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.estimation import grip_belief
-from isotruss_ros.core.estimation.slip_watch import FALSE_ALARM_PROBABILITY, SlipWatch
+from isotruss_ros.core.estimation.belief import FALSE_ALARM_PROBABILITY
+from isotruss_ros.core.estimation.slip_watch import SlipWatch
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings
 from isotruss_ros.core.estimation.state_estimator import StateEstimator
 from isotruss_ros.core.holding.attach_grip import attach_grip
@@ -157,7 +158,7 @@ def test_zeros_of_the_empty_robot_are_those_of_least_squares():
 
 
 def test_errors_of_the_empty_robot_are_as_large_as_it_says():
-    runs = [DrawnRobot(seed) for seed in range(100)]
+    runs = [DrawnRobot(seed) for seed in range(60)]
     surprises = [drawn.surprise(drawn.run(1.0)) for drawn in runs]
     low, high = scipy.stats.chi2.ppf([0.025, 0.975], 6 * len(runs)) / len(runs)
     assert low < np.mean(surprises) < high

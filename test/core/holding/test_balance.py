@@ -6,7 +6,8 @@
 from types import SimpleNamespace
 
 from isotruss_ros.core.holding.contact_forces import ANGLE, CENTER, ContactForces, Places
-from isotruss_ros.core.holding.contact_statics import ContactStatics, MAX_STEPS, MAX_TURN
+from isotruss_ros.core.holding.contact_statics import ContactStatics, MAX_TURN
+from isotruss_ros.core.numerics.tolerances import MAX_NEWTON_ITERATIONS
 import numpy as np
 import pytest
 
@@ -71,6 +72,6 @@ def test_equations_without_an_unfolded_solution_return_none():
         folded = linear(goal_of(inclinations=inclination), np.eye(PLACES.size), [])
         assert solve_balance(folded, ARM) is None
     tried = []
-    far = linear(goal_of(feet=ARM * MAX_STEPS), np.eye(PLACES.size), tried)
+    far = linear(goal_of(feet=ARM * MAX_NEWTON_ITERATIONS), np.eye(PLACES.size), tried)
     assert solve_balance(far, ARM) is None
-    assert len(tried) == MAX_STEPS
+    assert len(tried) == MAX_NEWTON_ITERATIONS

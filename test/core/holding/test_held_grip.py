@@ -188,7 +188,7 @@ def test_changes_of_contacts_in_one_motion_are_bounded(monkeypatch):
         + 4.0 * (rolled.config.roller_positions - before.config.roller_positions)
     )
     roll_grip(before, far)
-    assert len(calls) <= roll_grip_module.MAX_CHANGES + 2
+    assert len(calls) <= roll_grip_module.MAX_SEARCH_STEPS + 2
 
 
 def test_sharp_corners_of_short_faces_follow_each_other_in_one_step():

@@ -185,7 +185,7 @@ def test_warm_start_has_the_same_equilibrium(monkeypatch):
         return start(*arguments)
 
     monkeypatch.setattr(attach_grip_module, 'start_at', noted)
-    for _ in range(6):
+    for _ in range(4):
         x, y = tangent_center(HOME, 'north/Z', 0.3, rng.uniform(0.0, 0.03))
         held = RollingGrip.attach(
             HOME, Grip.at_module(HOME.robot, 'north/Z', ConvexObject.disc((x, y), 0.3))

@@ -7,14 +7,12 @@ from types import SimpleNamespace
 
 from held_grips import BOX, HOME
 from isotruss_ros.core import (
-    analyze_grasp,
     ConvexObject,
     HoldStatus,
     place_between,
     Polygon,
     Pose,
     settle_grasp,
-    tangent_center,
 )
 from isotruss_ros.core.holding import settle_grasp as settle_grasp_module
 from isotruss_ros.core.holding.settle_grasp import _judge
@@ -80,12 +78,3 @@ def test_displacement_of_the_angle_is_below_half_a_turn():
         assert again.displacement[2] == pytest.approx(
             found.pose.angle - (angle - np.copysign(np.pi, angle)), abs=1e-3
         )
-
-
-def test_friction_loads_the_tubes_until_they_wrinkle():
-    cylinder = ConvexObject.disc(tangent_center(HOME, 'north/Z', 0.3, 0.06), 0.3)
-    fast = analyze_grasp(HOME, cylinder, 0.8)
-    free = settle_grasp(HOME, cylinder, 0.8)
-    assert max(fast.utilisation.values()) < 1.0 < max(free.utilisation.values())
-    assert free.hold is HoldStatus.WRINKLES
-    assert list(free.utilisation) == list(NAMES)

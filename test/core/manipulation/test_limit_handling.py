@@ -8,8 +8,9 @@ from hypothesis import assume, given, strategies
 from isotruss_ros.core import solve_twist, Status
 from isotruss_ros.core.manipulation import limit_handling
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
-from isotruss_ros.core.manipulation.limit_handling import LimitHandling, MIN_REGULARIZATION
+from isotruss_ros.core.manipulation.limit_handling import LimitHandling
 from isotruss_ros.core.manipulation.limits import MemberLengthLimit, RollerSpeedLimit, stack_rows
+from isotruss_ros.core.numerics.tolerances import NEGLIGIBLE_SHARE
 import numpy as np
 import pytest
 import robots
@@ -67,14 +68,14 @@ def test_sliding_projects_the_twist_on_the_admissible_ones(robot, rng, number):
     missing = wanted - got
     incidence = robot.topology.incidence
     downhill = missing @ (measure[:, None] * jacobian[:3])
-    downhill -= MIN_REGULARIZATION * incidence.T @ (incidence @ command.roller_velocities)
+    downhill -= NEGLIGIBLE_SHARE * incidence.T @ (incidence @ command.roller_velocities)
     most = furthest_along(downhill, stack_rows(config, limits), jacobian[3:])
     assert most == pytest.approx(downhill @ command.roller_velocities, abs=1e-5)
     assert (wall.matrix @ command.roller_velocities >= -wall.bound - 1e-7).all()
     # What is minimised is no more than for scaling, rolling included: near a singular robot, where
     # small twists take fast rollers, rolling costs more than a hundredth of the twist.
-    rolling = MIN_REGULARIZATION * np.square(incidence @ command.roller_velocities).sum()
-    allowance = MIN_REGULARIZATION * np.square(incidence @ scaled.roller_velocities).sum()
+    rolling = NEGLIGIBLE_SHARE * np.square(incidence @ command.roller_velocities).sum()
+    allowance = NEGLIGIBLE_SHARE * np.square(incidence @ scaled.roller_velocities).sum()
     along = wanted / np.linalg.norm(wanted)
     stopped = measure * scaled.achieved_twist
     assert missing @ missing + rolling <= np.square(wanted - stopped).sum() + allowance + 1e-9

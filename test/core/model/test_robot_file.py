@@ -10,40 +10,12 @@ import re
 from hypothesis import given, strategies
 from isotruss_ros.core import load_robot
 from isotruss_ros.core.errors import RobotFileError, StructureError
-from isotruss_ros.core.model.robot_file import read_robot_file
 from isotruss_ros.core.model.safe_yaml import MAX_FILE_SIZE
 from isotruss_ros.core.model.stiffness_law import read_laws
 from isotruss_ros.core.statics.tube_stiffness import PowerLaw, tube_stiffness
 import pytest
 import robots
 from ruamel.yaml import YAML
-
-DESIGN_EXAMPLE = """
-name: nine_member
-frame: truss
-joints:                                # home position of each universal joint [m]
-  P: [0.0, 0.0]
-  Q: [1.0, 0.0]
-  X: [0.5, 0.9]
-tubes:                                 # closed; joints in the order in which the tube visits them
-  south: {joints: [P, Q, X], passive: X}
-module:
-  pinch_separation: 0.12               # s [m]
-  rod_length: 0.10                     # h [m]
-  guide_ring_distance: 0.08            # g [m]
-  axial_rigidity: 5.0e6                # EA of the rigid parts [N]
-  flexural_rigidity: 2.0e3             # EI of the rigid parts [N m^2]
-tube:
-  diameter: 0.102                      # [m]
-  pressure: 34500.0                    # gauge [Pa]
-  stiffness: {model: section, axial_rigidity: 1.9e4, flexural_rigidity: 25.0,
-              shear_rigidity: 1.9e3}
-supports:                              # grounded coordinates of joints
-  X: [x, y]
-  Q: [y]
-rollers: {max_speed: 0.10}             # [m/s]
-members: {min_length: 0.25, max_length: 3.0}   # pinch to pinch [m]
-"""
 
 
 def refusal(content, folder):
@@ -72,17 +44,6 @@ def test_path_loads_as_text_and_as_path(tmp_path):
     path = robots.write(robots.example())
     assert load_robot(path).name == load_robot(str(path)).name == 'example'
     path.unlink()
-
-
-def test_example_of_the_design_loads(tmp_path):
-    path = tmp_path / 'robot.yaml'
-    path.write_text(DESIGN_EXAMPLE)
-    description = read_robot_file(path)
-    assert description.module.axial_rigidity == 5.0e6
-    assert description.stiffness['shear_rigidity'] == 1.9e3
-    assert description.supports == {'X': ('x', 'y'), 'Q': ('y',)}
-    assert description.tubes[0].passive == 'X'
-    assert load_robot(path).roller_names == ('south/P', 'south/Q')
 
 
 def test_numbers_may_be_whole_and_frame_and_stiffness_left_out():
@@ -240,18 +201,19 @@ def test_list_of_mistakes_is_refused_in_time(key, tmp_path):
     assert "{'a': 0}: must be" in refusal(content, tmp_path)
 
 
-LAST_LINE = DESIGN_EXAMPLE.count('\n') + 1
+EXAMPLE = as_yaml(robots.example())
+LAST_LINE = EXAMPLE.count('\n') + 1
 NO_ROBOTS = {
     'duplicate key': (
-        DESIGN_EXAMPLE + 'name: twice\n',
+        EXAMPLE + 'name: twice\n',
         f'line {LAST_LINE}, column 1: not YAML 1.2: found duplicate key "name"',
     ),
     'number as a name': (
-        DESIGN_EXAMPLE.replace('P: [0', '1: [0'),
+        EXAMPLE.replace('P: [0', '1: [0'),
         "joints: 1 is not text; put quotes around it: '1'",
     ),
     'boolean as a name': (
-        DESIGN_EXAMPLE.replace('P: [0', 'true: [0'),
+        EXAMPLE.replace('P: [0', 'true: [0'),
         "joints: True is not text; put quotes around it: 'True'",
     ),
     'alias': ('name: x\nframe: *a\n', 'line 2: *a: anchors and aliases are not used'),

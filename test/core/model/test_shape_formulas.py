@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 #: The bounds that messages have, [m].
-MIN_DIAMETER, MAX_SIZE, MAX_DISTANCE = 1e-9, 10.0, 1e9
+MIN_DIAMETER, MAX_SIZE, MAX_DISTANCE = 1e-9, 10.0, 1e12
 SIZES = (MIN_DIAMETER, 0.05, 1.0, MAX_SIZE)
 
 

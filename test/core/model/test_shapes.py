@@ -261,7 +261,7 @@ def test_arcs_may_take_whole_sides(half, angle):
         (lambda: Ellipse((0.1,)), 'semi_axes'),
         (lambda: ConvexObject('box'), 'must be a Disc'),
         (lambda: ConvexObject(Disc(0.1), (0.0, 0.0)), 'pose'),
-        (lambda: ConvexObject(Disc(0.1), (1e10, 0.0, 0.0)), 'within'),
+        (lambda: ConvexObject(Disc(0.1), (1e13, 0.0, 0.0)), 'within'),
         (lambda: ConvexObject(Disc(0.1), mass=0.0), 'mass'),
         (lambda: ConvexObject(Disc(0.1), center_of_mass=(0.06, 0.0)), 'within the object'),
         (lambda: ConvexObject(Ellipse((0.2, 0.1)), center_of_mass=(1e308, 0.0)), 'within the'),

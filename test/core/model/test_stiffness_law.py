@@ -28,15 +28,15 @@ def test_stiffness_law_is_a_product_of_powers():
     assert found == pytest.approx([3.0 * 100.0 * 8.0, 3.0 * 200.0 / 8.0])
 
 
-@pytest.mark.parametrize('axial', [1.05e-30, 0.95e30])
-def test_stiffnesses_within_sixty_decades_are_accepted(axial):
+@pytest.mark.parametrize('axial', [1.05e-12, 0.95e12])
+def test_stiffnesses_within_twenty_four_decades_are_accepted(axial):
     assert complaints(axial) == []
 
 
-@pytest.mark.parametrize('axial', [0.95e-30, 1.05e30])
-def test_stiffnesses_beyond_sixty_decades_are_refused(axial):
+@pytest.mark.parametrize('axial', [0.95e-12, 1.05e12])
+def test_stiffnesses_beyond_twenty_four_decades_are_refused(axial):
     (line,) = complaints(axial)
-    assert 'must be from 1e-30 to 1e+30; laws are in SI units' in line
+    assert 'must be from 1e-12 to 1e+12; laws are in SI units' in line
 
 
 @pytest.mark.parametrize('less', [0.0, 0.95e-9, 1.05e-9])

@@ -32,7 +32,6 @@ from isotruss_ros.core.paths.roller_trajectory import (
     RollerTrajectory,
     RollerTrajectoryServo,
     SETTLING_TIME,
-    START_TOLERANCE,
     TOLERANCE,
 )
 from isotruss_ros.core.planning.describe_plan import path_times
@@ -224,7 +223,7 @@ def test_arrives_on_random_paths_from_near_their_beginning(rng):
     points = np.vstack([np.zeros(N), np.cumsum(ways, axis=0)])
     times = path_times(points, limits, np.zeros(len(ways), dtype=bool))
     path = RollerTrajectory(ROBOT, points, times + rng.choice([0.0, 0.3]))
-    begin = rng.uniform(-1.0, 1.0, N) * START_TOLERANCE
+    begin = rng.uniform(-1.0, 1.0, N) * MAX_LAG
     noise, late = (0.0, rng.integers(0, 4)) if rng.random() < 0.5 else (0.004, 0)
     run = Run(RollerFaults(noise=noise), late=late, begin=begin)
     assert run.follow(path).failure == ''
@@ -234,7 +233,7 @@ def test_arrives_on_random_paths_from_near_their_beginning(rng):
 
 def test_rollers_that_have_arrived_rest_while_the_others_come():
     begin = np.zeros(N)
-    begin[2] = 0.009
+    begin[2] = 0.0045
     run = Run(begin=begin)
     run.follow(RollerTrajectory(ROBOT, [[0.0] * N], [0.0]))
     commands = np.array(run.commands)
@@ -249,7 +248,7 @@ def test_rollers_that_pass_by_the_end_have_not_arrived():
     quick = RollerTrajectory(ROBOT, [[0.0] * N, [0.04] * N], [0.0, 0.04 / MAX_SPEED])
     for late in (0, 1, 3, 7):
         # Such that the measurement is at the end to the micrometre while they go on.
-        for ahead in np.linspace(0.0, MAX_SPEED * PERIOD, 9):
+        for ahead in np.linspace(0.0, MAX_SPEED * PERIOD, 5):
             run = Run(late=late, begin=np.full(N, -ahead))
             assert run.follow(quick).failure == ''
             assert run.away(quick) <= TOLERANCE
@@ -341,7 +340,7 @@ def test_a_new_trajectory_restarts_the_progress_timeout():
     while run.now < began + 0.9 * PROGRESS_TIMEOUT:
         assert not run.cycle().ended
     # Further away than a roller may lag: it waits from the first cycle on.
-    away = RollerTrajectory(ROBOT, [run.robot.roller_positions + 0.9 * START_TOLERANCE], [0.0])
+    away = RollerTrajectory(ROBOT, [run.robot.roller_positions + 0.9 * MAX_LAG], [0.0])
     began = run.now
     assert 'north/Z' in run.follow(away).failure
     assert run.now - began >= PROGRESS_TIMEOUT
@@ -439,7 +438,7 @@ def test_ends_at_rest_without_joint_states(how):
 def test_begins_only_where_the_rollers_are(roller, side):
     for away in (0.99, 1.01):
         begin = np.zeros(N)
-        begin[roller] = side * away * START_TOLERANCE
+        begin[roller] = side * away * MAX_LAG
         run = Run(begin=begin)
         if away < 1.0:
             run.servo.begin(PATH, run.now)

@@ -135,18 +135,6 @@ def test_who_gets_nowhere_is_given_up_after_thirteen_slow_steps():
     assert given_up
 
 
-def test_an_approach_ends_after_the_largest_number_of_steps(monkeypatch):
-    way = max((way for _, way in each(arrived=True)), key=lambda way: len(way.path))
-    steps = len(way.path) - 1
-    assert steps > 3
-    monkeypatch.setattr(approaching, 'MAX_STEPS', steps)
-    assert approach(way.path[0], way.closing).unmet is None
-    monkeypatch.setattr(approaching, 'MAX_STEPS', steps - 1)
-    short = approach(way.path[0], way.closing)
-    assert len(short.path) == steps
-    assert short.unmet[0] in ('reach', 'facing')
-
-
 def test_a_posture_draws_what_the_task_leaves_free():
     config, _, ways = reached(0)
     closing = next(way for way in ways if way.unmet is None).closing

@@ -121,7 +121,7 @@ def test_limits_end_the_squeeze(held):
 @BOTH
 def test_a_squeeze_that_is_not_reached_is_told(held, monkeypatch):
     closing, grasp = held()
-    monkeypatch.setattr(motion_in_place, 'MAX_CORRECTIONS', 1)
+    monkeypatch.setattr(motion_in_place, 'MAX_SEARCH_STEPS', 1)
     force = 0.7 * grasp.squeeze
     (name, value, bound), _ = ended(grasp, force, closing)
     assert (name, bound) == ('squeeze', force)

@@ -52,7 +52,7 @@ def disc(diameter, angle):
 @pytest.mark.parametrize(
     ('body', 'members', 'moved'),
     [
-        (disc(0.2, 0.0), MEMBERS, 1e-4),
+        pytest.param(disc(0.2, 0.0), MEMBERS, 1e-4, marks=pytest.mark.nightly),
         pytest.param(
             disc(0.3, 0.7), members_at(HOME.robot, 'north/R'), 1e-4, marks=pytest.mark.nightly
         ),

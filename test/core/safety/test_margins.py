@@ -8,7 +8,7 @@ from isotruss_ros.core import ConvexObject, Grip, load_robot
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.kinematics.distances import collision_model
 from isotruss_ros.core.safety.barrier_law import ALL_VALUES, BarrierLaw
-from isotruss_ros.core.safety.barriers import NEIGHBOR_SKIN, ObjectBarrier
+from isotruss_ros.core.safety.barriers import ObjectBarrier
 from isotruss_ros.core.safety.margins import object_distances, shape_margins
 import numpy as np
 import pytest
@@ -65,7 +65,7 @@ def test_margins_are_the_least_distances_and_name_them(robot, rng):
         assert found.nearest_to_object == model.part_names()[distances.argmin()]
     # It is what the guard goes by.
     barrier = ObjectBarrier(robot, BarrierLaw(0.0, 1.0))
-    far = barrier.law.active_below + NEIGHBOR_SKIN
+    far = 1.5 * barrier.law.active_below
     near = distances < far
     values = barrier.values(config, grip, ALL_VALUES)
     assert (values[near] == distances[near]).all()

@@ -6,6 +6,7 @@
 from hypothesis import given, strategies
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.safety.roller_failure import FailureDetector
+from nightly import some_now
 import numpy as np
 import pytest
 import robots
@@ -168,7 +169,7 @@ def test_gaps_and_clocks_that_run_back_say_nothing():
     rollers.works[:] = 0.0
     command = np.full(4, 0.1)
     for k in range(100):
-        watched.update(rollers.move(command), 100.0 + k, command)  # one sample a second
+        watched.update(rollers.move(command), 100.0 + 1.5 * k, command)  # too far apart
     assert watched.failed == set()
     for k in range(2000):
         watched.update(rollers.move(command), 1000.0 - 0.01 * k, command)
@@ -203,7 +204,7 @@ def found_at(speeds, moves=lambda _time: 0.0, rate=FAST, seconds=5.0):
     return None
 
 
-@pytest.mark.parametrize('sign', [1.0, -1.0])
+@pytest.mark.parametrize('sign', some_now([-1.0, 1.0]))
 def test_slower_commands_than_2_mm_a_second_do_not_count(sign):
     assert found_at(lambda _time: sign * 0.002 * (1.0 - PERCENT), seconds=20.0) is None
     assert found_at(lambda _time: sign * 0.002 * (1.0 + PERCENT)) is not None
@@ -247,6 +248,6 @@ def test_a_roller_that_works_is_timed_again_after_2_cm():
 
 
 @pytest.mark.parametrize('off', [-PERCENT, PERCENT])
-def test_samples_half_a_second_apart_are_evidence(off):
-    found = found_at(lambda _time: 0.1, rate=1.0 / (0.5 * (1.0 + off)), seconds=20.0)
+def test_samples_a_second_apart_are_evidence(off):
+    found = found_at(lambda _time: 0.1, rate=1.0 / (1.0 + off), seconds=20.0)
     assert (found is not None) == (off < 0.0)

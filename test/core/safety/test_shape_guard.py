@@ -69,9 +69,19 @@ def pushed(seed, slide=False):
     return Pushed(held, slide=slide), 0.2 * rng.standard_normal(3)
 
 
-@pytest.mark.parametrize('seed', some_now([0, 9, 15]))
-def test_comes_to_a_bound_slower_and_slower_along_the_twist(seed):
-    robot, twist = pushed(seed)
+@pytest.mark.parametrize(
+    ('seed', 'named'),
+    some_now(
+        [
+            (0, [(Status.SLOWED_SELF_COLLISION, ('module east/R and member east/Y-Q',))]),
+            (9, [(Status.SLOWED_OBJECT, ('module east/Q and the object',))]),
+            (15, []),
+        ],
+        2,
+    ),
+)
+def test_comes_to_a_bound_slower_and_slower_along_the_twist(seed, named):
+    (robot, twist), found = pushed(seed), []
     laws = [BarrierLaw(0.0, band) for band in (0.2, 0.1, 0.1)]
     slowed = 0
     before = robot.margins
@@ -86,26 +96,14 @@ def test_comes_to_a_bound_slower_and_slower_along_the_twist(seed):
                 # Second order in the step of the rollers of at most 1 mm.
                 assert there >= least - 1e-4
         before = after
+        if command.status in BARRIERS:
+            found.append((command.status, command.limiting))
         slowed += bool(command.limiting) and command.scale < 1.0
         if slowed > 200:
             break
     assert slowed
+    assert found[:1] == named
     assert before.min() > 0.0
-
-
-def test_statuses_and_names_say_what_is_in_the_way():
-    for seed, status, words in (
-        (0, Status.SLOWED_SELF_COLLISION, 'module east/R and member east/Y-Q'),
-        (9, Status.SLOWED_OBJECT, 'module east/Q and the object'),
-    ):
-        robot, twist = pushed(seed)
-        for _ in range(600):
-            command = robot.step(twist)
-            if command.status in BARRIERS:
-                break
-        assert command.status is status
-        assert command.limiting == (words,)
-        assert command.scale < 1.0
 
 
 def test_weak_shapes_are_named_and_not_entered():
@@ -184,7 +182,7 @@ def test_sliding_gets_further_and_goes_on():
     assert max(gained) > 1.1
 
 
-@pytest.mark.parametrize(('seed', 'slide'), some_now([(2, False), (20, True), (9, False)], 2))
+@pytest.mark.parametrize(('seed', 'slide'), some_now([(20, True), (2, False), (9, False)]))
 def test_rollers_do_not_swing_at_a_bound(seed, slide):
     """A twist that stays the same does not make rollers turn round from cycle to cycle."""
     robot, twist = pushed(seed, slide)

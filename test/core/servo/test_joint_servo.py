@@ -86,8 +86,7 @@ def test_the_joint_goes_straight_in_a_loop():
 @pytest.mark.parametrize(
     ('joint', 'twist', 'cycles'),
     some_now(
-        [('Q', (0.2, 0.0, 0.0), 350), ('Q', (-0.1, -0.2, 0.0), 600), ('Z', (0.0, -0.2, 0.0), 750)],
-        2,
+        [('Q', (0.2, 0.0, 0.0), 350), ('Q', (-0.1, -0.2, 0.0), 600), ('Z', (0.0, -0.2, 0.0), 750)]
     ),
 )
 def test_barriers_and_limits_stop_the_joint(joint, twist, cycles):

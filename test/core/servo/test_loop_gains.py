@@ -30,7 +30,7 @@ def test_gain_is_stable_for_a_frequency_wrong_by_a_factor_of_two(damping, wrong)
 
 def test_all_gains_follow_from_one():
     assert gains_of(4.0) == (4.0, 4.0, 2.0, 0.25)
-    assert gains_of(8.0) == (8.0, 5.0, 2.0, 0.125)
+    assert gains_of(8.0) == (8.0, 5.0, 2.5, 0.125)
     assert gains_of(0.6) == (0.6, 0.6, 0.3, 1.0 / 0.6)
 
 

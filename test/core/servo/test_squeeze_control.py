@@ -48,7 +48,7 @@ Loop = partial(SqueezeLoop, CONFIG, measured_at(CYLINDER.pose))
 @pytest.mark.parametrize(('period', 'bound'), [(PERIOD, 1e-4), (0.005, 1e-5)])
 def test_pose_and_squeeze_follow_their_references(twist, period, bound):
     loop, rigid = Loop(period=period), Loop(regulated=False)
-    loop.run(twist, 1.0 if period < PERIOD else 2.0)
+    loop.run(twist, 0.5 if period < PERIOD else 2.0)
     rigid.run(twist, 2.0)
     assert max(loop.errors) < bound
     assert max(loop.errors) < 0.1 * max(rigid.errors)
@@ -72,7 +72,7 @@ def test_unknown_load_changes_the_squeeze_little_and_not_the_pose():
     loop = Loop()
     assert loop.object.slip_margin > 3.0
     loop.object.external_wrench = (1.8, 2.4, 0.0)
-    loop.run((0.02, 0.02, 0.0), 4.0)
+    loop.run((0.02, 0.02, 0.0), 2.5)
     assert loop.squeeze == pytest.approx(loop.target, rel=0.05)
     assert loop.errors[-1] < 1e-4
     assert loop.control.belief.pose == pytest.approx(loop.plant.object_pose, abs=1e-4)
@@ -104,7 +104,9 @@ def test_reference_of_an_initially_loaded_object_is_its_pose():
     assert max(loop.errors) < 5e-4
 
 
-@pytest.mark.parametrize(('gains', 'bound'), [({}, 3.5e-3), ({'pose_gain': 4.0}, 9.5e-3)])
+@pytest.mark.parametrize(
+    ('gains', 'bound'), some_now([({}, 3.5e-3), ({'pose_gain': 4.0}, 9.5e-3)])
+)
 def test_an_unknown_rotating_load_moves_the_object_little(gains, bound):
     loop = Loop(**gains)
     for k in range(100):
@@ -116,7 +118,7 @@ def test_an_unknown_rotating_load_moves_the_object_little(gains, bound):
 
 def test_softer_plant_has_less_squeeze_and_the_same_pose():
     loop = Loop(scale=0.7)
-    loop.run((0.03, 0.0, 0.1), 3.0)
+    loop.run((0.03, 0.0, 0.1), 2.0)
     assert loop.squeeze == pytest.approx(0.7 * loop.target, rel=0.01)
     assert max(loop.errors) < 5e-4
     assert np.degrees(abs(loop.error()[2])) < 0.1
@@ -154,14 +156,14 @@ def test_corrected_offsets_agree_with_attaching_again(size):
 
 def test_noise_of_the_measured_pose_is_not_followed():
     loop = Loop(noise=5e-4)
-    loop.run((0.02, 0.0, 0.1), 3.0)
+    loop.run((0.02, 0.0, 0.1), 2.0)
     assert max(loop.errors) < 1e-3
     assert loop.squeeze == pytest.approx(loop.target, rel=0.05)
 
 
 def test_commands_toward_the_utilisation_bound_are_slowed():
     loop = Loop(force=40.0, max_utilisation=1.0)
-    loop.run((0.0, 0.0, 0.0), 4.0)
+    loop.run((0.0, 0.0, 0.0), 2.5)
     used = loop.object.grasp.sections.used.max()
     assert used == pytest.approx(1.0, abs=5e-3)
     assert used < 1.0 + 1e-9
@@ -170,7 +172,7 @@ def test_commands_toward_the_utilisation_bound_are_slowed():
     # The way back is free.
     loop.control.settings = replace(loop.control.settings, force=20.0)
     loop.statuses.clear()
-    loop.run((0.0, 0.0, 0.0), 2.0)
+    loop.run((0.0, 0.0, 0.0), 1.5)
     assert Status.SLOWED_UTILISATION not in loop.statuses
     assert loop.squeeze == pytest.approx(20.0, rel=5e-3)
 
