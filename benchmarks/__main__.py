@@ -21,7 +21,7 @@ import sys
 
 HELPERS = {'__main__', 'measuring', 'large_robots', 'peer'}
 NAMES = sorted({path.stem for path in Path(__file__).parent.glob('*.py')} - HELPERS)
-#: Needed before NumPy is loaded.
+#: Environment for one BLAS thread, set before NumPy is loaded.
 ONE_THREAD = {'OPENBLAS_NUM_THREADS': '1', 'OMP_NUM_THREADS': '1'}
 
 

@@ -3,13 +3,12 @@
 """
 Length of the call paths of a twist, closure and the flag `held`, in files and moves.
 
-The calls are one control cycle of `TwistServo.decide` with fresh inputs of a moving robot, one
-`analyze_grasp`, which computes closure by (10), and one analysis of `GraspMonitor.report` after
-robot and object have moved, which includes `settle_grasp`. `sys.setprofile` counts the files of
-the package whose functions are called, and the moves between them: calls and returns from one of
-its files to another. Calls into other packages do not count. The second table has the number of
-files that the parts of the core import, directly and through others, and their lines; each row
-includes those before it.
+The first table has three calls: one control cycle of `TwistServo.decide` with fresh inputs of a
+moving robot; one `analyze_grasp`, which computes closure by (10); and one `GraspMonitor.report`
+after robot and object have moved, which includes `settle_grasp`. `sys.setprofile` counts the
+called files of the package, and the moves: calls and returns between two of these files. The
+second table has the number of files that the parts of the core import, directly or indirectly, and
+their lines. Each row includes the rows before it.
 """
 
 from __future__ import annotations
@@ -32,10 +31,10 @@ import numpy as np
 
 PACKAGE = str(Path(isotruss_ros.__file__).parent)
 MODULE, DIAMETER, PERIOD, TWIST = 'east/Q', 0.3, 0.005, (0.02, 0.03, 0.1)
-#: Number of cycles until the rollers have accelerated to the twist [-].
+#: Number of cycles after which the rollers have accelerated to the twist [-].
 CYCLES = 60
 
-#: First modules of the rows of the second table, below `isotruss_ros.core`.
+#: First modules of the rows in the second table, below `isotruss_ros.core`.
 PARTS = {
     'twist': ('manipulation.solve_twist',),
     '+ analysis': ('contact.analyze_grasp',),
@@ -52,7 +51,7 @@ def trace(call: Callable[[], object]) -> tuple[list[str], int]:
     """
     Return the files of the package on a call path, and the moves between them.
 
-    :param call: the call.
+    :param call: function to trace.
     """
     files: set[str] = set()
     current, moves = '', 0
@@ -137,7 +136,7 @@ def import_closure(modules: Iterable[str]) -> set[Path]:
     """
     Return the files of modules and of their direct and indirect imports.
 
-    :param modules: names below `isotruss_ros.core`.
+    :param modules: names of modules below `isotruss_ros.core`.
     """
     found: set[Path] = set()
     waiting = list(modules)

@@ -3,11 +3,11 @@
 """
 Convergence of the analysis of a grasp with the spacing of its contact points.
 
-Random grasps of the nine-member robot: rollers anywhere within 0.15 m of home, an object of 0.15
-to 0.5 m pressed 3 to 25 mm into the corner of a random module. Each is analysed at the default
-spacing and at a quarter of it. The table has the distribution of the differences: of forces,
-friction figures and margins relative to the sum of the normal forces, of lengths and pressures
-relative to themselves.
+Grasps of the nine-member robot are random: roller travel within 0.15 m of home, and an object of
+0.15 to 0.5 m that is pressed 3 to 25 mm into the corner of a random module. Each grasp is analysed
+at the default spacing and at a quarter of it. The table has the distribution of the differences.
+Differences of forces, friction and margins are relative to the sum of the normal forces;
+differences of lengths and pressures are relative to their values.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def random_grasps(count: int) -> Iterator[tuple[Configuration, ConvexObject]]:
 
 
 def differences(coarse: GraspAnalysis, fine: GraspAnalysis) -> dict[str, float]:
-    """Return the relative change of each figure of an analysis."""
+    """Return the relative change of each result of an analysis."""
     total = float(fine.normal_forces.sum())
 
     def largest(name: str) -> float:

@@ -3,13 +3,13 @@
 """
 Reach and path following of the nine-member robot with one failed roller.
 
-Reach is the area of the positions of the object's centre that are reached from home without
-interruption: a flood fill of a grid, in which the twist program enters a cell from its neighbours,
-sliding along the limits of the robot file and the bounds of the configuration. The object keeps
-its orientation as far as possible, and the grip its opening angle.
+Reach is the area that the object's centre can reach from home. It is computed by a flood fill of a
+grid: the twist program moves the object from a cell to its neighbours, and slides along the limits
+of the robot file and the bounds of the configuration. The grip keeps its opening angle, and the
+object keeps its orientation as far as possible.
 
-Following is one lap of a circle by feed-forward alone, with the servo and a simulated robot with
-one stuck roller: undetected, and detected by the servo.
+Path following is one lap of a circle by feed-forward, with the servo and a simulated robot whose
+roller is stuck. The failure is either unknown to the servo or detected by it.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ from isotruss_ros.core.servo.servo_settings import ServoSettings
 import numpy as np
 
 MODULE, DIAMETER = 'north/Z', 0.3
-#: Spacing of the grid, and tolerance of the middle of a cell [m].
+#: Spacing of the grid, and tolerance of the centre of a cell [m].
 SPACING, ARRIVED = 0.1 if SHARE == 1.0 else 1.0, 0.005
 #: Period of a step [s], and number of steps without progress that end the motion [-].
 STEP, PATIENCE, GAIN = 0.1, 5, 2e-4
@@ -62,7 +62,7 @@ STILL = np.zeros(len(ROBOT.roller_names))
 def carry(
     held: RollingGrip, goal: complex, guard: ShapeGuard, failed: Collection[str]
 ) -> RollingGrip | None:
-    """Move the object to a goal; return the grip there, None if it is not reached."""
+    """Move the object to a goal; return its grip at the goal, or None if it is not reached."""
     nearest, idle = abs(goal - held.grip.center), 0
     while idle < PATIENCE:
         config, missing = held.config, goal - held.grip.center
@@ -88,7 +88,7 @@ def carry(
 
 
 def reached(failed: Collection[str]) -> set[tuple[int, int]]:
-    """Return the cells reached by the object from home."""
+    """Return the cells that the object reaches from home."""
     guard, start = ShapeGuard(ROBOT, ShapeBounds()), HELD.grip.center
     found = {(0, 0): HELD}
     waiting = deque(found)

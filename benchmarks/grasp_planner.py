@@ -3,14 +3,14 @@
 """
 Success rate and evaluations of the grasp planner, compared with random sampling.
 
-Objects are free inside a loop of the nine-member robot at home, at least 2 cm from all parts;
-places and diameters (0.15 to 0.5 m) are random, with a fixed seed. A grasp has closure by a
-friction of 0.5 with a margin of 10 mN, and a utilisation of at most 0.8.
+Objects are free inside a loop of the nine-member robot at home, at least 2 cm from all parts.
+Positions and diameters (0.15 to 0.5 m) are random with a fixed seed. A grasp must have closure
+with a coefficient of friction of 0.5 and a margin of 10 mN, and a utilisation of at most 0.8.
 
-The peer draws roller positions up to 0.5 m from home. It searches a configuration without a path,
-with ten times the evaluations of the planner for the same object, at most 5000. Every
-configuration counts as one evaluation; analyses of the planner count in addition, those of the
-peer do not.
+The peer draws random roller positions up to 0.5 m from home. It searches a configuration without a
+path to it. It has ten times the evaluations that the planner needs for the same object, at most
+5000. Each configuration counts as one evaluation. An analysis of the planner counts as well, an
+analysis of the peer does not.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ ROBOT = load_robot('nine_member')
 NEEDS = GraspRequirements(min_margin=0.01, count=1)
 SEED, OBJECTS = 0, part(50)
 DIAMETERS, FREE = (0.15, 0.5), 0.02
-#: Largest travel of the peer from home [m].
+#: Largest roller travel of the peer from home [m].
 REACH = 0.5
 #: Evaluations of the peer relative to the planner, and their largest number [-].
 ALLOWANCE, MOST = 10, part(5000)
@@ -72,7 +72,7 @@ def loop_around(config: Configuration, point: complex) -> tuple[int, ...]:
 
 
 def missed(positions: np.ndarray, body: ConvexObject) -> bool:
-    """Return whether roller positions have no configuration or no grasp."""
+    """Return whether roller positions have no configuration, or no grasp."""
     file = ROBOT.description
     lengths = ROBOT.home.member_lengths + ROBOT.topology.incidence @ positions
     if lengths.min() < file.min_length or lengths.max() > file.max_length:

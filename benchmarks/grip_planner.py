@@ -1,12 +1,13 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """
-Grasps of random convex objects by any two or three members, compared with those at one module.
+Grasps of random convex objects by any two or three members, compared with grasps at one module.
 
-Objects are discs, ellipses and convex polygons with rounded corners, 0.1 to 0.6 m wide in the
-mean, at random angles. They are free in a random loop of the nine-member robot at home: one of its
-tubes, or the hole between the three, at least 2 cm from all parts. A grip holds by a friction of
-0.5 at a utilisation of at most 0.8; the best has the largest slip margin.
+Objects are discs, ellipses and convex polygons with rounded corners, at random angles, with a mean
+width of 0.1 to 0.6 m. Each is free in a random loop of the nine-member robot at home (one of its
+tubes, or the hole between the three tubes), at least 2 cm from all parts. A grip must hold the
+object with a coefficient of friction of 0.5 and a utilisation of at most 0.8. The best grip has
+the largest slip margin.
 """
 
 from __future__ import annotations

@@ -3,10 +3,10 @@
 """
 Errors of pose and squeeze of a held object on the elastic plant, without and with loads.
 
-Random grips of random objects on the nine-member robot follow random paths, with the paper's rigid
-program in open loop and with the model of the held object in the loop, then with loads unknown to
-the controller. Paths with binding limits or slip are drawn again. The plant does not wrinkle, so
-the utilisation is not bounded.
+Random objects in random grips of the nine-member robot follow random paths. The controllers are
+the paper's program for a rigid robot in open loop, and the model of the held object in the loop,
+without and with loads that the controller does not know. Paths with binding limits or slip are
+drawn again. The plant does not wrinkle, so the utilisation is not bounded.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ class Run:
 
 
 def random_path(rng: np.random.Generator) -> Path | None:
-    """Close a random wedge at a module and press an object into it."""
+    """Return a path whose grip closes a random wedge at a module on an object."""
     module, diameter = str(rng.choice(MODULES)), rng.uniform(0.16, 0.22)
     try:
         config = closed_to(ROBOT.home, rng.uniform(28.0, 34.0), diameter, module)
@@ -125,7 +125,7 @@ def follow(
 def decide(
     path: Path, plant: SimulatedRobot, control: SqueezeControl, mode: str, wanted: np.ndarray
 ) -> RollerCommand | str:
-    """Return the command of one cycle, or the reason of its absence."""
+    """Return the command of one cycle, or the reason why there is none."""
     config, pose = plant.config, plant.object_pose
     grip = Grip.at_module(ROBOT, path.module, path.body.moved_to(pose), FRICTION)
 
@@ -144,7 +144,7 @@ def decide(
 
 
 def pose_error(reference: np.ndarray, plant: SimulatedRobot) -> np.ndarray:
-    """Return the error to the reference: x, y [m], angle [rad]."""
+    """Return the pose error relative to the reference: x, y [m], angle [rad]."""
     error = reference - np.array(plant.object_pose)
     error[2] = math.remainder(error[2], 2.0 * math.pi)
     return error

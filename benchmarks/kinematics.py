@@ -1,11 +1,11 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """
-Computing times of forward kinematics and twist-to-rollers, nine-member robot, one core.
+Computing times of forward kinematics and of roller velocities for a twist, on one core.
 
-Medians and 99th percentiles over random reachable states, each beside a peer called in the same
-loop. A timed call starts from a configuration without a built or factored matrix, unless its row
-says otherwise.
+The table has medians and 99th percentiles over random reachable states of the nine-member robot.
+Each function has a peer that is called in the same loop. A timed call starts from a configuration
+without caches, unless its row says otherwise.
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ import numpy as np
 import scipy.optimize
 
 STATES = part(2000)
-#: Roller travel of random states [m]: 98 % of the corners have 15 to 134 degrees.
+#: Largest roller travel of random states [m]; 98 % of their corners have 15 to 134 degrees.
 TRAVEL = 0.4
 DIAMETER = 0.15
-#: Difference of configurations without a common cache [m].
+#: Differences of configurations that must not share a cache [m].
 OFFSETS = itertools.count(1e-15, 1e-15)
 
 
 @dataclass(frozen=True)
 class State:
-    """A random reachable state: configuration, grip and the largest twist within the limits."""
+    """Random reachable state: configuration, grip, and the largest twist within the limits."""
 
     config: core.Configuration
     grip: core.Grip
@@ -87,11 +87,11 @@ class Row:
         self, ours: Callable[[], Array], peer: Callable[[], Array | None], unit: float
     ) -> None:
         """
-        Time both on one state.
+        Time the package and its peer in one state.
 
-        :param ours: the call of the package.
-        :param peer: result of the peer; None if it failed.
-        :param unit: largest difference of results on one branch.
+        :param ours: call of the package.
+        :param peer: call of the peer; returns None if it failed.
+        :param unit: largest difference of results on the same branch of solutions.
         """
         time, result = timed(ours)
         self.ours.append(time)
@@ -109,17 +109,17 @@ class Row:
 
 
 def nodes_at(near: core.Configuration, travel: Array) -> Array:
-    """Forward kinematics by the package."""
+    """Return the nodes by the package's forward kinematics."""
     return near.moved_to(travel).nodes
 
 
 def roller_velocities(config: core.Configuration, grip: core.Grip, twist: Array) -> Array:
-    """Twist to rollers by the package."""
+    """Return the roller velocities for a twist by the package."""
     return core.solve_twist(config, grip, twist).roller_velocities
 
 
 def root_by_hybr(near: core.Configuration, travel: Array) -> Array | None:
-    """Forward kinematics by MINPACK's hybr, with the same residual and Jacobian."""
+    """Return the nodes by MINPACK's hybr (same residual and Jacobian); None if it failed."""
     robot = near.robot
     lengths = robot.home_targets.lengths.copy()
     lengths[: robot.topology.n_modules] += robot.topology.incidence @ travel
@@ -154,7 +154,7 @@ def task_rows(config: core.Configuration, grip: core.Grip) -> tuple[Array, float
 
 class PaperProgram:
     """
-    The quadratic program (11) with the rows of (20), in node velocities as in the paper.
+    Quadratic program (11) with the rows of (20) in node velocities, as in the paper.
 
     :ivar rollers_by_lengths: constant maps from length rates to roller speeds and tubes.
     """
@@ -166,7 +166,7 @@ class PaperProgram:
         self.tubes = (np.arange(len(topology.tube_names))[:, None] == topology.tube).astype(float)
 
     def _rows(self, state: State) -> tuple[Array, Array, Array]:
-        """Return R_tube, the rows of (20) above M, and M with rolling expressed in nodes."""
+        """Return R_tube, the rows of (20) above M, and M with rolling by node velocities."""
         config = unprepared(state.config)
         m = self.robot.topology.n_modules
         matrix = config.matrix
@@ -178,7 +178,7 @@ class PaperProgram:
         return lengths, np.vstack([self.tubes @ lengths, matrix[m:]]), task
 
     def solve_kkt(self, state: State, twist: Array) -> Array:
-        """Solve (11) with (20) as one linear system, dense, by NumPy."""
+        """Return the solution of (11) with (20) as one dense linear system, by NumPy."""
         lengths, fixed, task = self._rows(state)
         equality = np.vstack([fixed, task])
         k, n = equality.shape

@@ -4,11 +4,11 @@
 """
 Robots of any size that are rigid by construction: nested triangles (a Sierpinski gasket).
 
-A triangular tube is replaced by three of half its size, corner to corner. From outside they are a
-rigid triangle again (a three-hinged arch on a base), so the robot remains isostatic, with 6
-modules and 3 joints more, twice. Every joint belongs to one or two tubes, every corner has
-60 degrees, and joints are `EDGE` or twice that apart: with 9 modules it has the shape and the size
-of the preset nine_member.
+A triangular tube is replaced by three tubes of half its size, corner to corner. Together they are
+again a rigid triangle (a three-hinged arch on a base), so the robot remains isostatic. Each
+replacement adds 6 modules and 3 joints. Each joint belongs to one or two tubes, each corner has 60
+degrees, and the distance of joints is `EDGE` or twice `EDGE`. With 9 modules the robot has the
+shape and the size of the preset nine_member.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ import math
 
 from isotruss_ros.core.model.description import Module, RobotDescription, Tube
 
-#: Sizes from one triangle to 300 modules.
+#: Numbers of modules, from one triangle to 303.
 SIZES = (3, 9, 15, 27, 51, 99, 147, 201, 303)
 #: Smallest distance of two joints of a tube [m].
 EDGE = 1.432
-#: Tube and joint at the top; the module there is driven.
+#: Name of the tube and the joint at the top, whose module is driven.
 TOP_JOINT = 'top'
 
 
@@ -30,7 +30,7 @@ def nested_triangles(n_modules: int) -> RobotDescription:
     """
     Return a robot of nested triangles, supported at its two lower corners.
 
-    :param n_modules: 3, 9, 15, ... (3 more than a multiple of 6).
+    :param n_modules: number of modules: 3, 9, 15, ... (3 more than a multiple of 6).
     """
     steps, rest = divmod(n_modules - 3, 6)
     if rest or steps < 0:

@@ -3,9 +3,9 @@
 """
 Processor shares and cycle times of the nodes with the real topics.
 
-Simulator and manipulation run as processes at the same rate; twists arrive at 100 Hz, commands and
-status are published in every cycle. The concurrent peer is a node with a timer at 200 Hz that only
-publishes the same two messages, the share of rclpy.
+Simulator and manipulation run as processes at the same rate. Twists arrive at 100 Hz; commands and
+status are published in each cycle. The peer runs at the same time: a node with a timer at 200 Hz
+that only publishes the same two messages, so it shows the cost of rclpy.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ import rclpy
 from rclpy.node import Node
 
 WARM_UP = 3.0
-#: Timeout of the first status [s].
+#: Longest time until the first status [s].
 COMING_UP = 60
 DURATION = max(0.5, 12.0 * SHARE)
 #: Diameter [m], friction [-] and depth [m] of the object held by elastic tubes.
@@ -83,7 +83,7 @@ def cpu_time(processes: list[psutil.Process]) -> float:
 
 @contextlib.contextmanager
 def running_peer() -> Iterator[psutil.Process]:
-    """Run the peer during a block."""
+    """Run the peer while a block is executed."""
     with subprocess.Popen(
         [sys.executable, Path(__file__).with_name('peer.py'), 'peer/commands']
     ) as process:

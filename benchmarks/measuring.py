@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 import scipy
 
-#: Share of the states, objects and durations of every benchmark [-]; small in tests.
+#: Factor on the numbers of states and objects and on the durations of all benchmarks [-]; small in
+#: tests.
 SHARE = float(os.environ.get('BENCHMARK_SHARE', '1'))
 
 
@@ -25,7 +26,7 @@ class Table:
     """
     Table of results, printed in Markdown.
 
-    :ivar title: title of the table; empty if the page has it.
+    :ivar title: title of the table; empty if the page has the title.
     :ivar header: names of the columns, with units.
     :ivar rows: cells; the first column is left-aligned.
     """
@@ -48,14 +49,12 @@ class Table:
 
 
 def part(number: int) -> int:
-    """Return the share of a number for this run, at least one."""
+    """Return a number times `SHARE`, at least one."""
     return max(1, round(SHARE * number))
 
 
 def timed(call: Callable[[], Any]) -> tuple[float, Any]:
-    """
-    Return the CPU time of this thread for one call [s], and its result.
-    """
+    """Return the CPU time of this thread for one call [s], and its result."""
     start = time.thread_time_ns()
     result = call()
     return 1e-9 * (time.thread_time_ns() - start), result
@@ -63,9 +62,10 @@ def timed(call: Callable[[], Any]) -> tuple[float, Any]:
 
 def median_time(call: Callable[[], Any], budget: float, most: int = 2000) -> float:
     """
-    Return the median time of a call after an uncounted one [s].
+    Return the median time of a call after a first call that does not count [s].
 
-    :param budget: approximate duration of the measurement [s]; at least five calls.
+    :param budget: approximate duration of the measurement [s], in which at least five calls are
+        made.
     """
     call()
     budget *= SHARE
@@ -76,7 +76,7 @@ def median_time(call: Callable[[], Any], budget: float, most: int = 2000) -> flo
 
 
 def machine() -> str:
-    """Return processor, Python and library versions."""
+    """Return processor, Python version and library versions."""
     cpuinfo = Path('/proc/cpuinfo')
     lines = cpuinfo.read_text(encoding='utf-8').splitlines() if cpuinfo.is_file() else []
     names = [line.split(':')[1].strip() for line in lines if line.startswith('model name')]

@@ -3,8 +3,8 @@
 """
 Processor share of the plant `mujoco`, with the default mesh and commands at 200 Hz.
 
-The CPU time of its thread, with an object pressed into the grip at home, rollers at rest and
-moving.
+The table has the CPU time of the plant's thread with an object pressed into the grip at home, with
+rollers at rest and moving.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ SPEEDS = 0.02 * np.array([1.0, -1.0, 0.5, 0.3, -0.4, 0.2])
 
 
 def driven(options: PlantOptions) -> DrivenRobot:
-    """Return a robot in contact with an object."""
+    """Return a robot in MuJoCo in contact with an object."""
     robot = load_robot('nine_member')
     center = tangent_center(robot.home, 'north/Z', DIAMETER, INDENTATION)
     return DrivenRobot(robot, ConvexObject.disc(center, DIAMETER), False, options, RollerFaults())

@@ -3,10 +3,10 @@
 """
 Errors of path following with and without feedback of the measured pose.
 
-The path of the paper's Fig. 9: up, a turn in place by rolling, an arc with the orientation normal
-to it. The rollers of the simulated robot slip, their speeds and the measured pose are noisy, and
-the pose is one cycle old; the commands are those of the node `manipulation`. Open loop is the same
-feed-forward without feedback. Errors are those of the true pose.
+The path is that of the paper's Fig. 9: up, a rotation in place, and an arc to which the
+orientation stays normal. The rollers of the simulated robot slip, roller speeds and the measured
+pose are noisy, and the pose is one cycle old. The node `manipulation` would send the same
+commands. Open loop is the same feed-forward without feedback. Errors are errors of the true pose.
 """
 
 from __future__ import annotations
@@ -41,12 +41,12 @@ GRIP = Grip.at_module(
     ROBOT, MODULE, ConvexObject.disc(tangent_center(ROBOT.home, MODULE, DIAMETER), DIAMETER)
 )
 SPEED, TURN_RATE = 0.03, 0.25
-#: Period of robot and node `manipulation`; the tracker runs in every second cycle [s].
+#: Period of the robot and of the node `manipulation` [s]; the tracker runs in each second cycle.
 PERIOD = 0.005 if SHARE == 1.0 else 0.1
 #: Standard deviations: speed of a moving roller [m/s], measured position [m] and angle [rad].
 NOISE = (0.005, 0.001, 0.01)
 SEEDS = part(3)
-#: Tolerances too wide to stop or slow the object, for comparison of the errors.
+#: Tolerances so wide that they neither stop nor slow the object, to compare the errors.
 WIDE = {'position_tolerance': 1.0, 'angle_tolerance': 3.0}
 LOOPS = {
     'open': TrackingSettings(**WIDE, position_gain=0.0, angle_gain=0.0),
@@ -62,7 +62,7 @@ class Errors(NamedTuple):
 
 
 def figure_9() -> ObjectPath:
-    """Return the path; poses every 2 degrees along the arc."""
+    """Return the path with poses every 2 degrees along the arc."""
     x, y = GRIP.body.pose[:2]
     turned = np.radians(np.arange(0.0, 91.0, 2.0))
     arc = np.column_stack(
@@ -76,7 +76,7 @@ def figure_9() -> ObjectPath:
 
 
 def follow(path: ObjectPath, loop: str, slip: float, noisy: bool, seed: int) -> Errors:
-    """Follow the path once."""
+    """Follow the path once, and return its errors."""
     roller_noise, position_noise, angle_noise = NOISE if noisy else (0.0, 0.0, 0.0)
     rng = np.random.default_rng([seed, 2])
     held = RigidObject.in_grip(RollingGrip.attach(ROBOT.home, GRIP))

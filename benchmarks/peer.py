@@ -23,7 +23,7 @@ RATE = 200.0
 
 
 def main() -> None:
-    """Publish until killed."""
+    """Publish until the process is killed."""
     rclpy.init()
     node = Node('peer')
     commands = node.create_publisher(Float64MultiArray, sys.argv[1], 1)

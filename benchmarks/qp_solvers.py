@@ -3,11 +3,11 @@
 """
 Success rate and time of quadratic programs, compared with other solvers.
 
-The programs are those of walks along the bounds of configurations and of grasp planning, with
-variations: targets by 1 %, bounds by half of themselves or to zero, so that many meet at a vertex,
-equalities by a thousandth, one in ten of them almost parallel. Unsolved are programs without a
-solution, with a violation above 1e-7, or with a higher cost than by another solver; x = 0 is
-always admissible.
+The programs come from walks along the bounds of configurations, and from grasp planning. They are
+varied: targets by 1 %, bounds by half of their values or to zero, so that many meet at a vertex,
+and equalities by a thousandth; one of ten equalities is almost parallel to another. A program
+counts as not solved if there is no result, if its violation exceeds 1e-7, or if another solver
+found a lower cost. x = 0 is always admissible.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ SOURCES = {'twist': twist_qp, 'closing': closing_step}
 
 
 def harvest() -> dict[str, list[QuadraticProgram]]:
-    """Return the programs of walks and plans by source."""
+    """Return the programs of walks and plans, by their source."""
     kept: dict[str, list[QuadraticProgram]] = {name: [] for name in SOURCES}
     for name, module in SOURCES.items():
 
@@ -49,7 +49,7 @@ def harvest() -> dict[str, list[QuadraticProgram]]:
 
 
 def copied(part: Array | None) -> Array | None:
-    """Return a copy of a part of a program."""
+    """Return a copy of an array of a program; None for None."""
     return None if part is None else np.array(part)
 
 
@@ -89,7 +89,7 @@ def by_peer(problem: QuadraticProgram, name: str) -> Array | None:
 
 
 def cost_of(problem: QuadraticProgram, x: Array | None) -> float:
-    """Return the cost at a point, infinite without an admissible one."""
+    """Return the cost at a point; infinite if the point is not admissible."""
     if x is None:
         return np.inf
     rows, bounds, equality, target = constraints(problem)

@@ -1,9 +1,9 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """
-Computing times of kinematics from 9 to 303 modules, one core.
+Computing times of kinematics for robots of 9 to 303 modules, on one core.
 
-Robots of nested triangles (see large_robots.py).
+The robots are nested triangles, see large_robots.py.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from isotruss_ros.core.numerics.factorization import factorize
 import numpy as np
 
 DIAMETER = 0.15
-#: Random roller travel from home [m], small since the travel of all modules adds up.
+#: Largest random roller travel from home [m]; small, because the travel of all modules adds up.
 TRAVEL = 0.02
 #: Period of the nodes [s].
 PERIOD = 5e-3
@@ -32,20 +32,20 @@ BUDGET = 0.2
 
 @dataclass(frozen=True)
 class Times:
-    """Medians [s] on one robot."""
+    """Median computing times on one robot [s]."""
 
     forward: float  #: forward kinematics over one cycle at 200 Hz, full speed
-    factor: float  #: matrix of (12) and its factorization
+    factor: float  #: matrix of (12) and its factorisation
     free: float  #: twist to rollers without binding limits
     limited: float  #: twist to rollers at twice the admissible twist, largest progress
-    regularized: float  #: the same with the regularization of the nodes, period 5 ms
-    paper: float  #: the free twist as the paper's (20), one dense linear system
-    memory: int  #: peak of a limited twist [bytes]
+    regularized: float  #: limited twist with the nodes' regularisation, period 5 ms
+    paper: float  #: free twist by the paper's (20), one dense linear system
+    memory: int  #: peak memory of a limited twist [bytes]
 
 
 def measure(robot: core.Robot, module: str) -> Times:
     """
-    Measure one robot in a random state near home, without caches.
+    Return the times on one robot in a random state near home, without caches.
 
     :param module: module of the grip.
     """

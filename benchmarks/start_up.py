@@ -1,10 +1,10 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """
-Time of an import, and from the start of a node to its first command.
+Time of an import, and time from the start of a node to its first command.
 
-Each is a process of its own; the peers are the import of NumPy and SciPy's linear algebra, and an
-empty rclpy node that publishes the same type of message at the same rate.
+Each measurement is a new process. The peers are the import of NumPy and SciPy's linear algebra,
+and an empty rclpy node that publishes the same type of message at the same rate.
 """
 
 from __future__ import annotations
@@ -26,21 +26,21 @@ from std_msgs.msg import Float64MultiArray
 
 TRIALS = part(7)
 COMMANDS = 'roller_velocity_controller/commands'
-#: Timeout of a silent process [s].
+#: Longest silence of a process [s].
 DEADLINE = 30.0
 IMPORTS = ('import isotruss_ros.core', 'import numpy, scipy.linalg')
-#: Nodes whose first command is zero without inputs.
+#: Arguments which start the manipulation node (its first command is zero without inputs).
 NODE = ('-m', 'isotruss_ros.executables', 'manipulation', '--ros-args', '-p', 'rate:=200.0')
 PEER = (str(Path(__file__).with_name('peer.py')), COMMANDS)
 
 
 def environment() -> dict[str, str]:
-    """Return the environment of a process with compiled modules, as at a second start."""
+    """Return the environment of a process which may keep the modules it compiles."""
     return {k: v for k, v in os.environ.items() if k != 'PYTHONDONTWRITEBYTECODE'}
 
 
 def time_import(statement: str) -> float:
-    """Return the time of an import [s], in a new process, without the start of Python."""
+    """Return the time of an import in a new process, without the start of Python [s]."""
     measured = f'import time; t = time.perf_counter(); {statement}; print(time.perf_counter() - t)'
     done = subprocess.run(
         [sys.executable, '-c', measured],
@@ -53,7 +53,7 @@ def time_import(statement: str) -> float:
 
 
 class Watch:
-    """Subscription to commands, created once: the first discovery takes seconds."""
+    """Subscription to commands; it is created once, because the first discovery takes seconds."""
 
     def __init__(self) -> None:
         rclpy.init()

@@ -3,9 +3,10 @@
 """
 Computing times of the analysis of a grasp, and their growth with the robot.
 
-Grasps of the nine-member preset at its top module, contact points every 5 mm, with flattening
-tubes and with the paper's round ones. "Cold" includes assembly, factorization, contact, closure,
-stiffness and wrinkling; "warm" is the same configuration with the object moved.
+Grasps are at the top module of the nine-member preset, with contact points every 5 mm, with
+flattening tubes and with the paper's round tubes. A cold analysis includes assembly,
+factorisation, contact, closure, stiffness and wrinkling. A warm analysis is in the same
+configuration with another pose of the object.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ import numpy as np
 STATES = part(500)
 DIAMETER = 0.3
 MODULE = 'north/Z'
-#: Displacement of the object toward the corner [m].
+#: Displacements of the object toward the corner [m].
 DEPTHS = (0.002, 0.02)
 
 
@@ -45,7 +46,7 @@ def analyze(
     paper_model: bool = False,
     previous: GraspAnalysis | None = None,
 ) -> GraspAnalysis:
-    """Analyse a grasp; the last two arguments by place."""
+    """Return the analysis of a grasp; the last two arguments may be positional."""
     return core.analyze_grasp(config, cylinder, paper_model=paper_model, previous=previous)
 
 
@@ -78,7 +79,7 @@ def grasp_rows() -> list[list[str]]:
 
 
 def growth_rows() -> list[list[str]]:
-    """Measure the growth of the analysis with the robot at fixed contact."""
+    """Measure the growth of the computing time with the robot, for the same contact."""
     rows = []
     for size in SIZES:
         description = nested_triangles(size)

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Compare our model with MuJoCo's; write docs/plant.md and docs/plant/."""
+"""Comparison of our model with MuJoCo's; writes docs/plant.md and docs/plant/."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ from rich.console import Console
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """
-    Make all comparisons in parallel on all cores.
+    Make all comparisons in parallel on all cores, and write the page.
 
     :param arguments: arguments of the command line; None: those of the process.
-    :return: 0 if all bounds are kept, else 1.
+    :return: 0 if all differences are within their bounds, else 1.
     """
     parser = argparse.ArgumentParser(prog='python -m comparison', description=__doc__)
     parser.add_argument(

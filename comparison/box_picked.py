@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A free box grasped by two sides, carried, turned and released, in MuJoCo."""
+"""A free box in MuJoCo that two sides grasp, carry, rotate and release."""
 
 from __future__ import annotations
 
@@ -32,12 +32,13 @@ from matplotlib.patches import Polygon as Patch
 import numpy as np
 from paper.style import PAGE, SETTINGS
 
-#: Members of two tubes, with the hole of the robot between them.
+#: Members of two tubes, between which is the hole of the robot.
 SIDES = ('south/P-Q', 'north/R-P')
 BOX = Polygon([(-0.25, -0.2), (0.25, -0.2), (0.25, 0.2), (-0.25, 0.2)], 0.02)
-#: Friction between tubes and box [-], and orientation of the box on two of its corners [rad].
+#: Coefficient of friction between tubes and box [-], and angle of the box, which is in contact at
+#: two corners [rad].
 FRICTION, ANGLE = 0.9, -0.5
-#: Initial gap and final indentation of the sides [m].
+#: Initial gap between sides and box [m].
 GAP = 0.02
 #: Speed of closing and opening [m/s].
 CLOSING = 0.02
@@ -47,7 +48,7 @@ SCALE = 0.025
 MARGIN = 0.3
 #: Friction force of the box on the ground [N].
 GROUND = 0.5
-#: Phases of the path: along, a turn in place by 17 degrees, and on.
+#: Phases of the path: straight, a rotation in place by 17 degrees, and straight.
 PHASES = (
     translation('along', 5.0, 0.08, 0.03),
     rotation('turn', 5.0, 0.3),
@@ -68,9 +69,9 @@ class Stage:
 @dataclass(frozen=True)
 class Picked:
     """
-    Result of picking the box.
+    Result of picking up the box.
 
-    :ivar carried: carry with regulated squeeze, from closing to opening.
+    :ivar carried: result of the carry with squeeze control, from closing to opening.
     """
 
     stages: list[Stage] = field(default_factory=list)  #: stages in order
@@ -90,7 +91,7 @@ class Picked:
 
 def pick(phases: Sequence[Phase] = PHASES) -> Picked:
     """
-    Grasp the box in place, carry it, and release it.
+    Grasp the box at its place, carry it, and release it.
 
     :param phases: phases of the path.
     """

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Box, disc and ellipse between two sides that do not meet: forces, and a carry."""
+"""Forces on box, disc and ellipse between two sides that do not meet, and a carry of the box."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Case:
     name: str  #: name of the object
     shape: Shape  #: shape of the object
     angle: float  #: orientation of the object [rad]
-    indentation: float  #: indentation of both sides, tubes unbent [m]
+    indentation: float  #: indentation of both sides, for straight tubes [m]
 
     def grip(self, config: Configuration) -> Grip:
         """
@@ -61,17 +61,17 @@ CASES = (
 
 @dataclass(frozen=True)
 class Compared:
-    """One object in both models."""
+    """Results of one object in both models."""
 
     case: Case  #: object between the two sides
-    fast: Array  #: (2, 2) normal forces on the fixed object, frictionless: MuJoCo, model [N]
+    fast: Array  #: (2, 2) normal forces on the fixed object without friction: MuJoCo, model [N]
     free: Array  #: (2, 2) normal forces on the free object: MuJoCo, model [N]
     required: Array  #: (2,) required friction: MuJoCo, model [-]
 
 
 def compare(cases: Sequence[Case] = CASES, phases: Sequence[Phase] = PHASES) -> Section:
     """
-    Compare forces, and a carry of the box.
+    Compare the forces on objects, and carry the box.
 
     :param cases: objects between the two sides.
     :param phases: phases of the path of the box.

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Fig. 9 carried in open loop, with feedback, and with a regulated squeeze."""
+"""Carry along Fig. 9 in open loop, with feedback, and with squeeze control."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ import numpy as np
 from paper.style import BLUE, GREEN, GREY, ORANGE, PAGE, SETTINGS
 from paper.tables import number, Table
 
-#: Opening angle of the corner at home, as in the paper's figure, and sufficient friction [-].
+#: Wedge with the opening angle at home, as in the paper's figure, and sufficient friction [-].
 CASE, FRICTION = PressedCase(60.0, 0.02), 0.8
 OPEN, FEEDBACK, REGULATED = 'open loop', 'feedback', 'squeeze regulated'
 COLORS = {OPEN: ORANGE, FEEDBACK: BLUE, REGULATED: GREEN}
-#: Line styles for readers without colour vision.
+#: Line styles, distinct for readers without colour vision.
 DASHES = {OPEN: '-', FEEDBACK: '--', REGULATED: '-.'}
-#: Bounds on position [mm] and orientation [degrees].
+#: Bounds of the errors of position [mm] and orientation [degrees].
 BOUNDS = {OPEN: (12.0, 1.5), FEEDBACK: (4.0, 0.5), REGULATED: (2.0, 0.3)}
 REASONS = {
     OPEN: 'the tubes are elastic, and the program is for rigid ones',

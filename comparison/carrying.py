@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""An object carried along a path of twists, with three controllers of the rollers."""
+"""Carry of an object along a path of twists, with three controllers of the rollers."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ from numpy.typing import ArrayLike
 
 #: Rate of the commands [Hz], and gain of the feedback [1/s].
 RATE, GAIN = 100.0, 1.0
-#: Position error of a lost object [m].
+#: Position error at which an object counts as lost [m].
 LOST = 0.1
 
 
 class Steering(Protocol):
-    """Controller of the rollers of a plant."""
+    """Protocol of a controller of a plant's rollers."""
 
     plant: MujocoPlant
 
@@ -47,14 +47,14 @@ class Steering(Protocol):
         Return roller velocities (r,) [m/s].
 
         :param twist: (3,) twist of the object on its path [m/s, rad/s].
-        :param error: (3,) pose error of the object to its path [m, rad].
+        :param error: (3,) pose error of the object relative to its path [m, rad].
         """
         ...
 
 
 class OpenLoop:
     """
-    Open loop: the paper's program for rigid tubes.
+    Controller in open loop: the paper's program for rigid tubes.
 
     :param plant: plant that holds the object.
     :param config: initial configuration.
@@ -65,7 +65,7 @@ class OpenLoop:
         self.plant, self._rolling = plant, RollingGrip.attach(config, grip)
 
     def command(self, twist: Array, error: Array) -> Array:
-        """Return roller velocities for the middle of the cycle, see `Steering`."""
+        """Return roller velocities for the midpoint of the cycle, see `Steering`."""
         self._rolling = self._rolling.moved_to(self._rolling.config.moved_to(self.plant.travel))
         found = solve_twist_ahead(self._rolling.config, self._rolling.grip, twist, 0.5 / RATE)
         return found.roller_velocities
@@ -73,9 +73,9 @@ class OpenLoop:
 
 class Feedback:
     """
-    Feedback of the measured pose by the paper's program.
+    Controller with feedback of the measured pose, by the paper's program.
 
-    :param plant: plant that holds the object, or closes on it.
+    :param plant: plant that holds the object, or that closes on it.
     :param config: initial configuration.
     :param grip: grip of the object, at any pose.
     :param opening_rate: rate of the distance between the members [m/s].
@@ -98,7 +98,7 @@ class Feedback:
 
 class Regulated:
     """
-    The servo of the node `manipulation`, with the model of the held object.
+    Controller of the node `manipulation`: the servo with the model of the held object.
 
     :ivar servo: twist servo.
     :ivar control: squeeze control of the servo.
@@ -110,7 +110,7 @@ class Regulated:
     :param grip: grip of the object in the model.
     :param settings: settings of the squeeze.
     :param noise: standard deviations of the measured poses [m, rad], and generator or seed.
-    :param late: delay of the poses [cycles].
+    :param late: delay of the poses, in cycles [-].
     """
 
     def __init__(
@@ -167,7 +167,7 @@ class Regulated:
 
     def run(self, duration: float, twist: ArrayLike = (0.0, 0.0, 0.0)) -> None:
         """
-        Carry from rest to rest.
+        Carry the object from rest to rest.
 
         :param duration: duration of the motion [s].
         :param twist: (3,) mean twist of the object [m/s, rad/s].
@@ -178,7 +178,7 @@ class Regulated:
 
 def rates(duration: float) -> Array:
     """
-    Return the relative speed in each cycle of a motion from rest to rest, (n,), 1 on average.
+    Return the speed in each cycle of a motion from rest to rest, (n,), relative to its mean.
 
     :param duration: duration of the motion [s].
     """
@@ -188,7 +188,7 @@ def rates(duration: float) -> Array:
 
 def squeeze_in(plant: MujocoPlant) -> float:
     """
-    Return the mean normal force on the object [N], zero with fewer than two contacts.
+    Return the mean normal force on the object [N]; zero with fewer than two contacts.
 
     :param plant: plant that holds the object.
     """
@@ -205,7 +205,7 @@ class Carried:
     poses: Array  #: (n, 3) poses of the object [m, rad]
     goals: Array  #: (n, 3) desired poses [m, rad]
     squeezes: Array  #: (n,) mean normal force of the members [N]
-    frictions: Array  #: (n,) largest friction used |T| / N [-]
+    frictions: Array  #: (n,) largest used friction |T| / N [-]
 
     @property
     def position_error(self) -> float:
@@ -225,7 +225,7 @@ class Carried:
 
 def carry(steering: Steering, phases: Sequence[Phase]) -> Carried:
     """
-    Carry the object along the path, or up to its loss.
+    Carry the object along a path, at most until it is lost.
 
     :param steering: controller of the plant that holds the object.
     :param phases: phases of the path in order.

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Random grasps, loads and motions: objects with a slip margin above the load are not lost."""
+"""Random grasps, loads and motions; an object whose slip margin exceeds the load must not drop."""
 
 from __future__ import annotations
 
@@ -30,17 +30,18 @@ from paper.tables import number, Table
 from scipy.interpolate import CubicSpline
 
 CASES, SEED = 50, 0
-#: Ranges of wedges [degrees], indentations [m], diameters [m] and friction [-].
+#: Ranges of opening angles [degrees], indentations [m], diameters [m] and friction [-].
 WEDGES, INDENTATIONS, DIAMETERS, FRICTIONS = (25, 60), (0.02, 0.08), (0.16, 0.32), (0.4, 0.9)
-#: Largest velocity, rotations at the radius [m/s], and duration of the motion [s].
+#: Largest velocity of the object, with rotations times the radius [m/s], and duration of the
+#: motion [s].
 SPEED, DURATION = 0.02, 3.0
 #: Excess of the slip margin over the load [-], and smallest slip margin [N].
 ABOVE, LEAST = 0.1, 1.0
-#: Rise time of the load [s], its steps [Hz], and number of segments of the path.
+#: Rise time of the load [s], rate of its steps [Hz], and number of segments of the path [-].
 RISE, RATE, WAYPOINTS = 1.0, 50, 15
 #: Rest after the release [s].
 REST = 1.5
-#: Position error of a dropped object [m].
+#: Position error at which an object counts as dropped [m].
 DROPPED = 0.03
 
 
@@ -49,7 +50,7 @@ class Case:
     """A grasp with a load and a motion."""
 
     grip: PressedCase  #: wedge and object
-    friction: float  #: coefficient between tube and object
+    friction: float  #: coefficient of friction between tube and object
     direction: Array | None  #: (3,) unit wrench of the load; None for the weakest direction
     twist: Array  #: (3,) twist of the object [m/s, rad/s]
 
@@ -59,8 +60,8 @@ class Outcome:
     """Result of a case."""
 
     margin: float  #: smallest slip margin on the path without the load, by the model [N]
-    load: float  #: size of the load, moments over the radius [N]
-    off: float  #: final distance from the pose of the model [m]
+    load: float  #: norm of the load, with moments over the radius [N]
+    off: float  #: final distance from the pose by the model [m]
     dropped: bool  #: whether the object was dropped
 
 
@@ -140,7 +141,7 @@ def draw(random: np.random.Generator, weakest: bool) -> Case:
     Return a random case.
 
     :param random: random number generator.
-    :param weakest: whether the load is along the weakest direction.
+    :param weakest: whether the load is along the weakest direction of the grasp.
     """
     grip = PressedCase(
         *(float(random.uniform(*range_)) for range_ in (WEDGES, INDENTATIONS, DIAMETERS))
@@ -189,7 +190,7 @@ def attempt(case: Case) -> Outcome | None:
 
 
 def _is_worth(case: Case) -> bool:
-    """Return whether a grasp may bear a load, as a cheap filter before the simulation."""
+    """Return whether a grasp may resist a load, as a quick filter before the simulation."""
     try:
         config, cylinder = place(case.grip)
         model = attach_grip(config, cylinder)
@@ -202,7 +203,7 @@ def _is_worth(case: Case) -> bool:
 
 
 def _travels(config: Configuration, case: Case, body: ConvexObject) -> list[Array] | None:
-    """Return roller travels along the motion at uniform times; None if unreachable."""
+    """Return roller travels along the motion at uniform times; None if it is not reachable."""
     held = RollingGrip.attach(config, Grip.at_module(config.robot, MODULE, body))
     travels, lengths = [], 1.0 - np.cos(2.0 * np.pi * (np.arange(WAYPOINTS) + 0.5) / WAYPOINTS)
     for length in lengths * DURATION / WAYPOINTS:
@@ -215,7 +216,7 @@ def _travels(config: Configuration, case: Case, body: ConvexObject) -> list[Arra
 
 
 def _least_margin(model: HeldGrip, travels: Sequence[Array], friction: float) -> float:
-    """Return the smallest slip margin without a load, zero if not held [N]."""
+    """Return the smallest slip margin without a load [N]; zero if the object is not held."""
     least, there = model.slip_margin(friction), model
     for travel in travels:
         moved = roll_grip(there, there.config.moved_to(travel))
@@ -226,7 +227,7 @@ def _least_margin(model: HeldGrip, travels: Sequence[Array], friction: float) ->
 
 
 def _follow(model: HeldGrip, travels: Sequence[Array], wrench: Array) -> HeldGrip | None:
-    """Return the model of the grasp at the end of the motion, under the load."""
+    """Return the grasp by the model at the end of the motion, under the load."""
     there = roll_grip(model, model.config, wrench)
     for travel in travels:
         if there is None:

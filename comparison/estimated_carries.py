@@ -30,20 +30,24 @@ from isotruss_ros.core.servo.squeeze_control import SqueezeSettings
 from isotruss_ros.mujoco_plant.options import PlantOptions
 import numpy as np
 
-#: Three joints that determine all offsets of the nine-member robot in one posture; P, R and Z
-#: leave a combination undetermined.
+#: Three joints that determine all offsets of the nine-member robot in one posture (P, R and Z do
+#: not), and all six joints.
 THREE, SIX = ('Q', 'R', 'Z'), ('P', 'Q', 'R', 'X', 'Y', 'Z')
-#: Noise [m], period [s] and lost share [-] of the markers; poses have the same period.
+#: Noise of the markers [m], their period, which is also that of the poses [s], and the share of
+#: lost markers [-].
 MARKER, PERIOD, LOST = 1e-3, 0.05, 0.3
-#: Slip of the rollers [-], deviations of their offsets [m] and of the measured stiffness [-].
+#: Slip of the rollers [-], standard deviations of their offsets [m] and of the measured stiffness
+#: [-].
 SLIP, ZEROS, MEASURED = 0.02, 0.01, 0.03
-#: Rest before and after the path, and time of a leg [s]; largest step of a leg [m, rad].
+#: Rest before and after the path [s], number of legs [-], time of a leg [s], and largest step of a
+#: leg [m, rad].
 REST, LEGS, LEG_TIME, REACH = 3.0, 2, 4.0, np.array([0.03, 0.03, 0.1])
 #: Initial indentation of the members [m].
 BEGIN = 0.004
-#: Largest squeeze, without wrinkling along the path [N].
+#: Largest squeeze at which no tube wrinkles along the path [N].
 MOST = 40.0
-#: Kind, joints with markers, stiffness of the tubes, and whether the loop uses the estimate.
+#: Kind of object, joints with markers, factor on the stiffness, and whether the loop uses the
+#: estimate.
 CASES = (
     (DISC, THREE, 1.0, True),
     (BOX, THREE, 1.0, True),
@@ -56,7 +60,7 @@ CASES = (
 
 @dataclass(frozen=True)
 class Carried:
-    """Result of one object."""
+    """Result of one object's carry."""
 
     squeeze: float  #: relative error of the true squeeze a second after the path [-]
     worst: float  #: largest relative error of the true squeeze on the path [-]
@@ -73,12 +77,12 @@ def carry(
     fed: bool = True,
 ) -> Carried:
     """
-    Carry one object along a random path; objects lost at the release are drawn again.
+    Carry one object along a random path; an object that is lost at its release is drawn again.
 
     :param kind: kind of the object.
     :param seed: seed of the random numbers.
     :param names: joints with markers.
-    :param stiffness: stiffness of the tubes relative to the robot file.
+    :param stiffness: ratio of the tubes' stiffness to the robot file's.
     :param fed: whether the loop uses the estimate.
     """
     rng = np.random.default_rng(seed)
@@ -105,7 +109,7 @@ def carry(
 
 
 def _draw_task(robot: Robot, kind: str, rng: np.random.Generator) -> tuple[Grip, float, Array]:
-    """Return a grip, its squeeze [N] and legs (n, 3) without a loss in the model."""
+    """Return a grip, its squeeze [N] and legs (n, 3) which keep the object in the model."""
     while True:
         grip, held = draw_grip(robot, kind, rng)
         legs = rng.uniform(-1.0, 1.0, (LEGS, 3)) * REACH
@@ -116,7 +120,7 @@ def _draw_task(robot: Robot, kind: str, rng: np.random.Generator) -> tuple[Grip,
 
 
 class _Loop(Regulated):
-    """The servo and the estimator with their measurements."""
+    """Servo and estimator with their measurements."""
 
     names: Sequence[str] = THREE
     fed = moving = False
@@ -138,11 +142,11 @@ class _Loop(Regulated):
             self.squeezes.append(squeeze_in(self.plant))
 
     def command(self, twist: Array, error: Array) -> Array:
-        """Return the velocities of the tubes with slip at the rollers."""
+        """Return the velocities of the tubes, which slip at the rollers."""
         return (1.0 - SLIP) * super().command(twist, error)
 
     def measure(self) -> tuple[RollerState, Pose]:
-        """Measure and estimate."""
+        """Return the measurements after an update of the estimator."""
         now, readings = self.plant.time, self.plant.travel / (1.0 - SLIP)
         state, pose = super().measure()
         self.estimator.take_encoders(now, readings)
@@ -161,7 +165,7 @@ class _Loop(Regulated):
         return RollerState(readings + self.offsets, state.velocities, self.offsets), pose
 
     def _measure_seldom(self, now: float, pose: Pose) -> None:
-        """Pass pose and markers to the estimator at their rates."""
+        """Pass pose and markers to the estimator when they are due."""
         joints = self.plant.nodes[: len(self.joints)]
         self.estimator.take_pose(now, pose, self.deviations)
         if self.names and self.rng.random() > LOST:

@@ -36,19 +36,23 @@ from isotruss_ros.mujoco_plant.options import PlantOptions
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 import numpy as np
 
-#: Rest before and after the path [s], number, time [s] and largest step of its legs [m, rad].
+#: Rest before and after the path [s]; number of its legs [-], time [s] and largest step of a leg
+#: [m, rad].
 REST, LEGS, LEG_TIME, REACH = 2.0, 2, 3.0, np.array([0.04, 0.04, 0.12])
-#: Faults of a draw, at least `LEAST` of them ...
+#: Faults, and smallest number of them in a draw [-].
 FAULTS, LEAST = ('zeros', 'slip', 'stiffness', 'friction', 'poses', 'pull'), 3
-#: ... offsets of rollers [m], slip of the rollers, stiffness of the tubes, friction [-], ...
+#: Roller offsets [m], roller slip [-], factors on the stiffness of the tubes [-], and factor on
+#: the friction [-].
 ZEROS, SLIP, STIFFNESS, LESS_FRICTION = 0.01, 0.02, (0.6, 1.5), 0.7
-#: ... pulls as shares of the slip margin [-], those of a loss [-], and their duration [s].
+#: Pull relative to the slip margin [-], the same for a pull that must break the grip [-], and
+#: duration [s].
 PULL, LOSING, PULL_TIME = 0.5, 4.0, 1.5
-#: Times of the first pose and of the settled object [s].
+#: Time of the first pose [s].
 BEGIN = 0.2
-#: Time with fewer than two contacts after which an object is lost [s].
+#: Time with fewer than two contacts after which an object counts as lost [s].
 LOST_TIME = 0.2
-#: Used share of the friction of a slipping contact [-]; position error of a displaced object [m].
+#: Used share of friction at which a contact slips [-], and position error of a displaced object
+#: [m].
 ALL, OFF = 0.98, 0.005
 DRAWN, CLEAN, LOST, NOTHING = 'drawn', 'clean', 'lost', 'nothing'
 
@@ -67,7 +71,7 @@ POOR = Sensors((1e-3, math.radians(0.5)), 0.05, 0.03)
 
 @dataclass(frozen=True)
 class Draw:
-    """Faults of a robot and its sensors."""
+    """Random faults of a robot and its sensors."""
 
     names: tuple[str, ...]
     zeros: float | Array
@@ -75,12 +79,12 @@ class Draw:
     stiffness: float = 1.0
     friction: float = FRICTION
     sensors: Sensors = GOOD
-    pull: float = 0.0  #: pull as a share of the slip margin [-]
+    pull: float = 0.0  #: pull relative to the slip margin [-]
 
     @classmethod
     def of(cls, kind: str, rollers: int, rng: np.random.Generator) -> Draw:
         """
-        Return the faults of a seed.
+        Return the faults for a kind of carry.
 
         :param kind: kind of the carry; only `DRAWN` has several faults.
         :param rollers: number of rollers.
@@ -103,7 +107,7 @@ class Draw:
 
 @dataclass
 class Carry:
-    """Result of one object."""
+    """Result of one object's carry."""
 
     kind: str
     shape: str
@@ -112,14 +116,14 @@ class Carry:
     halt: Status | None = None
     message: str = ''
     halted: float = math.inf  #: time of the halt [s]
-    refused: bool = False  #: whether it halted before it had an equilibrium
+    refused: bool = False  #: whether the loop halted before it had an equilibrium
     lost: float = math.inf  #: time of the loss [s]
-    used: float = math.inf  #: time from which a contact used all friction [s]
-    way: float = 0.0  #: path until the halt [m]
-    off: float = 0.0  #: position error to the executed twists, at the halt or the end [m]
+    used: float = math.inf  #: time at which a contact first used all friction [s]
+    way: float = 0.0  #: length of the path until the halt [m]
+    off: float = 0.0  #: final position error relative to the executed twists [m]
     squeeze: float = 0.0  #: true final squeeze [N]
     target: float = 0.0  #: desired squeeze [N]
-    believed: tuple[float, float] = (math.nan, math.inf)  #: estimated final squeeze, deviation [N]
+    believed: tuple[float, float] = (math.nan, math.inf)  #: final squeeze estimate, deviation [N]
     cycle: float = 0.0  #: median processor time of a cycle [s]
     walk: float = 0.0  #: largest `slip_deviations` of the belief until the halt [-]
     innovations: list[float] = field(default_factory=list)  #: normalised squared innovations [-]
@@ -154,13 +158,13 @@ class Carry:
 
 class Loop(Regulated):
     """
-    The servo of `manipulation` with drawn faults.
+    Servo of `manipulation` with random faults.
 
     :param plant: plant that holds the object.
     :param robot: robot of the loop.
-    :param grip: how it holds the object, by the model.
+    :param grip: grip of the object by the model.
     :param settings: settings of the squeeze.
-    :param draw: the faults.
+    :param draw: faults of robot and sensors.
     :param rng: random number generator of the noise.
     """
 
@@ -180,7 +184,7 @@ class Loop(Regulated):
         self.times: list[float] = []
 
     def command(self, twist: Array, error: Array) -> Array:
-        """Return the velocities of the tubes with slip at the rollers."""
+        """Return the velocities of the tubes, which slip at the rollers."""
         servo, now, slip = self.servo, self.plant.time, self._draw.slip
         servo.receive(
             rollers=StampedInput(
@@ -197,7 +201,7 @@ class Loop(Regulated):
         return (1.0 - slip) * decision.command.roller_velocities
 
     def _measure(self, now: float) -> None:
-        """Measure the pose at its rate, delayed and stamped on arrival."""
+        """Measure the pose when it is due; it is delayed and stamped on arrival."""
         (along, turned), period, late = self._draw.sensors
         if now >= self._next - 1e-9:
             self._next = now + period
@@ -208,12 +212,12 @@ class Loop(Regulated):
             self.servo.receive(pose=StampedInput(Pose(*pose.tolist()), when))
 
     def place(self) -> Array:
-        """Return the pose of the object (3,)."""
+        """Return the pose of the object, (3,) [m, rad]."""
         return np.array(self.plant.object_pose())
 
 
 class _Nothing(Loop):
-    """A loop with the initial pose of an object that is not gripped."""
+    """Loop that measures the initial pose of an object that is not gripped."""
 
     def __init__(self, *arguments: object) -> None:
         super().__init__(*arguments)
@@ -255,7 +259,7 @@ def carry(kind: str, shape: str, seed: int) -> Carry:
 
 
 def _hold(true: Robot, grip: Grip, draw: Draw) -> tuple[MujocoPlant, object]:
-    """Return the plant with the object at its drawn indentation."""
+    """Return the plant that holds the object at the drawn indentation."""
     body, angle = grip.body, grip.body.pose.angle
     body = place_between(true.home, grip.members, body.shape, angle, 0.01).body
     body = replace(body, mass=0.5, friction=FRICTION)
@@ -349,7 +353,7 @@ def summarise(carries: Sequence[Carry]) -> list[str]:
 
 def tabulate(carries: Sequence[Carry]) -> list[str]:
     """
-    Return the table of `docs/safety.md`, the draws by fault, as Markdown.
+    Return the table of `docs/safety.md` as Markdown, with a row for each fault.
 
     :param carries: results of the carries.
     """
@@ -374,7 +378,7 @@ def tabulate(carries: Sequence[Carry]) -> list[str]:
 
 def write_table(page: Path, rows: Sequence[str]) -> None:
     """
-    Replace the table of a page by another one with the same first heading.
+    Replace the table of a page that has the same first heading.
 
     :param page: Markdown file.
     :param rows: lines of the table.

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Friction at the loss of an object, predicted and simulated."""
+"""Coefficient of friction at which an object is lost, predicted and simulated."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ GRIPS = (
 )
 #: Initial friction [-], and its rate of decrease [1/s].
 FRICTION, RATE = 0.8, 0.005
-#: Start of the decrease as a share of the prediction [-], and period of the check [s].
+#: Start of the decrease relative to the prediction [-], and period of the check [s].
 START, PERIOD = 1.05, 0.1
-#: Displacement of a lost object [m].
+#: Displacement at which an object counts as lost [m].
 MOVED = 2e-3
 
 
 def compare(grips: Sequence[PressedCase] = GRIPS) -> Section:
     """
-    Compare the friction at the loss of objects.
+    Compare the friction at which objects are lost.
 
     :param grips: wedges and objects.
     """
@@ -77,7 +77,7 @@ def compare(grips: Sequence[PressedCase] = GRIPS) -> Section:
 
 def lost_at(plant: MujocoPlant, start: float) -> float:
     """
-    Return the friction at the loss of the object, zero without a loss.
+    Return the friction at which the object is lost; zero if it is not lost.
 
     :param plant: plant that holds the object.
     :param start: initial friction [-].

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Grasps over wedge and indentation: forces, friction and stiffness, fixed and free."""
+"""Forces, friction and stiffness of grasps over wedge and indentation, fixed and free object."""
 
 from __future__ import annotations
 
@@ -20,21 +20,21 @@ from paper.tables import number, Table
 
 WEDGES, INDENTATIONS = (55.0, 40.0, 30.0), (0.01, 0.02, 0.04)
 STEPS = 'MuJoCo bends in steps, and its friction creeps'
-#: Friction at which every wedge holds [-].
+#: Coefficient of friction at which each wedge holds [-].
 FRICTION = 0.8
-#: Number of segments at the object, twice the usual [-].
+#: Number of segments of members in contact [-], twice the usual.
 FINE = 16
-#: Small wrenches for the stiffness [N, N, N m], and rest under each [s].
+#: Small wrenches that measure the stiffness [N, N, N m], and rest under each [s].
 PULLS, REST = np.diag([0.3, 0.3, 0.03]), 2.0
 
 
 @dataclass(frozen=True)
 class Compared:
-    """One grasp in both models."""
+    """Results of one grasp in both models."""
 
     grip: PressedCase  #: wedge and object
-    normals: Array  #: (2, 2) normal forces on the fixed object, frictionless: MuJoCo, model [N]
-    places: Array  #: (2,) distances of the contacts of both models [m]
+    normals: Array  #: (2, 2) normal forces on the fixed object without friction: MuJoCo, model [N]
+    places: Array  #: (2,) distances between the contacts of both models [m]
     gives: Array  #: (2, 3) displacement of the object at its release: MuJoCo, model [m, rad]
     free: Array  #: (2, 2) normal forces on the free object: MuJoCo, model [N]
     required: Array  #: (2,) required friction: MuJoCo, model [-]
@@ -49,7 +49,7 @@ def compare(
     Compare grasps.
 
     :param wedges: angles between the grasping members [degrees].
-    :param indentations: indentations of the members, tubes unbent [m].
+    :param indentations: indentations of the members, for straight tubes [m].
     """
     grips = [PressedCase(*pair) for pair in itertools.product(wedges, indentations)]
     found = [compare_one(grip) for grip in grips]
@@ -111,14 +111,14 @@ def compare_one(grip: PressedCase) -> Compared:
 
 
 def _place(config: Configuration, name: str, analysis: GraspAnalysis) -> complex:
-    """Return the centre of pressure of a member in the analysis, x + iy [m]."""
+    """Return a member's centre of pressure in the analysis, x + iy [m]."""
     mine = analysis.members == config.robot.member_names.index(name)
     x, y = np.average(analysis.points[mine], axis=0, weights=analysis.normal_forces[mine])
     return complex(x, y)
 
 
 def _stiffness(plant: MujocoPlant, start: Array) -> Array:
-    """Return the grasp stiffness from small pulls (3, 3)."""
+    """Return the stiffness (3, 3) of the grasp by small pulls."""
     gives = []
     for wrench in PULLS:
         ends = []
@@ -152,12 +152,12 @@ def _checks(found: Sequence[Compared]) -> tuple[Check, ...]:
 
 
 def _off(values: Array) -> Array:
-    """Return the relative differences of the values of both models (2, ...)."""
+    """Return the relative differences of values (2, ...) of both models."""
     return np.abs(values[0] / values[1] - 1.0)
 
 
 def _give_error(grasp: Compared) -> float:
-    """Return the relative difference of the displacement on release, rotations at the radius."""
+    """Return the relative difference of the displacements on release (rotations × radius)."""
     even = np.array([1.0, 1.0, 0.5 * grasp.grip.diameter])
     gives = grasp.gives * even
     return float(np.linalg.norm(gives[0] - gives[1]) / np.linalg.norm(gives[1]))

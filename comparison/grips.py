@@ -20,22 +20,22 @@ from isotruss_ros.mujoco_plant.options import PlantOptions, RIGID_SECTION_STIFFN
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 import numpy as np
 
-#: Pose of the object away from the closing wedge: x, y [m], angle [rad].
+#: Pose x, y [m], angle [rad] of the object outside of the wedge while it closes.
 AWAY = (5.0, 5.0, 0.0)
-#: Drag that damps the oscillations of soft modes quickly, for states at rest.
+#: Options with a drag that damps soft modes quickly, for states at rest.
 STILL = PlantOptions(joint_drag=25.0)
 #: Duration of a motion of the rollers, period of its commands, and rest after it [s].
 MOTION, CYCLE, REST = 2.0, 0.01, 1.0
-#: Numbers of segments of members in contact, and of the others [-].
+#: Numbers of segments of members in contact, and of other members [-].
 NEAR, COARSE = 8, 4
 
 
 @dataclass(frozen=True)
 class PressedCase:
-    """An indented object in a wedge."""
+    """An object pressed into a wedge."""
 
-    degrees: float  #: angle of the wedge at `MODULE`
-    indentation: float  #: indentation of each member, tubes unbent [m]
+    degrees: float  #: opening angle of the wedge at `MODULE` [degrees]
+    indentation: float  #: indentation of each member, for straight tubes [m]
     diameter: float = 0.3  #: diameter of the object [m]
 
 
@@ -44,7 +44,7 @@ def round_robot() -> Robot:
     """
     Return the nine-member robot without flattening, as in MuJoCo.
 
-    Its file has a resistance to flattening far above theory.
+    Its robot file has a stiffness against flattening far above the theory.
     """
     file = load_robot('nine_member').description
     return Robot(replace(file, local_stiffness=RIGID_SECTION_STIFFNESS))
@@ -55,7 +55,7 @@ def soften(robot: Robot, stiffness: float) -> Robot:
     Return a robot with scaled tube stiffness and unchanged flattening.
 
     :param robot: the robot.
-    :param stiffness: stiffness relative to its own [-].
+    :param stiffness: ratio of the new stiffness to the robot's [-].
     """
     description = robot.description
     rigidity = structure_of(robot.home).tube.section_stiffness(
@@ -68,21 +68,21 @@ def soften(robot: Robot, stiffness: float) -> Robot:
 
 def mesh(robot: Robot, members: Sequence[str], segments: int = NEAR) -> Indices:
     """
-    Return the numbers of segments of all members (m,).
+    Return the number of segments of each member, (m,).
 
     :param robot: the robot.
     :param members: names of the members in contact.
-    :param segments: number of their segments.
+    :param segments: number of segments of the members in contact.
     """
     return np.where(np.isin(robot.member_names, members), segments, COARSE)
 
 
 def move_to(plant: MujocoPlant, travel: Sequence[float] | Array) -> None:
     """
-    Move the rollers to a travel at constant speeds, and settle.
+    Move the rollers to given travel at constant speeds, and settle.
 
     :param plant: the robot.
-    :param travel: (r,) travel since home [m].
+    :param travel: (r,) roller travel since home [m].
     """
     speeds = (np.asarray(travel) - plant.travel) / MOTION
     for _ in range(round(MOTION / CYCLE)):
@@ -94,7 +94,7 @@ def place(case: PressedCase) -> tuple[Configuration, ConvexObject]:
     """
     Return the configuration of a case, and the object in it.
 
-    :param case: object and wedge.
+    :param case: wedge and object.
     """
     config = closed_to(round_robot().home, case.degrees, case.diameter)
     center = tangent_center(config, MODULE, case.diameter, case.indentation)
@@ -107,7 +107,7 @@ def press(
     """
     Return a plant in contact with a fixed object, its configuration, and the object.
 
-    :param case: object and wedge.
+    :param case: wedge and object.
     :param options: options of the plant.
     :param segments: number of segments of the members in contact.
     """
@@ -126,11 +126,11 @@ def press_on(
     """
     Return a plant in contact with a fixed object, without friction.
 
-    :param config: configuration in contact.
+    :param config: configuration with contact.
     :param held: the object at its pose.
     :param members: names of the members in contact.
     :param options: options of the plant.
-    :param segments: number of their segments.
+    :param segments: number of segments of the members in contact.
     """
     plant = MujocoPlant(config.robot, [held], options, mesh(config.robot, members, segments))
     plant.set_friction(0.0)
@@ -148,7 +148,7 @@ def hold_at_home(
     Return a plant at home with an object in the grip, at rest.
 
     :param robot: the robot.
-    :param body: object, fixed until the tubes have bent around it.
+    :param body: object; it is fixed until the tubes have bent around it.
     :param members: names of the members that hold it.
     :param options: options of the plant.
     """
@@ -162,11 +162,11 @@ def hold_at_home(
 
 def release(plant: MujocoPlant, friction: float, duration: float = 3.0) -> None:
     """
-    Release the object, which is held by friction from now on.
+    Release the object; only friction holds it from now on.
 
     :param plant: plant in contact with a fixed object.
-    :param friction: coefficient between tube and object.
-    :param duration: time until it is at rest [s].
+    :param friction: coefficient of friction between tube and object.
+    :param duration: simulated time after the release [s].
     """
     plant.set_friction(friction)
     plant.release_object()

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Displacements under loads at joints, against `deform` (1), (2), (4)."""
+"""Displacements under loads at joints, compared with `deform` (1), (2), (4)."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from isotruss_ros.mujoco_plant.plant import MujocoPlant
 import numpy as np
 from paper.tables import number, Table
 
-#: Loads at each free joint in turn [N].
+#: Loads that are applied to each free joint [N].
 SMALL, LARGE = (0.05, 0.03), (2.0, 1.2)
-#: Largest roller travel of random configurations [m], and their number [-].
+#: Largest roller travel of random configurations [m], and number of them [-].
 TRAVEL, TRIALS = 0.25, 60
 #: Rest after a motion and after a load [s].
 REST = 4.0
@@ -74,7 +74,7 @@ def compare(soft: int = 2) -> Section:
 
 
 def _soft_shapes(count: int) -> list[tuple[str, Configuration]]:
-    """Return the softest of random configurations of the robot."""
+    """Return the softest of some random configurations of the robot."""
     robot, random = round_robot(), np.random.default_rng(0)
     found = []
     for _ in range(TRIALS):
@@ -94,7 +94,7 @@ def _difference(
     load: tuple[float, float],
     before: np.ndarray,
 ) -> tuple[float, float]:
-    """Return the relative difference of displacements, and the largest displacement [m]."""
+    """Return the relative difference of the displacements, and the largest displacement [m]."""
     plant.load_joint(joint, load)
     plant.settle(REST)
     expected = deform(config, {joint: load})

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Planned grasps: from the free object to the squeeze, and to the end of Fig. 9's arc."""
+"""Planned grasps: from the free object to the squeeze, and along Fig. 9."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from paper.tables import number, Table
 FRICTION = 0.5
 #: Rest at the end [s].
 REST = 3.0
-#: Ratio of the duration to that of the planner [-].
+#: Ratio of the duration to the planner's [-].
 SLOWER = 2.0
 #: Load that the servo expects [N].
 LOAD = 5.0
@@ -57,10 +57,10 @@ class Closed(NamedTuple):
 
     squeeze: float  #: mean normal force of the members [N]
     planned: float  #: planned squeeze [N]
-    away: float  #: distance of the object from the planned place [m]
+    away: float  #: distance of the object from its planned position [m]
 
 
-#: The first grasp is that of the demonstration, whose object is carried.
+#: Requirements of the grasps. The first is that of the demonstration, whose object is carried.
 WANTED = (
     Wanted((0.6, 0.3), 0.2, 'north/Z', 24.0),
     Wanted((0.6, 0.3), 0.3, 'north/Z', 15.0),
@@ -72,7 +72,7 @@ def compare(wanted: Sequence[Wanted] = WANTED) -> Section:
     """
     Follow planned grasps in MuJoCo.
 
-    :param wanted: the grasps; the object of the first one is carried along Fig. 9.
+    :param wanted: requirements of the grasps; the object of the first is carried along Fig. 9.
     """
     rows: list[tuple[str, ...]] = []
     closed: list[Closed] = []
@@ -180,7 +180,7 @@ def follow(wanted: Wanted, grasp: PlannedGrasp) -> MujocoPlant:
     Return a plant after the path of the rollers to a grasp.
 
     :param wanted: requirements of the grasp.
-    :param grasp: the plan.
+    :param grasp: planned grasp.
     """
     robot, exported = round_robot(), export_path(grasp)
     cylinder = ConvexObject.disc(wanted.center, wanted.diameter)
@@ -196,9 +196,9 @@ def follow(wanted: Wanted, grasp: PlannedGrasp) -> MujocoPlant:
 
 def bring_back(steering: Regulated, center: tuple[float, float]) -> PathPhase:
     """
-    Move a held object back to its initial pose, like `pick_object`; return the result.
+    Move a held object back to its initial pose, like `pick_object`; return the final phase.
 
-    :param steering: servo that regulates the squeeze.
+    :param steering: servo with squeeze control.
     :param center: initial centre of the object [m].
     """
     plant, cycle = steering.plant, 1.0 / RATE

@@ -22,11 +22,11 @@ from paper.tables import number, Table
 
 GRIPS, FRICTION = (PressedCase(40.0, 0.04), PressedCase(30.0, 0.08)), 0.5
 DIRECTIONS = tuple(math.radians(45.0 * k) for k in range(8))
-#: Rate of the pull [N/s], and period of the check [s] ...
+#: Rate of the pull [N/s], and period of the check [s].
 RATE, PERIOD = 0.5, 0.02
-#: ... from this share of the prediction on [-], and ratio of the rates below it [-].
+#: Share of the prediction up to which the pull rises faster [-], and ratio of the rates [-].
 SURE, QUICKER = 0.7, 8.0
-#: Used share of the friction of a slipping contact [-].
+#: Used share of friction at which a contact slips [-].
 SLIPS = 0.999
 #: First and last step of the search for the pull [N].
 STEP, FINEST = 0.5, 1e-3
@@ -108,7 +108,7 @@ def found(plant: MujocoPlant, along: Array, sure: float) -> float:
 
     :param plant: plant that holds the object.
     :param along: (3,) wrench of a unit pull.
-    :param sure: pull up to which it rises quicker [N].
+    :param sure: pull up to which the pull rises faster [N].
     """
     size = 0.0
     while size < LARGEST:

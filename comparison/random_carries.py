@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Random discs and boxes on random paths, by the package's own loop and estimates."""
+"""Random discs and boxes on random paths, carried by the package's loop and estimates."""
 
 from __future__ import annotations
 
@@ -37,18 +37,18 @@ from paper.tables import number, Table
 FRICTION, INDENTATION = 0.8, 0.01
 #: Standard deviations of the measured poses [m, rad].
 NOISE = (1e-3, np.radians(0.5))
-#: Number, time [s] and largest step of the legs of a path [m, rad].
+#: Number of legs of a path [-], time [s] and largest step of a leg [m, rad].
 LEGS, LEG_TIME, REACH = 2, 3.0, np.array([0.04, 0.04, 0.12])
-#: Smallest slip margin of a carry [N], and a pull as a share of the margin [-].
+#: Smallest slip margin of a carry [N], and pull relative to the slip margin [-].
 LEAST_MARGIN, PULL = 0.5, 0.5
-#: Position error of an object off its path [m].
+#: Position error at which an object has left its path [m].
 OFF = 0.02
 DISC, BOX = 'discs', 'boxes'
 PULLED = 'pulled'
 
 
 def _in_mujoco(**options: float) -> Callable[[Robot, ConvexObject], MujocoPlant]:
-    """Return a function that makes the MuJoCo plant with an object in the grip, at rest."""
+    """Return a function that makes a MuJoCo plant at rest with an object in the grip."""
 
     def make(robot: Robot, body: ConvexObject) -> MujocoPlant:
         settings = PlantOptions(friction=FRICTION, **options)
@@ -57,7 +57,7 @@ def _in_mujoco(**options: float) -> Callable[[Robot, ConvexObject], MujocoPlant]
     return make
 
 
-#: Differences from modules of 1 kg, an object of 0.5 kg and ideal rollers.
+#: Plants by name; each differs from modules of 1 kg, an object of 0.5 kg and ideal rollers.
 PLANTS: Mapping[str, Callable[[Robot, ConvexObject], MujocoPlant]] = {
     'as planned': _in_mujoco(),
     PULLED: _in_mujoco(),
@@ -71,15 +71,15 @@ ENDS = ('arrived', 'stands held', 'refused', 'lost and said', 'lost in silence')
 @dataclass(frozen=True)
 class Outcome:
     """
-    Result of one object.
+    Result of one object's carry.
 
-    :ivar error: position error to the executed twists, a second after the path; nan without motion
-        [m].
+    :ivar error: position error relative to the executed twists, a second after the path [m]; NaN
+        without motion.
     """
 
     end: str  #: result, one of `ENDS`
     error: float
-    squeeze: float  #: final squeeze of the plant over the target [-]
+    squeeze: float  #: ratio of the plant's final squeeze to the desired one [-]
 
 
 def compare_discs(count: int = 20) -> Section:
@@ -188,7 +188,7 @@ def draw_grip(robot: Robot, kind: str, rng: np.random.Generator) -> tuple[Grip, 
 
 
 def _carry(steering: Regulated, legs: Sequence[Array], pull: Array) -> Array:
-    """Carry along legs from rest to rest; return the pose of the executed twists (3,)."""
+    """Carry the object along legs from rest to rest; return the pose by the executed twists."""
     goal = np.array(steering.plant.object_pose())
     for number_of_leg, leg in enumerate(legs):
         duration = LEG_TIME if leg.any() else 1.0

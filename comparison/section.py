@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Parts of a comparison: bounds, tables and words."""
+"""Parts of a comparison: checks with bounds, tables and words."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from paper.tables import number, Table
 
 @dataclass(frozen=True)
 class Check:
-    """A difference between the two models, with its bound."""
+    """Difference between the two models, with its bound."""
 
     what: str  #: compared quantity
     found: float  #: largest difference
     bound: float  #: bound of the difference
-    unit: str  #: unit of both
+    unit: str  #: unit of difference and bound
     why: str  #: reason of the difference
 
     @property
@@ -42,7 +42,7 @@ class Section:
     words: str  #: description and result
     checks: tuple[Check, ...]  #: differences with their bounds
     tables: tuple[Table, ...] = ()  #: tables of the numbers
-    figure: Figure | None = None  #: drawing; None without
+    figure: Figure | None = None  #: drawing; None without one
     picture: str = ''  #: alternative text of the drawing
 
 

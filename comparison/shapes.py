@@ -32,7 +32,7 @@ def compare(shapes: Mapping[str, Shape] = SHAPES, depths: Sequence[float] = DEPT
     Compare the normal forces on fixed objects of several shapes, without friction.
 
     :param shapes: shapes by name.
-    :param depths: indentations of the members, tubes unbent [m].
+    :param depths: indentations of the members, for straight tubes [m].
     """
     config = closed_to(round_robot().home, WEDGE, 0.3)
     members = members_at(config.robot, MODULE)

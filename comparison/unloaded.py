@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Unloaded nodes compared with forward kinematics (3), (12), (13)."""
+"""Nodes without loads, compared with forward kinematics (3), (12), (13)."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def compare(shapes: int = 3) -> Section:
     """
     Compare the nodes of two presets in random configurations.
 
-    :param shapes: number of configurations of each.
+    :param shapes: number of configurations of each preset.
     """
     rows, worst = [], 0.0
     for name in ROBOTS:

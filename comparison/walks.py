@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Random walks of a held object under the twist servo, and the smallest margins of each."""
+"""Random walks of a held object under the twist servo, with the smallest margins of each walk."""
 
 from __future__ import annotations
 
@@ -32,18 +32,18 @@ LEAST = (BOUNDS.min_rigidity, BOUNDS.min_clearance, BOUNDS.min_object_clearance)
 #: Grips that can move the object in every direction.
 GRIPS = ('north/Z', 'north/R', 'north/P', 'east/Q', 'east/R')
 PERIODS = (0.05, 0.01, 0.005, 0.002, 0.001)
-#: Inputs are this old at most [s].
+#: Largest age of an input [s].
 LATE = 0.15
 
 
 @dataclass
 class Walk:
     """
-    What became of a walk.
+    Result of a walk.
 
-    `lowest` has the smallest margins met, of rigidity [-], clearance [m] and clearance of the
-    object [m], at and between the samples: negative where the walk crossed a bound. `quickest` is
-    the largest acceleration of a roller [m/s^2].
+    `lowest` has the smallest margins of rigidity [-], clearance [m] and clearance of the object
+    [m], at and between the samples; a margin is negative if the walk crossed a bound. `quickest`
+    is the largest acceleration of a roller [m/s^2].
     """
 
     lowest: np.ndarray
@@ -57,18 +57,18 @@ class Walk:
 
 
 def rolled(rolling: RollingGrip, travel: Array) -> RollingGrip:
-    """Return a rolling grip after some travel (r,) of the rollers [m]."""
+    """Return a rolling grip after some roller travel (r,) [m]."""
     return rolling.moved_to(rolling.config.moved_to(rolling.config.roller_positions + travel))
 
 
 def margins(held: RollingGrip) -> Array:
-    """Return what is left above the bounds."""
+    """Return the margins of rigidity, clearance and object clearance to their bounds."""
     found = shape_margins(held.config, held.grip.body, held.grip.members)
     return np.array(found[:3]) - LEAST
 
 
 def begin(rng: np.random.Generator, module: str) -> RollingGrip:
-    """Return an object held at a module, anywhere within the bounds."""
+    """Return an object held at a module, in a random configuration within the bounds."""
     file = ROBOT.description
     while True:
         try:
@@ -87,9 +87,9 @@ def begin(rng: np.random.Generator, module: str) -> RollingGrip:
 @dataclass
 class Sensors:
     """
-    How late the servo sees the robot and the object, in cycles, and whether it is told speeds.
+    Delays of the measured rollers and pose in cycles [-], and whether speeds are measured.
 
-    Speeds are those with which the robot came to where it is seen.
+    Measured speeds are those of the cycle before the measurement.
     """
 
     rollers: int
@@ -98,7 +98,7 @@ class Sensors:
 
     @classmethod
     def of(cls, seed: int, period: float) -> Sensors:
-        """Return prompt ones, ones that are a cycle late, and twice as many up to 150 ms late."""
+        """Return sensors by the seed: without delay, a cycle late, or up to 150 ms late."""
         rng = np.random.default_rng([seed, 1])
         speeds = bool(rng.integers(2))
         kind = seed // 2 % 4
@@ -118,9 +118,9 @@ def walk(
     sensors: Sensors | None = None,
 ) -> Walk:
     """
-    Command one twist after another, far more than the robot can do, at 20 Hz to 1 kHz.
+    Command random twists, larger than the robot can execute, at 20 Hz to 1 kHz.
 
-    What the servo sees is true, but late; see `Sensors`.
+    Measurements are true, but late; see `Sensors`.
     """
     rng = np.random.default_rng(seed)
     module = GRIPS[seed % len(GRIPS)]

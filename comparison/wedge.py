@@ -47,13 +47,13 @@ def closed_to(
     config: Configuration, degrees: float, diameter: float, module: str = MODULE
 ) -> Configuration:
     """
-    Return the configuration with a given wedge angle at a module by the least roller travel.
+    Return the configuration with a given opening angle at a module, by the least roller travel.
 
-    :param config: start of the search.
+    :param config: configuration at which the search starts.
     :param degrees: opening angle [degrees].
-    :param diameter: diameter of an object in the wedge, whose centre moves little [m].
+    :param diameter: diameter of an object in the wedge, whose centre should move little [m].
     :param module: name `t/j` of the module.
-    :raises ConfigurationError: the wedge does not reach the angle.
+    :raises ConfigurationError: the wedge cannot have this angle.
     """
     for _ in range(MAX_STEPS):
         angle = opening(config, module)
@@ -76,13 +76,13 @@ def pressed_into(
     config: Configuration, module: str, shape: Shape, angle: float, depth: float
 ) -> ConvexObject:
     """
-    Return an object in the wedge at a module, at a given depth in both members.
+    Return an object in the wedge at a module, at the same depth in both members.
 
     :param config: configuration of the robot.
     :param module: name `t/j` of the module.
     :param shape: shape of the object.
     :param angle: orientation of the object [rad].
-    :param depth: indentation of each member, tubes unbent [m].
+    :param depth: indentation of each member, for straight tubes [m].
     """
     pinched, along = sides(config, module)
     side = np.sign((along[0].conjugate() * along[1]).imag)

@@ -9,7 +9,8 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
-#: Left stick: translation [m/s]; right stick: rotation [rad/s]; only while the button is held.
+#: Left stick: translation [m/s]; right stick: rotation [rad/s]; both only while the button is
+#: held.
 TELEOP = {
     'require_enable_button': True,
     'enable_button': 4,
@@ -20,12 +21,13 @@ TELEOP = {
     'scale_linear.y': 0.03,
     'scale_angular.yaw': 0.2,
 }
-#: A stick that is held sends nothing new: repeated more often than `command_timeout` [Hz].
+#: A stick that is held sends nothing new, so its message is repeated faster than `command_timeout`
+#: [Hz].
 JOY = {'autorepeat_rate': 20.0}
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Return both nodes; when one ends so does the other, and the object stops."""
+    """Return both nodes; if one ends, the other ends as well and the object stops."""
     arguments = [
         DeclareLaunchArgument('namespace', default_value='', description='Of the robot'),
         DeclareLaunchArgument(

@@ -10,7 +10,7 @@ from launch import LaunchDescription
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Return the nodes; what describes the real robot and object has no default."""
+    """Return the nodes; the arguments that describe robot and object have no default."""
     return describe_launch(
         Path(__file__).parent, required=('robot', 'object_diameter', 'grip_module')
     )

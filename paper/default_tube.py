@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The tube of the paper's tests, with the default theory of the package."""
+"""Tube of the paper's tests, by the package's default theory."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ def end_stiffnesses(pressure: ArrayLike, length: ArrayLike) -> dict[str, Array]:
     """
     Return the end stiffnesses of members by mode: the diagonal of (2).
 
-    :param pressure: gauge [Pa]; broadcast with the lengths.
-    :param length: [m].
-    :return: arrays of their common shape [N/m], rotary [N m/rad].
+    :param pressure: gauge pressures [Pa], broadcast with the lengths.
+    :param length: lengths of the members [m].
+    :return: stiffnesses in the common shape of pressures and lengths [N/m]; rotary [N m/rad].
     """
     tube = default_tube()
     return {mode: end_stiffness(tube, mode, length, pressure) for mode in MODES}

@@ -22,7 +22,7 @@ from paper.parameters import LENGTHS, PRESSURES
 from paper.synthetic import NOISE, SCATTER, write_points
 from paper.tables import number, Table
 
-#: Of the data set that is shown, and of those that show how often the intervals hold.
+#: Seed of the data set that is shown, and number of further data sets that test the intervals [-].
 SEED, REPEATS = 0, 50
 
 
@@ -32,9 +32,9 @@ class TubeFit:
     Data of Table I and Fig. 4.
 
     :ivar theory: end stiffnesses (3 pressures, 3 lengths) of the default tube by mode.
-    :ivar laws: power laws that come nearest to the theory, by mode.
-    :ivar analysis: what `fit_tube_stiffness` makes of one set of synthetic points.
-    :ivar held: share of the constants of other sets that were inside their intervals.
+    :ivar laws: power laws closest to the theory, by mode.
+    :ivar analysis: result of `fit_tube_stiffness` for one set of synthetic points.
+    :ivar held: share of the constants of other data sets that are inside their intervals.
     """
 
     theory: Mapping[str, Array]
@@ -47,8 +47,8 @@ def compute(advance: Advance, repeats: int = REPEATS) -> TubeFit:
     """
     Return laws and fits.
 
-    :param advance: called with the share of the work that is done.
-    :param repeats: number of further sets of points, which show how often the intervals hold.
+    :param advance: callback with the completed share of the work.
+    :param repeats: number of further data sets that test the intervals.
     """
     pressures, lengths = np.meshgrid(PRESSURES, LENGTHS, indexing='ij')
     theory = end_stiffnesses(pressures, lengths)
@@ -68,7 +68,7 @@ def fit_points(seed: int) -> Analysis:
     """
     Return the result of `fit_tube_stiffness` for synthetic points of the default tube.
 
-    :param seed: of their noise.
+    :param seed: seed of the noise.
     """
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / 'points.csv'
@@ -78,9 +78,9 @@ def fit_points(seed: int) -> Analysis:
 
 def inside(analysis: Analysis) -> list[bool]:
     """
-    Return, for each constant, whether its interval contains the true value.
+    Return for each constant whether its interval contains the true value.
 
-    :param analysis: of synthetic points.
+    :param analysis: analysis of synthetic points.
     """
     fitted, tube = analysis.fitted, default_tube()
     return [
@@ -93,7 +93,7 @@ def report(result: TubeFit) -> Report:
     """
     Return Table I and the accuracy of the fit.
 
-    :param result: of `compute`.
+    :param result: result of `compute`.
     """
     held = inside(result.analysis)
     return Report(
@@ -118,7 +118,7 @@ def report(result: TubeFit) -> Report:
 
 
 def _limit(result: TubeFit) -> str:
-    """Return the length beyond which the power laws are inconsistent with any beam."""
+    """Return the length beyond which no beam fulfils the power laws."""
     transverse, rotary = (result.laws[mode].law for mode in ('transverse', 'rotary'))
     # 12 k_rotary / (k_transverse L^2), a power law too, is at least 4 for a beam.
     at_one_metre = 12.0 * float(

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Draw Fig. 4: loads over displacements, and stiffnesses over lengths."""
+"""Drawing of Fig. 4: loads over displacements, and stiffnesses over lengths."""
 
 from __future__ import annotations
 
@@ -21,21 +21,21 @@ from paper.figure_4 import TubeFit
 from paper.parameters import LENGTHS, PRESSURES
 from paper.style import BLACK, MARKERS, PAGE, STEPS
 
-#: Displacements in mm or degrees, loads, stiffnesses.
+#: Labels of displacements [mm, degrees], loads and stiffnesses.
 LABELS = {
     'axial': ('displacement δx [mm]', 'force P [N]', 'P/δx [N/m]'),
     'transverse': ('displacement δy [mm]', 'force V [N]', 'V/δy [N/m]'),
     'rotary': ('rotation δθ [deg]', 'moment M [N m]', 'M/δθ [N m/rad]'),
 }
-#: The length in the upper row.
+#: Length that the upper row shows [m].
 SHOWN = LENGTHS[1]
 
 
 def draw(result: TubeFit) -> Figure:
     """
-    Return one column a mode: loads of one length above, stiffnesses of all below.
+    Return one column for each mode: loads of one length above, stiffnesses of all below.
 
-    :param result: of `figure_4.compute`.
+    :param result: result of `figure_4.compute`.
     """
     figure = Figure(figsize=(PAGE, 4.5), layout='constrained')
     panels = figure.subplots(2, 3)

@@ -22,13 +22,14 @@ from paper.item import Advance
 from paper.parameters import EDGES, PRESSURE
 import scipy
 
-#: What is held: both base modules at A, and the top on its track; what is pushed, down.
+#: Fixed displacements (both base modules at A, and the top on its track), and the joint that is
+#: pushed down.
 PINNED, PUSHED = (('L', 0), ('L', 1), ('R', 0), ('R', 1), ('T', 0)), 'T'
-#: Each makes an error in the edges at least six times smaller.
+#: Number of iterations for the edges [-]; each reduces the error at least to a sixth.
 PASSES = 6
-#: Larger than what any of the triangles bears [N].
+#: Force above all limit loads [N].
 MOST = 500.0
-#: The curves end where they are drawn no farther: a tenth of a side [m].
+#: Displacement at which the curves end [m], a tenth of a side.
 FARTHEST = 0.1
 
 
@@ -37,16 +38,16 @@ class Shape:
     """
     One of the three triangles under load.
 
-    :ivar config: its configuration.
-    :ivar edges: the two equal members and the third, pinch to pinch [m].
-    :ivar angle: of the legs with the ground [rad].
-    :ivar stiffness: force over displacement of the top, small ones [N/m].
-    :ivar truss: the same of two bars along the legs with their axial stiffness [N/m].
-    :ivar stretching: share of the strain energy that is axial, not bending or shear.
-    :ivar axial: compression of a leg over a small force on the top.
+    :ivar config: configuration of the triangle.
+    :ivar edges: lengths of the two equal members and of the third, pinch point to pinch point [m].
+    :ivar angle: angle of the legs with the ground [rad].
+    :ivar stiffness: force over displacement of the top, for small displacements [N/m].
+    :ivar truss: the same stiffness of two bars along the legs with their axial stiffness [N/m].
+    :ivar stretching: axial share of the strain energy; the remainder is bending and shear [-].
+    :ivar axial: compression of a leg over a small force on the top [-].
     :ivar moment: largest bending moment in a leg over a small force on the top [m].
-    :ivar displacements: (s,) of the top, down, up to the limit load [m].
-    :ivar forces: (s,) on the top there [N].
+    :ivar displacements: (s,) downward displacements of the top, up to the limit load [m].
+    :ivar forces: (s,) forces on the top at these displacements [N].
     :ivar onset: displacement and force at which a tube begins to wrinkle [m, N].
     """
 
@@ -64,7 +65,7 @@ class Shape:
 
     @property
     def excess(self) -> float:
-        """Return by which share the linear model's force is larger at the onset [-]."""
+        """Return the relative excess of the linear model's force at the onset of wrinkling [-]."""
         displacement, force = self.onset
         return self.stiffness * displacement / force - 1.0
 
@@ -82,7 +83,7 @@ def triangle(edges: tuple[float, float]) -> Robot:
     """
     Return the preset `triangle` with other edges.
 
-    :param edges: the two equal ones and the third, joint to joint [m].
+    :param edges: lengths of the two equal edges and of the third, joint to joint [m].
     """
     leg, base = edges
     height = math.sqrt(leg**2 - 0.25 * base**2)
@@ -93,9 +94,10 @@ def triangle(edges: tuple[float, float]) -> Robot:
 
 def between_joints(edges: tuple[float, float]) -> tuple[float, float]:
     """
-    Return the edges, joint to joint, of a triangle with given member lengths [m].
+    Return the edges from joint to joint of a triangle with given member lengths [m].
 
-    :param edges: the two equal members and the third, pinch to pinch [m].
+    :param edges: lengths of the two equal members and of the third, pinch point to pinch point
+        [m].
     """
     goal = np.array(edges)
     found = goal
@@ -110,7 +112,7 @@ def pinned_frame(config: Configuration) -> Frame:
     """
     Return the frame of a triangle with the supports of the test.
 
-    :param config: its configuration.
+    :param config: configuration of the triangle.
     """
     structure = structure_of(config)
     held = np.zeros((len(structure.node_names), 3), dtype=bool)
@@ -124,12 +126,12 @@ def find_onset(
     structure: Structure, frame: Frame, loads: Array, path: LoadPath
 ) -> tuple[Tangent, float]:
     """
-    Return the state in which a tube begins to wrinkle, and the factor of the loads there.
+    Return the state in which a tube begins to wrinkle, and the load factor in it.
 
-    :param structure: the robot's.
-    :param frame: as it is held in the test.
-    :param loads: (n, 3) that grow [N, N m].
-    :param path: equilibria on both sides of that state.
+    :param structure: structure of the robot.
+    :param frame: frame with the supports of the test.
+    :param loads: (n, 3) loads that increase [N, N m].
+    :param path: equilibria on both sides of the state.
     """
 
     def bend(factor: float) -> Tangent:
@@ -151,7 +153,8 @@ def shape(edges: tuple[float, float]) -> Shape:
     """
     Return one triangle with its stiffness, and its curve up to the limit load.
 
-    :param edges: the two equal members and the third, pinch to pinch [m].
+    :param edges: lengths of the two equal members and of the third, pinch point to pinch point
+        [m].
     """
     robot = triangle(between_joints(edges))
     config, structure = robot.home, structure_of(robot.home)

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Draw Fig. 5: the three triangles, and their force over displacement."""
+"""Drawing of Fig. 5: the three triangles, and their force over displacement."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ if TYPE_CHECKING:
     from paper.figure_5 import Shape
 
 COLORS = (BLUE, ORANGE, GREEN)
-#: Space beside a robot [m].
+#: Margin beside a robot [m].
 MARGIN = 0.2
 
 
 def draw(shapes: Mapping[str, Shape]) -> Figure:
-    """Return the shapes at one scale on the left, the curves on the right."""
+    """Return the triangles at one scale on the left, and the curves on the right."""
     figure = Figure(figsize=(PAGE, 2.6), layout='constrained')
     left, right = figure.subfigures(1, 2, width_ratios=(1.25, 1.0))
     widths = [_base(shape) + 2.0 * MARGIN for shape in shapes.values()]
@@ -41,7 +41,7 @@ def draw(shapes: Mapping[str, Shape]) -> Figure:
 
 
 def _base(shape: Shape) -> float:
-    """Return the distance of the joints on the ground, L at 0 and R [m]."""
+    """Return the distance of the joints on the ground: 0 for L, and that of R [m]."""
     return float(shape.config.points[1].real)
 
 

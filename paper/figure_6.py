@@ -17,7 +17,7 @@ from paper.membrane import ATMOSPHERE, CONTACT, DISPLACED, STIFFNESS, VOLUME
 from paper.parameters import CYLINDERS, DEPTH, PRESSURE, PRESSURES, TUBE_DIAMETER, TUBE_LENGTH
 from paper.tables import number, Table
 
-#: Positions along the tube [m].
+#: Positions of the cylinder along the tube [m].
 POSITIONS = np.linspace(1.0 / 6.0, 5.0 / 6.0, 33) * TUBE_LENGTH
 MIDDLE = 0.5 * TUBE_LENGTH
 
@@ -25,15 +25,15 @@ MIDDLE = 0.5 * TUBE_LENGTH
 @dataclass(frozen=True)
 class Interference:
     """
-    Data of Fig. 6; the axis of length 3 is that of the cylinders.
+    Data of Fig. 6; axes of length 3 are for the three cylinders.
 
-    :ivar positions: along the tube [m].
-    :ivar stiffness: (3, positions) with flattening, at DEPTH [N/m].
-    :ivar round: (3, positions) the paper's model: the section stays round [N/m].
-    :ivar middle: (pressures, 3) at the middle, with flattening.
-    :ivar middle_round: (pressures, 3) the same in the paper's model.
-    :ivar pinned: stiffness at the middle with ends that turn freely, smallest cylinder [N/m].
-    :ivar wrinkling: (3,) depth at which the tube begins to wrinkle, pressed at its middle [m].
+    :ivar positions: positions along the tube [m].
+    :ivar stiffness: (3, positions) stiffness with flattening at `DEPTH` [N/m].
+    :ivar round: (3, positions) stiffness by the paper's model, whose section stays round [N/m].
+    :ivar middle: (pressures, 3) responses at the middle, with flattening.
+    :ivar middle_round: (pressures, 3) responses at the middle by the paper's model.
+    :ivar pinned: stiffness at the middle with hinged ends, for the smallest cylinder [N/m].
+    :ivar wrinkling: (3,) depth at the middle at which the tube begins to wrinkle [m].
     """
 
     positions: Array
@@ -46,7 +46,7 @@ class Interference:
 
 
 def compute(advance: Advance) -> Interference:
-    """Return stiffnesses for all cylinders."""
+    """Return the stiffnesses for all cylinders."""
     tube = ClampedTube(default_tube(), 0.5 * TUBE_DIAMETER, TUBE_LENGTH)
     curves: dict[bool, list[list[float]]] = {True: [], False: []}
     for done, cylinder in enumerate(CYLINDERS):
@@ -87,7 +87,7 @@ def growth(stiffness: Array) -> Array:
 
 
 def exponents(result: Interference) -> tuple[Array, Array, Array]:
-    """Return a of k ~ p^a by cylinder, (3,) each: with flattening, paper's model, membrane."""
+    """Return the exponents a of k ~ p^a of three cylinders by flattening, paper and membrane."""
     span = np.log(PRESSURES[-1] / PRESSURES[0])
     own, flat = (
         np.array([[each.stiffness for each in row] for row in rows])

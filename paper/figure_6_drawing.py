@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Draw Fig. 6: stiffness over position and over pressure, both models."""
+"""Drawing of Fig. 6: stiffness over position and over pressure, by both models."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def draw(result: Interference) -> Figure:
-    """Return two panels."""
+    """Return the figure with two panels."""
     figure = Figure(figsize=(PAGE, 2.8), layout='constrained')
     left, right = figure.subplots(1, 2)
     _draw_positions(left, result)

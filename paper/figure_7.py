@@ -21,13 +21,14 @@ from paper.tables import number, Table
 
 #: The object, free inside the loop of one tube.
 BODY = ConvexObject.disc((0.5, 0.3), 0.35)
-#: The driven modules of that loop, and what is best there; the passive one, P, rolls no object.
+#: Driven modules of the loop, and the measure of the ranking at each. The passive module P is
+#: excluded, because it cannot roll the object.
 SEARCHES = (
     ('north/Z', Measure.CLOSURE_MARGIN),
     ('north/Z', Measure.TOTAL_FORCE),
     ('north/R', Measure.CLOSURE_MARGIN),
 )
-#: Coefficient between tube and object.
+#: Coefficient of friction between tube and object [-].
 FRICTION = 0.5
 
 
@@ -36,8 +37,8 @@ class Held:
     """
     One grasp of the object.
 
-    :ivar plan: what the search found.
-    :ivar deflection: of the tubes, largest, across them [m].
+    :ivar plan: planned grasp.
+    :ivar deflection: largest transverse deflection of a tube [m].
     """
 
     plan: PlannedGrasp

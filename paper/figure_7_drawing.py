@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Draw Fig. 7: the three configurations, and their grasps magnified."""
+"""Drawing of Fig. 7: the three configurations, and their grasps magnified."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ if TYPE_CHECKING:
     from paper.figure_7 import Held
 
 MARGIN = 0.12
-#: Half of the side of the magnified views [m].
+#: Half of the side length of the magnified views [m].
 AROUND = 0.31
-#: Length of an arrow for its force [m/N], and the force that shows it [N].
+#: Length of a force's arrow [m/N], and force of the arrow in the legend [N].
 SCALE, UNIT = 0.01, 10.0
 
 ARROW = {'arrowstyle': '-|>', 'color': FORCE_COLOR, 'lw': 1.6, 'shrinkA': 0.0, 'shrinkB': 0.0}
 
 
 def draw(held: Sequence[Held]) -> Figure:
-    """Return robots above, grasps below."""
+    """Return the robots above and the grasps below."""
     figure = Figure(figsize=(PAGE, 4.9), layout='constrained')
     nodes = np.concatenate([each.plan.config.nodes for each in held])
     low, high = nodes.min(axis=0) - MARGIN, nodes.max(axis=0) + MARGIN

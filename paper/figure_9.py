@@ -26,22 +26,22 @@ import numpy as np
 from paper.item import Advance, Report
 from paper.tables import number, Table
 
-#: Where the object is held, and its diameter [m].
+#: Module that holds the object, and diameter of the object [m].
 MODULE, DIAMETER = 'north/Z', 0.3
-#: Commands per second.
+#: Rate of the commands [Hz].
 RATE = 50.0
 
 
 @dataclass(frozen=True)
 class Part:
     """
-    One part of the path; the first has one pose, the start.
+    One part of the path; the first part has only the initial pose.
 
-    :ivar name: what the object does.
-    :ivar config: the robot at its end.
-    :ivar poses: (n, 3) x, y [m], angle [rad] of the object after each command.
-    :ivar exact: (n, 3) the commanded poses, the integral of the twists.
-    :ivar statuses: of the roller commands.
+    :ivar name: name of the object's motion.
+    :ivar config: configuration of the robot at the end of the part.
+    :ivar poses: (n, 3) poses x, y [m], angle [rad] of the object after each command.
+    :ivar exact: (n, 3) commanded poses, the integral of the twists.
+    :ivar statuses: statuses of the roller commands.
     :ivar roller_speed: largest speed of any roller [m/s].
     """
 
@@ -69,10 +69,11 @@ class Moved:
     """
     Motion of the object along the path, computed twice.
 
-    :ivar parts: start and parts of the path; each command is computed for the configuration in
-        the middle of its interval.
-    :ivar plain: the same with commands for the configuration at the beginning of the interval.
-    :ivar diameter: of the object [m].
+    :ivar parts: parts of the path with commands for the configuration at the midpoint of their
+        interval.
+    :ivar plain: parts of the path with commands for the configuration at the begin of their
+        interval.
+    :ivar diameter: diameter of the object [m].
     """
 
     parts: Sequence[Part]
@@ -84,8 +85,8 @@ def compute(advance: Advance, rate: float = RATE) -> Moved:
     """
     Move the object along the path.
 
-    :param advance: called with the share of the work that is done.
-    :param rate: of the commands [Hz].
+    :param advance: callback with the completed share of the work.
+    :param rate: rate of the commands [Hz].
     """
     ahead = follow_path(0.5 / rate, rate, lambda done: advance(0.5 * done))
     plain = follow_path(0.0, rate, lambda done: advance(0.5 + 0.5 * done))
@@ -94,11 +95,11 @@ def compute(advance: Advance, rate: float = RATE) -> Moved:
 
 def follow_path(lead: float, rate: float, advance: Advance) -> list[Part]:
     """
-    Command the twists of the path in sequence, and integrate the roller commands.
+    Execute the twists of the path by the commands, and integrate the roller velocities.
 
-    :param lead: the commands are computed for the configuration this much later [s].
-    :param rate: of the commands [Hz].
-    :param advance: called with the share of the work that is done.
+    :param lead: time after the begin of an interval for which its command is computed [s].
+    :param rate: rate of the commands [Hz].
+    :param advance: callback with the completed share of the work.
     """
     robot = load_robot('nine_member')
     body = ConvexObject.disc(tangent_center(robot.home, MODULE, DIAMETER), DIAMETER)
@@ -176,7 +177,7 @@ def report(result: Moved) -> Report:
 
 
 def _motion(parts: Sequence[Part], i: int) -> Array:
-    """Return the commanded (dx, dy, dangle) of part i + 1 [m, rad]."""
+    """Return the commanded motion (dx, dy, dangle) of part i + 1 [m, rad]."""
     return parts[i + 1].exact[-1] - parts[i].exact[-1]
 
 

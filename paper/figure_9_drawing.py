@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Draw Fig. 9: the robot at the start and after each part of the path."""
+"""Drawing of Fig. 9: the robot at the start and after each part of the path."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ TITLES = ('start', 'moved up', 'turned in place', 'moved along an arc')
 
 
 def draw(result: Moved) -> Figure:
-    """Return four panels, like the paper's."""
+    """Return four panels, as in the paper."""
     figure = Figure(figsize=(PAGE, 5.9), layout='constrained')
     nodes = np.concatenate([part.config.nodes for part in result.parts])
     low, high = nodes.min(axis=0) - MARGIN, nodes.max(axis=0) + MARGIN

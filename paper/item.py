@@ -12,22 +12,22 @@ from typing import Any
 from matplotlib.figure import Figure
 from paper.tables import Table
 
-#: Called with the share of the work that is done, from 0 to 1.
+#: Callback with the completed share of the work, from 0 to 1.
 Advance = Callable[[float], None]
 
 
 @dataclass(frozen=True)
 class Report:
     """
-    The text of an item on the page.
+    Text of an item on the page.
 
-    :ivar heading: of its section.
-    :ivar picture: alternative text of the figure; empty where there is no figure.
-    :ivar stated: what the paper states.
-    :ivar computed: what is shown here.
-    :ivar difference: between the two.
-    :ivar assumption: that the difference rests on.
-    :ivar tables: the numbers.
+    :ivar heading: heading of the section.
+    :ivar picture: alternative text of the figure; empty without a figure.
+    :ivar stated: statement of the paper.
+    :ivar computed: result of this package.
+    :ivar difference: difference between the two.
+    :ivar assumption: assumption on which the difference depends.
+    :ivar tables: tables of the numbers.
     """
 
     heading: str
@@ -44,10 +44,10 @@ class Item:
     """
     One table or figure of the paper.
 
-    :ivar name: of its files.
-    :ivar compute: returns its numbers.
-    :ivar report: returns the text and the tables.
-    :ivar draw: draws the figure, if there is one.
+    :ivar name: name of the item's files.
+    :ivar compute: function that returns the numbers.
+    :ivar report: function that returns the text and the tables.
+    :ivar draw: function that draws the figure; None without a figure.
     """
 
     name: str

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from paper.item import Item, Report
 from paper.tables import markdown
 
-#: Where figures and tables are, seen from the page.
+#: Folder of figures and tables, relative to the page.
 FOLDER = 'paper'
 
 INTRODUCTION = """\

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Parameters stated by the paper, in one table."""
+"""Parameters that the paper states, in one table."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from isotruss_ros.core.statics.section import (
 from paper.item import Advance, Report
 from paper.tables import number, Table
 
-#: All in SI units, as the paper rounds them.
+#: Parameters in SI units, rounded as in the paper.
 TUBE_DIAMETER = 0.102
 PRESSURES = (17.2e3, 34.5e3, 51.7e3)
 LENGTHS = (0.254, 0.508, 0.762)
 TRIALS = 5
-#: Pressure of the tests of Figs. 5 and 6.
+#: Gauge pressure of the tests of Figs. 5 and 6 [Pa].
 PRESSURE = 34.5e3
-#: Fig. 5: the two equal edges and the third.
+#: Fig. 5: lengths of the two equal edges and of the third [m].
 EDGES = {'obtuse': (0.89, 1.28), 'equilateral': (1.02, 1.02), 'acute': (1.21, 0.64)}
-#: Fig. 6: length of the tube, the cylinders, and the discs that stand for them.
+#: Fig. 6: length of the tube, diameters of the cylinders and of the discs that represent them [m].
 TUBE_LENGTH = 0.762
 CYLINDERS = (0.0254, 0.102, 0.203)
 DISCS = (0.127, 0.203, 0.305)
-#: How deep the cylinders are pressed, where nothing else is said [m]: ours.
+#: Depth of the cylinders where the paper states none [m].
 DEPTH = 0.010
 CENTIMETRE, KILOPASCAL = 0.01, 1e3
 

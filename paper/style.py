@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Style of the figures: sizes of a printed page, accessible colours."""
+"""Style of the figures: sizes for a printed page, accessible colours."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-#: Width of a column and of a page with two of them [inch].
+#: Width of one column, and of a page with two columns [inch].
 COLUMN, PAGE = 3.5, 7.16
-#: Okabe and Ito's colours, which differ for colour-blind readers and in grey.
+#: Colours of Okabe and Ito, distinct for colour-blind readers and in grey.
 BLUE, ORANGE, GREEN, BLACK = '#0072B2', '#D55E00', '#009E73', '#000000'
-#: For three steps of one quantity, from light to dark.
+#: Colours of three values of one quantity, from light to dark.
 STEPS = ('#7FBBE3', '#2B7BBA', '#08306B')
 MARKERS = ('o', 's', '^')
 GREY = '0.55'
@@ -39,5 +39,5 @@ DOTS_PER_INCH = 200
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Write a figure reproducibly, without metadata of its creator."""
+    """Write a figure reproducibly, without metadata of the program."""
     figure.savefig(path, dpi=DOTS_PER_INCH, metadata={'Software': None})

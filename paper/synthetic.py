@@ -16,23 +16,24 @@ from isotruss_ros.core.statics.wrinkling import wrinkling_moment
 import numpy as np
 from paper.parameters import LENGTHS, PRESSURES, TRIALS, TUBE_DIAMETER
 
-#: Points of each trial.
+#: Number of points of each trial [-].
 COUNT = 12
-#: Standard deviation of the stiffness from trial to trial, and of the load, of its largest.
+#: Standard deviation of the stiffness between trials, and of the load relative to its largest
+#: value [-].
 SCATTER, NOISE = 0.03, 0.01
-#: Ends are pushed by at most this part of the force of the pressure, far from being pushed flat.
+#: Largest axial load relative to the force of the pressure [-], far from pushing the end flat.
 PUSH = 0.1
 
 
 def write_points(tube: TubeStiffness, path: Path, seed: int) -> None:
     """
-    Write all pressures and lengths of the paper, five trials each, for `fit_tube_stiffness`.
+    Write points for `fit_tube_stiffness`: five trials at each pressure and length of the paper.
 
-    A trial has a stiffness and an offset of the load of its own, and every load noise.
+    Each trial has its own stiffness and offset of the load; each load has noise.
 
-    :param tube: that the points are of.
-    :param path: of the file.
-    :param seed: of the noise.
+    :param tube: stiffness model of the points.
+    :param path: path of the file.
+    :param seed: seed of the noise.
     """
     random = np.random.default_rng(seed)
     with path.open('w', newline='', encoding='utf-8') as file:
@@ -59,7 +60,7 @@ def _trials(
 
 
 def largest_load(mode: str, pressure: float, length: float) -> float:
-    """Return the load at wrinkling [N], rotary [N m], the last point of a trial."""
+    """Return the load at wrinkling [N], rotary [N m], at which a trial ends."""
     radius = 0.5 * TUBE_DIAMETER
     if mode == 'axial':
         return PUSH * pressure * np.pi * radius**2

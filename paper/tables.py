@@ -16,13 +16,13 @@ import numpy as np
 @dataclass(frozen=True)
 class Table:
     """
-    Text in rows and columns.
+    Table of texts.
 
-    :ivar name: of its file.
-    :ivar caption: what it shows.
-    :ivar headings: of the columns, with units.
-    :ivar rows: as many cells each as there are headings.
-    :ivar shown: whether a page shows the rows; the file has them in any case.
+    :ivar name: name of the table's file.
+    :ivar caption: caption of the table.
+    :ivar headings: headings of the columns, with units.
+    :ivar rows: rows, with one cell for each heading.
+    :ivar shown: whether the page shows the rows; the file has them in any case.
     """
 
     name: str

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Check that every internal link of the built site has its page and its anchor."""
+"""Check that each internal link of the built site has its page and its anchor."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Page(HTMLParser):
         self.feed(path.read_text(encoding='utf-8'))
 
     def handle_starttag(self, _tag: str, attributes: list[tuple[str, str | None]]) -> None:
-        """Note where the element links to, and by what it is linked."""
+        """Record the links of an element, and its anchors."""
         for name, value in attributes:
             if name in ('href', 'src') and value:
                 self.links.append(value)
@@ -32,7 +32,7 @@ class Page(HTMLParser):
 
 @cache
 def load(path: Path) -> Page:
-    """Return a page, read once."""
+    """Return a page from a cache."""
     return Page(path)
 
 

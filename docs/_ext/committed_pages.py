@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The pages that are generated and committed, so that a code host shows them whole.
+Pages that are generated and committed, because a code host shows only committed pages.
 
-`python docs/_ext/committed_pages.py` writes them; a test compares them with what it would write.
+`python docs/_ext/committed_pages.py` writes them. A test compares them with the generated text.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ TOP = Path(__file__).resolve().parents[2]
 
 
 def pages() -> dict[Path, str]:
-    """Return the pages by their files."""
+    """Return the text of the pages by their files."""
     statements = Path(__file__).with_name('paper_equations.yaml')
     return {
         TOP / 'docs' / 'equations.md': equations.page(TOP / 'isotruss_ros' / 'core', statements),

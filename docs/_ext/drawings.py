@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Draw the labelled pictures of the site: a robot's parts, a held object's forces, closure."""
+"""Labelled pictures of the site: parts of a robot, forces on a held object, closure."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -17,9 +17,9 @@ from matplotlib.text import Text
 import numpy as np
 
 IMAGES = Path(__file__).parents[1] / 'images'
-#: Of friction forces, and the length of the arrow of the largest normal force [m].
+#: Colour of friction forces, and length of the largest normal force's arrow [m].
 FRICTION_COLOR, LONGEST = '#1b5fb4', 0.2
-#: Of words upon a drawing.
+#: Style of words on a drawing.
 CENTRED = {
     'ha': 'center',
     'va': 'center',
@@ -41,7 +41,7 @@ def main() -> None:
 
 
 def list_words() -> list[str]:
-    """Return the words of the drawings whose numbers are computed."""
+    """Return the words of the drawings that have computed numbers."""
     with mpl.rc_context():
         figures = draw_forces(), draw_closure()
     texts = [text.get_text() for figure in figures for text in figure.findobj(Text)]
@@ -104,7 +104,7 @@ def draw_parts() -> plt.Figure:
 
 
 def draw_forces() -> plt.Figure:
-    """Return the drawing of a held disc with the names of what is computed."""
+    """Return the drawing of a held disc with the names of the computed quantities."""
     robot = load_robot('nine_member')
     center = tangent_center(robot.home, 'north/Z', 0.3, 0.02)
     body = ConvexObject.disc(center, 0.3)
@@ -126,7 +126,7 @@ def draw_forces() -> plt.Figure:
 
 
 def draw_closure() -> plt.Figure:
-    """Return the drawing of a fixed disc, of a held one, and of one with wrinkling tubes."""
+    """Return the drawing of a fixed disc, of a held disc, and of a disc with wrinkling tubes."""
     figure, row = plt.subplots(1, 3, figsize=(9.0, 3.3), layout='constrained')
     _draw_verdict(row[0], 0.02, False)
     _draw_verdict(row[1], 0.02, True)
@@ -135,7 +135,7 @@ def draw_closure() -> plt.Figure:
 
 
 def _draw_verdict(axes: Axes, indentation: float, free: bool) -> None:
-    """Draw the forces of two members on a disc, and write what they say of it below."""
+    """Draw the forces of two members on a disc, and their closure in words below."""
     home = load_robot('nine_member').home
     body = ConvexObject.disc(tangent_center(home, 'south/P', 0.3, indentation), 0.3)
     fast, settled = analyze_grasp(home, body, 0.8), settle_grasp(home, body, 0.8)
@@ -174,12 +174,12 @@ def _draw_verdict(axes: Axes, indentation: float, free: bool) -> None:
 
 
 def _xy(points: list[complex]) -> np.ndarray:
-    """Return x and y of points (2, n)."""
+    """Return x and y (2, n) of points."""
     return np.array([np.real(points), np.imag(points)])
 
 
 def _label(axes: Axes, spot: complex, text_at: complex, text: str) -> None:
-    """Write a text beside what it names, with a line to it."""
+    """Write a label with a line to the labelled point."""
     left = text_at.real < spot.real
     centred = abs(text_at.real - spot.real) < 0.05
     axes.annotate(

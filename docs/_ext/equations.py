@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Where the core computes the equations of the paper: the tags "(1)" to "(20)" in its sources."""
+"""Map the paper's equations to the core's functions by the tags "(1)" to "(20)" in the sources."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ import tokenize
 from ruamel.yaml import YAML
 
 EQUATIONS = range(1, 21)
-#: The link of a function to its file.
+#: Link of a function to its file.
 LINK = re.compile(r'\[`(core\.[\w.]+)`\]\(\.\./isotruss_ros/[\w/]+\.py\)')
 
 HEAD = """\
@@ -26,17 +26,17 @@ HEAD = """\
 
 The equations of the paper, and the functions that compute each, by tags in the sources. Some are
 solved in another form than they are printed: [derivation](derivation.md)."""
-#: Not what follows a name or a bracket: that is a call.
+#: Tag of an equation; a number after a name or a bracket is a call, not a tag.
 TAG = re.compile(r'(?<![\w\])}])\((\d{1,2})\)')
 
 
 @dataclass(frozen=True, order=True)
 class Place:
     """
-    A function, class or module that has the tag of an equation.
+    Function, class or module that has the tag of an equation.
 
-    :ivar module: dotted name.
-    :ivar name: of the function or class in it; empty for the module.
+    :ivar module: dotted name of the module.
+    :ivar name: name of the function or class in it; empty for the module.
     """
 
     module: str
@@ -45,10 +45,10 @@ class Place:
 
 def equation_map(core: Path) -> dict[int, list[Place]]:
     """
-    Return where each equation is computed.
+    Return the places that compute each equation.
 
-    A comment with the tag, or a docstring whose summary has it, marks what computes an equation.
-    Only where an equation has neither, longer docstrings count, and then those of modules.
+    A tag in a comment or in the summary of a docstring marks the place. For an equation without
+    such a tag, the other text of docstrings counts; without that, docstrings of modules count.
 
     :param core: folder of the package `isotruss_ros.core`.
     """
@@ -63,7 +63,7 @@ def equation_map(core: Path) -> dict[int, list[Place]]:
 
 
 def _tags(source: str) -> Iterator[tuple[int, int, str]]:
-    """Yield the equation, how weakly it is claimed (0 to 2), and the function or class."""
+    """Yield the equation, the rank (0 strongest, 2 weakest) and the place of each tag."""
     tree = ast.parse(source)
     definitions = list(_definitions(tree, ''))
     for token in tokenize.generate_tokens(io.StringIO(source).readline):
@@ -91,19 +91,19 @@ def _definitions(node: ast.AST, prefix: str) -> Iterator[tuple[str, ast.AST]]:
 
 
 def _numbers(text: str) -> set[int]:
-    """Return the equations that a text names."""
+    """Return the numbers of the equations in a text."""
     return {int(number) for number in TAG.findall(text)} & set(EQUATIONS)
 
 
 def page(core: Path, statements: Path) -> str:
     """
-    Return the page of equations: what each states, and the functions that compute it.
+    Return the page of equations: the statement of each, and the functions that compute it.
 
-    Functions link to their files, which is what a code host can show; `link_reference` makes them
-    links to the reference.
+    Functions are linked to their files, which a code host can show. `link_reference` changes these
+    links to the API reference.
 
     :param core: folder of the package.
-    :param statements: YAML file with the equations of the paper, by the part that they belong to.
+    :param statements: YAML file with the statements of the equations, by part of the paper.
     """
     places = equation_map(core)
     parts = [HEAD]
@@ -119,16 +119,17 @@ def page(core: Path, statements: Path) -> str:
 
 
 def _link(place: Place) -> str:
-    """Return a link to the file of a place, seen from a page in docs/."""
+    """Return a link from a page in docs/ to the file of a place."""
     name = f'{place.module}.{place.name}'.rstrip('.').removeprefix('isotruss_ros.')
     return f'[`{name}`](../{place.module.replace(".", "/")}.py)'
 
 
 def link_reference(text: str) -> str:
     """
-    Return a page whose links to functions lead to the reference of the site.
+    Return a page whose links to functions lead to the API reference.
 
-    :param text: page with links to files. Private names, which the reference lacks, lose theirs.
+    :param text: page with links to files; links to private names, which the reference does not
+        have, are removed.
     """
 
     def link(match: re.Match[str]) -> str:

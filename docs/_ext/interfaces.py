@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the nodes declare: topics, services, actions and parameters, read from running nodes."""
+"""Topics, services, actions and parameters of the nodes, read from running nodes."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import HistoryPolicy, QoSProfile
 
-#: What every node has by rclpy, or by our framework; the page of all nodes has these.
+#: Topics that all nodes have by rclpy or by our framework.
 COMMON_TOPICS = ('/rosout', '/parameter_events', '/clock', '/diagnostics', '/tf')
 COMMON_PARAMETERS = ('use_sim_time', 'start_type_description_service')
 COMMON_PACKAGES = ('rcl_interfaces', 'lifecycle_msgs', 'type_description_interfaces')
@@ -26,7 +26,7 @@ COMMON_PACKAGES = ('rcl_interfaces', 'lifecycle_msgs', 'type_description_interfa
 
 @dataclass
 class Entity:
-    """A topic, service or action: its type and the qualities of service asked for."""
+    """Types and qualities of service of a topic, service or action."""
 
     types: list[str] = field(default_factory=list)
     qos: list[str] = field(default_factory=list)
@@ -34,7 +34,7 @@ class Entity:
 
 @dataclass(frozen=True)
 class Declared:
-    """A parameter as it is declared."""
+    """Declaration of a parameter."""
 
     name: str
     default: Any
@@ -45,7 +45,7 @@ class Declared:
 
 @dataclass
 class Interface:
-    """All that a node declares, by name."""
+    """Declarations of a node, by name."""
 
     subscribed: dict[str, Entity] = field(default_factory=dict)
     published: dict[str, Entity] = field(default_factory=dict)
@@ -55,12 +55,12 @@ class Interface:
 
 
 def node_classes() -> dict[str, Callable[..., Node]]:
-    """Return the classes of the executables, by name."""
+    """Return the classes of the nodes by the names of their executables."""
     return {name: find_node(name) for name in sorted(NODES)}
 
 
 def interfaces() -> dict[str, Interface]:
-    """Bring every node up, one after the other, and return what each declares."""
+    """Start the nodes one after another, and return the interface of each."""
     found = {}
     for name, kind in node_classes().items():
         found[name] = _interface(kind)
@@ -87,7 +87,7 @@ def _running(kind: Callable[..., Node], overrides: Sequence[Parameter]) -> Itera
 def _interface(
     kind: Callable[..., Node], found: Interface | None = None, *overrides: Parameter
 ) -> Interface:
-    """Return what a node declares, added to what was found before with other parameters."""
+    """Return the interface of a node, added to its interface with other parameters."""
     first = found is None
     found = found or Interface()
     with _running(kind, overrides) as node:
@@ -110,7 +110,7 @@ def _interface(
 def _add(
     entities: dict[str, Entity], name: str, kind: type, profile: QoSProfile | None = None
 ) -> None:
-    """Take an entity; one name may have several types and qualities of service."""
+    """Add an entity; one name may have several types and qualities of service."""
     if name in COMMON_TOPICS or name.endswith('/transition_event'):
         return
     entity = entities.setdefault(name.lstrip('/'), Entity())
@@ -122,7 +122,7 @@ def _add(
 
 
 def qos_words(profile: QoSProfile) -> str:
-    """Return reliability, durability and depth."""
+    """Return reliability, durability and depth of a quality of service in words."""
     reliability = profile.reliability.name.lower().replace('_', '-')
     durability = profile.durability.name.lower().replace('_', ' ')
     whole = profile.history == HistoryPolicy.KEEP_ALL

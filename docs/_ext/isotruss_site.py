@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Sphinx extension: the parts of the pages that are generated from the code.
+Sphinx extension that generates parts of the pages from the code.
 
-A fenced block whose info string is one of `BLOCKS` is replaced before the page is parsed, so that
-the headings in what is generated are headings of the page.
+A fenced block whose info string is one of `BLOCKS` is replaced before the page is parsed. So
+headings in the generated text are headings of the page.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ from sphinx.errors import ExtensionError
 TOP = Path(isotruss_ros.__file__).resolve().parents[1]
 FENCE = re.compile(r'^```\{([\w-]+)\}(.*)\n((?:(?!```).*\n)*?)```$', re.MULTILINE)
 
-#: What the page of a carry plays, below the sources.
+#: Recording that the page of a carry plays, below the sources.
 CARRY = Path('images', 'carry.mcap')
 
-#: What generates each block, from its argument and its lines.
+#: Functions that generate the blocks, from a block's argument and its lines.
 BLOCKS: dict[str, Callable[[str, str], str]] = {
     'node-interface': lambda node, text: node_pages.node_tables(node, notes(text)),
     'quality-of-service': lambda _argument, _text: node_pages.quality_table(),
@@ -42,7 +42,7 @@ BLOCKS: dict[str, Callable[[str, str], str]] = {
 
 
 def notes(text: str) -> dict[str, str]:
-    """Return `name: note` by name; lines that are indented go on with the note before."""
+    """Return the notes of lines `name: note` by name; an indented line continues a note."""
     found: dict[str, str] = {}
     for line in text.splitlines():
         if line.startswith(' '):
@@ -63,7 +63,7 @@ def source_file(path: Path) -> str:
 
 
 def repository_page(path: Path) -> str:
-    """Return a page from the top of the repository, its links as seen from the site."""
+    """Return a page of the repository's top folder, with its links relative to the site."""
     return path.read_text(encoding='utf-8').replace('](docs/', '](').strip()
 
 
@@ -71,8 +71,8 @@ def expand(text: str, page: str) -> str:
     """
     Return a page with its blocks generated.
 
-    :param text: its source.
-    :param page: its name, for messages.
+    :param text: source of the page.
+    :param page: name of the page, for messages.
     :raises ExtensionError: a block cannot be generated.
     """
 
@@ -111,7 +111,7 @@ def _docstring(
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Connect to Sphinx."""
+    """Connect the extension to Sphinx."""
     app.connect('builder-inited', _begin)
     app.connect('source-read', _read)
     app.connect('autodoc-process-docstring', _docstring)

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The interface tables of the pages of the nodes, in Markdown."""
+"""Interface tables for the pages of the nodes, in Markdown."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ The interface package `isotruss_msgs`, as in `msg_defs/`. `message` is in words:
 what would be right. An action succeeds with its code 0 only. Everything is planar: only x, y and
 the rotation about z count. `t/j` is a module, `t/j-k` a member ([names](robot_file.md))."""
 
-#: What is said of these topics on every page that says nothing else of them.
+#: Notes on topics, for pages that have no other note on them.
 COMMON_NOTES = {
     'joint_states': 'roller travel since home [m] by roller name',
     'state_estimate': 'of [state_estimator](state_estimator.md), where it runs',
@@ -30,7 +30,7 @@ COMMON_NOTES = {
     'tube_pressures': 'pressure of a tube [Pa], its name as `frame_id`; see `ambient_pressure`',
 }
 
-#: Headings, and the attributes of an interface that stand under them.
+#: Headings of sections, and the attributes of an interface in each.
 SECTIONS = {
     'Subscribed topics': 'subscribed',
     'Published topics': 'published',
@@ -41,7 +41,7 @@ SECTIONS = {
 
 @functools.cache
 def all_interfaces() -> dict[str, Interface]:
-    """Return the interfaces of all nodes, read once."""
+    """Return the interfaces of all nodes from a cache."""
     return interfaces()
 
 
@@ -49,10 +49,10 @@ def node_tables(node: str, notes: dict[str, str]) -> str:
     """
     Return the sections of a node: topics, services, actions, parameters.
 
-    :param node: name of its executable.
-    :param notes: what to say about each topic, service and action, beside `COMMON_NOTES`; where a
-        name is subscribed and published, both get it.
-    :raises ValueError: a name has no note, or a note has no such name.
+    :param node: name of the node's executable.
+    :param notes: notes on topics, services and actions besides `COMMON_NOTES`; if a name is both
+        subscribed and published, both rows get its note.
+    :raises ValueError: a name has no note, or a note has an unknown name.
     """
     interface = all_interfaces()[node]
     names = {name for part in SECTIONS.values() for name in getattr(interface, part)}
@@ -75,7 +75,7 @@ def node_tables(node: str, notes: dict[str, str]) -> str:
 
 
 def quality_table() -> str:
-    """Return the qualities of service of all topics, publishers beside subscribers."""
+    """Return the qualities of service of all topics, for publishers and subscribers."""
     published: dict[str, list[str]] = {}
     subscribed: dict[str, list[str]] = {}
     for interface in all_interfaces().values():
@@ -95,9 +95,9 @@ def quality_table() -> str:
 
 def interface_files(folder: Path) -> str:
     """
-    Return the page of messages, services and actions, a section each.
+    Return the page of messages, services and actions, with a section for each.
 
-    :param folder: of the interface package.
+    :param folder: folder of the interface package.
     """
     parts = [INTERFACES_HEAD]
     for path in sorted(folder.glob('*/*.*')):
@@ -109,7 +109,7 @@ def interface_files(folder: Path) -> str:
 
 
 def markdown_table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
-    """Return a table; bars in cells are escaped."""
+    """Return a table in Markdown; bars in cells are escaped."""
     lines = [list(head)]
     lines.append(['---'] * len(lines[0]))
     lines += [[str(cell).replace('|', '\\|') for cell in row] for row in rows]
@@ -117,7 +117,7 @@ def markdown_table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
 
 
 def _entities(entities: dict[str, Entity], notes: dict[str, str]) -> str:
-    """Return one table."""
+    """Return the table of a section."""
     rows = (
         (f'`{name}`<br>{" or ".join(map(_type, entity.types))}', notes[name])
         for name, entity in sorted(entities.items())
@@ -126,7 +126,7 @@ def _entities(entities: dict[str, Entity], notes: dict[str, str]) -> str:
 
 
 def _type(full: str) -> str:
-    """Return a type, linked where it is ours."""
+    """Return the name of a type, linked if it is a type of this package."""
     package, name = full.split('/')
     if package != 'isotruss_msgs':
         return f'`{full}`'
@@ -135,7 +135,7 @@ def _type(full: str) -> str:
 
 
 def _shown(value: Any) -> str:
-    """Return a value as a parameter file has it."""
+    """Return a value as in a parameter file."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, float):

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The promises of the safety page and the tests that hold them."""
+"""Promises of the safety page, and the tests of them."""
 
 from __future__ import annotations
 
@@ -10,26 +10,26 @@ import re
 
 from ruamel.yaml import YAML
 
-#: In the text, after a promise: {promise}`name`.
+#: Role after a promise in the text: {promise}`name`.
 ROLE = re.compile(r'\{promise\}`([\w-]+)`')
 
 
 def promised(page: str) -> list[str]:
-    """Return the names of the promises that a page makes, in its order."""
+    """Return the names of the promises on a page, in its order."""
     return ROLE.findall(page)
 
 
 def load(path: Path) -> dict[str, list[str]]:
     """
-    Return the tests, `file::function`, that hold each promise.
+    Return the tests, `file::function`, of each promise.
 
-    :param path: of the YAML file that maps them.
+    :param path: path of the YAML file that maps promises to tests.
     """
     return YAML(typ='safe').load(path)
 
 
 def link_roles(page: str) -> str:
-    """Return a page whose promises link to their tests in the appendix."""
+    """Return a page whose promises are linked to their tests in the appendix."""
     return ROLE.sub(lambda match: f'<sup>[tests](#tests-{match[1]})</sup>', page)
 
 
@@ -37,8 +37,8 @@ def appendix(path: Path, tests: Path) -> str:
     """
     Return the promises with their tests, as Markdown.
 
-    :param path: of the YAML file that maps them.
-    :param tests: folder of the tests, in which each named file is somewhere.
+    :param path: path of the YAML file that maps promises to tests.
+    :param tests: folder of the tests.
     """
     files = {file.stem: file.relative_to(tests.parent) for file in tests.rglob('test_*.py')}
     parts = []

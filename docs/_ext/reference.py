@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The pages of the API reference: one for the facade, one for each package of the core."""
+"""Pages of the API reference: one for the public API, one for each package of the core."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from isotruss_ros import core
 from isotruss_ros.core.model.presets import config_directory
 from node_pages import markdown_table
 
-#: From below to above, as packages may import.
+#: Packages of the core in the order of their imports.
 PACKAGES = (
     'numerics',
     'model',
@@ -35,13 +35,13 @@ PACKAGES = (
 )
 
 
-#: The example at the head of each page: a section of this file each.
+#: File with the example at the head of each page, one section for each.
 EXAMPLES = Path(__file__).with_name('package_examples.md')
 EXAMPLE = re.compile(r'^## (\w+)\n\n```python\n(.*?)\n```', re.MULTILINE | re.DOTALL)
 
 
 def facade_table() -> str:
-    """Return the public names of `isotruss_ros.core`, with what each is."""
+    """Return a table of the public names of `isotruss_ros.core` with their summaries."""
     rows = []
     for name in core.__all__:
         thing = getattr(core, name)
@@ -52,7 +52,7 @@ def facade_table() -> str:
 
 
 def range_table() -> str:
-    """Return the ranges of the numbers of a robot file, with the reasons, from its schema."""
+    """Return a table of the ranges of a robot file's numbers, with reasons, from its schema."""
     schema = json.loads((config_directory() / 'robot.schema.json').read_text(encoding='utf-8'))
     rows = []
     for block, content in schema['properties'].items():
@@ -67,10 +67,11 @@ def range_table() -> str:
 
 def write_pages(folder: Path) -> None:
     """
-    Write a page for each package of the core: a sentence, an example, all its modules.
+    Write a page for each package of the core: a sentence, an example, and all modules.
 
-    :param folder: where the pages go; made if need be. A page that is the same stays untouched.
-    :raises ValueError: packages, pages and examples are not the same.
+    :param folder: folder of the pages, which is created if necessary. Unchanged pages are not
+        written.
+    :raises ValueError: packages, pages and examples do not correspond.
     """
     folder.mkdir(exist_ok=True)
     found = {info.name for info in pkgutil.iter_modules(core.__path__)} - {'errors'}
@@ -89,7 +90,7 @@ def write_pages(folder: Path) -> None:
 
 
 def _page(package: str, example: str) -> str:
-    """Return the page of a package, or of a single module."""
+    """Return the page of a package or of a single module."""
     module = importlib.import_module(package)
     title = package.removeprefix('isotruss_ros.')
     code = [
@@ -110,9 +111,10 @@ def _page(package: str, example: str) -> str:
 
 def escape_docstring(lines: list[str]) -> None:
     """
-    Escape what our docstrings write and reStructuredText would take for markup.
+    Escape characters of docstrings that reStructuredText would interpret as markup.
 
-    :param lines: of a docstring; changed in place. Indented blocks after `::` stay.
+    :param lines: lines of a docstring, which are changed in place. Indented blocks after `::` are
+        not changed.
     """
     literal = False
     for i, line in enumerate(lines):

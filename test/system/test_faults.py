@@ -154,7 +154,7 @@ def test_a_latched_stop_persists_when_the_node_restarts(r):
     w.probe.stops.publish(Bool(data=True))
     r.until(lambda: w.code() == Status.HALT_EMERGENCY_STOP)
     r.check_at_rest()
-    r.signal('manipulation', signal.SIGKILL)
+    r.alive.pop('manipulation').stop()
     w.probe.seen['status'].clear()
     w.probe.seen['command'].clear()
     start(r, 'manipulation', require_emergency_stop=True)
@@ -178,7 +178,7 @@ def test_two_manipulation_nodes_halt_until_one_of_them_ends(r):
     r.until(both_halt)
     assert 'another node publishes on roller_velocity' in r.w.probe.last('status').message
     r.check_at_rest()
-    r.signal('first', signal.SIGKILL)
+    r.alive.pop('first').stop()
     heard.clear()
     r.until_moving()
     assert not any(message.failed_rollers for _, message in heard)
@@ -215,7 +215,7 @@ sys.exit(run(Mistaken))
 def test_an_unexpected_error_stops_the_rollers_and_the_services_remain(r, tmp_path):
     script, log = tmp_path / 'mistaken.py', tmp_path / 'mistaken.txt'
     script.write_text(MISTAKEN)
-    r.signal('manipulation', signal.SIGKILL)
+    r.alive.pop('manipulation').stop()
     with log.open('wb') as output:
         process = subprocess.Popen([sys.executable, str(script)], stdout=output, stderr=output)
         try:

@@ -251,13 +251,14 @@ def test_an_object_is_picked_where_it_was_placed(tmp_path, shape, draw):
                 assert np.hypot(*(client.place() - there[:2])) < 1e-2
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ('stage', 'progress'),
     [
-        pytest.param(PickObject.Feedback.PLANNING, 0.0, marks=pytest.mark.nightly),
+        (PickObject.Feedback.PLANNING, 0.0),
         (PickObject.Feedback.APPROACHING, 0.0),
         # A grip that only begins to close does not press yet.
-        pytest.param(PickObject.Feedback.CLOSING, 0.3, marks=pytest.mark.nightly),
+        (PickObject.Feedback.CLOSING, 0.3),
     ],
     ids=['planning', 'approaching', 'closing'],
 )

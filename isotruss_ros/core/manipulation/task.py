@@ -108,7 +108,7 @@ def working_rollers(robot: Robot, failed: frozenset[str]) -> WorkingRollers:
 
 
 def _even(cost: Array) -> Array:
-    """Return the matrix E (w, w) with |C E y| = |y| for a cost C^T C."""
+    """Return E (w, w) with |C E y| = |y|, where C^T C is the cost matrix."""
     return np.linalg.inv(np.linalg.cholesky(cost)).T
 
 
