@@ -15,9 +15,9 @@ from isotruss_ros.core.statics.bent_tubes import BentTubes, Displaced
 from isotruss_ros.core.statics.structure import Structure
 import numpy as np
 
-#: Largest motion of a node between similar grasps with one factorisation [m]. Each step of the
-#: iteration for the bent tubes then reduces the error a hundredfold.
-KEPT_MOTION = 4e-4
+#: Ratio of a motion to the one before in the iteration for the bent tubes, relative to the latter
+#: and the motion since the compliance was computed [1/m].
+TUBE_CURVATURE = 15.0
 #: Smallest distance of a point from the end of its piece of tube, relative to the spacing [-].
 SHORTEST_SHARE = 0.2
 
@@ -150,7 +150,8 @@ class ContactPoints:
         :param bent: the tubes, at any places.
         """
         alike = not bent.is_straight and bent.structure.pressures == self.bent.structure.pressures
-        near = alike and self._apart(bent) <= KEPT_MOTION
+        # Errors shrink a hundredfold by each motion.
+        near = alike and TUBE_CURVATURE * self._apart(bent) <= 0.01
         if near:
             bent.tangent.borrow(self.bent.tangent)
         return near
