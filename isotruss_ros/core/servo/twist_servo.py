@@ -145,7 +145,7 @@ class TwistServo:
         """
         if 'failed' in inputs:
             inputs['failed'] = frozenset(inputs['failed'])
-            working_rollers(self.robot, inputs['failed'])
+            working_rollers(self.robot.topology, inputs['failed'])
         self._inputs = self._inputs._replace(**inputs)
 
     @single_threaded
