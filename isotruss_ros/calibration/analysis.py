@@ -117,7 +117,7 @@ def _without_outliers(group: Group, unused: dict[str, list[int]]) -> Group:
 def _without_outlying_groups(
     slopes: Mapping[str, list[Slope]], radius: float, unused: dict[str, list[int]]
 ) -> dict[str, list[Slope]]:
-    """Return slopes without the outliers of the beam, and store their rows as unused."""
+    """Return slopes without the outliers of the fitted beam, and store their rows as unused."""
     found = [slope for mode in MODES for slope in slopes[mode]]
     ratios = outlying_ratios(*_measured(found), radius)
     for slope, ratio in zip(found, ratios, strict=True):
@@ -129,7 +129,7 @@ def _without_outlying_groups(
 
 
 def _require_plausible(fitted: FittedBeam) -> None:
-    """Raise MeasurementError for implausible constants that the points determine."""
+    """Raise MeasurementError if constants that the points determine are implausible."""
     for name, (low, high) in PLAUSIBLE_RANGES.items():
         value = getattr(fitted.constants, name)
         known = getattr(fitted.high, name) < np.inf

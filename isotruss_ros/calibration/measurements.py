@@ -72,7 +72,7 @@ class Group:
 
 @dataclass(frozen=True, eq=False)
 class Presses:
-    """Tests with cylinders pressed into the middle of a clamped tube, one point for each."""
+    """Tests in which a cylinder presses into the middle of a clamped tube, with one point each."""
 
     pressures: Array  #: (n,) gauge pressures [Pa]
     lengths: Array  #: (n,) lengths of the tube between the clamps [m]

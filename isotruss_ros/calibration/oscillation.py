@@ -52,7 +52,7 @@ def fit_oscillation(times: ArrayLike, poses: ArrayLike, arm: float) -> Oscillati
     at, moved = at - at[0], (moved - moved.mean(axis=0)) * (1.0, 1.0, arm)
 
     def split(shape: Array) -> tuple[Array, Array]:
-        """Return the fitted motion with its position of rest, and the residual."""
+        """Return the fitted motion, including its rest position, and the residual."""
         damped, frequency = np.exp(-shape[0] * at), shape[1]
         basis = damped * np.array([np.cos(frequency * at), np.sin(frequency * at)])
         columns = np.column_stack([*basis, np.ones_like(at)])

@@ -59,7 +59,7 @@ class StampedInput(NamedTuple):
 
     :ivar value: the value.
     :ivar time: time at which it is valid [s].
-    :ivar rejected: last message that was rejected since then; None without one.
+    :ivar rejected: last message rejected after `time`, with the reason; None without one.
     """
 
     value: Any

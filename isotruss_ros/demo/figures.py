@@ -132,7 +132,7 @@ def describe_grasp(
 
 
 def _free_corner(config: Configuration, box: Box) -> tuple[float, ...]:
-    """Return the corner (x, y, width, height) of axes that covers the least of the robot [-]."""
+    """Return the axes (x, y, width, height) in the corner that hides least of the robot [-]."""
     share = np.linspace(0.0, 1.0, 20)
     begin, end = member_lines(config).T[..., None]
     line = (begin + share * (end - begin)).ravel()

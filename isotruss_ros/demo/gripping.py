@@ -123,7 +123,7 @@ class Gripping:
         return result.grasps[0], result
 
     def _planned_blindly(self, result: PlanGrasp.Result) -> bool:
-        """Return whether a path starts away from the true rollers, or the state is unknown."""
+        """Return whether a path starts far from the measured rollers, or had no measurement."""
         if result.code != PlanGrasp.Result.FOUND:
             return result.code == PlanGrasp.Result.NO_JOINT_STATES
         begin = np.array(result.grasps[0].path.points[0].positions)

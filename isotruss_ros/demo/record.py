@@ -81,7 +81,7 @@ class PhaseRecord:
 
     @property
     def refused(self) -> float:
-        """Return the distance between the ends of commanded and accepted twists [m]."""
+        """Return the distance between the ends of requested and accepted twists [m]."""
         return float(np.linalg.norm((self.accepted - self.commanded)[:2]))
 
     @property

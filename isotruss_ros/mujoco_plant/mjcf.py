@@ -200,7 +200,7 @@ def _add_member(
 def _add_constraints(
     equality: ET.Element, tendon: ET.Element, robot: Robot, i: int, counts: Indices
 ) -> None:
-    """Connect member i with C of the next module, and add the bisection at module i."""
+    """Add the connection of member i to C of the next module, and the bisection at module i."""
     topology, names = robot.topology, robot.topology.module_names
     ring = robot.description.module.guide_ring_distance
     ET.SubElement(

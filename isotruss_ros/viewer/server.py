@@ -123,7 +123,7 @@ class Gate:
 
 
 class _Server(viser.ViserServer):
-    """Server that a page cannot make public."""
+    """Server that refuses viser's tunnel, by which a page could make it public on the internet."""
 
     def request_share_url(self, verbose: bool = True) -> None:
         """Refuse a tunnel to the network, which a page can request by a message."""

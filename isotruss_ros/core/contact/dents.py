@@ -71,7 +71,8 @@ class SkinIndentation:
         """
         Return the depth [m] and its derivative by the force [m/N]; linear beyond the table.
 
-        :param force: normal force [N]; a negative force has a negative depth, for searches.
+        :param force: normal force [N]; a search may pass a negative force, which has a negative
+            depth.
         """
         piece, x, beyond, per_force = self._locate(force)
         a, b, c, d = self._pieces[piece]
@@ -80,7 +81,7 @@ class SkinIndentation:
         return math.copysign(depth, force), slope * per_force
 
     def _locate(self, force: float) -> tuple[int, float, float, float]:
-        """Return interval, position inside and beyond it, and derivative by the force."""
+        """Return interval, place in it, excess over the table, and the place's derivative."""
         size = max(abs(force), 1e-9)
         place = size**DEPTH_EXPONENT
         inside = min(place, self._places[-1])

@@ -72,7 +72,7 @@ class LostContact:
 
     @property
     def slip_margin(self) -> float:
-        """Return the continued slip margin: minus the wrench, minus p R times the gap [N]."""
+        """Return the slip margin without equilibrium: -(wrench norm) - p R (gap), negative [N]."""
         return -self.wrench - self.stiffness * self.gap
 
     def slip_margin_rates(self) -> tuple[Array, Array]:

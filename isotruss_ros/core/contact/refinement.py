@@ -73,7 +73,8 @@ def refine_contact(
     :param spacing: largest distance of the points [m].
     :param flattening: local compliance of the tubes.
     :param solver: `solve_contact`, `solve_sliding_contact` or `relax_contact`.
-    :param previous: contact of a similar grasp; None: a search.
+    :param previous: contact of a similar grasp, whose regions are refined; None: regions are
+        searched.
     :param budget: largest number of points when the spacing is divided; None: the shortest region
         determines the divisor.
     :return: the contact, with points from one spacing before each contact region to one behind it.
@@ -204,7 +205,7 @@ class _Search:
     def _solve_bent(
         self, points: ContactPoints, push: Points, solve: Callable[[BentTubes], Found]
     ) -> Found:
-        """Solve with tubes bent by the contact forces, or by a smaller share if that fails."""
+        """Solve with tubes bent by the contact forces, or by a share of these if that fails."""
         for share in BENT_SHARES:
             try:
                 return solve(points.bend_on(push, share))
@@ -214,7 +215,7 @@ class _Search:
         raise AssertionError
 
     def bend(self, found: SolvedContact) -> SolvedContact:
-        """Solve at these points until the tubes are linearised about the solution."""
+        """Solve at these points repeatedly, with tubes linearised about the last solution."""
         surface, last, quick = self.surface.resolved(found.points.spacing), np.inf, True
         points, contact = found.points, found.contact
         for _ in range(MAX_SEARCH_STEPS):
@@ -263,7 +264,7 @@ def _carry_over(before: SolvedContact, points: ContactPoints) -> Points:
 
 
 def _division(regions: Array, spacing: float, budget: int | None = None) -> int:
-    """Return the divisor of the spacing, by the shortest region or by a budget of points."""
+    """Return the divisor of the spacing for the shortest region, or for a budget of points."""
     length = (regions[:, 1] - regions[:, 0])[_touched(regions)[:, 0]]
     if budget is not None:
         points = (length + 2.0 * SEARCH * spacing).sum() / spacing
@@ -274,7 +275,7 @@ def _division(regions: Array, spacing: float, budget: int | None = None) -> int:
 
 
 def _is_division_clear(regions: Array, spacing: float) -> bool:
-    """Return whether regions longer or shorter by `LENGTH_SPREAD` have the same divisor."""
+    """Return whether regions changed by the share `LENGTH_SPREAD` have the same divisor."""
     shorter, longer = (
         _division((1.0 + change) * regions, spacing) for change in (-LENGTH_SPREAD, LENGTH_SPREAD)
     )

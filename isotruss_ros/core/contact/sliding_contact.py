@@ -150,7 +150,7 @@ def _slide(
 
 
 def _limit(normals: Points, bent: Points, side: Array) -> tuple[Points, Flags]:
-    """Return normals (c,) with bounded inclination, and the mask of the bounded ones."""
+    """Return normals (c,) whose inclination is bounded, and the mask of those at the bound."""
     local = normals * bent.conj()
     steep = side * local.imag < STEEPEST.real
     if not steep.any():

@@ -40,7 +40,8 @@ class ContactWalk:
         self.length = self.deviations = 0.0
         self._moved, self._walked = np.zeros(3), np.zeros((3, 3))
         self._attached: Array | float = 0.0  # changes of the considered derivatives, see `attach`
-        self._sums: deque[_Sum] = deque()
+        #: Sums of each interval in order.
+        self._sums: tuple[deque[_Sum], ...] = tuple(deque() for _ in SUM_INTERVALS)
 
     def spread(self, more: Array) -> None:
         """
@@ -79,18 +80,18 @@ class ContactWalk:
         :param spread: (c, c) covariance of the considered states.
         """
         considered = considered - self._attached
-        self._sums.append(_Sum(time, self._moved, self._walked, unsure, considered))
+        added = _Sum(time, self._moved, self._walked, unsure, considered)
         self._moved = self._moved + moved
-        while time - self._sums[0].time > SUM_INTERVALS[-1]:
-            self._sums.popleft()
-        self.deviations = self.length = 0.0
-        for span in SUM_INTERVALS:
-            first = next(each for each in self._sums if time - each.time <= span)
-            sum_ = self._moved - first.moved
-            changed = considered - first.considered
-            allowed = first.unsure + self._walked - first.walked + noise
-            allowed = allowed + changed @ spread @ changed.T
-            length = math.hypot(*sum_)
-            size = math.sqrt(sum_ @ np.linalg.solve(allowed, sum_))
-            self.length = max(self.length, length)
-            self.deviations = max(self.deviations, size)
+        for sums, interval in zip(self._sums, SUM_INTERVALS, strict=True):
+            sums.append(added)
+            while time - sums[0].time > interval:
+                sums.popleft()
+        _, before, walked, unsure, changed = map(
+            np.array, zip(*(sums[0] for sums in self._sums), strict=True)
+        )
+        moved, changed = self._moved - before, considered - changed
+        allowed = unsure + self._walked - walked + noise
+        allowed += changed @ spread @ changed.transpose(0, 2, 1)
+        squares = np.einsum('ij,ij->i', moved, np.linalg.solve(allowed, moved))
+        self.length = float(np.hypot.reduce(moved, axis=1).max())
+        self.deviations = math.sqrt(squares.max())

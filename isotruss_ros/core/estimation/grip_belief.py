@@ -60,14 +60,14 @@ LOAD, BIAS, DELAY, SHIFTS = slice(0, 3), slice(3, 6), 6, 7
 
 
 class _Rates(NamedTuple):
-    """Derivatives of pose (3, .) and squeeze (.,); rotations times the characteristic radius."""
+    """Derivatives of pose (3, p) and squeeze (p,); rotations times the characteristic radius."""
 
     pose: Array
     squeeze: Array
 
     @classmethod
     def zero(cls, size: int) -> _Rates:
-        """Return zero derivatives by a state (size,)."""
+        """Return zero derivatives by `size` quantities."""
         return cls(np.zeros((3, size)), np.zeros(size))
 
 
@@ -147,6 +147,11 @@ class GripBelief:
         return self.grasp.squeeze + float(self._pending[3] + give)
 
     @property
+    def differentiated(self) -> HeldGrip:
+        """Return the equilibrium of the derivatives, within `MAX_RATE_TRAVEL` of roller travel."""
+        return self._differentiated  # type: ignore[return-value]
+
+    @property
     def squeeze_deviation(self) -> float:
         """Return the standard deviation of the squeeze, including the model error [N]."""
         own, rates = self._rates.squeeze, self._considered_rates.squeeze
@@ -176,6 +181,17 @@ class GripBelief:
         by_considered = rates / self._even[:, None] + own @ self._sensitivity
         spread = own @ self._covariance @ own.T
         return spread + by_considered @ self._considered @ by_considered.T
+
+    def explains(self, pose: Pose) -> bool:
+        """
+        Return whether offsets, stiffness and noise explain a pose without external load.
+
+        :param pose: measured pose of the object.
+        """
+        off = self._even * pose_difference(pose, self.grasp.pose)
+        rates, noise = self._considered_rates.pose, np.diag(self.noise.variances)
+        spread = rates @ self._considered @ rates.T + noise
+        return float(off @ np.linalg.solve(spread, off)) <= MAX_DEVIATIONS**2
 
     def joint_rates(self) -> Array:
         """Return the derivatives (2j, r) of the joints by the roller offsets at a fixed object."""
@@ -218,7 +234,7 @@ class GripBelief:
 
     @property
     def slipped(self) -> bool:
-        """Return whether corrections and load exceed noise and expected loads."""
+        """Return whether corrections and load exceed their expected spread, which means slip."""
         return self.slip_deviations > MAX_DEVIATIONS
 
     @property
@@ -488,7 +504,7 @@ class GripBelief:
         self._sensitivity[:SHIFTS] = sensitivity[:SHIFTS]
 
     def _differentiate(self, grasp: HeldGrip) -> None:
-        """Compute the derivatives by offsets at fixed contacts, and by the stiffness."""
+        """Compute the derivatives by roller offsets at fixed contacts, and by stiffness."""
         found, count = held_gradient(grasp), len(grasp.config.roller_positions)
         travel = travel_rates(grasp.config, grasp.contacts.members)
         along, anchors = grasp.statics.sides[:, None] * travel, slice(count + 4, None)

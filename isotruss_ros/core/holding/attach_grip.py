@@ -42,9 +42,9 @@ from isotruss_ros.core.holding.held_grip import (
     scaled_wrench,
     travel_rates,
 )
-from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.kinematics.configuration import Configuration, MAX_FIRST_ORDER_TRAVEL
 from isotruss_ros.core.kinematics.depths import member_depths
-from isotruss_ros.core.manipulation.grip import MAX_MEMBERS
+from isotruss_ros.core.manipulation.grip import GRIP_SIZES
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
@@ -55,9 +55,8 @@ from isotruss_ros.core.numerics.tolerances import (
 )
 import numpy as np
 
-#: Largest distance [m] and relative difference of normal forces [-] from the predicted
-#: equilibrium.
-NEAR, LIKE = 2e-3, 0.3
+#: Largest relative difference of normal forces from the predicted equilibrium [-].
+LIKE = 0.3
 #: Largest number of contact hypotheses in a quick search [-]. It finds 95 of the 100 equilibria of
 #: boxes that the whole search finds.
 QUICK_SETS = 2
@@ -91,7 +90,7 @@ def attach_grip(
     depths = member_depths(config, body)
     if members is None:
         count = max(int(np.count_nonzero(depths > 0.0)), 2)
-        if count > MAX_MEMBERS:
+        if count > GRIP_SIZES[-1]:
             raise NotHeldError(HoldStatus.OTHER_CONTACT)
         members = np.argsort(depths, kind='stable')[-count:]
     members = np.sort(np.asarray(members, dtype=np.intp))
@@ -231,7 +230,7 @@ def _solve_nearby(
     moved = np.abs(found[1].unknowns - start)
     far = max(float(moved[CENTER].max()), float(moved[places.feet].max()))
     alike = (moved[places.normal] <= LIKE * np.abs(start[places.normal])).all()
-    return found if far <= NEAR and bool(alike) else None
+    return found if far <= MAX_FIRST_ORDER_TRAVEL and bool(alike) else None
 
 
 def _choices(contacts: PressedContacts) -> list[PressedContacts]:

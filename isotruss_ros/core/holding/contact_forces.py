@@ -135,7 +135,7 @@ class ContactForces:
 
     @functools.cached_property
     def friction_forces(self) -> Array:
-        """Return the friction forces on the tubes, (k,) counter-clockwise around the object."""
+        """Return the friction forces (k,) on the tubes, counter-clockwise round the object [N]."""
         return self.unknowns[self.places.friction]
 
     @property

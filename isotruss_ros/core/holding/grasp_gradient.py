@@ -169,7 +169,7 @@ def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
 
 
 def _lost_gradient(settled: SettledGrasp) -> GraspGradient:
-    """Return the derivatives without an equilibrium, at the given pose of the object."""
+    """Return the derivatives where no equilibrium exists, at the given pose of the object."""
     parameters = GraspParameters.of(settled.lost.config)
     pose = np.zeros((3, parameters.size))
     pose[:, parameters.place] = np.eye(3)

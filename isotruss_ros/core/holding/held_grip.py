@@ -320,7 +320,7 @@ class HeldGrip:
 
 
 def _opening(statics: ContactStatics, state: ContactForces) -> Points:
-    """Return the velocities (k,) of the contacts, x + iy, at an opening rate of 1 m/s [-]."""
+    """Return the contacts' velocities (k,), x + iy, per opening rate of the grip [-]."""
     owners = statics.contacts.owners
     if owners[-1] > 1:
         return 0.5 * state.normals

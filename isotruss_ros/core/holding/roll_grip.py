@@ -34,7 +34,7 @@ from isotruss_ros.core.holding.held_grip import (
 )
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_depths, member_lines
-from isotruss_ros.core.manipulation.grip import MAX_MEMBERS
+from isotruss_ros.core.manipulation.grip import GRIP_SIZES
 from isotruss_ros.core.model.convex_object import segment_gaps
 from isotruss_ros.core.model.shapes import Face
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
@@ -196,7 +196,7 @@ def _lay_down(grip: HeldGrip, changes: Iterator[int]) -> HeldGrip:
 
 def _join(grip: HeldGrip) -> HeldGrip:
     """Return the grip with a third member if it has come into contact."""
-    if len(grip.members) >= MAX_MEMBERS:
+    if len(grip.members) >= GRIP_SIZES[-1]:
         return grip
     depths = member_depths(grip.config, grip.body)
     depths[grip.members] = -np.inf

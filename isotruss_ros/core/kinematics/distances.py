@@ -184,7 +184,7 @@ class CollisionModel:
         self, config: Configuration, parts: Indices | slice, shares: Array, normals: Points
     ) -> Points:
         """
-        Return the gradients by the nodes of the parts' distances from fixed points.
+        Return the gradients (by the nodes) of the distances between parts and fixed points.
 
         :param config: configuration of the robot.
         :param parts: (k,) indices of parts.

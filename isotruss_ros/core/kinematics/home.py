@@ -151,7 +151,7 @@ def _refuse_misfits(
 def _misfit(
     description: RobotDescription, topology: Topology, module: int, what: str
 ) -> RobotFileError:
-    """Return the error for a module that does not fit its corner."""
+    """Return the error that a module does not fit into its corner."""
     size = description.module
     return RobotFileError(
         f'{description.source}: module {topology.module_names[module]} does not fit its corner: '

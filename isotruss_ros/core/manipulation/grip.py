@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 #: Smallest and largest number of members that hold an object [-].
-MIN_MEMBERS, MAX_MEMBERS = 2, 3
+GRIP_SIZES = (2, 3)
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class Grip:
             raise GraspError(f'object {self.body!r}: must be a ConvexObject') from None
         names = (self.members,) if isinstance(self.members, str) else tuple(self.members)
         fits = all(isinstance(name, str) for name in names) and len(names) == len(set(names))
-        if not (fits and MIN_MEMBERS <= len(names) <= MAX_MEMBERS):
+        if not (fits and len(names) in GRIP_SIZES):
             raise GraspError(
                 f'members {quote(", ".join(map(str, names)))}: a grip has two or three different '
                 'members'

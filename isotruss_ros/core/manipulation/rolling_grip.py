@@ -180,14 +180,14 @@ class RollingGrip:
         return _Lines(starts, axes, axes * (-1j * self.sides), travel)
 
     def _touch(self, lines: _Lines) -> _Touch:
-        """Return the invariants at the pose of the object."""
+        """Return the contact invariants (see `_Touch`) at the pose of the object."""
         body = self.grip.body
         return self._touch_there(lines, body.center, body.pose.angle, self.corners)
 
     def _touch_there(
         self, lines: _Lines, center: complex, angle: float, corners: Indices
     ) -> _Touch:
-        """Return the invariants at a given pose with given corners."""
+        """Return the contact invariants (see `_Touch`) at a given pose with given corners."""
         shape, turn, owners = self.shape, cmath.rect(1.0, angle), self.owners
         own = lines.normals * turn.conjugate()
         points = shape.surface_at(corners, own[owners])[0]
@@ -203,7 +203,7 @@ class RollingGrip:
 
 
 class _Touch(NamedTuple):
-    """Invariants of the k contacts of an object at a pose."""
+    """Gaps and anchors of the k contacts of an object, which rolling keeps constant."""
 
     values: Array  #: (2, k) gaps and anchors, see `RollingGrip.kept` [m]
     rows: Array  #: (2 k, 3) derivatives of gaps and anchors by the object's twist

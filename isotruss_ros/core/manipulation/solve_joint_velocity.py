@@ -96,7 +96,9 @@ def solve_joint_velocity(
     nodes = np.array([names.index(joint) for joint in velocities])
     columns = np.stack([2 * nodes, 2 * nodes + 1], axis=1).ravel()
     jacobian = config.roller_rows(np.eye(2 * len(config.points))[columns])
-    working = working_rollers(robot, frozenset([failed] if isinstance(failed, str) else failed))
+    working = working_rollers(
+        robot.topology, frozenset([failed] if isinstance(failed, str) else failed)
+    )
     reach = Reach.of(jacobian, working, np.ones(len(jacobian)))
     command = carry_out(config, reach, desired, limits, handling)
     return JointCommand(**vars(command), joints=tuple(velocities))

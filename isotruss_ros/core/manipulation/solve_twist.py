@@ -75,7 +75,9 @@ def solve_twist(
     usable = desired.dtype == float and desired.shape == (3,)
     if not (usable and all(map(math.isfinite, desired.tolist()))):
         desired = finite_array(twist, 3, 'the twist (vx, vy [m/s], omega [rad/s])', GraspError)
-    working = working_rollers(robot, frozenset([failed] if isinstance(failed, str) else failed))
+    working = working_rollers(
+        robot.topology, frozenset([failed] if isinstance(failed, str) else failed)
+    )
     reach = _find_reach(config, grip, working)
     if cost is not None:
         reach = reach._replace(working=working.with_cost(cost))
@@ -171,6 +173,6 @@ def reachable_twists(config: Configuration, grip: Grip, failed: Collection[str] 
     :raises GraspError: the grip or a name in `failed` is invalid.
     :raises ConfigurationError: the configuration is singular.
     """
-    working = working_rollers(config.robot, frozenset(failed))
+    working = working_rollers(config.robot.topology, frozenset(failed))
     reach = _find_reach(config, grip, working)
     return reach.directions / reach.weights

@@ -16,9 +16,8 @@ import math
 from typing import NamedTuple
 
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.status import Status
-from isotruss_ros.core.model.topology import check_roller_names
+from isotruss_ros.core.model.topology import check_roller_names, Topology
 from isotruss_ros.core.numerics.arrays import Array, finite_array, Indices
 from isotruss_ros.core.numerics.tolerances import COINCIDENCE, EPSILON, ROUNDING, SMALLEST_NORMAL
 import numpy as np
@@ -89,26 +88,26 @@ class WorkingRollers:
 
 
 @functools.lru_cache(maxsize=16)
-def working_rollers(robot: Robot, failed: frozenset[str]) -> WorkingRollers:
+def working_rollers(topology: Topology, failed: frozenset[str]) -> WorkingRollers:
     """
     Return the working rollers of a robot.
 
-    :param robot: the robot.
+    :param topology: topology of the robot.
     :param failed: names of the failed rollers.
     :raises GraspError: the robot has no such roller.
     """
-    check_roller_names('failed rollers', failed, robot.roller_names)
+    check_roller_names('failed rollers', failed, topology.roller_names)
     places = np.array(
-        [i for i, name in enumerate(robot.roller_names) if name not in failed], dtype=int
+        [i for i, name in enumerate(topology.roller_names) if name not in failed], dtype=int
     )
     # (11): J = |Ldot|^2, and Ldot = C phidot keeps the length of each tube (13).
-    incidence = robot.topology.incidence[:, places]
+    incidence = topology.incidence[:, places]
     cost = incidence.T @ incidence
-    return WorkingRollers(len(robot.roller_names), places, cost, _even(cost))
+    return WorkingRollers(len(topology.roller_names), places, cost, _even(cost))
 
 
 def _even(cost: Array) -> Array:
-    """Return the matrix E (w, w) with |C E y| = |y| for a cost C^T C."""
+    """Return E (w, w) with |C E y| = |y|, where C^T C is the cost matrix."""
     return np.linalg.inv(np.linalg.cholesky(cost)).T
 
 

@@ -15,7 +15,7 @@ import math
 
 from isotruss_ros.core.model.outline_checks import check_outline, polygon_moments
 from isotruss_ros.core.model.shapes import Face, Shape, SurfacePoints
-from isotruss_ros.core.model.smooth_outline import CONIC_POINTS, SmoothOutline
+from isotruss_ros.core.model.smooth_outline import SmoothOutline
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 import numpy as np
 
@@ -271,7 +271,7 @@ class Polygon(Shape):
     @cached_property
     def _curve(self) -> SmoothOutline | None:
         """Return the smooth curve through the farthest points of the corners, if it exists."""
-        if len(self.vertices) < CONIC_POINTS or self.turns.max() >= MAX_SAMPLE_TURN:
+        if self.turns.max() >= MAX_SAMPLE_TURN:
             return None
         outward = self.normals + np.roll(self.normals, 1)
         tips = self.arc_centers + self.radii * outward / np.abs(outward)

@@ -22,8 +22,6 @@ from isotruss_ros.core.numerics.tolerances import COINCIDENCE, MAX_NEWTON_ITERAT
 import numpy as np
 import scipy
 
-#: Number of corners that determine a conic [-].
-CONIC_POINTS = 5
 #: Degree of the polynomials between two corners [-].
 DEGREE = 5
 #: Number of samples of the curve between two corners, for bounds and initial guesses [-].
@@ -37,7 +35,7 @@ class SmoothOutline(Shape):
 
     Area, centroid and radius of gyration are taken from the polygon.
 
-    :ivar vertices: (x, y) of `CONIC_POINTS` or more corners, counter-clockwise [m].
+    :ivar vertices: (x, y) of 5 or more corners, counter-clockwise [m].
     """
 
     vertices: tuple[tuple[float, float], ...]
@@ -131,7 +129,7 @@ class SmoothOutline(Shape):
         return self._at(pieces, angles)
 
     def _at(self, pieces: Indices, angles: Array) -> Array:
-        """Return the values (5, k) of polynomials `_pieces` at angles."""
+        """Return the values (5, k) of the polynomials `_pieces` at given angles."""
         powers = (angles - self._angles[pieces]) ** np.arange(DEGREE + 1, -1, -1)[:, None]
         return np.einsum('dpk,pk->dk', self._pieces[:, :, pieces], powers)
 
@@ -201,7 +199,7 @@ def conic_tangents(points: Points) -> Points:
     Each is the tangent of the conic through the point and two points on either side, by Pascal's
     theorem in homogeneous coordinates.
 
-    :param points: (n,) `CONIC_POINTS` or more points, counter-clockwise, x + iy [m].
+    :param points: (n,) 5 or more points, counter-clockwise, x + iy [m].
     """
     size = np.abs(points - points.mean()).max()
     # A hexagon on the conic, two of whose corners are the point: that side is the tangent.

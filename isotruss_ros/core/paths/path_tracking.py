@@ -136,7 +136,7 @@ class PathTracker:
 
     def allow_for_inertia(self, frequency: float) -> None:
         """
-        Extend the ramp; deviations by inertia then stay within the free share of the tolerance.
+        Lengthen the ramps of path time; deviations by inertia then stay within the tolerances.
 
         :param frequency: lowest natural frequency of the held object [rad/s]; 0 if unknown.
         """

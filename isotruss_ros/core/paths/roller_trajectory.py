@@ -19,14 +19,15 @@ from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.numerics.arrays import Array, finite_array
 from isotruss_ros.core.paths.object_path import MAX_DURATION
 from isotruss_ros.core.paths.trajectory_tolerances import TrajectoryTolerances
+from isotruss_ros.core.safety.roller_failure import SETTLING_TIME
 import numpy as np
 from numpy.typing import ArrayLike
 
 #: Decay rate of errors of the roller positions [1/s].
 POSITION_GAIN = 5.0
-#: End tolerance of the rollers [m], and time within it at the end [s]; larger end tolerance for
+#: End tolerance of the rollers, and larger end tolerance for
 #: imprecise drives or encoders of low resolution [m].
-TOLERANCE, SETTLING_TIME, NEAR_TOLERANCE = 2e-5, 0.1, 5e-4
+TOLERANCE, NEAR_TOLERANCE = 2e-5, 5e-4
 #: Largest distance of a roller from the trajectory, at its start and while its time runs [m].
 MAX_LAG = 5e-3
 #: Largest time without progress [s].

@@ -26,6 +26,7 @@ from isotruss_ros.core.planning.facing import contact_ends
 from isotruss_ros.core.planning.grasp_plan import ClosedGrip
 from isotruss_ros.core.planning.motion_in_place import (
     hold_between,
+    PLACE_TOLERANCE,
     squeeze_in_place,
     SQUEEZE_TOLERANCE,
 )
@@ -33,8 +34,6 @@ from isotruss_ros.core.planning.requirements import GraspRequirements
 from isotruss_ros.core.planning.violations import RequirementError
 import numpy as np
 
-#: Largest displacement of an object at rest, rotations times the characteristic radius [m].
-PLACE_TOLERANCE = 1e-4
 #: Increment of the indentation between waypoints, in tube diameters [-]; the squeeze of three
 #: members doubles at most.
 CLOSING_STEP = 0.12

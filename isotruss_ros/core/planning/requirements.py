@@ -12,7 +12,7 @@ import math
 
 from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
 from isotruss_ros.core.errors import GraspError, quote
-from isotruss_ros.core.manipulation.grip import MAX_MEMBERS, MIN_MEMBERS
+from isotruss_ros.core.manipulation.grip import GRIP_SIZES
 from isotruss_ros.core.model.convex_object import DEFAULT_FRICTION
 from isotruss_ros.core.numerics.arrays import finite_array
 from isotruss_ros.core.planning.grasp_plan import ClosedGrip
@@ -148,14 +148,10 @@ class GraspRequirements:
         names = self.members
         listed = isinstance(names, Sequence) and not isinstance(names, str)
         fits = listed and all(isinstance(name, str) for name in names)
-        if (
-            not fits
-            or len(set(names)) != len(names)
-            or not MIN_MEMBERS <= len(names) <= MAX_MEMBERS
-        ):
+        if not fits or len(set(names)) != len(names) or len(names) not in GRIP_SIZES:
             raise GraspError(
                 f'requirement members: {quote(repr(names))}: must be the names t/j-k of '
-                f'{MIN_MEMBERS} or {MAX_MEMBERS} different members, or left out for any'
+                f'{" or ".join(map(str, GRIP_SIZES))} different members, or left out for any'
             )
         if self.module is not None:
             raise GraspError(

@@ -63,7 +63,7 @@ class Stop:
         return max(0.0, self._deadline - time.monotonic())
 
     def __call__(self) -> bool:
-        """Return whether the search must stop now, for `plan_grasps`."""
+        """Return whether the search must stop now; `plan_grasps` calls it."""
         return self.requested or self.time_left == 0.0
 
 

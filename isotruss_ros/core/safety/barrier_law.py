@@ -74,9 +74,9 @@ class BarrierLaw:
         """
         Return the smallest admissible margins (k,) at the end of a sample.
 
-        Margins below `LEFT_MARGIN` of the safety margin, and negative ones, must not decrease, so
-        errors of a fraction of the safety margin are harmless. A decrease by effects of second
-        order is tolerated (the robot would stop every other sample), but not across the bound.
+        A margin below the share `LEFT_MARGIN` of the safety margin must not decrease. A decrease
+        by effects of second order is tolerated, because the robot would otherwise stop every other
+        sample; but a positive margin must stay positive.
 
         :param margins: (k,) margins at the start of the sample.
         :param duration: duration of the sample, positive [s].
@@ -202,7 +202,7 @@ class BarrierLimit:
         return Rows(self.matrix, -bound, np.full(len(bound), np.inf))
 
     def row_names(self, config: Configuration) -> tuple[str, ...]:
-        """Return the names of the values; see `Limit.row_names`."""
+        """Return the names of the barrier's values; see `Limit.row_names`."""
         return tuple(self.barrier.names(self.indices))
 
     def violation(

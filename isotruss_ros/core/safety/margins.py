@@ -120,7 +120,7 @@ def grip_gradients(config: Configuration, grip: Grip, parts: Indices) -> tuple[A
 
 @functools.lru_cache(maxsize=64)
 def _left_out(robot: Robot, members: tuple[str, ...]) -> Array:
-    """Return the mask (3m,) of excluded parts."""
+    """Return the mask (3m,) of grasping members, and of the modules and rods between two."""
     topology, own = robot.topology, find_members(robot, members).members
     held = np.zeros((3, topology.n_modules), dtype=bool)
     held[0, own] = True

@@ -121,7 +121,7 @@ class FailureDetector:
             self._begin(timed, positions)
 
     def _flag(self, long: Flags, sent: Array, moved: Array, time: float) -> Flags:
-        """Flag failed rollers of those that are timed; return the rollers to time again."""
+        """Flag timed rollers that have failed; return the rollers whose timing restarts."""
         # Drives need not follow oscillations faster than they settle.
         swing = 0.5 * SETTLING_TIME * self._path
         far = (sent >= MIN_SPEED * FAILURE_TIME) & (sent * self._commanded >= swing)

@@ -205,7 +205,7 @@ class Watch:
     def _jumped(
         self, barrier: Barrier, end: Configuration, grip: Grip | None
     ) -> BarrierViolation | None:
-        """Return the violation of a barrier by values that crossed its whole band."""
+        """Return the violation by values that were not near the bound and crossed it; or None."""
         left = barrier.values(end, grip, ALL_VALUES) - barrier.law.bound
         for limit in self.limits:
             if limit.barrier is barrier:

@@ -73,7 +73,7 @@ class UsageLimits:
         return command.slowed(share, Status.SLOWED_UTILISATION, (self._member,))
 
     def _share(self, quantity: int, command: RollerCommand, left: float, period: float) -> float:
-        """Return the largest share of a command that uses at most the available quantity."""
+        """Return the largest share of a command that uses at most what is left of a quantity."""
         more = float(self._rates[quantity] @ (period * command.roller_velocities))
         return 1.0 if more <= max(left, 0.0) else max(left, 0.0) / more
 

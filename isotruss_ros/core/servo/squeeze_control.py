@@ -29,6 +29,7 @@ from isotruss_ros.core.holding.loaded_frame import lowest_frequency
 from isotruss_ros.core.inputs import steady_pressures
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip
+from isotruss_ros.core.manipulation.grip_placing import place_between
 from isotruss_ros.core.manipulation.status import RollerCommand, Status
 from isotruss_ros.core.model.pose import Pose, pose_difference
 from isotruss_ros.core.numerics.arrays import Array
@@ -82,10 +83,14 @@ class SqueezeControl:
         self._lost: HoldStatus | None = None  # by the belief before
         self.reference: Array | None = None
         self.frequency: float | None = None
+        self._natural: float | None = None  # natural frequency ...
+        self._tuned: HeldGrip | None = None  # ... of this equilibrium
         self.gains: LoopGains = gains_of(DEFAULT_GAIN)
         self._swings, self._rest = SwingWatch(), 0.0
         self._velocity, self._elapsed, self._slipped = np.zeros(3), 0.0, 0.0
         self._stamp = -math.inf
+        self._missed = self._supposing = False  # whether searches for an equilibrium failed
+        self._depth = self.settings.zeros
 
     def rest(self) -> None:
         """Discard the reference; it restarts from the object's pose at the next motion."""
@@ -151,6 +156,7 @@ class SqueezeControl:
         grip: Grip,
         elapsed: float,
         sample: tuple[Pose, float] | None = None,
+        gripped: bool = False,
     ) -> HoldStatus:
         """
         Propagate belief and reference to the current time, and add the measured pose.
@@ -163,6 +169,8 @@ class SqueezeControl:
         :param elapsed: time since the previous cycle [s].
         :param sample: last measured pose, and its age relative to the configuration [s]; None: the
             pose of the grip with zero age.
+        :param gripped: the client commands the object as gripped. Then the belief also starts if
+            only wrong roller offsets explain the measured pose, at the desired squeeze.
         :return: hold status of the object in the model.
         :raises GraspError: see `find_contacts`.
         :raises ConfigurationError: the configuration is singular.
@@ -172,7 +180,7 @@ class SqueezeControl:
         if self.reference is not None:
             self.reference = self.reference + elapsed * self._velocity
         if belief is None:
-            hold = self._start(config, grip)
+            hold = self._start(config, grip, gripped)
             if self._lost is not None and hold is not HoldStatus.HELD and self.fault is None:
                 self._fail(GripFault.NOT_HELD, f'not held: {self._lost.value}')
             self._lost = None
@@ -181,7 +189,7 @@ class SqueezeControl:
         if hold is not HoldStatus.HELD:
             self.belief, self._lost = None, hold
             return hold
-        self._choose_gains(belief.grasp)
+        self._choose_gains(belief)
         belief.pass_corrections(elapsed, self.gains.filter_time)
         pose, age = sample or (grip.body.pose, 0.0)
         self._observe(belief, pose, age, elapsed)
@@ -237,7 +245,7 @@ class SqueezeControl:
         self._velocity = command.scale * np.asarray(twist) - missing
 
     def _correction(self, belief: GripBelief, period: float) -> Array:
-        """Return the twist (3,) that corrects the pose error and the drift beyond (19)."""
+        """Return the twist (3,) that corrects the pose error, and the drift that (19) neglects."""
         here = belief.regulated_pose
         if self.reference is None:
             self.reference = here
@@ -245,19 +253,42 @@ class SqueezeControl:
         gain = min(self.gains.pose, 0.5 / max(period, self._elapsed))
         return gain * pose_difference(self.reference, here) - belief.drift[:3]
 
-    def _start(self, config: Configuration, grip: Grip) -> HoldStatus:
+    def _start(self, config: Configuration, grip: Grip, gripped: bool) -> HoldStatus:
         """Start the belief at the equilibrium near the measured pose; return its hold status."""
+        wanted = gripped and self._missed and self.fault is None
+        self._supposing = wanted and not self._supposing
         try:
-            found = attach_model(config, grip, self._pressures)
+            near = self._suppose(config, grip) if self._supposing else grip
+            found = attach_model(config, near, self._pressures)
         except NotHeldError as error:
+            self._missed = True
             return error.hold
-        self._choose_gains(found)
+        if self._supposing and not self._is_desired(found):
+            return HoldStatus.NO_BALANCE
         settings = replace(PRIOR, load=self.settings.load or PRIOR.load, zeros=self.settings.zeros)
         belief = GripBelief(found, grip, settings, self._zeros)
+        self._choose_gains(belief)
         hold = belief.grasp.hold(belief.largest_friction)
+        self._missed = hold is HoldStatus.NO_CONTACT
+        if self._supposing and not belief.explains(grip.body.pose):
+            return HoldStatus.FAR
         if hold is HoldStatus.HELD:
             self.belief, self._swings = belief, SwingWatch(self.frequency)
         return hold
+
+    def _suppose(self, config: Configuration, grip: Grip) -> Grip:
+        """Return the grip with the object at equal depths in the members."""
+        angle = grip.body.pose.angle
+        placed = place_between(config, grip.members, grip.body.shape, angle, self._depth)
+        return grip.moved_to(placed.body.pose)
+
+    def _is_desired(self, found: HeldGrip) -> bool:
+        """Return whether a supposed squeeze is the desired one; else correct the depth."""
+        share = found.squeeze / self.settings.force
+        if abs(share - 1.0) <= 2.0 * PRIOR.squeeze_error:
+            return True
+        self._depth = min(self._depth / max(share, 0.25), 4.0 * self.settings.zeros)
+        return False
 
     def _observe(self, belief: GripBelief, pose: Pose, age: float, elapsed: float) -> None:
         """Update the belief by a new pose, and test for slip."""
@@ -282,10 +313,12 @@ class SqueezeControl:
         """Latch a fault."""
         self.fault, self._why = fault, why
 
-    def _choose_gains(self, grasp: HeldGrip) -> None:
-        """Choose the gains by the settings or the natural frequency."""
-        settings = self.settings
-        self.frequency = settings.frequency or lowest_frequency(grasp)
+    def _choose_gains(self, belief: GripBelief) -> None:
+        """Choose the gains by the settings or the natural frequency at the last derivatives."""
+        settings, differentiated = self.settings, belief.differentiated
+        if differentiated is not self._tuned:
+            self._tuned, self._natural = differentiated, lowest_frequency(differentiated)
+        self.frequency = settings.frequency or self._natural
         gain = settings.pose_gain or choose_gain(self.frequency)
         self.gains = gains_of(self._softening * gain)
 

@@ -145,7 +145,7 @@ class TwistServo:
         """
         if 'failed' in inputs:
             inputs['failed'] = frozenset(inputs['failed'])
-            working_rollers(self.robot, inputs['failed'])
+            working_rollers(self.robot.topology, inputs['failed'])
         self._inputs = self._inputs._replace(**inputs)
 
     @single_threaded
@@ -260,7 +260,7 @@ class TwistServo:
         elif self._squeeze is None:
             command = solve(grip, twist)
         else:
-            hold = self._follow(self._squeeze, config, grip, rollers, pose[0], now)
+            hold = self._follow(self._squeeze, config, grip, (rollers, *pose), now, gripped=True)
             command = self._regulate(self._squeeze, hold, twist, solve)
         asked = command
         if command.status < Status.HALT_NO_TWIST:
@@ -343,7 +343,7 @@ class TwistServo:
             )
             config, grip, _ = self._predict(rollers, [pose], now, self.failed)
             self._regulated, known = before, squeeze.fault
-            self._follow(squeeze, config, grip, rollers, pose, now)
+            self._follow(squeeze, config, grip, (rollers, pose), now)
             if known is None and squeeze.fault is not None:  # somebody took it away
                 squeeze.acknowledge()
             squeeze.rest()
@@ -355,12 +355,12 @@ class TwistServo:
         squeeze: SqueezeControl,
         config: Configuration,
         grip: Grip,
-        rollers: StampedInput,
-        pose: StampedInput,
+        measured: Sequence[StampedInput],
         now: float,
+        gripped: bool = False,
     ) -> HoldStatus:
         """Propagate the belief of the held object to the midpoint of the cycle."""
-        settings, estimate = self._settings, self._inputs.estimate
+        (rollers, pose), settings, estimate = measured, self._settings, self._inputs.estimate
         covariance = estimate.value.covariance if isinstance(estimate, StampedInput) else None
         squeeze.take_offsets(rollers.value.offsets, covariance)
         pressures = self._inputs.pressures
@@ -369,7 +369,8 @@ class TwistServo:
         before, self._regulated = self._regulated, now
         elapsed = 0.0 if before is None else min(now - before, settings.timeout)
         sample = pose.value, now + 0.5 * settings.period - pose.time
-        return squeeze.follow(config, settings.grip.moved_to(grip.body.pose), elapsed, sample)
+        here = settings.grip.moved_to(grip.body.pose)
+        return squeeze.follow(config, here, elapsed, sample, gripped)
 
     def _regulate(
         self,

@@ -140,7 +140,7 @@ class ElasticObject:
         return touch
 
     def _pressed(self, config: Configuration) -> bool:
-        """Return whether two members press on the free object more than by pushing it."""
+        """Return whether two members overlap the free object, which one member would only push."""
         return bool(np.sort(member_depths(config, self._body))[-2] > ROUNDING)
 
     def _roll(self, before: HeldGrip, config: Configuration) -> None:

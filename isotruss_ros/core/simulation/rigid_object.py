@@ -11,7 +11,7 @@ from isotruss_ros.core.errors import GraspError, IsotrussError
 from isotruss_ros.core.holding.settle_grasp import settle_grasp
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_depths
-from isotruss_ros.core.manipulation.grip import Grip, MAX_MEMBERS
+from isotruss_ros.core.manipulation.grip import Grip, GRIP_SIZES
 from isotruss_ros.core.manipulation.rolling_grip import RollingGrip
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import Pose
@@ -86,7 +86,7 @@ class RigidObject:
         if self.rolling is not None:
             if not set(self.members) <= set(names):
                 self._body, self.rolling = body, None
-        elif 2 <= len(names) <= MAX_MEMBERS:
+        elif len(names) in GRIP_SIZES:
             self._try_to_hold(config, body, names)
 
     def _try_to_hold(

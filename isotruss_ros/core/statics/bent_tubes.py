@@ -176,7 +176,7 @@ class BentTubes:
 
     @cached_property
     def share(self) -> float:
-        """Return the factor on all loads, negligible in the linear model of the paper, else 1."""
+        """Return the factor on all loads: 1, or nearly 0 in the linear model of the paper."""
         return NEGLIGIBLE_SHARE if self.linear else 1.0
 
     @cached_property
@@ -327,7 +327,7 @@ class BentTubes:
         return moved, nodes
 
     def _ways(self, loads: Array, places: Array) -> Array:
-        """Return the factors (p,) of the columns of `_changes` for given loads and places."""
+        """Return the factors (p,) by which loads and places multiply the columns of `_changes`."""
         known = 0.0 if self.before is None else self.before.loads
         return np.concatenate([(loads - known).ravel(), places - self._cut[2], [1.0]])
 

@@ -46,7 +46,7 @@ import numpy as np
 from scipy.sparse import coo_matrix, csc_matrix
 
 #: Largest ratio of the displacements to those of the linear frame [-].
-MAX_GROWTH = 3.0
+MAX_GROWTH = 1.5
 #: Index of each entry of `chord_motions` in the list (0, 1, -1, x, y, -x, -y) of a direction (x,
 #: y).
 MOTION = np.array([[5, 6, 0, 3, 4, 0], [4, 5, 0, 6, 3, 0], [0, 0, 1, 0, 0, 0], [0, 0, 0, 0, 0, 1]])

@@ -19,8 +19,6 @@ import numpy as np
 
 #: Largest linear displacement of a node in a load step [m].
 MAX_DISPLACEMENT_STEP = 0.01
-#: Largest ratio of a load step's displacements to the linear ones on the same branch [-].
-MAX_STEP_RATIO = 1.5
 #: Relative tolerance of a limit load [-].
 LIMIT_TOLERANCE = 1e-3
 
@@ -72,5 +70,5 @@ def follow_loads(frame: Frame, loads: Array, most: float, farthest: float = np.i
 
 def _step(frame: Frame, tangent: Tangent, loads: Array) -> Tangent | None:
     """Return the next stable equilibrium on a path; None if no near one exists."""
-    found = frame.bend(loads, tangent, MAX_STEP_RATIO)
+    found = frame.bend(loads, tangent)
     return found if found is not None and frame.is_stable(found) else None

@@ -96,7 +96,7 @@ def _use_pieces(
 
 
 def _wall_pull(structure: Structure, member: Indices) -> Array:
-    """Return the pull p pi R^2 (c,) of the walls of members without axial force [N]."""
+    """Return the tension p pi R^2 (c,) in the walls of members at zero axial force [N]."""
     robot = structure.config.robot
     area = 0.25 * np.pi * robot.description.tube_diameter**2
     return area * np.array(structure.pressures)[robot.topology.tube[member]]

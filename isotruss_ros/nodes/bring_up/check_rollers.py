@@ -117,7 +117,7 @@ class CheckRollers(StoppableNode):
 
 
 def _judge_encoders(names: Sequence[str], number: int, travel: float, turned: Array) -> str:
-    """Return the fault of the encoders when a correct roller moves; empty without a fault."""
+    """Return the fault of the encoders if the correct roller moved; empty without a fault."""
     expected = np.zeros(len(names))
     expected[number] = travel
     off = np.abs(turned - expected)

@@ -119,7 +119,7 @@ class Parameters:
             raise ParameterError(f'parameter {spec.name}: {error}') from error
 
     def _read_whole_numbers(self, parameters: list[Parameter]) -> list[Parameter]:
-        """Return parameters in which integers are converted to floats if required."""
+        """Return the parameters, with integers converted to floats where floats are declared."""
         return [
             Parameter(p.name, value=float(p.value))
             if p.name in self._real and p.type_ == Parameter.Type.INTEGER

@@ -161,7 +161,7 @@ class ServoSubscriptions(Inputs):
 
     @property
     def timeouts(self) -> ServoSettings:
-        """Return the settings of the servo, which have the largest ages of inputs."""
+        """Return the settings of the servo; they contain the largest ages of inputs."""
         return self.holder.settings
 
     def latest(self, name: str) -> Input:

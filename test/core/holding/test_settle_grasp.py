@@ -242,7 +242,7 @@ def test_rolled_equilibrium_is_independent_of_the_prediction(change):
 
 
 def test_more_than_three_members_are_named_as_what_it_does_not_settle(monkeypatch):
-    monkeypatch.setattr(attach_grip_module, 'MAX_MEMBERS', 2)
+    monkeypatch.setattr(attach_grip_module, 'GRIP_SIZES', (2,))
     settled = settle_grasp(HOME, ConvexObject.disc((0.0, -0.8267), 0.65), FRICTION)
     assert settled.hold is HoldStatus.OTHER_CONTACT
     assert not settled.held

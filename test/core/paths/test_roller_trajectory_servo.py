@@ -31,10 +31,10 @@ from isotruss_ros.core.paths.roller_trajectory import (
     PROGRESS_TIMEOUT,
     RollerTrajectory,
     RollerTrajectoryServo,
-    SETTLING_TIME,
     TOLERANCE,
 )
 from isotruss_ros.core.planning.describe_plan import path_times
+from isotruss_ros.core.safety.roller_failure import SETTLING_TIME
 import numpy as np
 import pytest
 from robots import examples, generators

@@ -82,9 +82,9 @@ def test_a_late_loop_counts_no_more_than_the_timeout_as_one_cycle(monkeypatch):
     made, positions, pose = held_servo()
     follow, elapsed = made.squeeze.follow, []
 
-    def note(config, grip, since, sample):
+    def note(config, grip, since, *others):
         elapsed.append(since)
-        return follow(config, grip, since, sample)
+        return follow(config, grip, since, *others)
 
     monkeypatch.setattr(made.squeeze, 'follow', note)
     for now in (NOW, NOW + 0.05, NOW + 10.0):

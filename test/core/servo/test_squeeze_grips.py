@@ -12,8 +12,10 @@ from isotruss_ros.core import (
     load_robot,
     place_between,
     Polygon,
+    Pose,
 )
 from isotruss_ros.core.holding.attach_grip import attach_grip
+from isotruss_ros.core.servo.squeeze_control import SqueezeControl, SqueezeSettings
 from nightly import some_now
 import numpy as np
 import pytest
@@ -82,3 +84,25 @@ def test_a_step_of_the_pose_by_new_contacts_is_not_fed_forward():
         loop.run((0.0, 0.0, -0.2), loop.period)
         drifts.append(np.abs(loop.control.belief.drift).max())
     assert drifts[-1] == 0.0 < drifts[-2]
+
+
+@pytest.mark.parametrize('away', [-0.02, -0.03, 0.03])
+@pytest.mark.parametrize(
+    ('zeros', 'gripped', 'held'), [(1e-2, True, True), (1e-2, False, False), (1e-3, True, False)]
+)
+def test_gripped_object_is_held_where_only_wrong_offsets_explain_its_pose(
+    away, zeros, gripped, held
+):
+    """Without a balance at the measured pose, the squeeze is the desired one, but unknown."""
+    grip = place_between(HOME, CORNER, Disc(0.2), indentation=0.01)
+    model = attach_grip(HOME, grip.body)
+    pose = Pose(model.pose.x, model.pose.y + away, model.pose.angle)
+    control = SqueezeControl(SqueezeSettings(model.squeeze, zeros=zeros))
+    measured = Grip(CORNER, grip.body.moved_to(pose), FRICTION)
+    for _ in range(4):
+        control.follow(HOME, measured, 0.02, gripped=gripped)
+    assert (control.belief is not None) is held
+    if held:
+        assert control.belief.squeeze == pytest.approx(model.squeeze, rel=0.1)
+        assert control.belief.squeeze_is_unknown
+        assert control.belief.pose == pytest.approx(np.array(pose), abs=1e-3)
