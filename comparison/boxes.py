@@ -89,12 +89,13 @@ def compare(cases: Sequence[Case] = CASES, phases: Sequence[Phase] = PHASES) -> 
     )
     return Section(
         'Boxes between sides that do not meet',
-        'Objects are pressed between the sides `south/P-Q` and `north/R-P`. On the '
-        'fixed object, without friction, the normal forces are those of `analyze_grasp`, and on '
-        f'the free object, with friction ({FRICTION:g}), those of `settle_grasp`, except for the '
-        'box on a face, whose contact forces depend on the contact history. Then a free box is '
-        'picked up, carried by 85 mm, turned by 17° on two rolling corners and put down by the '
-        'servo of `manipulation`, which keeps the squeeze.',
+        'Objects are pressed between the sides `south/P-Q` and `north/R-P`. The normal forces on '
+        'the fixed object without friction are compared with `analyze_grasp`; the forces on the '
+        f'free object with friction ({FRICTION:g}) are compared with `settle_grasp`. The latter '
+        'comparison leaves out the box on a face, because its contact forces depend on the '
+        'contact history. Then the servo of `manipulation` picks up a free box, carries it by '
+        '85 mm, turns it by 17° on two rolling corners, and puts it down; it controls the '
+        'squeeze.',
         checks,
         (_table(found), _picked_table(picked)),
         draw(picked),

@@ -66,10 +66,11 @@ def compare(phases: Sequence[Phase] = figure_9()) -> Section:
     ]
     return Section(
         'Fig. 9 carried',
-        f'An object of 0.3 m in the corner of 60° is carried along Fig. 9, friction '
-        f'{FRICTION:g}. Open loop is the paper’s program for rigid tubes. Feedback adds 1/s of '
-        'the error of the pose. Squeeze regulated is the servo of `manipulation`, which keeps '
-        'the squeeze.',
+        'An object of 0.3 m in a corner of 60° is carried along the path of Fig. 9 with a '
+        f'coefficient of friction of {FRICTION:g}. The robot is controlled in three ways. '
+        '“Open loop” is the paper’s program for rigid tubes. “Feedback” adds a twist of the pose '
+        'error times 1/s. “Squeeze regulated” is the servo of `manipulation`, which controls the '
+        'squeeze.',
         tuple(checks),
         (
             Table(

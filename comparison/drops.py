@@ -106,11 +106,12 @@ def compare(cases: int = CASES) -> Section:
     )
     return Section(
         'Nothing is dropped whose slip margin exceeds the load',
-        'Wedge, indentation, object, friction, load and motion are drawn at random. The load is '
-        f'our smallest slip margin on the path divided by {1.0 + ABOVE:g}; every second one pulls '
-        f'where the margin is the least. It rises in {RISE:g} s, then the rollers carry the '
-        f'object smoothly for {DURATION:g} s, open loop. Grasps with a margin below {LEAST:g} N, '
-        'and those whose tubes would wrinkle, are drawn again.',
+        'Corner angle, indentation, object, friction, load and motion are drawn at random. The '
+        'load is the smallest slip margin of our model on the path, divided by '
+        f'{1.0 + ABOVE:g}. In every second case it acts in the direction of the smallest margin. '
+        f'It rises in {RISE:g} s; then the rollers carry the object open loop for {DURATION:g} s. '
+        f'Grasps with a margin below {LEAST:g} N, or with tubes that would wrinkle, are drawn '
+        'again.',
         (check,),
         (
             Table(

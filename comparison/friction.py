@@ -60,8 +60,8 @@ def compare(grips: Sequence[PressedCase] = GRIPS) -> Section:
     )
     return Section(
         'Friction lowered until the object is lost',
-        f'Friction falls by {RATE:g} in a second until the object has moved by '
-        f'{1e3 * MOVED:g} mm. Ours is the friction that `settle_grasp` requires.',
+        f'The coefficient of friction falls by {RATE:g} per second until the object has moved by '
+        f'{1e3 * MOVED:g} mm. Our value is the required friction of `settle_grasp`.',
         (check,),
         (
             Table(

@@ -56,11 +56,11 @@ def compare(
     return Section(
         'Forces, friction and stiffness of grasps',
         'An object of 0.3 m is pressed into the corner of the tube `north` at the joint `Z`. '
-        'On the fixed object, without friction, the normal forces and their positions are those '
-        f'of `analyze_grasp`. Released with friction ({FRICTION:g}), it moves by the unbalanced '
-        'wrench over the grasp stiffness, to the equilibrium of `settle_grasp` with its forces '
-        'and required friction. Small wrenches measure the stiffness. Grasps with wrinkling tubes '
-        'have no bound.',
+        'First the object is fixed and without friction: normal forces and their positions are '
+        f'compared with `analyze_grasp`. Then it is released with friction ({FRICTION:g}). It '
+        'should move by the unbalanced wrench over the grasp stiffness; equilibrium, forces and '
+        'required friction are compared with `settle_grasp`. Small wrenches measure the '
+        'stiffness. Grasps with wrinkling tubes have no bound.',
         _checks(found),
         _tables(found),
     )
@@ -201,8 +201,8 @@ def _tables(found: Sequence[Compared]) -> tuple[Table, ...]:
         ),
         Table(
             'grasps_free',
-            'Let go, held by friction; the give is that of the centre, the stiffness as its '
-            'inverse',
+            'Released object, held by friction; the give is the displacement of its centre on '
+            'release, and the stiffness is compared as compliance',
             (
                 *wedge,
                 'give MuJoCo [mm]',

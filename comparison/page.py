@@ -18,13 +18,13 @@ INTRODUCTION = """\
 # Our model and MuJoCo's, number by number
 
 `make plant` computes this page in about a quarter of an hour. Nothing here is a measurement of a
-robot. An error in what both models [share](mujoco.md#the-model) is in both, and this page cannot
-find it.
+robot. Both models [share](mujoco.md#the-model) some parts, whose errors this page cannot find.
 
-MuJoCo's tubes are chains of segments; ours are beams with the axial force and the large motion of
-their ends. MuJoCo integrates invented masses, drag and losses; ours is in equilibrium. MuJoCo's
-tubes stay round: so ours here have `local_stiffness: 1e4`, and hardly flatten. Lengths of contact,
-and what masses decide, are not compared.
+The models differ in three ways. MuJoCo's tubes are chains of segments; our tubes are beams with
+axial force and large motion of their ends. MuJoCo integrates assumed masses, drag and losses; our
+model is in equilibrium. MuJoCo's tubes stay round; so in this comparison our tubes have
+`local_stiffness: 1e4`, and they hardly flatten. Contact lengths and the effects of masses are not
+compared.
 """
 
 

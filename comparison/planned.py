@@ -104,13 +104,13 @@ def compare(wanted: Sequence[Wanted] = WANTED) -> Section:
     back = 'the squeeze is that of our model; it ends within 1.25 mm, and the robot swings to rest'
     return Section(
         'Planned grasps',
-        'An object lies free, held to the ground by half a newton. `plan_grasps` finds a grasp '
-        'with a given squeeze, and the rollers of MuJoCo’s robot follow its path open loop, in '
-        'twice the time of the planner. Our model leaves the object where it lay; in MuJoCo it '
-        'moves. Like `pick_object`, the path follower then brings it '
-        f'back with {1e3 * RETURN_SPEED:g} mm/s. The first grasp is carried along Fig. 9: '
-        f'{"lost" if arc.lost else "held"} to the end of the arc, at most '
-        f'{number(1e3 * arc.position_error, 2)} mm from it, the squeeze between '
+        'A free object lies on the ground with a friction force of half a newton. `plan_grasps` '
+        'finds a grasp with a given squeeze. The rollers of MuJoCo’s robot follow its path open '
+        'loop, in twice the planned time. In our model the object stays where it lay; in MuJoCo '
+        'it moves. As in `pick_object`, the path follower then brings it back with '
+        f'{1e3 * RETURN_SPEED:g} mm/s. The object of the first grasp is carried along the path of '
+        f'Fig. 9. It is {"lost" if arc.lost else "held"} to the end of the arc, within '
+        f'{number(1e3 * arc.position_error, 2)} mm of the path, with a squeeze between '
         f'{number(float(arc.squeezes.min()))} and {number(float(arc.squeezes.max()))} N. The '
         f'servo expects loads of {LOAD:g} N.',
         (

@@ -69,9 +69,9 @@ def compare(
     return Section(
         'Slip margin under pulls',
         f'A pull at the free object rises by {RATE:g} N/s in one of eight directions until a '
-        f'contact uses all of the friction, {FRICTION:g}. Ours is the pull at which the '
-        'equilibrium does. The last column is `slip_margin`, the smallest of all directions, '
-        'moments included.',
+        f'contact slips. The coefficient of friction is {FRICTION:g}. Our value is the pull at '
+        'which a contact of the equilibrium slips. The last column is `slip_margin`: the smallest '
+        'wrench of any direction, moments included, at which a contact slips.',
         (check,),
         (
             Table(

@@ -89,11 +89,12 @@ def compare_discs(count: int = 20) -> Section:
     :param count: number of objects.
     """
     words = (
-        f'{count} discs of 0.1 to 0.3 m, pressed into the corner at home by '
-        f'{1e3 * INDENTATION:.0f} mm, friction {FRICTION:g}, on {LEGS} random legs of up to '
-        f'{1e3 * REACH[0]:.0f} mm and {REACH[2]:g} rad in {LEG_TIME:g} s, poses with a noise of '
-        f'{1e3 * NOISE[0]:g} mm and {np.degrees(NOISE[1]):.1f}°. Pulls are {PULL:g} of the slip '
-        'margin, unexpected, for half of a leg. A path that the model foresees to end is refused.'
+        f'{count} discs of 0.1 to 0.3 m are pressed into the corner at home by '
+        f'{1e3 * INDENTATION:.0f} mm with a coefficient of friction of {FRICTION:g}. Each moves '
+        f'on {LEGS} random legs of up to {1e3 * REACH[0]:.0f} mm and {REACH[2]:g} rad in '
+        f'{LEG_TIME:g} s. The measured poses have a noise of {1e3 * NOISE[0]:g} mm and '
+        f'{np.degrees(NOISE[1]):.1f}°. Unexpected pulls of {PULL:g} times the slip margin last '
+        'for half of a leg. A path on which the model predicts a loss is refused.'
     )
     return _compare(DISC, count, words)
 
@@ -104,7 +105,7 @@ def compare_boxes(count: int = 20) -> Section:
 
     :param count: number of objects.
     """
-    return _compare(BOX, count, f'{count} boxes in place of the discs, all else as above.')
+    return _compare(BOX, count, f'{count} boxes are carried in the same way as the discs.')
 
 
 def _compare(kind: str, count: int, words: str) -> Section:

@@ -51,8 +51,8 @@ def compare(shapes: Mapping[str, Shape] = SHAPES, depths: Sequence[float] = DEPT
     return Section(
         'Forces on other shapes',
         f'A disc of 0.3 m, an ellipse with semi-axes of 0.16 and 0.1 m and a box of 0.24 x 0.18 m '
-        f'with corners of 20 mm, each turned by {np.degrees(ANGLE):.0f}°, are pressed into the '
-        f'same corner, closed to {WEDGE:g}°, and fixed, without friction.',
+        f'with corners of 20 mm are turned by {np.degrees(ANGLE):.0f}°, pressed into the '
+        f'same corner, which is closed to {WEDGE:g}°, and fixed. They have no friction.',
         (
             Check(
                 'normal forces on disc, ellipse and box',

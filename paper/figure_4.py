@@ -100,19 +100,22 @@ def report(result: TubeFit) -> Report:
         heading='Table I and Fig. 4: stiffness of the tube',
         picture='Above, load against displacement of a member of 50.8 cm in three modes, at three '
         'pressures; below, stiffness over length',
-        stated='A law of pressure and length is fitted to the measured stiffness of each mode; '
-        'Table I lists C, b and R².',
-        computed='The theory of the default tube at the nine combinations, and the nearest power '
-        f'laws. The tube made five noisy trials of each (stiffness {100 * SCATTER:g} %, load '
-        f'{100 * NOISE:g} % of its largest, an offset), and `fit_tube_stiffness` fitted one beam '
-        f'to all modes: {sum(held)} of its {len(held)} constants are inside their 95 % intervals.',
-        difference='None can be stated. Power laws of single modes miss the theory by up to '
-        f'{number(100 * _misfit(result), 2)} %, the transverse and rotary ones contradict each '
-        f'other {_limit(result)} at {number(1e-3 * PRESSURES[1])} kPa: no beam has both. So a '
-        f'robot file gets the constants of a beam. Of {REPEATS} further fits '
-        f'{number(100 * result.held)} % of the constants were inside their 95 % intervals.',
-        assumption='The fabric, so exponents are not the paper’s. Points end where the tube '
-        'wrinkles, axial ones at a tenth of the force of the pressure.',
+        stated='A power law of pressure and length is fitted to the measured stiffness of each '
+        'mode; Table I lists C, b and R².',
+        computed='The figure shows the theory of the default tube at the nine combinations, and '
+        'the nearest power laws. Five noisy trials of each combination were drawn from the theory '
+        f'(stiffness {100 * SCATTER:g} %, load {100 * NOISE:g} % of its largest, an offset). '
+        '`fit_tube_stiffness` fitted one beam to all modes: '
+        f'{sum(held)} of its {len(held)} constants are inside their 95 % intervals.',
+        difference='None can be stated without the measured values. Power laws of single modes '
+        f'deviate from the theory by up to {number(100 * _misfit(result), 2)} %. The transverse '
+        f'and the rotary law contradict each other {_limit(result)} at '
+        f'{number(1e-3 * PRESSURES[1])} kPa: no beam has both stiffnesses. '
+        'Therefore a robot file contains the constants of a beam. In '
+        f'{REPEATS} further fits {number(100 * result.held)} % of the constants were inside their '
+        '95 % intervals.',
+        assumption='The fabric is assumed, so the exponents are not those of the paper. The '
+        'points end where the tube wrinkles; axial points end at a tenth of the pressure force.',
         tables=(_laws(result), _fits(result)),
     )
 
@@ -184,7 +187,7 @@ def _fits(result: TubeFit) -> Table:
         )
     return Table(
         'table_1_fit',
-        'What made the synthetic points, and what `fit_tube_stiffness` found',
+        'Constants of the synthetic points, and those fitted by `fit_tube_stiffness`',
         ('constant', 'made with', 'fitted', '95 % interval', 'inside'),
         rows,
         shown=False,

@@ -31,18 +31,19 @@ def report(shapes: Mapping[str, Shape]) -> Report:
         computed='The stiffness grows with the steepness of the legs, '
         f'{number(stiff.stiffness / soft.stiffness, 2)} times from obtuse to acute. '
         f'{number(100 * min(axial), 2)} to {number(100 * max(axial), 2)} % of the strain energy '
-        'is axial. Two bars with the legs’ axial stiffness k, 2 k sin²α, would be '
-        f'{number(100 * (min(bars) - 1), 2)} to {number(100 * (max(bars) - 1), 2)} % stiffer: '
-        'modules turn about the joints, which bends the tubes. A tube wrinkles at '
-        f'{number(min(sunk), 2)} to {number(max(sunk), 2)} mm, where the linear model bears '
-        f'{" / ".join(number(share, 2) for share in excess)} % more. If it did not, the triangle '
-        f'would bear at most {" / ".join(number(force) for force in largest)} N until its tubes '
-        'have moved by 10 cm: the curves are nearly level there.',
+        'is axial. Two hinged bars with the legs’ axial stiffness k have the stiffness 2 k sin²α, '
+        f'which is {number(100 * (min(bars) - 1), 2)} to {number(100 * (max(bars) - 1), 2)} % '
+        'larger: modules turn about the joints, which bends the tubes. A tube wrinkles at a '
+        f'displacement of {number(min(sunk), 2)} to {number(max(sunk), 2)} mm, where the force of '
+        f'the linear model is {" / ".join(number(share, 2) for share in excess)} % larger. '
+        'Without wrinkling, the triangle would bear at most '
+        f'{" / ".join(number(force) for force in largest)} N up to a displacement of 10 cm, where '
+        'the curves are nearly level.',
         difference='The text does not say which shape is the stiffest.',
         assumption='Edges are pinch to pinch, so all shapes have '
         f'{number(100 * total)} cm of tube. The base modules are pinned at A. A tube wrinkles at '
-        'M = (p π r² − N) r/2, with the compression N (Comer and Levy, AIAA J. 1 (1963) 1652). '
-        'What it bears beyond is not modelled.',
+        'the moment M = (p π r² − N) r/2, with the compression N (Comer and Levy, AIAA J. 1 '
+        '(1963) 1652). Larger moments are not modelled.',
         tables=(_stiffnesses(shapes), _limits(shapes)),
     )
 

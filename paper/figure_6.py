@@ -109,29 +109,30 @@ def report(result: Interference) -> Report:
         picture='Left, stiffness over the position of the cylinder, the larger the higher, and '
         "far above, dotted, the paper's model; right, stiffness at the middle over the pressure",
         stated='Cylinders of 2.54, 10.2 and 20.3 cm were pressed into a tube (10.2 cm, 76.2 cm '
-        'long, 34.5 kPa). The model, with discs of 12.7, 20.3 and 30.5 cm on the centre line, is '
-        'good for small cylinders and does not see the diameter, with which measured stiffness '
-        'grows: the gas is compressed.',
-        computed="In the paper's model the section stays round: "
-        f'{number(paper, 1)} % more for the largest cylinder at the middle. Where the section '
-        f'flattens, stiffness grows with the diameter by {number(own, 2)} % and with the pressure '
-        f'as p^{number(flat.min(), 2)} to p^{number(flat.max(), 2)} '
-        f"(the paper's model: p^{number(beam.max(), 1)}). Nothing is fitted. Membrane finite "
-        f'elements grow by {number(membrane, 2)} % and as '
+        'long, 34.5 kPa). The model has discs of 12.7, 20.3 and 30.5 cm on the centre line. It '
+        'agrees with the measurements for small cylinders. The measured stiffness increases with '
+        'the diameter, but that of the model does not; the paper explains this by the compressed '
+        'gas.',
+        computed="In the paper's model the section stays round. The largest cylinder at the "
+        f'middle then has {number(paper, 1)} % more stiffness than the smallest. With a section '
+        f'that flattens, the stiffness increases with the diameter by {number(own, 2)} %, and '
+        f'with the pressure as p^{number(flat.min(), 2)} to p^{number(flat.max(), 2)} '
+        f"(the paper's model: p^{number(beam.max(), 1)}). Nothing is fitted. With membrane finite "
+        f'elements it increases by {number(membrane, 2)} %, and as '
         f'p^{number(reference.min(), 2)} to p^{number(reference.max(), 2)}.',
-        difference='Reproduced: stiffness grows with the diameter. Not reproduced: the level for '
-        'small cylinders, where the paper finds its model good; flattening halves it. The gas is '
-        'not the reason: the tube loses '
+        difference='The increase of stiffness with the diameter is reproduced. The agreement of '
+        'the model with round sections for small cylinders is not: flattening halves their '
+        'stiffness. The gas does not explain the increase: the tube loses '
         f'{number(1e6 * DISPLACED[0])} to {number(1e6 * DISPLACED[1])} cm³ of '
         f'{number(1e6 * VOLUME, 4)} at {1e3 * DEPTH:g} mm, which raises the pressure by '
         f'{number(100 * raised.min(), 1)} %.',
-        assumption='Ends clamped; free to turn, the middle has '
-        f'{number(result.pinned, 2)} instead of '
-        f'{number(result.middle[at][0].stiffness, 2)} N/m for the smallest cylinder. Stiffness is '
-        f'force over depth at {1e3 * DEPTH:g} mm, before the tube wrinkles '
+        assumption='The ends are clamped; with hinged ends, the stiffness for the smallest '
+        f'cylinder at the middle is {number(result.pinned, 2)} instead of '
+        f'{number(result.middle[at][0].stiffness, 2)} N/m. Stiffness is force over depth at a '
+        f'depth of {1e3 * DEPTH:g} mm. The tube wrinkles at larger depths '
         f'({number(1e3 * result.wrinkling.min(), 2)} to {number(1e3 * result.wrinkling.max(), 2)} '
-        'mm at the middle, M_w = π p r³/2). The membrane elements are by a program that is not '
-        'part of this package: nonlinear membrane (St. Venant-Kirchhoff about the inflated '
+        'mm at the middle, M_w = π p r³/2). The membrane elements were computed by a program that '
+        'is not part of this package: nonlinear membrane (St. Venant-Kirchhoff about the inflated '
         'state), follower pressure, rigid cylinder without friction, mesh-converged to 1 %.',
         tables=(_middle(result), _positions(result)),
     )

@@ -93,17 +93,18 @@ def report(held: Sequence[Held]) -> Report:
         'each with its own contact forces, regions, deformation and stiffness.',
         computed=f'An object of {100 * 2.0 * BODY.arm:g} cm at '
         f'({BODY.pose.x:g}, {BODY.pose.y:g}) m, free inside one loop. '
-        '`core.plan_grasps` finds two configurations at one driven module of the loop, by closure '
-        'margin and by force, and one at the other. Stiffness differs by a factor of '
-        f'{number(float(ratios[0]), 2)} along x and {number(float(ratios[1]), 2)} along y; the '
-        f'tubes press with {number(min(forces), 2)} to {number(max(forces), 2)} N in all, evenly '
-        f'over {number(min(lengths), 2)} to {number(max(lengths), 2)} mm each. No tube bears more '
-        f'than {number(max(used), 2)} of its wrinkling moment.',
-        difference=f'All that shall differ does; all are closed by friction ({FRICTION:g}). '
-        'Numbers are ours.',
+        '`core.plan_grasps` finds two configurations at one driven module of the loop (best by '
+        'closure margin, and best by force), and one at the other module. Their stiffnesses '
+        f'differ by a factor of {number(float(ratios[0]), 2)} along x and '
+        f'{number(float(ratios[1]), 2)} along y. The sum of the normal forces is '
+        f'{number(min(forces), 2)} to {number(max(forces), 2)} N, evenly distributed over '
+        f'{number(min(lengths), 2)} to {number(max(lengths), 2)} mm of each tube. The largest '
+        f'moment is {number(max(used), 2)} of the wrinkling moment.',
+        difference='Forces, regions, deformation and stiffness differ, as in the paper. All '
+        f'grasps are closed by friction ({FRICTION:g}). The numbers are those of our model.',
         assumption='Friction and the place of the object are chosen. Where tubes move by '
-        'centimetres the forces of the linear model are estimates. The search keeps tubes below '
-        '0.8 of their wrinkling moment.',
+        'centimetres, the forces of the linear model are estimates. The search keeps moments '
+        'below 0.8 of the wrinkling moment.',
         tables=(_grasps(held),),
     )
 

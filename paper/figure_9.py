@@ -161,17 +161,17 @@ def report(result: Moved) -> Report:
         'moved along an arc; its path in blue',
         stated='A simulated robot moves an object up, turns it in place and moves it along an '
         'arc to which the orientation stays normal.',
-        computed=f'{number(1e2 * up)} cm up, 90° in place, a quarter of a '
-        f'circle of {number(1e2 * right)} cm radius, {RATE:g} commands per second. The largest '
-        f'error is {number(1e6 * worst, 2)} µm in position and '
+        computed=f'The object moves {number(1e2 * up)} cm up, turns by 90° in place, and follows '
+        f'a quarter of a circle of {number(1e2 * right)} cm radius, with {RATE:g} commands per '
+        f'second. The largest error is {number(1e6 * worst, 2)} µm in position and '
         f'{number(math.degrees(turned), 2)}° in orientation. Each command is computed for the '
-        'middle of its interval; computed for the beginning, the error is '
-        f'{number(1e3 * plain, 2)} mm. The part {fastest.name!r} takes the largest roller speed, '
+        'middle of its interval; if commands are computed for the beginning, the error is '
+        f'{number(1e3 * plain, 2)} mm. The part {fastest.name!r} has the largest roller speed, '
         f'{number(1e3 * fastest.roller_speed, 2)} mm/s of the allowed 100 mm/s.',
-        difference='Sizes and durations are ours.',
+        difference='The sizes and durations are chosen here.',
         assumption='The object of 30 cm is held at the top module. The robot is rigid, and the '
-        'object rolls without slip: held by friction alone, this grip takes a coefficient above '
-        '0.59, and the default of the package is 0.5.',
+        'object rolls without slip. Friction alone would hold it in this grip only with a '
+        'coefficient above 0.59; the default of the package is 0.5.',
         tables=(_errors(result),),
     )
 

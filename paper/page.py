@@ -20,10 +20,10 @@ INTRODUCTION = """\
 `make paper` computes and draws this page in less than five minutes with the package's own
 functions ([which computes which equation](equations.md)).
 
-**No measurement of the paper is in this package.** Of its figures only captions were at hand, of
-Table I the headings. Figures show the model, or points made by it, and differences are those to
-the paper's text. The stiffness of the tube is [theory](tube_stiffness.md), and all
-forces depend on it.
+**No measurement of the paper is in this package.** Only the captions of its figures and the
+headings of Table I were available. The figures here show results of the model, and the differences
+are those from the paper's text. The stiffness of the tube is [theoretical](tube_stiffness.md), and
+all forces depend on it.
 """
 
 

@@ -46,10 +46,10 @@ def report(robot: Robot) -> Report:
         picture='',
         stated='A tube of 10.2 cm was tested at three pressures and three lengths, each '
         'combination five times.',
-        computed='All parameters of the items below, as the paper rounds them.',
+        computed='All parameters of the items below have the rounded values of the paper.',
         difference='None. Pressures are multiples of 2.5 psi and lengths multiples of 10 in. The '
         'discs of Fig. 6 have 5, 8 and 12 in. The sum of cylinder and tube agrees only to 1 mm.',
-        assumption='Sizes and rigidity of the modules, which the paper does not state.',
+        assumption='The paper does not state sizes and rigidity of the modules.',
         tables=(_stated(), _assumed(robot)),
     )
 
