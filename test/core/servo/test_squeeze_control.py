@@ -73,7 +73,7 @@ def test_unknown_load_changes_the_squeeze_little_and_not_the_pose():
     assert loop.object.slip_margin > 3.0
     loop.object.external_wrench = (1.8, 2.4, 0.0)
     loop.run((0.02, 0.02, 0.0), 2.5)
-    assert loop.squeeze == pytest.approx(loop.target, rel=0.05)
+    assert loop.squeeze == pytest.approx(loop.target, rel=0.04)
     assert loop.errors[-1] < 1e-4
     assert loop.control.belief.pose == pytest.approx(loop.plant.object_pose, abs=1e-4)
 
@@ -89,7 +89,7 @@ def load_after_a_push(expected):
 
 def test_larger_expected_load_attributes_more_of_a_push_to_load():
     small, given, large = (load_after_a_push(load) for load in (0.2, 2.0, 20.0))
-    assert small < 0.2 * given < 0.1 * large
+    assert small < 0.17 * given < 0.1 * large
     assert load_after_a_push(0.0) == given
 
 
