@@ -29,9 +29,9 @@ class ContactPoints:
 
     The points are nodes of the frame, ordered by member and place.
 
-    The displacement of a point has two parts: by the displacements of the ends of its piece of
-    tube, one of p, and by forces inside the piece with fixed ends. The compliance is kept in these
-    factors, along and across the bent members.
+    Each point lies in one of p pieces of tube. Its displacement is the sum of two parts: one by
+    the displacements of the piece's ends, one by forces on the piece with fixed ends. The
+    compliance is stored in these factors, along and across the bent members.
 
     :ivar points: (c,) points on the centre lines, extrapolated to zero contact forces, x + iy [m].
     :ivar skin: (c,) points on the skin toward the object; in the paper's model, `points` [m].

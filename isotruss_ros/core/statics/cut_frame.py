@@ -47,7 +47,7 @@ class CutFrame(Frame):
     @cached_property
     def rest(self) -> Tangent:
         """
-        Return the frame linearised without loads; its factor is that of the uncut frame.
+        Return the frame linearised without loads; it uses the factorisation of the uncut frame.
 
         :raises StructureError: the frame is a mechanism; names the nodes that move.
         """
