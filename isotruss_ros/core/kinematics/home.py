@@ -17,13 +17,16 @@ from isotruss_ros.core.model.description import RobotDescription
 from isotruss_ros.core.model.topology import Topology
 from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.core.numerics.factorization import factorize, factorize_with_condition
-from isotruss_ros.core.numerics.tolerances import COINCIDENCE, MAX_CONDITION, MAX_NEWTON_ITERATIONS
+from isotruss_ros.core.numerics.tolerances import COINCIDENCE, MAX_NEWTON_ITERATIONS
 import numpy as np
 from scipy.sparse import csc_matrix
 
 #: Smallest deviation of a corner from straight and from folded [rad]; below it, a module has no
 #: inner side.
 MIN_CORNER_ANGLE = np.deg2rad(1.0)
+#: Largest condition number at home [-]; the nine-member preset has 5e2, and a robot beyond this is
+#: a mechanism in double precision.
+MAX_CONDITION = 1e8
 
 
 def place_home(
