@@ -32,13 +32,15 @@ SIZE, SCALE = ViewportSize(width=1080, height=660), 0.65
 CLOCK_SPEED, FILM_SPEED = 0.1, 3.0
 #: Simulated time between two frames, and that in which the page shows what it waits for [s].
 STEP, PATIENCE = 0.4, 120.0
-#: Time without a step of the clock, or a response of the page, after which it ends [s].
+#: Longest time without a step of the clock, or without a response of the page [s]. c COLORS, SOME:
+#: Number of colours of the film, and number of frames that determine them.
 TIMEOUT = 120.0
 #: Longest time that a frame is shown [s].
 LONGEST = 0.5
 #: Of the film, and frames by which they are chosen.
 COLORS, SOME = 128, 6
-#: The page draws at most four times a second: the processors are for the nodes.
+#: Script that limits the page to four pictures a second, so that the nodes have enough processor
+#: time.
 SLOWLY = """
 const draw = window.requestAnimationFrame.bind(window);
 window.requestAnimationFrame = (show) => setTimeout(() => draw(show), 250);
@@ -63,7 +65,7 @@ NODES = (
 
 class Film:
     """
-    Frames of a page while something comes about.
+    Frames of a page until an event.
 
     :param processes: the nodes.
     :param page: the page.
@@ -100,7 +102,7 @@ class Film:
         return frame
 
     def begin(self) -> Image.Image:
-        """Return the first frame of the film: one that is like the one after it."""
+        """Return the first frame of the film that is like the frame after it."""
         frame = self.take()
         while (following := self.take()) != frame:
             frame = following
@@ -109,9 +111,10 @@ class Film:
 
     def until(self, words: str) -> None:
         """
-        Film until the page shows some words.
+        Film until the page shows a text.
 
-        :param words: the words.
+        :param words: the text.
+        :raises TimeoutError: the page does not show the text in time.
         :raises TimeoutError: it does not.
         """
         end = self._now + PATIENCE
@@ -127,7 +130,7 @@ class Film:
         """
         Write the film.
 
-        :param path: of the GIF.
+        :param path: path of the GIF.
         """
         # Held and not held, loaded and not: the colours of all that is shown.
         some = self._frames[:: max(1, len(self._frames) // SOME)]
@@ -148,7 +151,7 @@ class Film:
 
 
 def find_handle(frame: Image.Image) -> tuple[float, float]:
-    """Return where the blue ball is on the page."""
+    """Return the position of the blue handle on the page."""
     red, green, blue = np.moveaxis(np.asarray(frame).astype(int), 2, 0)
     found = (blue > red + 80) & (blue > green + 60)
     found[:, int(0.65 * found.shape[1]) :] = False
@@ -178,7 +181,7 @@ def act(page: Page, film: Film) -> None:
 
 
 def read_address(viewer: NodeProcess) -> str:
-    """Return the address that a viewer prints, once it does."""
+    """Wait until a viewer prints its address, and return the address."""
     while 'viewer: http' not in (words := viewer.log.read_text()):
         viewer.require_running()
         time.sleep(0.2)

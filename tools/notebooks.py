@@ -25,7 +25,7 @@ def run(path: str | Path) -> dict[str, Any]:
     """
     Return a notebook with the outputs of its cells.
 
-    :param path: of the file.
+    :param path: path of the notebook.
     """
     mpl.use('Agg')
     notebook, names = json.loads(Path(path).read_text(encoding='utf-8')), {}
@@ -40,7 +40,7 @@ def run(path: str | Path) -> dict[str, Any]:
 
 
 def _run_cell(source: str, names: dict[str, Any], place: str) -> tuple[str, Any]:
-    """Return what a cell prints, and the value of its last line, if that is an expression."""
+    """Return the printed text of a cell, and the value of its last line if it is an expression."""
     tree, last = ast.parse(source, place), None
     if isinstance(tree.body[-1], ast.Expr):
         last = ast.Expression(tree.body.pop().value)

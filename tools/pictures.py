@@ -2,14 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Make the pictures and films of README and site anew where they are out of date.
+Make outdated pictures and films of the README and the site again.
 
-    python tools/pictures.py                makes those that are
-    python tools/pictures.py --check        fails where one is
-    python tools/pictures.py --keep NAME    keeps one that a change of its inputs does not alter
+python tools/pictures.py makes all outdated pictures python tools/pictures.py --check fails if a
+picture is outdated python tools/pictures.py --keep NAME marks a picture as up to date
 
-docs/images/inputs.json has a hash of what draws each, comments and docstrings left out, and the
-words that drawings show: those are computed again, and their numbers may differ by a twentieth.
+docs/images/inputs.json contains a hash of the sources of each picture without comments and
+docstrings, and the words in the drawings. A check computes these words again; their numbers may
+differ by 5 %.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ import sys
 
 TOP = Path(__file__).resolve().parents[1]
 HASHES = TOP / 'docs' / 'images' / 'inputs.json'
-#: Where the demonstration writes.
+#: Folder of the demonstration's output.
 OUTPUT = TOP / '.venv' / 'pictures'
 ROBOT = 'config/nine_member.yaml'
 PANELS = 'docs/images/demo.png'
-#: Of numbers in words, which are rounded to their last digit.
+#: Relative tolerance of numbers in words, which are rounded.
 TOLERANCE = 0.05
 NUMBER = re.compile(r'\d+(?:\.\d+)?')
 
@@ -45,7 +45,7 @@ def _words_of_drawings() -> list[str]:
 
 
 def _words_of_panels() -> list[str]:
-    """Return the words of the panels of the demonstration, for the states that they show."""
+    """Return the words of the demonstration's panels in all pictured states."""
     from isotruss_ros.core import ConvexObject, load_robot
     from isotruss_ros.demo.figures import describe_grasp
     from PIL import Image
@@ -62,7 +62,7 @@ def _words_of_panels() -> list[str]:
 
 @dataclass(frozen=True)
 class Picture:
-    """A picture, or several that are made at once."""
+    """One picture, or several pictures that one command makes."""
 
     files: tuple[str, ...]  #: what is committed
     command: tuple[str, ...]  #: arguments of Python
@@ -127,9 +127,9 @@ PICTURES = {
 
 def hash_inputs(inputs: Sequence[str]) -> str:
     """
-    Return a hash of the content of files, that of Python without comments and docstrings.
+    Return a hash of the content of files; of Python files, without comments and docstrings.
 
-    :param inputs: files and folders, from the top of the sources.
+    :param inputs: files and folders, relative to the top of the sources.
     """
     digest = hashlib.sha256()
     for name in sorted(inputs):
@@ -154,7 +154,7 @@ def _read(file: Path) -> bytes:
 
 
 def find_stale() -> dict[str, str]:
-    """Return the names of the pictures that are out of date, and why, in words."""
+    """Return the names of outdated pictures, each with the reason in words."""
     known, stale = _read_known(), {}
     for name, picture in PICTURES.items():
         if not all((TOP / file).exists() for file in picture.files):
@@ -167,7 +167,7 @@ def find_stale() -> dict[str, str]:
 
 
 def _changed(was: Sequence[str], now: Sequence[str]) -> str:
-    """Return the first words that are others now; empty if there are none."""
+    """Return the first words that have changed; empty without a change."""
     if len(was) != len(now):
         return f'{len(was)} words, today there are {len(now)}'
     for old, new in zip(was, now, strict=True):
@@ -185,9 +185,9 @@ def _is_close(old: str, new: str) -> bool:
 
 def make(name: str) -> None:
     """
-    Make a picture, and keep what it was made of.
+    Make a picture, and store the hash of its inputs.
 
-    :param name: one of `PICTURES`.
+    :param name: name of the picture, a key of `PICTURES`.
     """
     picture = PICTURES[name]
     subprocess.run([sys.executable, *picture.command], cwd=TOP, check=True)
@@ -199,9 +199,9 @@ def make(name: str) -> None:
 
 def note(name: str) -> None:
     """
-    Keep the hash of the inputs of a picture, and its words.
+    Store the hash of the inputs of a picture, and its words.
 
-    :param name: one of `PICTURES`.
+    :param name: name of the picture, a key of `PICTURES`.
     """
     known, picture = _read_known(), PICTURES[name]
     known[name] = {'inputs': hash_inputs(picture.inputs)}
@@ -218,8 +218,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     Make, check or keep the pictures.
 
-    :param arguments: of the command line; those of the process if None.
-    :return: 1 where `--check` finds one that is out of date.
+    :param arguments: arguments of the command line; None: those of the process.
+    :return: 1 if `--check` finds an outdated picture, else 0.
     """
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[1])
     parser.add_argument('--check', action='store_true', help='only fail where one is out of date')

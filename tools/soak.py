@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Let simulator, manipulation at 1 kHz and grasp analysis run, and do to them all that may happen.
+Run simulator, manipulation (1 kHz) and grasp analysis for long under all kinds of disturbances.
 
-Ends with 1 if a node died, printed a traceback, moved on doubt or did not come back, or if the
-memory of one grew.
+The exit code is 1 if a node ended, printed a traceback, moved despite a fault or did not recover,
+or if the memory of a node grew.
 
     PYTHONPATH=test/helpers python tools/soak.py --minutes 15
 """
@@ -33,21 +33,21 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Float64MultiArray
 
 RATE = 1000.0
-#: Each thing is done for this long [s].
+#: Duration of each disturbance [s].
 DURATION = 3.0
 #: What is allocated at first and then kept does not count [s]; nor what the first times that a
 #: node is configured again leave in the middleware, some 50 kB each until nothing more comes.
 WARM_UP = 20.0
 WARM_UP_ROUNDS = 40
-#: The median of a late quarter may exceed that of an early one by this much [MB].
+#: Largest admissible growth of the median memory from an early to a late quarter [MB].
 GROWTH = 1.5
 
 
 class Soak:
     """
-    Goes through all that may happen, again and again.
+    Test that repeats all disturbances.
 
-    :ivar statuses: how many cycles ended with each status.
+    :ivar statuses: number of cycles with each status.
     :ivar memory: for each node, pairs of time [s] and resident memory [MB].
     """
 
@@ -60,7 +60,7 @@ class Soak:
         self._manager = Manager(self._w, 'manipulation')
 
     def run(self, duration: float) -> None:
-        """Go on for some seconds."""
+        """Cause one disturbance after another for a duration [s]."""
         things = (
             self._carry,
             self._send_nonsense,
@@ -78,7 +78,7 @@ class Soak:
             self._r.until_moving()
 
     def _for(self, duration: float, also: object = lambda: None) -> None:
-        """Command a twist and do something else for a while; watch."""
+        """Command a twist for a duration [s]; call a function meanwhile and watch the nodes."""
         end = time.monotonic() + duration
 
         def each() -> None:
@@ -88,7 +88,7 @@ class Soak:
         self._r.until(lambda: time.monotonic() >= end, each)
 
     def _watch(self) -> None:
-        """Check the statuses, and sample the memory now and then."""
+        """Check the statuses, and sample the memory at intervals."""
         for _, status in self._w.probe.seen['status']:
             self.statuses[Status(status.code).name] += 1
             if status.code >= Status.HALT_NO_TWIST:
@@ -157,7 +157,7 @@ class Soak:
 
 
 def growth(samples: list[tuple[float, float]]) -> tuple[float, float]:
-    """Return by how much memory grew from an early to a late quarter, and its slope [MB, MB/h]."""
+    """Return the growth of memory from an early to a late quarter, and its slope [MB, MB/h]."""
     times, sizes = np.array([s for s in samples if s[0] > WARM_UP]).T
     quarter = len(sizes) // 4
     slope = np.polyfit(times, sizes, 1)[0] * 3600.0
@@ -165,7 +165,7 @@ def growth(samples: list[tuple[float, float]]) -> tuple[float, float]:
 
 
 def main() -> int:
-    """Soak, and tell what came of it."""
+    """Run the test, and print its result."""
     parser = argparse.ArgumentParser(description=main.__doc__)
     parser.add_argument('--minutes', type=float, default=15.0)
     arguments = parser.parse_args()

@@ -4,8 +4,8 @@
 """
 Fit of the local stiffness of a tube to tests with pressed cylinders.
 
-The fit to the other modes gives the beam. The only unknown is a factor on the stiffness of
-`flattening`, the same for all pressures, cylinders and depths.
+The beam is known from the fit to the other modes. The only unknown is a factor on the stiffness of
+`flattening`; it is the same for all pressures, cylinders and depths.
 """
 
 from __future__ import annotations

@@ -34,7 +34,8 @@ def replay(view: View, path: Path, speed: float, wait: Callable[[float], None]) 
     :param view: view for the playback.
     :param path: path of the MCAP file.
     :param speed: factor on the speed of the recording [-].
-    :param wait: callback after each frame, with the time of the next frame since the first [s].
+    :param wait: function called after each frame with the time from the first frame to the next
+        one [s].
     :raises RecordingError: the file cannot be read, or has no complete message.
     """
     from isotruss_ros.viewer.recording import BrokenRecordingError, read_recording, show_message

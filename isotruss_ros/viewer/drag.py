@@ -67,10 +67,10 @@ class Drag:
 
 def place_on_circle(angle: float, near: float = 0.0) -> tuple[float, float]:
     """
-    Return the position (path, 0) on the path of the rotation handle for an angle [m].
+    Return the position (path, 0) [m] of the rotation handle for an angle of the object.
 
     :param angle: angle of the object [rad].
-    :param near: path of which the result is within half a turn [m].
+    :param near: path length [m]; the result differs from it by at most half a turn.
     """
     begin = near / LEVER_LENGTH
     return LEVER_LENGTH * (begin + math.remainder(angle - begin, 2.0 * math.pi)), 0.0

@@ -21,6 +21,7 @@ from isotruss_ros.nodes.manipulation.node import Manipulation
 from isotruss_ros.nodes.simulator.node import Simulator
 from isotruss_ros.nodes.state_estimator import StateEstimatorNode
 from manual_world import world
+from nightly import some_now
 import numpy as np
 import probe
 from probe import maker, N, overrides, ROBOT
@@ -266,7 +267,7 @@ def test_over_dds_measured_pressures_stiffen_the_tubes_of_the_estimate():
         w.until(lambda: last().squeeze > 1.15 * before, send)
 
 
-@pytest.mark.parametrize('estimated', [True, False])
+@pytest.mark.parametrize('estimated', some_now([True, False]))
 def test_the_squeeze_of_a_robot_with_wrong_zeros_is_regulated_by_the_estimate(estimated):
     plant = {'plant': 'elastic', 'friction': 0.9, 'indentation': 0.02, 'object_is_free': False}
     marked = {'zero_deviation': 0.006, 'tracker_rate': 20.0, 'tracker_noise': 2e-4}

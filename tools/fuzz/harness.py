@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the fuzz targets share: the input as a file, and where libFuzzer starts."""
+"""Common part of the fuzz targets: the input as a file, and the start of libFuzzer."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import warnings
 
 import atheris
 
-#: An input for which more memory is needed at once is a finding [kB].
+#: Largest memory that an input may need [kB].
 MAX_MEMORY = 500_000
 
 Mutator = Callable[[bytes, int, int], bytes]
@@ -22,11 +22,12 @@ Mutator = Callable[[bytes, int, int], bytes]
 
 def fuzz_file(read: Callable[[Path], None], suffix: str, mutate: Mutator | None = None) -> None:
     """
-    Let libFuzzer call a reader; the options of the command line are its own.
+    Let libFuzzer call a reader, with libFuzzer's options from the command line.
 
-    :param read: reads a file; whatever it raises, and every warning, is a finding.
-    :param suffix: of the file's name.
-    :param mutate: changes an input, given with the largest size and a seed.
+    :param read: function that reads a file; each exception and each warning is a finding.
+    :param suffix: suffix of the file's name.
+    :param mutate: function that changes an input, given the largest size and a seed; None:
+        libFuzzer's.
     """
     warnings.simplefilter('error')
     with tempfile.TemporaryDirectory(prefix='isotruss_fuzz_') as folder:

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Fuzz the reader of measured points and the fit: an answer, or a MeasurementError.
+Fuzz the reader of measured points and the fit: each must return, or raise MeasurementError.
 
 Run by `make fuzz`; a finding is run again by giving its file:
 
@@ -26,7 +26,7 @@ from harness import fuzz_file
 
 
 def read(path: Path) -> None:
-    """Read, fit, and write the block for the robot file; a refusal is an answer too."""
+    """Read, fit, and write the block for the robot file; a MeasurementError is no finding."""
     try:
         measurements = read_measurements(path)
     except MeasurementError:

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Fuzz the reader of robot files: a file makes a robot or is refused with a RobotFileError.
+Fuzz the reader of robot files: it must return a robot, or raise RobotFileError.
 
 Run by `make fuzz`; a finding is run again by giving its file:
 
@@ -27,7 +27,7 @@ with atheris.instrument_imports(include=['isotruss_ros.core', 'ruamel.yaml', 'js
 
 from harness import fuzz_file
 
-#: What a slip of the keyboard or a broken generator leaves in the place of a value.
+#: Values that replace a value of the file, as typing errors or broken generators would.
 STRANGE: tuple[Any, ...] = (
     None,
     True,
@@ -50,13 +50,13 @@ STRANGE: tuple[Any, ...] = (
 
 
 def read(path: Path) -> None:
-    """Load a robot; a refusal is an answer too."""
+    """Load a robot; a RobotFileError is no finding."""
     with contextlib.suppress(RobotFileError):
         load_robot(path)
 
 
 def mutate(data: bytes, max_size: int, seed: int) -> bytes:
-    """Change the document in half of the cases: most changes of single bytes are no YAML."""
+    """Return the document with a changed value, or in half of the cases with changed bytes."""
     rng = random.Random(seed)
     # Aliases unfold into gigabytes here, where nobody refuses them, and repeated anchors warn.
     if rng.random() < 0.5 and b'*' not in data and b'&' not in data:
@@ -69,7 +69,7 @@ def mutate(data: bytes, max_size: int, seed: int) -> bytes:
 
 
 def _places(value: Any) -> list[tuple[Any, Any]]:
-    """Return every place in a document, as the block that it is in and its key."""
+    """Return the places of all values in a document: the containing block, and the key."""
     keys = list(value) if isinstance(value, dict) else range(len(value))
     found = []
     for key in keys:

@@ -218,7 +218,7 @@ def relax_contact(
         displacements = contact_points.displacements(forces * normals)
         gap, normals, radii = surface.nearest(away + displacements)
         left = np.maximum(gap, 0.0) * forces / largest
-        if (gap > -ROUNDING).all() and (left < ROUNDING).all():
+        if (gap > -0.01 * ROUNDING).all() and (left < 0.01 * ROUNDING).all():
             touching = np.where(gap < MAX_CONTACT_GAP, forces, 0.0)
             push = touching * normals
             return ContactState(touching, gap, normals, displacements, radii, push)

@@ -11,10 +11,13 @@ from functools import cached_property
 from isotruss_ros.core.contact.flattening import Flattening
 from isotruss_ros.core.contact.surfaces import Surface
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
-from isotruss_ros.core.statics.bent_tubes import BentTubes, Displaced, FOLLOWED_MOTION
+from isotruss_ros.core.statics.bent_tubes import BentTubes, Displaced
 from isotruss_ros.core.statics.structure import Structure
 import numpy as np
 
+#: Ratio of a motion to the one before in the iteration for the bent tubes, relative to the latter
+#: and the motion since the compliance was computed [1/m].
+TUBE_CURVATURE = 15.0
 #: Smallest distance of a point from the end of its piece of tube, relative to the spacing [-].
 SHORTEST_SHARE = 0.2
 
@@ -26,9 +29,9 @@ class ContactPoints:
 
     The points are nodes of the frame, ordered by member and place.
 
-    The displacement of a point has two parts: by the displacements of the ends of its piece of
-    tube, one of p, and by forces inside the piece with fixed ends. The compliance is kept in these
-    factors, along and across the bent members.
+    Each point lies in one of p pieces of tube. Its displacement is the sum of two parts: one by
+    the displacements of the piece's ends, one by forces on the piece with fixed ends. The
+    compliance is stored in these factors, along and across the bent members.
 
     :ivar points: (c,) points on the centre lines, extrapolated to zero contact forces, x + iy [m].
     :ivar skin: (c,) points on the skin toward the object; in the paper's model, `points` [m].
@@ -123,7 +126,6 @@ class ContactPoints:
         if push is None:
             found = points_on_members(bent, self.spacing)
         else:
-            bent.tangent.borrow(self.bent.tangent)
             found = replace(self, place=bent.cuts, bent=bent)
             there, axis = _line(bent, found.move(push)[0])
             found = replace(found, axis=axis)
@@ -132,15 +134,36 @@ class ContactPoints:
         skin = found.points + (self.skin - self.points) / self.axis * found.axis
         return replace(found, skin=skin, dents=self.dents)
 
-    def is_near(self, bent: BentTubes, spacing: float) -> bool:
+    @property
+    def kept(self) -> float:
+        """Return the largest motion of nodes since the compliance was computed [m]."""
+        return self._apart(self.bent)
+
+    def _apart(self, bent: BentTubes) -> float:
+        """Return the largest motion of nodes since then, in another state [m]."""
+        return float(np.abs(bent.tangent.points - self.bent.tangent.factored.points).max())
+
+    def lend(self, bent: BentTubes) -> bool:
         """
-        Return whether other points have about the same compliance as these points.
+        Lend the factorised frame to tubes in nearly the same state; return whether it was lent.
+
+        :param bent: the tubes, at any places.
+        """
+        alike = not bent.is_straight and bent.structure.pressures == self.bent.structure.pressures
+        # Errors shrink a hundredfold by each motion.
+        near = alike and TUBE_CURVATURE * self._apart(bent) <= 0.01
+        if near:
+            bent.tangent.borrow(self.bent.tangent)
+        return near
+
+    def is_parallel(self, bent: BentTubes, spacing: float) -> bool:
+        """
+        Return whether other points have the same spacing, and as many lie on each member.
 
         :param bent: the tubes linearised at the other points.
         :param spacing: spacing of the other points [m].
         """
-        alike = spacing == self.spacing and np.array_equal(bent.frame.whole, self.bent.frame.whole)
-        return alike and bent.tangent.distance(self.bent.tangent.factored) <= FOLLOWED_MOTION
+        return spacing == self.spacing and np.array_equal(bent.frame.whole, self.bent.frame.whole)
 
     @cached_property
     def _own(self) -> Array:
@@ -266,7 +289,7 @@ def find_contact_points(
     place = np.clip(foot[member] + spacing * number, 0.0, length[member])
     tubes = BentTubes(structure, member, place, shortest=SHORTEST_SHARE * spacing)
     tubes = tubes if bent is None else tubes.bent_like(bent)
-    if known is not None and known[0].is_near(tubes, spacing):
+    if known is not None and known[0].lend(tubes) and known[0].is_parallel(tubes, spacing):
         return known[0].about(tubes, known[1])
     points = points_on_members(tubes, spacing)
     if flattening is None:

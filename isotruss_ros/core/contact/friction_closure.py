@@ -35,8 +35,8 @@ class FrictionClosure:
     :ivar tolerance: largest residual of closure [N].
     :ivar friction_forces: (k,) friction on the object along the tangents, counter-clockwise [N].
     :ivar required_friction: smallest coefficient of friction with closure, or infinite.
-    :ivar margin: largest further wrench that friction balances in every direction [N]; else
-        negative.
+    :ivar margin: largest further wrench that friction balances in every direction [N]; negative if
+        the wrench itself is not balanced.
     """
 
     closed: bool

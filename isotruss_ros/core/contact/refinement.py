@@ -21,13 +21,14 @@ from isotruss_ros.core.contact.contact_points import (
     ContactPoints,
     ContactState,
     find_contact_points,
+    TUBE_CURVATURE,
 )
 from isotruss_ros.core.contact.flattening import Flattening
 from isotruss_ros.core.contact.grasp_analysis import SolvedContact
 from isotruss_ros.core.contact.surfaces import Surface
 from isotruss_ros.core.errors import SolverError, StructureError
 from isotruss_ros.core.numerics.arrays import Array, Flags, Points
-from isotruss_ros.core.numerics.tolerances import MAX_SEARCH_STEPS
+from isotruss_ros.core.numerics.tolerances import COINCIDENCE, MAX_SEARCH_STEPS, ROUNDING
 from isotruss_ros.core.statics.bent_tubes import BentTubes
 from isotruss_ros.core.statics.structure import Structure
 import numpy as np
@@ -44,10 +45,9 @@ LENGTH_SPREAD = 0.02
 #: reach.
 MAX_STEPS = 3
 EVERYWHERE = np.array([-np.inf, np.inf])
-#: Bounds of the iteration for the bent tubes: last motion of a node [m], and ratio of successive
-#: motions above which the compliance is computed again [-]. The forces then depend on the initial
-#: guess by 1e-7 at most.
-SETTLED_MOTION, QUICK_SHARE = 1e-8, 0.5
+#: Bound of the next motion in the iteration for the bent tubes, relative to the displacements of
+#: the skin [-]. The forces then depend on the initial guess by 1e-7 at most.
+SETTLED_SHARE = 5e-8
 #: Shares of the bending by the contact forces, tried one after another [-].
 BENT_SHARES = (1.0, 0.5, 0.2, 0.0)
 
@@ -218,12 +218,17 @@ class _Search:
         """Solve at these points repeatedly, with tubes linearised about the last solution."""
         surface, last, quick = self.surface.resolved(found.points.spacing), np.inf, True
         points, contact = found.points, found.contact
+        # Sliding tubes turn with the contact: its error shrinks to a tenth by each motion.
+        least = 1e-3 if self.budget is None else 0.1
         for _ in range(MAX_SEARCH_STEPS):
             distance = points.distance(contact.push)
-            shorter = distance <= QUICK_SHARE * last
+            ratio = max(TUBE_CURVATURE * (distance + points.kept), least, distance / last)
+            reach = np.abs(contact.displacements).max(initial=0.0)
+            settled = ratio * distance <= max(SETTLED_SHARE * reach, COINCIDENCE)
+            shorter = ratio <= 0.5
             # Soft structures, which give by a metre for a newton, move more by rounding of forces.
-            rounding = distance <= 100.0 * SETTLED_MOTION and not (shorter or quick)
-            if distance <= SETTLED_MOTION or rounding:
+            rounding = distance <= 1e3 * ROUNDING and not (shorter or quick)
+            if settled or rounding:
                 return found if points is found.points else self._measure(points, contact)
             quick, last = shorter, distance
 
@@ -233,7 +238,7 @@ class _Search:
                 contact: ContactState = contact,
                 quick: bool = quick,
             ) -> tuple[ContactPoints, ContactState]:
-                quick = quick and points.is_near(bent, points.spacing)
+                quick = quick and points.lend(bent)
                 there = points.about(bent, contact.push if quick else None)
                 found = contact.forces, contact.normals, contact.push
                 return there, self.solver(there, surface, *found)

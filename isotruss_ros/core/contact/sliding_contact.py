@@ -22,7 +22,11 @@ from isotruss_ros.core.contact.surfaces import Surface
 from isotruss_ros.core.errors import SolverError
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
 from isotruss_ros.core.numerics.qp import solve_complementarity
-from isotruss_ros.core.numerics.tolerances import MAX_NEWTON_ITERATIONS, MAX_SEARCH_STEPS, ROUNDING
+from isotruss_ros.core.numerics.tolerances import (
+    COINCIDENCE,
+    MAX_NEWTON_ITERATIONS,
+    MAX_SEARCH_STEPS,
+)
 import numpy as np
 from scipy.linalg import lapack
 
@@ -119,8 +123,8 @@ def _iterate(
             at = np.flatnonzero(steep)
             gaps[at] = open_gaps(moved[at], normals[at], surface)
         # Where no other point has come to touch, the same ones do.
-        settled = bool((gaps >= -ROUNDING).all())
-        if settled and not damped and (np.abs(gaps[active]) <= ROUNDING).all():
+        settled = bool((gaps >= -COINCIDENCE).all())
+        if settled and not damped and (np.abs(gaps[active]) <= COINCIDENCE).all():
             return ContactState(forces, gaps, normals, displacements, radii, push)
         still = gaps - (displacements * normals.conj()).real
     return None
@@ -181,7 +185,7 @@ def turn_at_corners(
     contact_points: ContactPoints, contact: ContactState, surface: Surface
 ) -> ContactState:
     """
-    Return the contact with normals and forces that do not depend on the positions of the points.
+    Return the contact with normals and forces that do not depend on where its points lie.
 
     At a sharp corner, and on the faces beside it between which the skin is folded, a point has an
     arbitrary normal of the normal cone. The resultant force is across the tube. So these normals

@@ -44,9 +44,9 @@ class SurfacePoints(NamedTuple):
 
 
 class Face(NamedTuple):
-    """Straight face of a shape, as a neighbour of one of its two corners."""
+    """Straight face of a shape, described relative to the corner at one of its two ends."""
 
-    step: int  #: 1 for the face after that corner, counter-clockwise; -1 for the face before it
+    step: int  #: 1 for the face after this corner, counter-clockwise; -1 for the face before it
     corner: int  #: index of the corner at the other end of the face
     normal: complex  #: outward unit normal, x + iy
     length: float  #: length between the corners, or between the centres of their arcs [m]

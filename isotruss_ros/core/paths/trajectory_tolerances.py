@@ -52,9 +52,11 @@ class TrajectoryTolerances(NamedTuple):
     """
     Tolerances of a trajectory goal.
 
-    :ivar path: tolerance along the trajectory; None: no bound, lagging rollers stop time.
-    :ivar goal: tolerance at the end; None: the servo's own.
-    :ivar goal_time: largest delay of the end, infinite without a bound [s]; None: the servo's own.
+    :ivar path: tolerance along the trajectory; None: no bound, trajectory time waits for the
+        rollers.
+    :ivar goal: tolerance at the end; None: the default of the servo.
+    :ivar goal_time: largest delay of the end [s], infinite for no bound; None: the servo's
+        default.
     """
 
     path: Tolerance | None = None

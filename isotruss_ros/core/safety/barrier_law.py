@@ -220,7 +220,7 @@ class BarrierLimit:
         :param grip: grip at the end of the motion; None without an object.
         :param travel: (r,) roller travel of the motion [m].
         :param velocities: (r,) roller velocities before the motion [m/s].
-        :param duration: duration of the motion [s]; the limit belongs to its midpoint.
+        :param duration: duration of the motion [s]; this limit was linearised at its midpoint.
         """
         law = self.barrier.law
         before = self.margins - 0.5 * duration * (self.matrix @ velocities)

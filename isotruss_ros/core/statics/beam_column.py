@@ -41,6 +41,7 @@ class EndForces(NamedTuple):
     :ivar stiffness: (k, 3, 3) derivatives of (N, M1, M2) by (l, t1, t2).
     :ivar stressed: (k,) N and (k,) M1 + M2 for the geometric stiffness. They are the values before
         the step of Newton's method that makes the energy stationary in N.
+    :ivar gap: (k,) missing elongations before this step, which the forces include [m].
     :ivar rates: (k, 3) derivatives of N, M1 and M2 by the rest lengths with fixed ends; None
         unless `BeamColumns` is `rated`.
     """
@@ -49,6 +50,7 @@ class EndForces(NamedTuple):
     moments: Array
     stiffness: Array
     stressed: tuple[Array, Array]
+    gap: Array
     rates: Array | None = None
 
 
@@ -124,14 +126,14 @@ class BeamColumns:
         turning = rotary[0] + pull * (rotary[1] + pull * rotary[2])
         stiffness[1, 1:], stiffness[2, 1:] = turning[:2], turning[1:]
         stiffness[1:, 1:] += slope[:, None] * steep
-        stressed = pull, moments.sum(axis=0)
+        stressed, gap = (pull, moments.sum(axis=0)), (nearest - pull) / soft
         if known is not None:
             pull, moments = nearest, moments + slope * (nearest - pull)
         if not self._step:
-            return EndForces(pull, moments.T, stiffness.T, stressed)
+            return EndForces(pull, moments.T, stiffness.T, stressed, gap)
         rates = np.array([pull, *moments]).imag / EPSILON
         real = pull.real, moments.T.real, stiffness.T.real, tuple(each.real for each in stressed)
-        return EndForces(*real, rates.T)
+        return EndForces(*real, gap.real, rates.T)
 
 
 def evaluate_rates(

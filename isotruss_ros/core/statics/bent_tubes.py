@@ -383,7 +383,7 @@ class BentTubes:
 
         :param loads: (k, 3, p) further loads at the places.
         :param places: (k, p) motion of the places along the members [m].
-        :return: (n, 3, p) motions of the nodes by the loads, and changes by the places.
+        :return: (n, 3, p) displacements of the nodes by the loads, and the changes by the places.
         """
         frame, count, found = self.frame, len(self.members), self._changes[0]
         by_loads = found[..., : 3 * count] @ loads.reshape(3 * count, -1)

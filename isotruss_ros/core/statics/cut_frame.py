@@ -5,10 +5,11 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from itertools import pairwise
 
 from isotruss_ros.core.numerics.arrays import Array, Indices
-from isotruss_ros.core.statics.frame import Frame
+from isotruss_ros.core.statics.frame import Frame, Tangent
 import numpy as np
 
 
@@ -40,7 +41,19 @@ class CutFrame(Frame):
         self.nodes, self.before, self.behind = cut.nodes, cut.before, cut.behind
         self.whole, self.chains, self.places = cut.whole, cut.chains, cut.places
         self.begins = np.append(np.zeros(len(frame.length)), within)
-        self._lengths, self._cut = frame.length, (piece[order], within[order], cut.behind[order])
+        self._frame, self._lengths = frame, frame.length
+        self._cut = (piece[order], within[order], cut.behind[order])
+
+    @cached_property
+    def rest(self) -> Tangent:
+        """
+        Return the frame linearised without loads; it uses the factorisation of the uncut frame.
+
+        :raises StructureError: the frame is a mechanism; names the nodes that move.
+        """
+        tangent = self.straight
+        tangent.borrow(self._frame.rest)
+        return tangent
 
     def locate(self, piece: Indices, within: Array) -> tuple[Indices, Array]:
         """

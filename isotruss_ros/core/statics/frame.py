@@ -11,7 +11,7 @@ equilibrium of the bent frame by Newton's method; its first step is `Frame.solve
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 import itertools
 from typing import NamedTuple
@@ -90,6 +90,20 @@ class CondensedChains(NamedTuple):
     stiffness: Array
 
 
+class FactoredFrame(NamedTuple):
+    """
+    The factored matrix of (4), for responses in near states as well.
+
+    :ivar factor: factor of the scaled matrix.
+    :ivar scale: (f + c,) scaling of its rows and columns.
+    :ivar points: (n,) displaced nodes, see `Tangent.points` [m].
+    """
+
+    factor: Factor
+    scale: Array
+    points: Points
+
+
 @dataclass(frozen=True, eq=False)
 class Tangent:
     """
@@ -102,7 +116,6 @@ class Tangent:
     :ivar forces: forces of the members.
     :ivar motions: (k, 4, 6) stretch, sway and end rotations by displacements of the ends.
     :ivar stretched: (k,) elongations [m], and (k, 2) end rotations relative to chords [rad].
-    :ivar carried: (3 n,) loads and reactions in equilibrium with these displacements [N, N m].
     :ivar gaps: (c,) violations of the constraints.
     :ivar stiffness: (k, 4, 4) stiffness of the members by stretch, sway and end rotations.
     """
@@ -114,9 +127,9 @@ class Tangent:
     motions: Array
     stretched: tuple[Array, Array]
     forces: EndForces
-    carried: Array
     gaps: Array
     stiffness: Array
+    _pushed: Array  # the loads of `carried`, by the own members
     _frame: Frame
     _rows: tuple[Array, Array]  # entries of the constraints and their geometric stiffness
 
@@ -145,14 +158,15 @@ class Tangent:
         return self._frame._assemble(self._condensed[0], *self._rows)
 
     @cached_property
-    def factor(self) -> Factor:
+    def factored(self) -> FactoredFrame:
         """
         Return the factorised matrix of `system`.
 
         :raises StructureError: the structure has no stiffness in its bent shape.
         """
+        matrix, scale = self.system
         try:
-            return factorize(self.system[0].copy())
+            return FactoredFrame(factorize(matrix.copy()), scale, self.points)
         except np.linalg.LinAlgError as error:
             raise StructureError('the structure has no stiffness in its bent shape') from error
 
@@ -168,11 +182,12 @@ class Tangent:
             borne = loads.copy()
             for (_, inner, ends), _, spread, _ in self.chains:
                 borne[ends] += spread.swapaxes(1, 2) @ loads[inner]
-        solved, scale = self._frame.pattern.solved, self.system[1][:, None]
-        free, right = len(solved), np.empty((len(scale), loads.shape[1]))
+        solved, (factor, scaling, _) = self._frame.pattern.solved, self.factored
+        free, scale = len(solved), scaling[:, None]
+        right = np.empty((len(scale), loads.shape[1]))
         right[:free], right[free:] = borne[solved], gaps
         right *= scale
-        found = self.factor.solve(right)
+        found = factor.solve(right)
         found *= scale
         moved = np.zeros_like(loads)
         moved[solved] = found[:free]
@@ -182,27 +197,49 @@ class Tangent:
 
     def borrow(self, other: Tangent) -> None:
         """
-        Use the factorised matrix of the frame in a similar state.
+        Use the factorised matrix of the frame in a similar state; called first.
 
-        :param other: frame linearised about the similar state.
+        :param other: frame linearised about the similar state, with any cuts.
         """
-        for name in ('_condensed', 'system', 'factor', 'factored'):
-            self.__dict__[name] = getattr(other, name)
+        frame, known, lender = self._frame, other._frame, other._linear
+        kept = {'factored': other.factored, '_lent': lender}
+        if np.array_equal(frame.whole, known.whole):
+            kept['_condensed'] = other._condensed
+        else:
+            alike = np.flatnonzero(frame.uncut & known.uncut)
+            own = self.motions, self.length, self.forces.stiffness
+            motions, length, stiffness = mixed = [each.copy() for each in own]
+            others = lender.motions, lender.length, lender.forces.stiffness
+            for each, another in zip(mixed, others, strict=True):
+                each[alike] = another[alike]
+            forces = self.forces._replace(stiffness=stiffness)
+            kept['_lent'] = replace(self, motions=motions, length=length, forces=forces)
+        self.__dict__.update(kept)
+
+    @property
+    def _linear(self) -> Tangent:
+        """Return the frame with the members by which `respond` is."""
+        return self.__dict__.get('_lent', self)
 
     @cached_property
-    def factored(self) -> Points:
-        """Return the displaced nodes (n,) of the state that was factorised, x + iy [m]."""
-        return self._frame.points + self.displacements @ (1.0, 1j, 0.0)
+    def carried(self) -> Array:
+        """Return loads and reactions (3 n,) in equilibrium with these displacements [N, N m]."""
+        if self._linear is self:
+            return self._pushed
+        # The missing elongation of a stiff member is the gap of a constraint: its force acts along
+        # the member as it is factorised, or else it would move soft ones.
+        frame, gap = self._frame, self.forces.gap[:, None, None]
+        pushed = sum(
+            sign * frame.nodal_forces(each, slice(None), gap * each.forces.stiffness[:, :, :1])
+            for each, sign in ((self._linear, 1.0), (self, -1.0))
+        )
+        return self._pushed + np.bincount(frame.places.ravel(), pushed.ravel(), len(self._pushed))
 
-    def distance(self, nodes: Points) -> float:
-        """
-        Return the largest distance of a displaced node from its other position [m].
-
-        :param nodes: (n,) other positions, x + iy [m]; points inside members are ignored.
-        """
+    @property
+    def points(self) -> Points:
+        """Return the displaced nodes (n,) without points inside members, x + iy [m]."""
         count = len(self._frame.points) - len(self._frame.nodes)
-        own = self._frame.points[:count] + self.displacements[:count] @ (1.0, 1j, 0.0)
-        return float(np.abs(own - nodes[:count]).max())
+        return self._frame.points[:count] + self.displacements[:count] @ (1.0, 1j, 0.0)
 
     @property
     def end_forces(self) -> Array:
@@ -215,7 +252,8 @@ class Tangent:
 
         :param moved: (n, 3) small displacements ux, uy [m], theta [rad].
         """
-        changes, longer = self._frame.force_changes(self, moved[..., None])
+        # Forces of stiff members are in balance only by the stiffness of the responses.
+        changes, longer = self._frame.force_changes(self._linear, moved[..., None])
         pull, moments = (
             self.forces.pull + changes[:, 0, 0],
             self.forces.moments + changes[:, 1:, 0],
@@ -280,13 +318,23 @@ class Frame:
         return BeamColumns(self.length, *self.members[2:], rated=self._rated)
 
     @cached_property
+    def uncut(self) -> Flags:
+        """Return the mask of the members of the uncut frame that are in one part."""
+        return np.bincount(self.whole) == 1
+
+    @property
+    def straight(self) -> Tangent:
+        """Return the frame linearised without loads, not factored."""
+        return self.tangent(np.zeros((len(self.points), 3)), np.zeros(self.rows.count))
+
+    @cached_property
     def rest(self) -> Tangent:
         """
         Return the frame linearised about its unloaded state, (4).
 
         :raises StructureError: the frame is a mechanism; names the nodes that move.
         """
-        tangent = self.tangent(np.zeros((len(self.points), 3)), np.zeros(self.rows.count))
+        tangent = self.straight
         matrix, scale = tangent.system
         factor, condition = factorize_with_condition(matrix)
         if factor is None or not condition < MAX_CONDITION:
@@ -295,7 +343,7 @@ class Frame:
                 f'the structure is a mechanism: {moving} can move without resistance; '
                 'support it or connect it'
             )
-        tangent.__dict__['factor'] = factor
+        tangent.__dict__['factored'] = FactoredFrame(factor, scale, tangent.points)
         return tangent
 
     def tangent(
@@ -332,9 +380,9 @@ class Frame:
             motions,
             stretched,
             forces,
-            carried,
             gaps,
             chord_stiffness(length, forces),
+            carried,
             self,
             (values, pairs),
         )

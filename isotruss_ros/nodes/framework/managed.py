@@ -295,7 +295,7 @@ def log_refusals(node: Node) -> None:
 
 
 def _try_callback(node: Node, name: str, call: Callable[..., Any], *messages: Any) -> Any:
-    """Return the response of a service, even of a refusal; None for a subscription."""
+    """Call a callback and log its errors; return a service's response, else None."""
     try:
         return call(*messages)
     except (RuntimeError, ValueError) as error:  # of rclpy; what a step raises is caught there

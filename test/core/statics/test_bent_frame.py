@@ -170,6 +170,42 @@ def test_the_tangent_is_the_derivative_of_the_forces(rng):
     assert answer[:, 0] == pytest.approx(moved, abs=1e-5 * np.abs(moved).max())
 
 
+@given(generators())
+@examples(10)
+def test_a_straight_frame_has_one_factor_wherever_it_is_cut(rng):
+    frame, _, _, loads, _ = bent_case(rng)
+    piece = rng.integers(len(frame.length), size=5)
+    cut = CutFrame(frame, piece, frame.length[piece] * rng.uniform(0.1, 0.9, 5))
+    loads = rng.normal(size=(3 * len(cut.points), 1)) * np.abs(loads).max()
+    found, expected = (each.respond(loads)[0] for each in (cut.rest, cut.straight))
+    assert cut.rest.factored is frame.rest.factored
+    assert found == pytest.approx(expected, abs=1e-9 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize('seed', range(4))
+def test_a_borrowed_factor_converges_in_the_ratio_of_the_motion_between(seed):
+    robot, rng = load_robot('nine_member'), np.random.default_rng(seed)
+    structure = structure_of(robot.home)
+    frame = structure.frame
+    loads = np.zeros((len(frame.points), 3))
+    loads[: len(robot.topology.joint_names), :2] = rng.normal(0.0, 20.0, (6, 2))
+    lender, loads = frame.bend(loads), 1.01 * loads
+    tangent, motions = lender, []
+    for _ in range(4):
+        left = (loads.ravel() - tangent.carried)[:, None]
+        moved, multipliers = tangent.respond(left, -tangent.gaps[:, None])
+        motions.append(np.abs(moved.reshape(-1, 3)[:, :2]).max())
+        _, pull = tangent.changed_forces(moved.reshape(-1, 3))
+        tangent = frame.tangent(
+            tangent.displacements + moved.reshape(-1, 3),
+            tangent.multipliers + multipliers[:, 0],
+            pull,
+        )
+        tangent.borrow(lender)
+    assert motions[1] < 20.0 * motions[0] ** 2
+    assert motions[2] < 20.0 * motions[0] * motions[1] + 1e-13
+
+
 @pytest.mark.parametrize('shear', [np.inf, 1.9e3])
 def test_a_column_buckles_at_the_load_of_engesser(shear):
     length, flexural, parts = 2.0, 25.0, 8
