@@ -145,7 +145,7 @@ class ContactPoints:
 
     def lend(self, bent: BentTubes) -> bool:
         """
-        Let tubes use the factorised frame, and return whether their state is near enough.
+        Lend the factorised frame to tubes in nearly the same state; return whether it was lent.
 
         :param bent: the tubes, at any places.
         """
@@ -158,7 +158,7 @@ class ContactPoints:
 
     def is_parallel(self, bent: BentTubes, spacing: float) -> bool:
         """
-        Return whether the points are as many as those of other tubes, with one spacing.
+        Return whether other points have the same spacing, and as many lie on each member.
 
         :param bent: the tubes linearised at the other points.
         :param spacing: spacing of the other points [m].
