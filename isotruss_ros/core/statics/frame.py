@@ -26,7 +26,7 @@ from isotruss_ros.core.numerics.factorization import (
     factorize_with_condition,
     invert_symmetric,
 )
-from isotruss_ros.core.numerics.tolerances import MAX_CONDITION, MAX_NEWTON_ITERATIONS, ROUNDING
+from isotruss_ros.core.numerics.tolerances import MAX_CONDITION, MAX_NEWTON_ITERATIONS
 from isotruss_ros.core.statics.beam_column import (
     BeamColumns,
     CHORD,
@@ -47,6 +47,8 @@ from scipy.sparse import coo_matrix, csc_matrix
 
 #: Largest ratio of the displacements to those of the linear frame [-].
 MAX_GROWTH = 1.5
+#: Largest last step of Newton's method [m]; the remaining error is rounding.
+STEP_TOLERANCE = 1e-7
 #: Index of each entry of `chord_motions` in the list (0, 1, -1, x, y, -x, -y) of a direction (x,
 #: y).
 MOTION = np.array([[5, 6, 0, 3, 4, 0], [4, 5, 0, 6, 3, 0], [0, 0, 1, 0, 0, 0], [0, 0, 0, 0, 0, 1]])
@@ -491,7 +493,7 @@ class Frame:
                 tangent = self.tangent(
                     displacements, tangent.multipliers + multipliers[:, 0], pull
                 )
-            if size <= ROUNDING:
+            if size <= STEP_TOLERANCE:
                 return tangent
         return None
 
