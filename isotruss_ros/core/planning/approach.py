@@ -15,14 +15,14 @@ import math
 
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.numerics.tolerances import MAX_SEARCH_STEPS
-from isotruss_ros.core.planning.closing import Closing, evaluate_state, GAP_TOLERANCE
+from isotruss_ros.core.planning.closing import Closing, evaluate_state
 from isotruss_ros.core.planning.closing_step import take_closing_step
 from isotruss_ros.core.planning.facing import balances, CONE_SHARE, find_facing, USED_SHARE
 from isotruss_ros.core.planning.violations import RequirementError
 import numpy as np
 
-#: Gap of the grasping members at the end, in tube diameters [-].
-STANDOFF = 0.06
+#: Gap of the grasping members at the end, and its tolerance, in tube diameters [-].
+STANDOFF, STANDOFF_TOLERANCE = 0.06, 0.02
 #: Tolerance of the members' rotation at the end of the approach [rad].
 TURN_TOLERANCE = 1e-3
 
@@ -46,13 +46,13 @@ def approach(config: Configuration, closing: Closing) -> Iterator[Configuration]
         yield state.config
         gap = float((state.gaps[members] - targets).max())
         missing, turned = _find_turn(state.config, closing)
-        far = gap > GAP_TOLERANCE * diameter
+        far = gap > STANDOFF_TOLERANCE * diameter
         if not far and missing <= TURN_TOLERANCE:
             return
         left = max(gap, 0.0) / diameter + missing
-        idle = 0 if left < best - GAP_TOLERANCE else idle + 1
+        idle = 0 if left < best - STANDOFF_TOLERANCE else idle + 1
         best = min(best, left)
-        # Steps with less progress than the tolerance of the gaps [tube diameters, rad].
+        # Steps with less progress than the tolerance of the standoff [tube diameters, rad].
         if idle > MAX_SEARCH_STEPS:
             name, value = ('reach', gap) if far else ('facing', missing)
             raise RequirementError(name, value, 0.0)

@@ -22,8 +22,6 @@ import numpy as np
 BOUND_SHARE = 0.5
 #: Indentation at the first contact, in tube diameters [-].
 FIRST_INDENTATION = 1e-3
-#: Tolerance of the gaps of grasping members at the end of a step, in tube diameters [-].
-GAP_TOLERANCE = 0.015
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,7 +20,7 @@ from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.pose import pose_difference
-from isotruss_ros.core.planning.closing import Closing, FIRST_INDENTATION, GAP_TOLERANCE
+from isotruss_ros.core.planning.closing import Closing, FIRST_INDENTATION
 from isotruss_ros.core.planning.closing_step import press
 from isotruss_ros.core.planning.facing import contact_ends
 from isotruss_ros.core.planning.grasp_plan import ClosedGrip
@@ -34,9 +34,12 @@ from isotruss_ros.core.planning.requirements import GraspRequirements
 from isotruss_ros.core.planning.violations import RequirementError
 import numpy as np
 
-#: Increment of the indentation between waypoints, in tube diameters [-]; the squeeze of three
-#: members doubles at most.
+#: First indentation of a face contact with both ends, in tube diameters [-].
+FACE_INDENTATION = 0.01
+#: Increment of the indentation of two members between waypoints, in tube diameters [-].
 CLOSING_STEP = 0.12
+#: Largest increment of the squeeze of three members between waypoints [N]; it doubles at most.
+MAX_SQUEEZE_STEP = 4.0
 #: Factor on the increments after the first violation of a bound [-]; the second violation ends the
 #: closing.
 REFINEMENT = 0.34
@@ -63,9 +66,10 @@ def close_in_place(
             yield _judge(grasp, closing, needs)
     share = 1.0
     while share >= REFINEMENT and not (wanted and _reached(grasp, wanted)):
-        step = CLOSING_STEP * touch.robot.description.tube_diameter
-        rise = -step * grasp.squeeze_stiffness()
-        rise = rise if pair else min(grasp.squeeze, rise)
+        rise = min(grasp.squeeze, MAX_SQUEEZE_STEP)
+        if pair:
+            step = CLOSING_STEP * touch.robot.description.tube_diameter
+            rise = -step * grasp.squeeze_stiffness()
         force = min(grasp.squeeze + share * rise, wanted or math.inf)
         with closing.tally.recording():
             moved = squeeze_in_place(grasp, force, closing)
@@ -79,8 +83,7 @@ def _hold(touch: Configuration, closing: Closing) -> HeldGrip:
     """Return the first equilibrium of the object."""
     diameter = touch.robot.description.tube_diameter
     one, other = contact_ends(closing.body, closing.normals(touch), 0.5 * diameter)
-    # Both ends of a face are to press.
-    depth = FIRST_INDENTATION if (one == other).all() else GAP_TOLERANCE
+    depth = FIRST_INDENTATION if (one == other).all() else FACE_INDENTATION
     depths = np.full(len(closing.members), depth * diameter)
     return hold_between(press(touch, closing, depths), closing)
 

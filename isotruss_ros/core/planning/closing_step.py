@@ -8,10 +8,9 @@ minimize 1/2 |g + (dg/dphi) u - target|^2 + 1/2 a^2 |turn - facing|^2 + 1/2 w |u
 limits, gaps of other parts, rigidity, clearance, |u| <= longest step
 
 u is the roller travel of the step, n the travel to the nominal posture, g are the gaps of the
-grasping members, a is the object's characteristic radius and w is `MOTION_WEIGHT`. The
-configuration at the end of each step is evaluated; a step that violates a requirement is halved.
-So the steps form a path. Lengths are relative to the mean member length at home or to the tube
-diameter, for robots of any size.
+grasping members, a is `TURNING_ARM` and w is `MOTION_WEIGHT`. The configuration at the end of each
+step is evaluated; a step that violates a requirement is halved. So the steps form a path. Lengths
+are relative to the mean member length at home or to the tube diameter, for robots of any size.
 """
 
 from __future__ import annotations
@@ -24,13 +23,7 @@ from isotruss_ros.core.manipulation.grip_rows import member_rows
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.qp import QuadraticProgram, solve_qp
 from isotruss_ros.core.numerics.tolerances import COINCIDENCE, ROUNDING
-from isotruss_ros.core.planning.closing import (
-    BOUND_SHARE,
-    Closing,
-    evaluate_state,
-    GAP_TOLERANCE,
-    SearchState,
-)
+from isotruss_ros.core.planning.closing import BOUND_SHARE, Closing, evaluate_state, SearchState
 from isotruss_ros.core.planning.violations import RequirementError
 import numpy as np
 
@@ -40,10 +33,14 @@ MAX_STEP, MAX_GAP_STEP = 0.035, 0.027
 MAX_TURN_STEP = 0.1
 #: Weight of the rollers' motion relative to the gaps [-].
 MOTION_WEIGHT = 1e-4
+#: Length that scales rotations against gaps [m].
+TURNING_ARM = 0.3
 #: Smallest gap between the object and other parts, in tube diameters [-].
 CLEARANCE = 0.1
-#: Largest constrained distance of parts, in mean member lengths [-].
-MAX_NEAR_DISTANCE = 0.15
+#: Smallest distance of parts, and largest constrained distance, in mean member lengths [-].
+SELF_CLEARANCE, NEAR = 0.01, 0.15
+#: Largest overshoot of a grasping member, in tube diameters [-].
+MAX_OVERSHOOT = 0.015
 
 
 def press(config: Configuration, closing: Closing, depths: Array) -> Configuration:
@@ -86,7 +83,7 @@ def take_closing_step(
     config, diameter = state.config, state.config.robot.description.tube_diameter
     # Remaining gaps: the program is exact to first order only.
     bounds = np.full(len(state.gaps), BOUND_SHARE * CLEARANCE * diameter)
-    bounds[list(closing.members)] = targets - GAP_TOLERANCE * diameter
+    bounds[list(closing.members)] = targets - MAX_OVERSHOOT * diameter
     bounds = np.minimum(bounds, state.gaps - COINCIDENCE)
     for halving in range(5):
         closing.tally.evaluations += 1
@@ -123,8 +120,8 @@ def solve_step(state: SearchState, closing: Closing, targets: Array, share: floa
         turned = np.clip(turned, -MAX_TURN_STEP, MAX_TURN_STEP)
         names = tuple(config.robot.member_names[member] for member in members)
         turning = member_rows(config, names)[2::3]
-        matrix = np.concatenate([matrix, closing.body.arm * turning])
-        aim = np.append(aim, closing.body.arm * turned)
+        matrix = np.concatenate([matrix, TURNING_ARM * turning])
+        aim = np.append(aim, TURNING_ARM * turned)
     longest = np.full(len(config.roller_positions), MAX_STEP * size)
     nominal = np.zeros(len(longest))
     if closing.nominal_posture is not None:
@@ -156,13 +153,13 @@ def _bound_rows(state: SearchState, closing: Closing, targets: Array) -> tuple[A
     clearance), the rigidity, the distances of near parts, and the limits.
     """
     config, members, robot = state.config, list(closing.members), state.config.robot
-    collisions, clearance = collision_model(robot), CLEARANCE * robot.description.tube_diameter
-    gaps = BOUND_SHARE * (clearance - state.gaps)
+    collisions, length = collision_model(robot), robot.home.member_lengths.mean()
+    gaps = BOUND_SHARE * (CLEARANCE * robot.description.tube_diameter - state.gaps)
     gaps[members] = targets - state.gaps[members]
     # The two smallest singular values may change places during a step.
     few = Modes(*(each[..., :2] for each in state.modes))
-    near = np.flatnonzero(state.distances < MAX_NEAR_DISTANCE * robot.home.member_lengths.mean())
-    apart = state.distances[near] - clearance
+    near = np.flatnonzero(state.distances < NEAR * length)
+    apart = state.distances[near] - SELF_CLEARANCE * length
     left = np.append(few.values - closing.min_rigidity, apart)
     shape = [rigidity_index(robot).gradients(config, few), collisions.gradients(config, near)]
     matrices = [

@@ -23,7 +23,6 @@ from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.tolerances import NEGLIGIBLE_SHARE
 from isotruss_ros.core.planning.closing import Closing
-from isotruss_ros.core.planning.closing_step import MAX_STEP
 from isotruss_ros.core.planning.grasp_candidate import judge_candidate
 from isotruss_ros.core.planning.grasp_plan import GraspPlan, PlannedGrasp, Progress
 from isotruss_ros.core.planning.requirements import GraspRequirements
@@ -33,6 +32,8 @@ from isotruss_ros.core.safety.margins import object_distances
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 
+#: Largest roller difference of equal grasps with equal members, in mean member lengths [-].
+EQUALITY_SHARE = 0.02
 #: Period of the check for a stop while an executor computes [s].
 POLL_INTERVAL = 0.05
 
@@ -129,8 +130,7 @@ class _Search:
 
     def best(self) -> list[PlannedGrasp]:
         """Return the distinct grasps, best first."""
-        # Grasps of the same members within one step of the closing are equal.
-        same = MAX_STEP * self._config.robot.home.member_lengths.mean()
+        same = EQUALITY_SHARE * self._config.robot.home.member_lengths.mean()
         distinct: list[PlannedGrasp] = []
         for grasp in sorted(self._grasps, key=lambda grasp: -grasp.score):
             if not any(

@@ -17,7 +17,6 @@ from isotruss_ros.core.manipulation.rolling_grip import RollingGrip
 from isotruss_ros.core.manipulation.solve_twist import solve_twist_ahead
 from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.model.pose import Pose, pose_difference
-from isotruss_ros.core.model.robot_file import DEFAULT_RISE_TIME
 from isotruss_ros.core.numerics.arrays import Array, finite_array, MAX_MAGNITUDE
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.records import Record
@@ -28,8 +27,12 @@ from numpy.typing import ArrayLike
 
 #: Length of a step of the object, with rotations times the characteristic radius [m].
 STEP = 2e-3
+#: Speed of the twists, low enough for limits of the configuration not to slow early [m/s].
+STEP_SPEED = 0.02
 #: Smallest scale of a step by limits [-]; a smaller scale ends the motion.
 MIN_STEP_SCALE = 0.05
+#: Largest ratio of the number of steps to that without limits [-].
+MAX_STEP_RATIO = 20
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -72,7 +75,7 @@ def reach_pose(
     rolling, path = RollingGrip.attach(config, grip), [config.roller_positions]
     left = pose_difference(goal, rolling.pose)
     whole = size = math.hypot(*left[:2], grip.body.arm * left[2])
-    for _ in range(math.ceil((whole / STEP + 1.0) / MIN_STEP_SCALE)):
+    for _ in range(MAX_STEP_RATIO * (math.ceil(whole / STEP) + 1)):
         if size <= ROUNDING:
             status, why = Status.OK, ''
             break
@@ -97,8 +100,7 @@ def _take_step(
 ) -> tuple[RollingGrip | None, Status, str]:
     """Return the grip after a displacement (3,), the status and a reason; None if it ended."""
     config, grip = rolling.config, rolling.grip
-    # Low speeds, so that limits of the configuration do not slow early.
-    duration = DEFAULT_RISE_TIME
+    duration = STEP / STEP_SPEED
     watch = guard.watch(config, grip)
     limits = (*default_limits(config.robot), *watch.limits)
     command = solve_twist_ahead(

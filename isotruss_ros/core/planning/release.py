@@ -26,12 +26,7 @@ from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.tolerances import ROUNDING
-from isotruss_ros.core.planning.closing import (
-    BOUND_SHARE,
-    Closing,
-    FIRST_INDENTATION,
-    GAP_TOLERANCE,
-)
+from isotruss_ros.core.planning.closing import BOUND_SHARE, Closing, FIRST_INDENTATION
 from isotruss_ros.core.planning.closing_step import press
 from isotruss_ros.core.planning.motion_in_place import hold_between, squeeze_in_place
 from isotruss_ros.core.planning.requirements import MIN_RIGIDITY
@@ -41,6 +36,10 @@ import numpy as np
 #: Squeeze at the waypoints of the unloading relative to the initial squeeze [-]. At the end the
 #: object moves by the last share of its deflection.
 UNLOADING_SHARES = (0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 0.04, 0.015, 0.005, 0.002)
+#: Smallest normal force of a pressing member [N].
+MIN_CONTACT_FORCE = 0.01
+#: Opening of the grip in place before the retreat, in tube diameters [-].
+FIRST_OPENING = 0.015
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,14 +114,14 @@ def _unload(
     if float(member_depths(config, closing.body).max()) <= FIRST_INDENTATION * diameter:
         return path, closing
     grasp = hold_between(config, closing) if held is None else held
-    if grasp.normal_forces.min() <= 0.0:
+    if grasp.normal_forces.min() <= MIN_CONTACT_FORCE:
         return path, closing
     for force in grasp.squeeze * np.array(UNLOADING_SHARES):
         grasp = squeeze_in_place(grasp, force, closing)
         path.append(grasp.config)
     # In place: a retreat of members in contact would roll the object along.
     grip, config = grasp.touching(closing.body.friction_or(None)), grasp.config
-    opening = GAP_TOLERANCE * diameter
+    opening = FIRST_OPENING * diameter
     command = solve_twist(config, grip, np.zeros(3), limits=closing.limits, opening_rate=opening)
     if command.scale < 1.0 - ROUNDING:
         raise RequirementError('squeeze', grasp.squeeze, 0.0)
