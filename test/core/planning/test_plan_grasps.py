@@ -274,8 +274,8 @@ def test_grasps_of_the_same_members_nearby_are_one():
     one, other = ('a', 'b'), ('a', 'c')
     for score, members, place in (
         (4.0, one, 0.3),
-        (5.0, one, 0.3 + 0.0349 * length),
-        (3.0, one, 0.3 + 0.0705 * length),
+        (5.0, one, 0.3 + 0.0199 * length),
+        (3.0, one, 0.3 + 0.0405 * length),
         (2.0, other, 0.3),
     ):
         path = np.array([np.zeros(2), np.full(2, place)])
