@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 import math
 import time
 
@@ -26,15 +27,21 @@ class PacedClock:
     Publishes `/clock`: a step after all nodes that publish have published for the last ones.
 
     :param probe: probe by simulated time, which hears the nodes.
+    :param nodes: names of the nodes; the first step is when all of them hear the clock.
     """
 
-    def __init__(self, probe: Probe) -> None:
+    def __init__(self, probe: Probe, nodes: Iterable[str]) -> None:
         self._probe, self._time, self._stepped = probe, 0.0, time.monotonic()
+        self._deaf = set(nodes)
         self._silent = dict.fromkeys(LARGEST_AGES, 0)
         probe.listen(TwistStamped, 'twist', 'cmd_vel')
         create_steady_timer(probe, 0.2 * STEP, self._advance)
 
     def _advance(self) -> None:
+        if self._deaf:
+            infos = self._probe.get_subscriptions_info_by_topic('/clock')
+            self._deaf -= {info.node_name for info in infos}
+            return
         waited = time.monotonic() - self._stepped
         late = [key for key in LARGEST_AGES if self._is_late(key)]
         if waited < STEP or (late and waited < PATIENCE):
