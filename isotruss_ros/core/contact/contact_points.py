@@ -135,7 +135,7 @@ class ContactPoints:
         return replace(found, skin=skin, dents=self.dents)
 
     @property
-    def kept(self) -> float:
+    def motion_since_factored(self) -> float:
         """Return the largest motion of nodes since the compliance was computed [m]."""
         return self._apart(self.bent)
 

@@ -100,7 +100,7 @@ def _smallest(segments: Array, wanted: Array, friction: float) -> Array:
     if np.abs(shares).max() <= friction:
         return shares
     # A load beyond all friction must not overflow in the search either.
-    size = max(float(np.abs(segments).max()), 1e-6 * float(np.abs(wanted).max()))
+    size = max(float(np.abs(segments).max()), NEGLIGIBLE_SHARE * float(np.abs(wanted).max()))
     count = len(segments)
     return scipy.optimize.lsq_linear(
         np.concatenate([segments.T / size, NEGLIGIBLE_SHARE * np.eye(count)]),
