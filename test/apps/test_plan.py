@@ -11,9 +11,9 @@ import subprocess
 import sys
 import time
 
-from boxes import BOX, SIDES
+from boxes import BOX
 from isotruss_ros.cli import plan_grasps as command
-from isotruss_ros.core import ConvexObject, GraspRequirements, load_robot, plan_grasps, read_object
+from isotruss_ros.core import ConvexObject, GraspRequirements, load_robot, plan_grasps
 from isotruss_ros.core.planning.describe_plan import path_times
 from isotruss_ros.core.planning.workers import core_count, NICENESS, WorkerPool
 import numpy as np
@@ -74,20 +74,6 @@ def test_finds_what_the_core_finds_on_one_process_or_two(tmp_path, capsys):
         assert f'{other.total_force:.2f}' in printed
         assert other.members[0] in printed
     assert not workers()
-
-
-def test_finds_what_the_core_finds_for_any_object_and_members(tmp_path, capsys):
-    lies = read_object(BOX).moved_to((0.54, -0.31, -0.5))
-    needs = GraspRequirements(members=SIDES, squeeze=12.0, count=1)
-    (expected,) = plan_grasps(ROBOT.home, lies, needs)
-    file, answer = tmp_path / 'box.yaml', tmp_path / 'plan.json'
-    file.write_text(BOX, encoding='utf-8')
-    where = ['--center', '0.54', '-0.31', '--angle', '-0.5', '--object', str(file)]
-    options = ['--members', *SIDES, '--squeeze', '12', '--count', '1', '--json', str(answer)]
-    assert command.main([*where, *options]) == 0
-    (found,) = written(answer)['grasps']
-    assert found['path'] == expected.path.tolist()
-    assert expected.members[1] in capsys.readouterr().out
 
 
 def test_an_object_is_a_disc_or_described(capsys):

@@ -19,7 +19,7 @@ from isotruss_ros.viewer.drag import (
     REACHED,
 )
 from isotruss_ros.viewer.meshes import CORNERS, prism, tube_faces, tube_vertices
-from isotruss_ros.viewer.picture import MESSAGE_TIMEOUT, Picture, trim_start
+from isotruss_ros.viewer.picture import MESSAGE_TIMEOUT, Picture
 import numpy as np
 import pytest
 from visualization_msgs.msg import Marker, MarkerArray
@@ -180,14 +180,6 @@ def test_what_the_analysis_deletes_is_drawn_no_more():
     for left, deletion in zip((1, 0), deletions, strict=True):
         picture.receive_markers(MarkerArray(markers=[deletion]), 0.0)
         assert len(picture.select_lines('deformed', 0.0)) == left
-
-
-def test_a_curve_begins_where_it_is_known():
-    time, values = np.arange(4.0), np.array([np.nan, 1.0, np.nan, 2.0])
-    shown = trim_start(time, values)
-    assert shown[0].tolist() == [1.0, 2.0, 3.0]
-    assert np.array_equal(shown[1], values[1:], equal_nan=True)
-    assert all(len(part) == 2 for part in trim_start(time, np.full(4, np.nan)))
 
 
 def tell(picture, code, now=0.0, **values):

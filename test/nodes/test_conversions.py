@@ -21,7 +21,6 @@ from geometry_msgs.msg import (
 from geometry_msgs.msg import Pose as PoseMessage
 from hypothesis import given
 from hypothesis import strategies as st
-from isotruss_msgs.msg import Contact, GraspState
 from isotruss_ros.core import Pose, tangent_center
 from isotruss_ros.nodes.conversions.grasp_messages import (
     MAX_WRENCH,
@@ -46,7 +45,6 @@ from isotruss_ros.nodes.framework.robot_frame import RobotFrame
 import numpy as np
 from probe import DIAMETER, MODULE, N, ROBOT
 import pytest
-from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import FluidPressure, JointState, MultiDOFJointState
 from std_msgs.msg import Header
 
@@ -238,13 +236,6 @@ def test_a_wrench_in_the_frame_of_the_object_turns_with_it():
 
 
 # Times and commands
-
-
-def test_grasps_survive_serialization():
-    state = GraspState(contacts=[Contact(normal_force=2.0)], required_friction=math.inf)
-    state.stiffness[8] = 3.0
-    state.contact_members, state.contact_lengths = ['north/Z-R'], [0.005]
-    assert deserialize_message(serialize_message(state), GraspState) == state
 
 
 @given(st.integers(0, 2**31 - 1), st.integers(0, 10**9 - 1))

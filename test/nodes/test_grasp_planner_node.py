@@ -74,17 +74,6 @@ def test_the_parameter_describes_the_object(monkeypatch):
     check_refused(node(object='{shape: star}'), 'must be one of')
 
 
-def test_a_found_grip_names_its_members():
-    body = read_object(BOX).moved_to((0.54, -0.31, -0.5))
-    needs = GraspRequirements(friction=0.9, squeeze=12.0, count=1)
-    plan = plan_grasps(ROBOT.home, body, needs, seed=1, thorough=False)
-    assert plan.grasps, plan.closest_violation
-    message = to_result_message(Answer(SearchOutcome.FOUND, '', plan), ROBOT).grasps[0]
-    assert message.module == ''
-    assert message.members == list(plan.grasps[0].grip.members)
-    assert len(message.members) in (2, 3)
-
-
 #: An object that is none, and a pose that turns nothing.
 BENT = ObjectMessage(
     shape=ObjectMessage.POLYGON,

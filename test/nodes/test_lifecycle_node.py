@@ -133,23 +133,6 @@ def test_manipulation_reports_its_loop_and_its_inputs():
         )
 
 
-def test_a_slowed_command_is_a_warning():
-    with world(manipulation()) as w:
-
-        def send():
-            w.probe.send_joints()
-            w.probe.send_pose()
-            w.probe.send_twist((0.0, 5.0, 0.0))
-
-        w.until(
-            lambda: (
-                w.report('manipulation').level == DiagnosticStatus.WARN
-                and 'limits of' in w.report('manipulation').message
-            ),
-            send,
-        )
-
-
 def test_the_analysis_reports_what_it_lacks():
     with world(lambda: GraspAnalysisNode()) as w:
         w.until(lambda: w.report('grasp_analysis').level == DiagnosticStatus.ERROR)

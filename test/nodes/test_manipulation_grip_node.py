@@ -86,18 +86,6 @@ def test_the_squeeze_is_regulated_while_the_object_stays_and_moves():
         assert w.place()[1] == pytest.approx(start[1], abs=3e-3)
 
 
-def test_what_is_not_held_is_not_moved():
-    with world(plant, squeezing(friction=0.3)) as w:
-        w.until(
-            lambda: (
-                (status := w.probe.last('status')) is not None
-                and status.code == ManipulationStatus.HALT_NOT_HELD
-            ),
-            lambda: w.probe.send_twist((0.02, 0.0, 0.0)),
-        )
-        assert 'friction' in w.probe.last('status').message
-
-
 def test_pressures_that_are_old_or_bad_halt_and_good_ones_go_on():
     with world(plant, squeezing(pressure_timeout=0.5)) as w:
 

@@ -10,9 +10,7 @@ from geometry_msgs.msg import Point, Pose
 from hypothesis import given
 from hypothesis import strategies as st
 from isotruss_msgs.msg import ConvexObject as ObjectMessage
-from isotruss_ros.core import ConvexObject, Disc, read_object
-from isotruss_ros.core import Pose as PlanarPose
-from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core import ConvexObject, read_object
 from isotruss_ros.nodes.conversions.messages import MessageError, to_pose_message
 from isotruss_ros.nodes.conversions.object_messages import (
     describes_object,
@@ -73,26 +71,12 @@ def test_a_message_says_what_a_file_says():
     assert to_object_message(read_object(BOX)).corner_radii.tolist() == [0.02]
 
 
-def test_what_is_not_known_stays_unknown():
-    found = read(ObjectMessage(shape=ObjectMessage.ELLIPSE, semi_axes=[0.2, 0.1]))
-    assert (found.mass, found.center_of_mass, found.friction) == (None, None, None)
-    assert read(box(friction=[0.0])).friction == 0.0  # known, and none
-
-
 def test_vertices_go_around_either_way_and_radii_with_them():
     radii = [0.0, 0.01, 0.02, 0.03]
     one = read(box(corner_radii=radii))
     other = read(box(vertices=points(CORNERS[::-1]), corner_radii=radii[::-1]))
     assert one == other
     assert one.shape.corner_radius == (0.0, 0.01, 0.02, 0.03)
-
-
-def test_the_object_turns_with_its_pose():
-    pose = to_pose_message(PlanarPose(0.5, -0.2, 0.5 * math.pi))
-    corners = read(box(), pose).outline(1.0)
-    assert np.ptp(corners.real) == pytest.approx(0.2)
-    assert np.ptp(corners.imag) == pytest.approx(0.3)
-    assert corners.mean() == pytest.approx(0.5 - 0.2j)
 
 
 def test_a_new_message_describes_no_object():
@@ -176,10 +160,3 @@ def test_any_number_in_any_field_makes_an_object_or_a_reason(usual, name, number
         return
     with pytest.raises(MessageError):
         read(message)
-
-
-def test_a_shape_without_a_message_is_refused():
-    body = ConvexObject(Disc(0.3))
-    object.__setattr__(body, 'shape', 'round')
-    with pytest.raises(GraspError, match="shape 'round': must be one of Disc"):
-        to_object_message(body)

@@ -6,7 +6,6 @@
 from dataclasses import replace
 import itertools
 import math
-import re
 from types import SimpleNamespace
 
 from action_msgs.msg import GoalInfo, GoalStatus
@@ -363,12 +362,6 @@ def test_a_supervised_goal_ends_with_its_client():
         assert not client.moves()
 
 
-def test_a_result_is_stamped_with_its_end():
-    with world(node()) as w:
-        result = Client(w).follow(goal(UP, begin=PROBED))[1]
-        assert read_stamp(result) == pytest.approx(w.probe.past(0.0), abs=0.1)
-
-
 def test_diagnostics_report_the_state():
     with world(node()) as w:
         tell = fake(w)
@@ -379,27 +372,6 @@ def test_diagnostics_report_the_state():
         assert details['following'] is True
         assert details['phase'] == 'FOLLOWING'
         w.until(lambda: w.report('path_follower').message == 'following', tell)
-
-
-ENDS = {
-    'old': ({'ages': (9.0, 0.0)}, Result.STOPPED, '^object pose: .* must be at most 1.0 s'),
-    'silent': (None, Result.STOPPED, '^object pose: .* must be at most 1.0 s'),
-    'off the path': ({'center': (CENTER[0] + 0.02, CENTER[1])}, Result.OFF_PATH, ''),
-}
-
-
-@pytest.mark.parametrize('case', ENDS)
-def test_a_pose_that_is_late_or_off_the_path_ends_the_motion(case):
-    published, code, words = ENDS[case]
-    with world(node(command_timeout=1.0)) as w:
-        client, handle = begin(w, fake(w))
-        each = (lambda: None) if published is None else fake(w, **published)
-        status, result = client.result(handle, each)
-        assert (status, result.code) == (GoalStatus.STATUS_ABORTED, code)
-        assert re.search(words, result.message)
-        if code == Result.OFF_PATH:
-            assert result.max_position_error == pytest.approx(0.02, abs=0.011)
-        assert not client.moves()
 
 
 ROBOT, NOW = make_robot(), 10.0

@@ -112,16 +112,6 @@ def test_a_twist_from_before_the_activation_moves_nothing(nodes):
     move(executor, probe)
 
 
-def test_services_respond_without_a_cycle(nodes):
-    node, probe, executor = nodes
-    node.trigger_deactivate()
-    assert node.cycle is None
-    client = probe.create_client(Trigger, 'release_emergency_stop')
-    until(executor, probe, client.service_is_ready)
-    answer = client.call_async(Trigger.Request())
-    until(executor, probe, answer.done)
-
-
 def test_an_error_of_a_callback_reaches_the_caller(nodes):
     node, probe, executor = nodes
 

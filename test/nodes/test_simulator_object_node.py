@@ -5,7 +5,7 @@
 
 from boxes import ANGLE, BOX, box_between, DEPTH, ROBOT, SIDES
 from geometry_msgs.msg import PoseStamped
-from isotruss_ros.core import Disc, place_between, solve_twist
+from isotruss_ros.core import place_between, solve_twist
 from isotruss_ros.nodes.conversions.messages import to_pose_message
 from isotruss_ros.nodes.simulator.node import Simulator
 from manual_world import world
@@ -50,13 +50,6 @@ def test_a_free_box_stays_and_is_put_elsewhere_with_its_angle():
         w.probe.seen['pose'].clear()
         w.until(lambda: w.place() is not None)
         assert w.place() == pytest.approx(np.array(box_between().body.pose), abs=3e-3)
-
-
-def test_a_disc_between_two_sides_that_do_not_meet():
-    with world(node(object='', object_diameter=0.5)) as w:
-        w.until(lambda: w.place() is not None)
-        disc = place_between(ROBOT.home, SIDES, Disc(0.5), ANGLE, DEPTH)
-        assert w.place() == pytest.approx(np.array(disc.body.pose), abs=1e-9)
 
 
 def test_without_members_the_sides_of_the_module_hold_it():

@@ -8,7 +8,6 @@ import math
 import time
 
 from builtin_interfaces.msg import Duration, Time
-from diagnostic_msgs.msg import DiagnosticStatus
 from isotruss_ros.core.paths.roller_trajectory import TOLERANCE
 from isotruss_ros.nodes.conversions.path_messages import MAX_POINTS
 from isotruss_ros.nodes.manipulation import sparse_messages
@@ -138,21 +137,6 @@ def test_follows_names_in_any_order():
         rollers.until_moving(trajectory(HOME[order], AWAY[order], names=names))
         rollers.until_still()
         assert np.abs(rollers.places()[-1] - AWAY).max() <= TOLERANCE
-
-
-def test_a_new_trajectory_replaces_the_old_one():
-    with world(node(), simulator()) as w:
-        rollers = Rollers(w)
-        rollers.until_moving(trajectory(HOME, 5.0 * AWAY, times=[0.0, 2.0]))
-        rollers.until(lambda: np.abs(rollers.places()[-1]).max() > 0.01)
-        here = rollers.places()[-1]
-        rollers.send(trajectory(here, HOME))
-        rollers.until_still()
-        assert rollers.said() == 'the rollers have arrived'
-        assert np.abs(rollers.places()[-1]).max() <= TOLERANCE
-        assert np.abs(rollers.places()).max() < 0.08
-        # Without a halt in between.
-        assert rollers.commands()[:10].any(axis=1).all()
 
 
 # What ends it
@@ -349,18 +333,3 @@ def test_aborts_when_simulated_time_stops_or_jumps_back():
         rollers.send(trajectory(HOME, AWAY))
         rollers.until(lambda: 'joint states: none received yet' in rollers.said())
         assert not rollers.commands().any()
-
-
-def test_diagnostics_report_the_state():
-    with world(node()) as w:
-        rollers = Rollers(w, still=True)
-        assert not rollers.follows()
-        rollers.until_moving(trajectory(HOME, AWAY, times=[0.0, 2.0]))
-        assert rollers.said() == 'FOLLOWING_TRAJECTORY'
-        details = {value.key: value.value for value in w.report('manipulation').values}
-        assert details['moves'] == 'the rollers along a trajectory'
-        assert 0.0 < float(details['time on the trajectory [s]']) < 2.0
-        assert w.report('manipulation').level == DiagnosticStatus.OK
-        rollers.send(bent(positions=[]))
-        rollers.until_still()
-        assert w.report('manipulation').level == DiagnosticStatus.ERROR

@@ -4,7 +4,6 @@
 """The live view in a real browser."""
 
 import contextlib
-import io
 import re
 import threading
 import time
@@ -36,7 +35,6 @@ from isotruss_ros.core import Pose
 from isotruss_ros.demo.processes import running_nodes
 from isotruss_ros.nodes.conversions.messages import to_pose_message
 import numpy as np
-from PIL import Image
 from probe import begin_context, world
 import psutil
 import pytest
@@ -249,33 +247,6 @@ def test_a_browser_that_reloads_in_mid_drag_commands_nothing_more(view):
 
 
 @pytest.mark.nightly
-def test_a_browser_that_closes_in_mid_drag_leaves_control_to_nobody(view):
-    (page, _), (other, other_number) = view.open_pages(2)
-    drag_and_leave(view, page, page.close)
-    other.get_by_text(f'browser {other_number}: nobody has control').wait_for()
-    assert not find_switch(other).is_checked()
-
-
-@pytest.mark.nightly
-def test_on_a_phone_the_panel_is_below_the_whole_robot(view):
-    with contextlib.closing(view.open_phone()) as page:
-        stop = page.get_by_role('button', name='stop', exact=True)
-        stop.wait_for()
-        box = stop.bounding_box()
-        assert box['width'] > 0.9 * PHONE['width']
-        assert box['y'] > 0.6 * PHONE['height']
-
-        def columns():
-            """Return the columns of the tubes above the panel."""
-            shot = Image.open(io.BytesIO(page.screenshot(scale='css'))).convert('RGB')
-            above = np.asarray(shot).astype(int)[: int(0.6 * PHONE['height'])]
-            return np.nonzero(((above[..., 2] > above[..., 0] + 25).sum(axis=0)) > 3)[0]
-
-        view.follower.until(lambda: len(found := columns()) > 100 and found[0] > 20)
-        assert columns()[-1] < PHONE['width'] - 20
-
-
-@pytest.mark.nightly
 def test_a_browser_that_freezes_in_mid_drag_commands_nothing_more(view):
     ((page, number),) = view.open_pages(1)
     stopped = psutil.Process().children(recursive=True)
@@ -307,40 +278,6 @@ def drag_and_leave(view, page, leave):
     follower.until(lambda: not follower.is_commanded())
     assert follower.speeds()[-1] == pytest.approx(SPEED)
     assert 'given up' not in view.log.read_text()
-
-
-@pytest.mark.nightly
-def test_a_second_browser_has_no_control_until_the_first_lets_go(view):
-    (page, number), (other, other_number) = view.open_pages(2)
-    switch_control(page)
-    other.get_by_text(f'browser {other_number}: browser {number} has control').wait_for()
-    assert find_switch(other).is_disabled()
-    assert other.get_by_role('button', name='pick', exact=True).count() == 0
-    grab(other, view.follower.until)
-    switch_control(page)
-    other.get_by_text(f'browser {other_number}: nobody has control').wait_for()
-    assert not view.follower.is_commanded()
-    switch_control(other)
-    page.get_by_text(f'browser {number}: browser {other_number} has control').wait_for()
-    switch_control(other)
-    other.mouse.up()
-
-
-@pytest.mark.nightly
-def test_a_drag_without_progress_is_given_up_with_the_reason(view):
-    ((page, number),) = view.open_pages(1)
-    follower = view.follower
-    follower.begin(moves=False)
-    switch_control(page)
-    grab(page, follower.until)
-    page.get_by_text('drag given up: object: no progress for 2 s').wait_for()
-    follower.until(lambda: follower.twists and not follower.is_commanded())
-    # It comes back with a new drag only, not with the end of this one.
-    before = len(follower.speeds())
-    page.mouse.up()
-    page.get_by_role('button', name='stop', exact=True).click()
-    page.get_by_text(f'browser {number}: nobody has control').wait_for()
-    assert len(follower.speeds()) == before
 
 
 @pytest.mark.nightly

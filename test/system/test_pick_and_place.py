@@ -10,7 +10,6 @@ import subprocess
 import sys
 
 from action_msgs.msg import GoalStatus
-from boxes import BOX, SIDES
 from geometry_msgs.msg import PoseStamped, TwistStamped
 from isotruss_msgs.action import MoveObject, PickObject, PlaceObject, PlanGrasp
 from isotruss_ros.core import Pose, Status
@@ -212,27 +211,6 @@ def client(shared_domain, tmp_path_factory):
 
 
 @pytest.mark.nightly
-def test_a_box_is_picked_up_and_placed_by_the_members_named(tmp_path):
-    lies = (0.542, -0.31, -0.5)
-    file = tmp_path / 'box.yaml'
-    file.write_text(BOX, encoding='utf-8')
-    with robot(tmp_path) as r:
-        client = Client(r, lies, object=str(file))
-        status, result = client.execute(PickObject.Goal(squeeze=12.0, members=SIDES))
-        assert (status, result.code) == (GoalStatus.STATUS_SUCCEEDED, 0), result.message
-        assert result.module == ''
-        assert {*result.members} == {*SIDES}
-        assert 5.0 < result.squeeze < 20.0
-        stages = [message.stage for message in client.feedback]
-        assert stages == sorted(stages)
-        assert {PickObject.Feedback.APPROACHING, PickObject.Feedback.CLOSING} <= {*stages}
-        status, result = client.execute(PlaceObject.Goal(clearance=0.03))
-        assert (status, result.code) == (GoalStatus.STATUS_SUCCEEDED, 0), result.message
-        assert result.displacement < 2e-2
-        assert np.hypot(*(client.place() - lies[:2])) < 5e-2
-
-
-@pytest.mark.nightly
 @pytest.mark.parametrize('draw', range(DRAWS))
 @pytest.mark.parametrize('shape', SHAPES)
 def test_an_object_is_picked_where_it_was_placed(tmp_path, shape, draw):
@@ -321,14 +299,6 @@ def test_a_motion_ends_where_a_node_under_it_is_killed_and_started_again(client)
     assert read_stamp(result) > read_stamp(result.object_pose.header) > 0.0
     client.r.check_rests()
     assert client.execute(moving)[1].code == 0
-
-
-@pytest.mark.nightly
-def test_a_cancel_of_placing_leaves_the_robot_at_rest(client):
-    client.hold()
-    for stage in (PlaceObject.Feedback.OPENING, PlaceObject.Feedback.BACKING_OFF):
-        client.cancel_in_stage(PlaceObject.Goal(), stage, PICK, 0.0)
-        client.r.check_rests()
 
 
 def operate(words):

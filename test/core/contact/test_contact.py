@@ -8,9 +8,8 @@ from types import SimpleNamespace
 from grips import random_pressed
 from hypothesis import given, strategies
 from isotruss_ros.core import ConvexObject, Disc, Ellipse, load_robot, Polygon
-from isotruss_ros.core.contact.contact import relax_contact, solve_contact
+from isotruss_ros.core.contact.contact import solve_contact
 from isotruss_ros.core.contact.contact_points import (
-    ContactPoints,
     find_contact_points,
     SHORTEST_SHARE,
 )
@@ -209,30 +208,6 @@ def test_grasps_of_robots_are_complementary(rng):
         warm = solve_contact(found, surface, start)
         assert warm.forces == pytest.approx(state.forces, abs=1e-5 * state.forces.sum())
         assert warm.gaps == pytest.approx(state.gaps, abs=1e-7)
-
-
-def test_relaxation_finds_contacts_caused_by_forces_at_other_points():
-    places = np.array([0.0, 0.05])
-    line, alike = places.astype(complex), np.zeros(2, dtype=int)
-    see_saw = 1e-3 * np.array([[1.0, -0.5], [-0.5, 1.0]])
-    points = ContactPoints(
-        points=line,
-        skin=line,
-        member=alike,
-        place=places,
-        spacing=0.05,
-        axis=np.ones_like(line),
-        inside=np.zeros((2, 2, 2, 2)),
-        spread=np.zeros((2, 2, 0)),
-        ends=np.zeros((0, 0)),
-        dents=see_saw,
-    )
-    surface = circle(-0.999j, 1.0)
-    assert surface.nearest(line - surface.center).gaps[1] > 0.0
-    exact, relaxed = (solve(points, surface) for solve in (solve_contact, relax_contact))
-    assert exact.forces.min() > 0.1
-    assert relaxed.forces == pytest.approx(exact.forces, rel=1e-4)
-    assert relaxed.push == pytest.approx(relaxed.forces * relaxed.normals)
 
 
 # Objects where none should be

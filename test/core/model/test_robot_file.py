@@ -173,14 +173,6 @@ def test_overlapping_parts_at_home_are_refused(tmp_path):
     assert 'their clearance is -0.040 m' in message
 
 
-def test_all_complaints_are_in_one_error(tmp_path):
-    document = robots.example()
-    document['rollers']['max_speed'] = -1
-    document['colour'] = 'red'
-    del document['tube']['pressure']
-    assert len(refusal(as_yaml(document), tmp_path).splitlines()) == 3
-
-
 @pytest.mark.parametrize(('mistakes', 'lines'), [(49, 49), (50, 50), (51, 51), (2_000, 51)])
 def test_complaints_are_truncated_after_fifty(mistakes, lines, tmp_path):
     document = robots.example()

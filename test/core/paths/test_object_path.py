@@ -63,18 +63,6 @@ def test_repeated_poses_take_no_time():
     assert path.times == pytest.approx(once.times)
 
 
-def test_smooth_path_leads_through_the_poses_and_has_no_corners():
-    corners = np.array([(0, 0, 0), (0.2, 0, 0.5), (0.2, 0.3, 1.0), (0, 0.3, 0.5), (-0.1, 0, 0)])
-    path = ObjectPath(corners, SPEED, TURN_RATE, smooth=True)
-    for corner in corners:
-        assert np.abs(path.poses - corner).max(axis=1).min() < 1e-12
-    directions = np.diff(path.poses[:, 0]) + 1j * np.diff(path.poses[:, 1])
-    bends = np.abs(np.angle(directions[1:] / directions[:-1]))
-    assert bends.max() < 0.25
-    straight = ObjectPath(corners, SPEED, TURN_RATE).length
-    assert straight < path.length < 1.2 * straight
-
-
 def catmull_rom(poses, share):
     """Return the point in the middle span of four poses by the pyramid of Barry and Goldman."""
     steps = np.diff(poses, axis=0)
@@ -231,9 +219,3 @@ def test_any_numbers_make_a_path_or_are_refused(poses, speed, turn_rate, smooth)
     assert 0.0 < path.duration < math.inf
     for time in np.linspace(0.0, path.duration, 9):
         assert np.isfinite(path.pose(time)).all()
-
-
-def test_smooth_paths_are_cut_into_pieces_of_half_a_centimetre_and_a_fiftieth_of_a_radian():
-    for end in ((0.0999, 0.0, 0.0), (0.0, 0.0, 0.3999)):
-        path = ObjectPath([(0.0, 0.0, 0.0), end], 0.1, 0.1, smooth=True)
-        assert len(path.poses) == 21

@@ -121,20 +121,6 @@ def test_what_is_missed_is_so():
     assert names <= {'reach', 'facing', 'rigidity', 'self_clearance', 'object_clearance'}
 
 
-def test_who_gets_nowhere_is_given_up_after_thirteen_slow_steps():
-    given_up = 0
-    for _, way in each(arrived=False):
-        last = way.path[-15:]
-        if way.unmet[0] == 'reach' and len(last) == 15 and all(is_balanced(way, c) for c in last):
-            tube = last[0].robot.description.tube_diameter
-            left = np.array([standing(way, config) for config in way.path]) / tube
-            slow = left[1:] > np.minimum.accumulate(left)[:-1] - 0.02
-            assert slow[-13:].all()
-            assert not slow[-14]
-            given_up += 1
-    assert given_up
-
-
 def test_a_posture_draws_what_the_task_leaves_free():
     config, _, ways = reached(0)
     closing = next(way for way in ways if way.unmet is None).closing

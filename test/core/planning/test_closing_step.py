@@ -107,17 +107,6 @@ def test_a_step_keeps_its_bounds_to_first_order(seed):
     assert np.abs(move).max() < 0.3 * 0.035 * length + 1e-9
 
 
-def test_each_bound_is_checked():
-    config, (closing, _), _ = tasks(0)
-    state = evaluate_state(config, closing.body)
-    bounds = [state.rigidity, state.clearance, state.gaps]
-    state.check_bounds(*bounds)
-    for place, name in enumerate(('rigidity', 'self_clearance', 'object_clearance')):
-        with pytest.raises(RequirementError) as missed:
-            state.check_bounds(*(b + 1e-6 * (i == place) for i, b in enumerate(bounds)))
-        assert missed.value.args[0] == name
-
-
 @pytest.mark.parametrize('seed', range(40))
 def test_a_step_is_halved_until_it_leads_where_it_may(seed, monkeypatch):
     # Whatever the program says: here it knows nothing, and its steps are far too long.
@@ -165,12 +154,3 @@ def test_a_step_without_a_solution_is_an_error(monkeypatch):
     monkeypatch.setattr(closing_step, 'solve_qp', lambda problem: None)
     with pytest.raises(SolverError, match='no step of the rollers keeps the bounds'):
         solve_step(place, closing, targets, 1.0)
-
-
-@pytest.mark.parametrize('seed', range(40))
-def test_who_stands_still_is_not_blocked_wherever_that_is(seed, monkeypatch):
-    config, closing, _ = crowded(seed)
-    still = np.zeros(len(config.roller_positions))
-    monkeypatch.setattr(closing_step, 'solve_step', lambda *_: still)
-    place, targets = evaluate_state(config, closing.body), np.full(len(closing.members), STANDOFF)
-    assert take_closing_step(place, closing, targets, 1.0)[1] == 1.0

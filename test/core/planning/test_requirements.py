@@ -45,11 +45,6 @@ def test_loads_are_the_larger_ones_and_exceed_bounds_from_where_these_are(
         assert missed.value.args == exceeded
 
 
-def test_what_does_not_press_has_no_loads():
-    found = GraspRequirements().find_loads(fast((), 0.0), [], [])
-    assert set(found.values()) == {0.0}
-
-
 SIDES = ('south/P-Q', 'north/R-P')
 
 

@@ -85,19 +85,6 @@ def test_pairs_face_the_object_so_that_friction_holds_to_spare(seed):
                 assert used <= 0.75 * one.friction_angle + 1e-12
 
 
-@pytest.mark.parametrize('seed', [8, 18])
-def test_later_rounds_draw_cones_and_postures_in_lengths_of_the_members(seed, monkeypatch):
-    monkeypatch.setattr(seeds, 'MAX_SEEDS', 100)
-    config, body, _ = closings.scene(seed)
-    assert all(one.nominal_posture is None for one in find_seeds(config, body, ANY, 0, 0))
-    found = [one for number in range(1, 5) for one in find_seeds(config, body, ANY, 0, number)]
-    drawn = np.array([one.nominal_posture - config.roller_positions for one in found])
-    assert drawn.std() == pytest.approx(0.3 * config.member_lengths.mean(), rel=0.08)
-    cones = np.array([one.friction_angle / math.atan(ANY.friction) for one in found])
-    assert 0.5 <= cones.min() < 0.52
-    assert 0.98 < cones.max() <= 1.0
-
-
 def test_what_is_drawn_is_another_in_every_round_and_with_every_seed():
     drawn = [
         one.nominal_posture

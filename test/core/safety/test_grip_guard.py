@@ -42,26 +42,6 @@ def distances_after(travel):
     )
 
 
-def test_a_command_ends_before_the_object_comes_too_near():
-    distances = distances_after(REST)
-    part = int(distances.argmin())
-    _, limit = watched(0.0, 2.0)
-    toward = -limit.matrix[limit.indices.tolist().index(part)]
-    toward /= np.abs(toward).max()
-    bound = float(distances[part]) - 1e-3
-    watch, _ = watched(bound)
-    duration = 0.1
-    short = watch.keep(command(0.01 * toward), REST, duration)
-    assert short.status is Status.OK
-    asked = command(0.2 * toward)
-    assert distances_after(duration * asked.roller_velocities)[part] < bound
-    found = watch.keep(asked, REST, duration)
-    assert found.status is Status.SLOWED_OBJECT
-    assert found.limiting[0].endswith('and the object')
-    assert 0.0 < found.scale < 1.0
-    assert distances_after(duration * found.roller_velocities)[part] >= bound
-
-
 def test_a_command_ends_before_a_contact_is_lost():
     watch, _ = watched(0.0)
     away = np.array([0.25, -0.3, 0.3, 0.2, -0.3, 0.25])

@@ -77,10 +77,6 @@ def test_speeds_do_not_jump_when_the_heading_turns_at_a_limit(module, first, sli
     assert slide  # along limits the object goes on
 
 
-def test_the_twist_servo_slides_along_limits_by_default():
-    assert Driven('north/R').servo.settings.slide_along_limits
-
-
 def test_status_is_accelerating_until_the_twist_is_carried_out():
     robot = Driven('north/R')
     statuses = [robot.step(heading(30.0)).status for _ in range(20)]
@@ -98,15 +94,6 @@ def test_a_twist_of_zero_brings_the_rollers_to_rest_within_the_acceleration():
         assert robot.change <= CHANGE * (1.0 + 1e-6)
     assert command.status is Status.IDLE
     assert not command.roller_velocities.any()
-
-
-def test_a_halt_is_immediate():
-    robot = Driven('north/R')
-    for _ in range(10):
-        robot.step(heading(30.0))
-    assert robot.velocities.any()
-    robot.servo.receive(halt=(Status.HALT_EMERGENCY_STOP, 'stopped'))
-    assert not robot.step(heading(30.0)).roller_velocities.any()
 
 
 def test_joints_reverse_within_the_acceleration():

@@ -12,13 +12,11 @@ from isotruss_ros.core import (
     RollerFaults,
     RollingGrip,
     SimulatedRobot,
-    solve_twist,
     Status,
     TwistServo,
 )
 from isotruss_ros.core.inputs import RollerState, StampedInput
-from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
-from isotruss_ros.core.servo.servo_settings import ServoSettings, SqueezeSettings
+from isotruss_ros.core.servo.servo_settings import ServoSettings
 import numpy as np
 import pytest
 
@@ -37,16 +35,6 @@ def servo(pose, twist=(0.02, 0.0, 0.0), members=SIDES, **settings):
         pose=StampedInput(Pose(*pose), NOW),
     )
     return made
-
-
-def test_commands_what_solve_twist_finds_for_the_grip():
-    grip = box_between()
-    made = servo(grip.body.pose)
-    decision = made.decide(NOW)
-    expected = solve_twist(ROBOT.home, grip, (0.02, 0.0, 0.0))
-    assert decision.command.status is Status.OK
-    assert decision.command.achieved_twist == pytest.approx((0.02, 0.0, 0.0), abs=1e-9)
-    assert decision.command.roller_velocities == pytest.approx(expected.roller_velocities)
 
 
 def test_twist_is_projected_onto_the_contact_constraints():
@@ -86,42 +74,3 @@ def test_follows_a_path_and_returns_with_late_measurements():
     robot.advance(PERIOD)
     assert np.array(robot.object_pose) == pytest.approx(start, abs=2e-5)
     assert box.rolling.misfit < 1e-5
-
-
-def test_keeps_the_robot_clear_of_the_object():
-    """Led away from the corner without end, it stops before anything hits the box."""
-    box = RigidObject.in_grip(RollingGrip.attach(ROBOT.home, box_between()))
-    robot = SimulatedRobot(ROBOT.home, box, RollerFaults())
-    made, now = servo(robot.object_pose), NOW
-    seen = set()
-    for _ in range(200):
-        made.receive(
-            rollers=StampedInput(
-                RollerState(robot.roller_positions, robot.roller_velocities), now
-            ),
-            pose=StampedInput(robot.object_pose, now),
-            twist=StampedInput((-0.1, 0.0, 0.0), now),
-        )
-        decision = made.decide(now)
-        seen.add(decision.command.status)
-        robot.command(decision.command.roller_velocities)
-        robot.advance(PERIOD)
-        now += PERIOD
-    assert box.rolling is not None
-    assert any(10 <= status < 20 or status is Status.HALT_NO_GRASP for status in seen), seen
-
-
-def test_regulates_the_squeeze_of_the_box():
-    grip = box_between(depth=0.02)
-    # It has 18 N there: the sides close on it for more, and open for less.
-    for force, sign in ((25.0, -1.0), (12.0, 1.0)):
-        made = servo(grip.body.pose, (0.0, 0.0, 0.0), squeeze=SqueezeSettings(force))
-        command = made.decide(NOW).command
-        assert command.status is Status.OK
-        opening = grip_jacobian(ROBOT.home, grip)[3] @ command.roller_velocities
-        assert sign * opening > 1e-3
-        # The elastic tubes give by some millimetres.
-        assert np.hypot(*command.achieved_twist[:2]) < abs(opening)
-    pose = box_between(depth=-0.03).body.pose
-    made = servo(pose, (0.0, 0.0, 0.0), squeeze=SqueezeSettings(25.0))
-    assert made.decide(NOW).command.status is Status.HALT_NOT_HELD

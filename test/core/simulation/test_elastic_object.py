@@ -72,11 +72,6 @@ def test_along_a_path_and_back_it_returns(scale):
     assert back == pytest.approx(start, abs=1e-9)
 
 
-def test_a_softer_plant_presses_less_and_in_proportion():
-    squeezes = [held(stiffness_scale=scale).grasp.squeeze for scale in (1.0, 0.7)]
-    assert squeezes[1] == pytest.approx(0.7 * squeezes[0], rel=0.02)
-
-
 def pull_until_dropped(simulated, direction, step=0.5):
     """Return the load at which the object is dropped [N]."""
     for number in range(1, 2000):
