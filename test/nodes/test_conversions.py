@@ -73,7 +73,6 @@ def joint_states(**changes):
         ({'name': []}, 'are missing'),
         ({'position': []}, '0 positions for 6 names'),
         ({'name': ['', *NAMES[1:]]}, f'rollers {NAMES[0]} are missing'),
-        ({'name': [*NAMES, NAMES[0]], 'position': [0.0] * (N + 1)}, 'named twice'),
         ({'name': NAMES[:-1], 'position': [0.0] * (N - 1)}, 'are missing'),
         ({'velocity': [0.0] * (N - 1)}, '5 velocities for 6 names'),
         ({'name': list(map(str, range(MANY))), 'position': [0.0] * MANY}, 'are missing'),
@@ -128,8 +127,6 @@ def object_pose(frame=FRAME, **changes):
         ({'orientation': Quaternion(z=math.nan, w=1.0)}, 'norm'),
         ({'orientation': Quaternion(x=1.0, y=1.0, z=1.0, w=1.0)}, 'norm 2'),
         ({'frame': 'map'}, "in frame 'map': must be 'truss'"),
-        ({'frame': 'x' * MANY}, "must be 'truss'"),
-        ({'frame': ''}, "in frame '': must be 'truss'"),
     ],
 )
 def test_invalid_poses_are_rejected(changes, words):

@@ -337,11 +337,3 @@ def test_a_goal_that_is_not_supervised_goes_on(w):
     goal = send(w, HOME, AWAY, times=[0.0, 60.0])
     w.spin(2.0 * TIMEOUT)
     assert not goal.ended
-
-
-def test_a_goal_without_joint_states_is_aborted_at_once():
-    with world(lambda: Manipulation(overrides(command_timeout=TIMEOUT))) as w:
-        goal = w.send_goal(FollowRollerTrajectory.Goal(trajectory=trajectory(HOME, AWAY)))
-        status, result = status_and_result(w, goal)
-    assert (status, result.error_code) == (GoalStatus.STATUS_ABORTED, Result.INVALID_GOAL)
-    assert 'none received yet' in result.error_string

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 
 from geometry_msgs.msg import PoseStamped, Twist
 from isotruss_ros.nodes.framework.cycle import Cycle, PacedExecutor
-from isotruss_ros.nodes.framework.topics import NEWEST, subscribe_newest, take_waiting
+from isotruss_ros.nodes.framework.topics import subscribe_newest
 from isotruss_ros.nodes.manipulation.node import Manipulation
 from probe import begin_context, Probe
 import pytest
@@ -174,11 +174,3 @@ def test_the_newest_message_counts(topic):
     for _ in range(5):
         executor.spin_once(timeout_sec=0.1)
     assert seen == [4.0]
-
-
-def test_what_waits_can_be_discarded(topic):
-    subscription, seen, executor = topic
-    assert len(take_waiting([], subscription, NEWEST.depth)) == NEWEST.depth
-    for _ in range(5):
-        executor.spin_once(timeout_sec=0.1)
-    assert not seen

@@ -148,15 +148,6 @@ def test_colcon_installs_every_executable(command):
         assert callable(find_node(name))
 
 
-def test_help_lists_every_subcommand(monkeypatch, capsys):
-    monkeypatch.setattr(sys, 'argv', ['isotruss', '--help'])
-    with pytest.raises(SystemExit) as ended:
-        executables.isotruss()
-    assert ended.value.code == 0
-    words = set(re.findall(r'\w+', capsys.readouterr().out))
-    assert words >= {*executables.REQUESTS, *executables.PROGRAMS, *executables.NODES}
-
-
 @pytest.mark.parametrize('arguments', [[], ['demos']])
 def test_command_line_without_a_known_subcommand_is_refused(arguments, monkeypatch, capsys):
     monkeypatch.setattr(sys, 'argv', ['isotruss', *arguments])

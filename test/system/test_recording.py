@@ -105,13 +105,3 @@ def test_a_full_disk_ends_the_process_with_one_line_and_what_was_written_is_play
         messages.extend(read_recording(path))
     assert messages
     assert all(np.array_equal(message.position, positions) for _, _, message in messages)
-
-
-def test_a_recording_is_written_as_a_page_that_needs_no_server(tmp_path):
-    pytest.importorskip('viser')
-    from isotruss_ros.cli import replay
-
-    path, page = tmp_path / 'stop.mcap', tmp_path / 'stop.html'
-    record_stop_and_states(path)
-    assert replay.main([str(path), '--port', '0', '--page', str(page)]) == 0
-    assert '__VISER_EMBED_DATA__="' in page.read_text(encoding='utf-8')

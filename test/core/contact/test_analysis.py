@@ -177,12 +177,3 @@ def test_invalid_arguments_are_refused(gripped, options, message):
     with pytest.raises(GraspError, match=message):
         analyze_grasp(config, cylinder, **options)
     assert issubclass(GraspError, IsotrussError)
-
-
-@pytest.mark.parametrize('spacing', [0.001, 0.1])
-def test_spacings_at_their_limits_are_solved(gripped, spacing):
-    config, cylinder = gripped
-    coarse = analyze_grasp(config, cylinder, spacing=spacing)
-    fine = analyze_grasp(config, cylinder, spacing=0.002)
-    size = fine.normal_forces.sum()
-    assert coarse.normal_forces.sum() == pytest.approx(size, rel=0.1)

@@ -25,6 +25,20 @@ from scipy.optimize import nnls
 from shapes import circle, dense_outline, random_shape_of
 import tubes
 
+
+def plane_compliance(contact_points):
+    """Return the displacements (c, 2) in the plane for unit forces (c, 2) on contact points."""
+    axis = contact_points.axis
+    turn = np.array([[axis.real, -axis.imag], [axis.imag, axis.real]])
+    return np.einsum(
+        'ikc,kcld,jld->cidj',
+        turn,
+        contact_points.compliance(np.arange(len(axis))),
+        turn,
+        optimize=True,
+    )
+
+
 #: Of a clamped tube [m].
 LENGTH = 0.762
 
@@ -158,12 +172,12 @@ def test_compliance_agrees_with_a_frame_with_nodes_at_the_candidates(robot, rng)
     some = np.sort(rng.permutation(len(found.points))[:8])
     frame = tubes.robot_with_nodes(structure_of(config), found.member[some], found.place[some])
     expected = tubes.node_compliance(frame, frame.nodes)
-    compliance = tubes.plane_compliance(found)[some][:, :, some]
+    compliance = plane_compliance(found)[some][:, :, some]
     assert compliance == pytest.approx(expected, rel=1e-6, abs=1e-8 * np.abs(expected).max())
     # What the parts give, the whole gives: along normals, and for forces.
     normals = np.exp(1j * rng.uniform(0.0, 2.0 * np.pi, len(found.points)))
     pairs = normals.view(float).reshape(-1, 2)
-    whole = tubes.plane_compliance(found)
+    whole = plane_compliance(found)
     assert found.normal_compliance(normals) == pytest.approx(
         np.einsum('ci,cidj,dj->cd', pairs, whole, pairs, optimize=True), abs=1e-12
     )

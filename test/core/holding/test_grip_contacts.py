@@ -12,7 +12,6 @@ from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.contact_forces import (
     ContactForces,
     GripResponse,
-    PressedContacts,
 )
 from isotruss_ros.core.holding.held_grip import HeldGrip
 import numpy as np
@@ -72,30 +71,6 @@ def test_a_member_slips_by_the_sums_over_its_contacts():
     assert HeldGrip.weakest_direction(other_way, 0.5)[0] == pytest.approx(-direction[0])
     # Far from slipping, the first contact lets go.
     assert HeldGrip.slip_margin(grip, 50.0) == pytest.approx(1.0 / 0.1)
-
-
-@pytest.mark.parametrize(
-    ('owners', 'forces', 'end', 'pulling'),
-    [
-        ([0, 0, 1], [0.05, 2.0, 3.0], None, None),
-        ([0, 0, 1], [-0.05, 2.0, 3.0], 0, 0),
-        ([0, 0, 1], [0.0, 2.0, 3.0], None, None),
-        # Of two members the only contacts, of three all.
-        ([0, 1], [-1.0, 2.0], None, None),
-        ([0, 0, 1], [1.0, 1.0, -1.0], None, None),
-        ([0, 1, 2], [1.0, -1.0, -0.5], None, 1),
-        ([0, 1, 2], [1.0, 0.05, 2.0], None, None),
-    ],
-)
-def test_negative_forces_of_face_ends_and_third_members_are_tension(owners, forces, end, pulling):
-    numbers = np.array(owners)
-    grip = SimpleNamespace(
-        contacts=PressedContacts(numbers, numbers, np.full((len(owners), 2), np.inf)),
-        state=SimpleNamespace(normal_forces=np.array(forces)),
-    )
-    grip._most_pulling = partial(HeldGrip._most_pulling, grip)
-    assert HeldGrip.pulling_end.fget(grip) == end
-    assert HeldGrip.pulling.fget(grip) == pulling
 
 
 def test_settling_on_a_face_is_idempotent():

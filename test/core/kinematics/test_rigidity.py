@@ -3,12 +3,23 @@
 
 """The rigidity index: the smallest singular value of the matrix of (12) over that at home."""
 
-from closings import least_singular_value, scaled_matrix
 from isotruss_ros.core import load_robot
 from isotruss_ros.core.kinematics.rigidity import Modes, rigidity_index
 import numpy as np
 import pytest
 import robots
+
+
+def scaled_matrix(config):
+    """Return the matrix of (12), its rows of angles times the rod length."""
+    m, matrix = config.robot.topology.n_modules, config.matrix.copy()
+    matrix[slice(4 * m, 5 * m)] *= config.robot.description.module.rod_length
+    return matrix
+
+
+def least_singular_value(config):
+    """Return the smallest singular value of that matrix."""
+    return np.linalg.svd(scaled_matrix(config), compute_uv=False)[-1]
 
 
 @pytest.mark.parametrize('case', [*robots.PRESETS, 0, 1, 2])

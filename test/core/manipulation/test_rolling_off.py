@@ -3,8 +3,6 @@
 
 """Faces that lie on members: kept, lifted at one end, on either member or on both."""
 
-import itertools
-
 from held_grips import APART, inclined_grip, NEAR, NINE, OFF, PENTAGON, sides
 from hypothesis import assume, given, strategies
 from isotruss_ros.core import (
@@ -137,19 +135,6 @@ def test_faces_on_both_members_keep_the_angle_between_them():
         for k in (0, 2)
     )
     assert jacobian[5] == pytest.approx(grip.body.arm * (second - first), abs=1e-10)
-
-
-@pytest.mark.parametrize('shift', [0.0, 0.08, -0.08])
-def test_corners_of_two_faces_are_rolled_over_where_there_is_a_balance(shift):
-    contacts = contacts_of(NINE.home, wedged_grip(shift, 0.05))
-    assert contacts.owners.tolist() == [0, 0, 1, 1]
-    choices = list(itertools.product(((0, 1), (0,), (1,)), ((2, 3), (2,), (3,))))[1:]
-    counts = set()
-    for friction in (0.1, 0.5, 0.8, 1.2):
-        wanted = [kept for k in choices if balance_exists(contacts, kept := sum(k, ()), friction)]
-        assert kept_corners(NINE.home, wedged_grip(shift, 0.05), friction) == wanted
-        counts.add(len(wanted))
-    assert len(counts) > 1
 
 
 def lifting(grip, command):

@@ -62,17 +62,11 @@ def test_tiny_polygons_far_away_are_taken_and_run_counter_clockwise():
     ('center', 'size', 'words'),
     [
         ((0.0, 0.0), 0.0, 'must be positive'),
-        ((0.0, 0.0), -0.1, 'must be positive'),
         ((0.0, 0.0), 0.99 * MIN_DIAMETER, 'must be from'),
         ((0.0, 0.0), 1.01 * MAX_SIZE, 'must be from'),
         ((1.01 * MAX_DISTANCE, 0.0), 0.1, 'must be within'),
-        ((0.0, -1.01 * MAX_DISTANCE), 0.1, 'must be within'),
         ((0.0, 0.0, 0.0), 0.1, "the object's centre"),
-        ('here', 0.1, "the object's centre .* must be 2 finite numbers"),
-        (None, 0.1, "the object's centre .* must be 2 finite numbers"),
-        ((np.nan, 0.0), 0.1, "the object's centre .* must be 2 finite numbers"),
         ((0.0, 0.0), np.inf, "the object's diameter .* must be 1 finite number"),
-        ((0.0, 0.0), 'wide', "the object's diameter .* must be 1 finite number"),
         ((0.0, 0.0), 10**400, "the object's diameter .* must be 1 finite number"),
     ],
 )

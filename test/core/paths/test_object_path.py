@@ -158,29 +158,21 @@ def test_one_of_the_limits_is_reached_on_every_piece(path):
 GOOD = [(0.0, 0.0, 0.0), (0.1, 0.0, 0.0)]
 BAD = {
     'no poses': (([], 0.1, 0.1), 'two or more'),
-    'one pose': (([(0, 0, 0)], 0.1, 0.1), 'two or more'),
     'two numbers': (([(0, 0), (1, 1)], 0.1, 0.1), 'two or more of x, y, angle'),
-    'words': (([('a', 'b', 'c')] * 2, 0.1, 0.1), 'no numbers'),
     'ragged': (([(0, 0, 0), (1, 1)], 0.1, 0.1), 'no numbers'),
     'nan': (([(0, 0, 0), (0, math.nan, 0)], 0.1, 0.1), 'pose 1 of the path'),
-    'inf': (([(math.inf, 0, 0), (0, 0, 0)], 0.1, 0.1), 'pose 0 of the path'),
     'far': (([(0, 0, 0), (1e15, 0, 0)], 0.1, 0.1), 'at most 1e.12'),
     'half a turn': (([(0, 0, 0), (0, 0, math.pi)], 0.1, 0.1), 'pose in between'),
     'nowhere': (([(1, 1, 1)] * 5, 0.1, 0.1), 'must lead somewhere'),
-    'a full turn': (([(0, 0, 0), (0, 0, 2 * math.pi)], 0.1, 0.1), 'must lead somewhere'),
     'many': (([(0, 0, 0), (1, 0, 0)] * 5001, 0.1, 0.1), 'at most 10000'),
-    'days': ((GOOD, 1e-7, 0.1), 'must be at most 86400 s'),
     'for ever': (([(0, 0, 0), (1, 0, 1), (2, 0, 0)], 0.1, 1e-300), 'must be at most 86400 s'),
     'two overflow together': (
         ([(0, 0, 0), (1e3, 0, 0), (0, 0, 0)], 1e-305, 0.1),
         'takes inf s at 1e-305 m/s',
     ),
     'no speed': ((GOOD, 0.0, 0.1), 'speed 0.0 m/s: must be positive'),
-    'backward': ((GOOD, -0.1, 0.1), 'must be positive'),
     'speed of light': ((GOOD, 3e8, 0.1), 'at most 10 m/s'),
-    'speed nan': ((GOOD, math.nan, 0.1), 'must be positive'),
     'no turn': ((GOOD, 0.1, 0.0), 'turn rate 0.0 rad/s'),
-    'turn inf': ((GOOD, 0.1, math.inf), 'at most 100 rad/s'),
 }
 
 

@@ -235,33 +235,6 @@ def test_reaches_the_end_of_any_path_within_tolerance(seed, slip, delay, noise, 
         assert abs(tracking.twist[2]) <= 1.5 * path.turn_rate * (1.0 + 1e-9)
 
 
-@robots.examples(100)
-@given(
-    strategies.lists(
-        strategies.tuples(
-            strategies.floats(-1.0, 1.0),
-            strategies.floats(-10.0, 10.0),
-            strategies.floats(-1.0, 100.0),
-            strategies.floats(-1.0, 100.0),
-            strategies.floats(0.0, 1.0),
-            strategies.booleans(),
-        ),
-        max_size=20,
-    )
-)
-def test_nothing_that_is_measured_makes_it_run_away(cycles):
-    tracker = PathTracker(LINE, TrackingSettings(), PERIOD)
-    for x, angle, age, elapsed, scale, held in cycles:
-        before = tracker.clock.time
-        tracking = tracker.update(Pose(0.02 * x, 0.0, angle), age, elapsed, scale, held)
-        assert np.isfinite(tracking.twist).all()
-        assert np.hypot(*tracking.twist[:2]) <= 1.5 * SPEED * (1.0 + 1e-9)
-        assert before <= tracker.clock.time <= before + 2.0 * PERIOD
-        assert tracking.time_left >= 0.0
-        if held or tracking.phase in FINISHED:
-            assert not tracking.twist.any()
-
-
 @pytest.mark.parametrize(
     ('name', 'value'),
     [

@@ -18,12 +18,10 @@ from isotruss_ros.core import (
     Pose,
     settle_grasp,
 )
-from isotruss_ros.core.errors import GraspError, SolverError
-from isotruss_ros.core.planning import grasp_candidate
+from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.planning import plan_grasps as search
 from isotruss_ros.core.planning.foresee_path import foresee_grip
 from isotruss_ros.core.planning.requirements import Measure
-from isotruss_ros.core.planning.seeds import find_seeds
 from isotruss_ros.core.planning.violations import violation_in_words
 from isotruss_ros.core.safety.margins import shape_margins
 from nightly import some_now
@@ -213,28 +211,6 @@ def test_none_found_comes_with_what_is_missed(body, needs, missed):
     if missed == 'free':
         assert miss.value == pytest.approx(closings.gaps(ROBOT.home, body)[0].min(), abs=1e-4)
         assert miss.bound == 0.0
-
-
-@pytest.mark.parametrize(('number', 'found'), [(1, 0), (2, 1)])
-def test_a_seed_that_cannot_be_computed_is_skipped(number, found, monkeypatch):
-    seeds, approach = [], grasp_candidate.approach
-
-    def fail_last(config, closing, *arguments):
-        seeds.append(closing)
-        if len(seeds) == number:
-            raise SolverError('no solution')
-        return approach(config, closing, *arguments)
-
-    monkeypatch.setattr(grasp_candidate, 'approach', fail_last)
-    monkeypatch.setattr(search, 'find_seeds', lambda *given: find_seeds(*given) * number)
-    needs = GraspRequirements(module='north/Z', squeeze=10.0, count=1)
-    plan = plan_grasps(ROBOT.home, OBJECTS['north'], needs, max_rounds=1)
-    assert (len(plan), len(seeds)) == (found, number)
-    if not found:
-        why = violation_in_words(plan.closest_violation)
-        assert why == 'the closest grasp candidate cannot be computed: no solution'
-        violation = plan.closest_violation
-        assert (violation.value, violation.bound) == (0.0, 0.0)
 
 
 def test_stops_when_asked_with_what_it_has():

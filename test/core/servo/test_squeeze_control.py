@@ -14,7 +14,6 @@ from isotruss_ros.core import (
     HoldStatus,
     RollerFaults,
     SimulatedRobot,
-    solve_twist,
     Status,
     TwistServo,
 )
@@ -22,7 +21,6 @@ from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.inputs import RollerState, StampedInput
-from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.servo.servo_settings import ServoSettings, SqueezeSettings
 from isotruss_ros.core.servo.squeeze_control import SqueezeControl
 from nightly import some_now
@@ -76,21 +74,6 @@ def test_unknown_load_changes_the_squeeze_little_and_not_the_pose():
     assert loop.squeeze == pytest.approx(loop.target, rel=0.04)
     assert loop.errors[-1] < 1e-4
     assert loop.control.belief.pose == pytest.approx(loop.plant.object_pose, abs=1e-4)
-
-
-def load_after_a_push(expected):
-    """Return the load that a push of 3 N for 0.2 s is estimated as, by the expected load [N]."""
-    loop = Loop(load=expected)
-    loop.run((0.0, 0.0, 0.0), 0.3)
-    loop.object.external_wrench = (1.8, 2.4, 0.0)
-    loop.run((0.0, 0.0, 0.0), 0.2)
-    return float(np.hypot(*loop.control.belief.load[:2]))
-
-
-def test_larger_expected_load_attributes_more_of_a_push_to_load():
-    small, given, large = (load_after_a_push(load) for load in (0.2, 2.0, 20.0))
-    assert small < 0.17 * given < 0.1 * large
-    assert load_after_a_push(0.0) == given
 
 
 @pytest.mark.parametrize(
@@ -157,46 +140,6 @@ def test_commands_toward_the_utilisation_bound_are_slowed():
     loop.run((0.0, 0.0, 0.0), 1.5)
     assert Status.SLOWED_UTILISATION not in loop.statuses
     assert loop.squeeze == pytest.approx(20.0, rel=5e-3)
-
-
-def close_near_the_bound(bound, scale=1.0):
-    """Return what is commanded, and where, in the cycles in which a grip closes near a bound."""
-    control = SqueezeControl(SqueezeSettings(100.0, max_utilisation=bound, **MASSLESS))
-    config, object_of_plant, found = CONFIG, ElasticObject(CYLINDER, FRICTION), []
-    for _ in range(3):
-        object_of_plant.follow(config)
-        grip = measured_at(object_of_plant.pose(config))
-        control.follow(config, grip, PERIOD)
-
-        def solve(twist, opening_rate, config=config, grip=grip):
-            command = solve_twist(config, grip, twist, opening_rate=opening_rate)
-            return replace(command, scale=scale)
-
-        found.append((control.grasp, grip, control.solve(np.zeros(3), PERIOD, solve)))
-        travel = PERIOD * found[-1][2].roller_velocities
-        config = config.moved_to(config.roller_positions + travel)
-    return found
-
-
-def test_the_scale_of_a_slowed_command_is_that_of_limits_and_utilisation():
-    model = attach_grip(CONFIG, CYLINDER)
-    bound = 1.015 * model.sections.used.max()
-    whole, half = (close_near_the_bound(bound, scale)[1][2] for scale in (1.0, 0.5))
-    assert whole.status is Status.SLOWED_UTILISATION
-    assert whole.scale < 0.9
-    assert half.scale == pytest.approx(0.5 * whole.scale, rel=1e-2)
-
-
-def test_slowed_command_uses_its_share_of_the_remaining_utilisation():
-    model = attach_grip(CONFIG, CYLINDER)
-    bound = 1.015 * model.sections.used.max()
-    _, (before, grip, command), (after, _, _) = close_near_the_bound(bound)
-    assert command.status is Status.SLOWED_UTILISATION
-    rows = grip_jacobian(before.config, grip)[:3]
-    assert command.achieved_twist == pytest.approx(rows @ command.roller_velocities, abs=1e-9)
-    used, more = (grasp.sections.used.max() for grasp in (before, after))
-    # Five times in a second; by what the cycle before did, but for the curvature.
-    assert more - used == pytest.approx(5.0 * PERIOD * (bound - used), rel=0.15)
 
 
 @pytest.mark.parametrize(('zeros', 'held'), [(1e-2, True), (1e-3, False)])

@@ -127,22 +127,6 @@ def close(late, exact):
     return np.abs(late - exact).max() < 1e-5 * np.abs(exact).max()
 
 
-def test_looks_ahead_by_the_age_of_the_state_and_half_a_period():
-    """The command for an old state of a moving robot is that for where it is by now."""
-    speeds = servo().decide(NOW).command.roller_velocities
-    made = servo(
-        {'period': 0.02},
-        rollers=StampedInput(at(HOME, speeds), NOW - 0.05),
-        pose=StampedInput(POSE, NOW - 0.05),
-    )
-    late = made.decide(NOW).command.roller_velocities
-    lead = 0.05 + 0.01
-    # To first order in the way: 0.0012 m here, so 1e-6 m off in a robot of 1 m, and 1e-6 in speed.
-    exact = servo(**moved(lead * speeds)).decide(NOW).command.roller_velocities
-    assert close(late, exact)
-    assert not close(late, speeds)
-
-
 @pytest.mark.parametrize('measured', [0.0, -1.0, 3.0])
 def test_prediction_uses_commands_instead_of_measured_speeds(measured):
     made = servo({'period': 0.02})

@@ -12,10 +12,8 @@ from isotruss_ros.core import (
     Pose,
     RigidObject,
     RollerFaults,
-    RollingGrip,
     settle_grasp,
     SimulatedRobot,
-    solve_twist_ahead,
 )
 from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.manipulation.grip import find_contacts
@@ -185,24 +183,3 @@ def test_is_held_by_sides_that_press_where_its_friction_is_enough(depth, own, fr
         robot.command([0.0, 0.02, 0.0, 0.0, 0.0, 0.0])
         robot.advance(0.1)
         assert robot.object_pose == pytest.approx(body.pose)
-
-
-def simulated():
-    """Return a robot at home with a box between two of its sides, and the box."""
-    box = RigidObject.in_grip(RollingGrip.attach(ROBOT.home, box_between(angle=0.2)))
-    return SimulatedRobot(ROBOT.home, box, RollerFaults()), box
-
-
-def test_carries_and_turns_the_box_as_commanded():
-    robot, box = simulated()
-    start = np.array(robot.object_pose)
-    for _ in range(50):
-        command = solve_twist_ahead(robot.config, box.rolling.grip, [0.02, 0.01, 0.05], 0.01)
-        robot.command(command.roller_velocities)
-        robot.advance(0.02)
-    assert np.array(robot.object_pose) - start == pytest.approx([0.02, 0.01, 0.05], abs=1e-6)
-    assert box.pose(robot.config) == box.rolling.pose
-    assert box.rolling.config is robot.config
-    # Where it would be in another configuration; looking does not move it.
-    assert np.array(box.pose(ROBOT.home)) == pytest.approx(start, abs=1e-6)
-    assert box.rolling.config is robot.config
