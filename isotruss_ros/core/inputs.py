@@ -185,6 +185,20 @@ def require_fresh(
     return tuple(inputs.values())  # type: ignore[arg-type]
 
 
+def find_fresh(now: float, timeout: float, given: Input) -> Any:
+    """
+    Return the value of an input; None if it is missing, rejected or stale.
+
+    :param now: time on the clock of the input [s].
+    :param timeout: largest age of the input [s].
+    :param given: the input.
+    """
+    try:
+        return require_fresh(now, timeout, given=given)[0].value
+    except InputError:
+        return None
+
+
 def fresh_pressures(now: float, timeout: float, pressures: Input) -> tuple[float, ...] | None:
     """
     Return the measured gauge pressures (t,) of the tubes [Pa]; None if never received.

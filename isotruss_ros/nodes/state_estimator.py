@@ -143,7 +143,7 @@ class StateEstimatorNode(ManagedNode):
         """Set the object that the parameters describe between the grasping members."""
         values = self.values
         self.timeout, self.pressure_timeout = values.command_timeout, values.pressure_timeout
-        members = common.select_grip(self.robot, values.grip, values.grip_module)
+        members = common.select_grip(self.robot, values)
         grip = Grip(members, common.read_body(values))
         if grip != self._estimator.grip:
             self._estimator.grip = grip

@@ -13,7 +13,7 @@ import math
 from typing import Any
 
 from geometry_msgs.msg import PoseStamped
-from isotruss_msgs.msg import StateEstimate
+from isotruss_msgs.msg import HeldGrip, StateEstimate
 from isotruss_ros.core import Configuration, Robot
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.estimation.roller_parts import RollerParts
@@ -28,6 +28,7 @@ from isotruss_ros.core.inputs import (
 )
 from isotruss_ros.core.kinematics.configuration import ConfigurationTracker
 from isotruss_ros.nodes.conversions.estimate_messages import read_estimate
+from isotruss_ros.nodes.conversions.grip_messages import read_grip
 from isotruss_ros.nodes.conversions.joint_state_messages import (
     read_roller_part,
     read_tube_pressure,
@@ -200,6 +201,11 @@ class Inputs:
         """
         read = self.frame.read_markers
         self.keep(MultiDOFJointState, 'joint_markers', read, 'markers', **options)
+
+    def keep_held_grip(self) -> None:
+        """Store the `GripRecord` of the loop from `manipulation/grip` as the input `held_grip`."""
+        read = partial(read_grip, robot=self._robot)
+        self.keep(HeldGrip, 'manipulation/grip', read, 'held_grip')
 
     @functools.cached_property
     def frame(self) -> RobotFrame:

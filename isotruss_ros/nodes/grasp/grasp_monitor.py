@@ -10,7 +10,6 @@ A result is valid for its inputs. It is discarded when an input is stale, missin
 from __future__ import annotations
 
 from collections.abc import Callable
-import contextlib
 from dataclasses import replace
 import time
 from typing import Any
@@ -26,6 +25,7 @@ from isotruss_ros.core.errors import (
 from isotruss_ros.core.holding.grip_record import GripRecord
 from isotruss_ros.core.holding.settle_grasp import assess_equilibrium, settle_grasp
 from isotruss_ros.core.inputs import (
+    find_fresh,
     fresh_pressures,
     Input,
     InputError,
@@ -116,9 +116,7 @@ class GraspMonitor:
             external_wrench=wrench[0].value if wrench else self.query.external_wrench,
             pressures=pressures,
         )
-        record = None
-        with contextlib.suppress(InputError):
-            record = require_fresh(now, self.timeout, held_grip=self.held_grip)[0].value
+        record = find_fresh(now, self.timeout, self.held_grip)
         if query != self._answered or not _alike(record, self._record):
             find = self._tracker.configuration
             self._report = _analyze(query, find, self._report.grasp, record)

@@ -45,16 +45,10 @@ class GraspCode(enum.IntEnum):
 
 #: Code of a report by the name and the fault of an input.
 INPUT_CODES = {
-    ('joint_states', InputFault.MISSING): GraspCode.NO_JOINT_STATES,
-    ('joint_states', InputFault.STALE): GraspCode.STALE_JOINT_STATES,
-    ('joint_states', InputFault.INVALID): GraspCode.INVALID_JOINT_STATES,
-    ('object_pose', InputFault.MISSING): GraspCode.NO_OBJECT_POSE,
-    ('object_pose', InputFault.STALE): GraspCode.STALE_OBJECT_POSE,
-    ('object_pose', InputFault.INVALID): GraspCode.INVALID_OBJECT_POSE,
-    ('external_wrench', InputFault.STALE): GraspCode.STALE_EXTERNAL_WRENCH,
-    ('external_wrench', InputFault.INVALID): GraspCode.INVALID_EXTERNAL_WRENCH,
-    ('tube_pressures', InputFault.STALE): GraspCode.STALE_TUBE_PRESSURES,
-    ('tube_pressures', InputFault.INVALID): GraspCode.INVALID_TUBE_PRESSURES,
+    (name, fault): GraspCode[code]
+    for name in ('joint_states', 'object_pose', 'external_wrench', 'tube_pressures')
+    for fault, prefix in zip(InputFault, ('NO', 'STALE', 'INVALID'), strict=True)
+    if (code := f'{prefix}_{name.upper()}') in GraspCode.__members__
 }
 
 

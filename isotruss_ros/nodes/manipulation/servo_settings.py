@@ -110,17 +110,11 @@ SPECS = (
 
 
 def _make_grip(robot: Robot, values: Parameters, described: ConvexObject | None) -> Grip:
-    """
-    Return the grip by the parameters, with the object at an arbitrary pose.
-
-    :param robot: the robot.
-    :param values: parameters of a node.
-    :param described: object of the parameter `object`, see `read_described`; None for a disc.
-    """
+    """Return the grip by the parameters, with the object at an arbitrary pose."""
     body = described or ConvexObject(Disc(values.object_diameter))
     if values.object_mass:
         body = replace(body, mass=values.object_mass)
-    members = common.select_grip(robot, values.grip, values.grip_module)
+    members = common.select_grip(robot, values)
     return Grip(members, body, values.friction if body.friction is None else body.friction)
 
 

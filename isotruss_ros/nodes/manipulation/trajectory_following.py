@@ -19,16 +19,17 @@ from isotruss_msgs.action import FollowRollerTrajectory
 from isotruss_ros.core import IsotrussError, Status, TwistServo
 from isotruss_ros.core.inputs import require_fresh, StampedInput
 from isotruss_ros.core.manipulation.status import RollerCommand
+from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.paths.roller_trajectory import RollerTrajectoryServo
 from isotruss_ros.core.servo.decision import Decision
-from isotruss_ros.nodes.conversions.messages import MessageError
-from isotruss_ros.nodes.conversions.path_messages import to_roller_feedback
+from isotruss_ros.nodes.conversions.messages import make_header, MessageError
+from isotruss_ros.nodes.conversions.path_messages import to_duration
 from isotruss_ros.nodes.conversions.trajectory_goals import read_roller_goal, RollerGoal
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.single_goal import Ending, SingleGoal
 from isotruss_ros.nodes.manipulation.sparse_messages import SparseMessages
 import numpy as np
-from trajectory_msgs.msg import JointTrajectory
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 TOPIC = 'joint_trajectory_controller/joint_trajectory'
 ACTION = 'follow_roller_trajectory'
@@ -200,10 +201,21 @@ class TrajectoryFollowing:
         wanted, measured = self._follower.wanted, self._servo.inputs.rollers
         if goal is None or wanted is None or not isinstance(measured, StampedInput):
             return
-        robot, when, now = self._servo.robot, self._follower.time, self._node.now()
+        actual, robot = measured.value.positions, self._servo.robot
+
+        def point(positions: Array, **others: Any) -> JointTrajectoryPoint:
+            start = to_duration(self._follower.time)
+            return JointTrajectoryPoint(
+                positions=positions.tolist(), time_from_start=start, **others
+            )
+
         goal.publish_feedback(
-            lambda: to_roller_feedback(
-                goal.kind.Feedback, robot, wanted, measured.value, when, now
+            lambda: goal.kind.Feedback(
+                header=make_header(self._node.now(), robot.frame),
+                joint_names=list(robot.roller_names),
+                desired=point(wanted.positions, velocities=wanted.velocities.tolist()),
+                actual=point(actual),
+                error=point(wanted.positions - actual),
             )
         )
 
