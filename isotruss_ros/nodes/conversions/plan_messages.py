@@ -28,19 +28,12 @@ MAX_COUNT = 1000
 
 
 class SearchGoal(NamedTuple):
-    """
-    Arguments of a grasp search.
+    """Arguments of a grasp search."""
 
-    :ivar body: the object at its pose.
-    :ivar requirements: requirements of the grasps.
-    :ivar seed: seed of the search.
-    :ivar time_limit: time limit of the search [s]; 0: no limit.
-    """
-
-    body: ConvexObject
-    requirements: GraspRequirements
-    seed: int
-    time_limit: float
+    body: ConvexObject  #: the object at its pose
+    requirements: GraspRequirements  #: requirements of the grasps
+    seed: int  #: seed of the search
+    time_limit: float  #: time limit of the search [s]; 0: no limit
 
 
 def read_goal(

@@ -44,17 +44,11 @@ class TrajectoryGoalError(MessageError):
 
 
 class RollerGoal(NamedTuple):
-    """
-    Arguments of a roller trajectory's goal.
+    """Arguments of a roller trajectory's goal."""
 
-    :ivar trajectory: trajectory of the rollers.
-    :ivar start: start time on the node's clock [s]; None: at once.
-    :ivar tolerances: tolerances of the goal.
-    """
-
-    trajectory: RollerTrajectory
-    start: float | None
-    tolerances: TrajectoryTolerances
+    trajectory: RollerTrajectory  #: trajectory of the rollers
+    start: float | None  #: start time on the node's clock [s]; None: at once
+    tolerances: TrajectoryTolerances  #: tolerances of the goal
 
 
 def read_roller_goal(

@@ -285,7 +285,6 @@ class TrackedShape:
     Configuration of the robot, tracked from joint states.
 
     :ivar timeout: largest age of an input [s].
-    :ivar rollers: latest joint states, a StampedInput of a RollerState.
     :ivar estimate: input of the `EstimatedTravel` with the roller offsets; None without one.
     :param robot: the robot; home is the start of the first search.
     :param timeout: largest age of an input [s].
@@ -293,7 +292,7 @@ class TrackedShape:
 
     def __init__(self, robot: Robot, timeout: float) -> None:
         self.timeout = timeout
-        self.rollers: Input = None
+        self.rollers: Input = None  #: latest joint states, a StampedInput of a RollerState
         self.estimate: Input = None
         self._shapes = ConfigurationTracker(robot.home)
         self._tracked: Input = None

@@ -63,14 +63,11 @@ class GraspMonitor:
 
     :ivar query: settings of the analysis; roller positions, pose, wrench and pressures are
         replaced by inputs.
-    :ivar rollers: input of the measured `RollerState`.
     :ivar estimate: input of the `EstimatedTravel` with the roller offsets; None without one.
-    :ivar pose: input of the measured `Pose` of the object, robot frame.
     :ivar held_grip: input of the `GripRecord` of the loop that holds the object; None without one.
     :ivar wrench: input of the external wrench (fx, fy, m) on the object [N, N m]; None: zero.
     :ivar pressures: input of the gauge pressures (t,) of the tubes in the order of the robot file
         [Pa]; None: the pressures of the file.
-    :ivar pressure_timeout: largest age of pressures [s].
     :param robot: the robot.
     :param query: settings of the analysis without roller positions.
     :param timeout: largest age of inputs [s].
@@ -78,13 +75,13 @@ class GraspMonitor:
 
     def __init__(self, robot: Robot, query: GraspQuery, timeout: float) -> None:
         self.robot, self.query, self.timeout = robot, query, timeout
-        self.rollers: Input = None
+        self.rollers: Input = None  #: input of the measured `RollerState`
         self.estimate: Input = None
-        self.pose: Input = None
+        self.pose: Input = None  #: input of the measured `Pose` of the object, robot frame
         self.held_grip: Input = None
         self.wrench: Input = None
         self.pressures: Input = None
-        self.pressure_timeout = PRESSURE_TIMEOUT
+        self.pressure_timeout = PRESSURE_TIMEOUT  #: largest age of pressures [s]
         self._tracker = ConfigurationTracker(robot.home)
         self._answered: GraspQuery | None = None
         self._record: GripRecord | None = None

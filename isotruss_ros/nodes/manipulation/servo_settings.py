@@ -180,7 +180,6 @@ class StatusReport:
     """
     Publisher of the servo's decisions; created at each configuration.
 
-    :ivar status: status of the last cycle.
     :param node: publishing node.
     :param robot: the robot.
     """
@@ -192,7 +191,7 @@ class StatusReport:
         self._grips = node.create_lifecycle_publisher(HeldGrip, 'manipulation/grip', RELIABLE)
         self._robot, self._frame, self._node = robot, robot.frame, node
         self._told = 0.0
-        self.status = Status.OK
+        self.status = Status.OK  #: status of the last cycle
 
     def publish_grip(self, grasp: HeldEquilibrium | None, now: float) -> None:
         """

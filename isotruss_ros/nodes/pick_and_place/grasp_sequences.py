@@ -79,22 +79,18 @@ class GraspSequences(TrackedShape):
     """
     Sequences by the actions of planner, manipulation and path follower.
 
-    :ivar stage: current stage, a constant of the action's feedback.
-    :ivar pose: StampedInput of the object's `Pose`.
-    :ivar grasp: StampedInput of the `GraspState`.
-    :ivar held_grip: StampedInput of the `GripRecord` of the loop that holds the object.
     :param node: node that has the clients until it is destroyed.
     :param robot: the robot.
     """
 
-    held_grip: Input = None
+    held_grip: Input = None  #: StampedInput of the `GripRecord` of the loop that holds the object
 
     def __init__(self, node: ManagedNode, robot: Robot) -> None:
         super().__init__(robot, node.values.command_timeout)
         self._node, self._robot = node, robot
-        self.stage = 0
-        self.pose: Input = None
-        self.grasp: Input = None
+        self.stage = 0  #: current stage, a constant of the action's feedback
+        self.pose: Input = None  #: StampedInput of the object's `Pose`
+        self.grasp: Input = None  #: StampedInput of the `GraspState`
         self._described = common.read_described(node.values)
         # Before the actions: a server that has discovered their clients has discovered the
         # publisher.
