@@ -87,7 +87,7 @@ class GraspAnalysisNode(ManagedNode):
         self.inputs = Inputs(self, self.robot, self._monitor)
         self.inputs.keep_joint_states()
         self.inputs.keep_object_pose()
-        self.inputs.keep_tube_pressures(lambda: self.values.ambient_pressure)
+        self.inputs.keep_tube_pressures()
         self.inputs.keep_held_grip()
         self.inputs.keep(WrenchStamped, 'external_wrench', self._read_wrench, 'wrench')
 

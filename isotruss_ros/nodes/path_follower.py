@@ -182,7 +182,7 @@ class PathFollower(ManagedNode):
     def _step(self, now: float) -> None:
         if not self._goal.active:
             return
-        if (loss := self._goal.find_loss(self._servo.timeout)) is not None:
+        if (loss := self._goal.client.find_loss(self._servo.timeout)) is not None:
             self._end(PathOutcome.STOPPED, loss)
             return
         if self._waiting is not None:

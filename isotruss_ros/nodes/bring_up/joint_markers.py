@@ -54,12 +54,10 @@ class JointMarkers:
     """
 
     def __init__(self, node: StoppableNode, robot: Robot) -> None:
-        self.timeout = MAX_TOPIC_AGE  #: largest age of an input [s]
         self.rollers: Input = None  #: input of the measured `RollerState`
         self.markers: Input = None  #: input of the measured joints {name: (x, y)} [m]
         self._rollers, self._markers = Timeline(), Timeline()
-        self._inputs = Inputs(node, robot, self, '')
-        self.frame = self._inputs.frame  #: frame of the robot and of the joints
+        self._inputs = Inputs(node, robot, self, MAX_TOPIC_AGE)
         self._inputs.keep_encoders(take=partial(self._take, self._rollers))
         self._inputs.keep_joint_markers(take=partial(self._take, self._markers))
 

@@ -153,27 +153,11 @@ def make_settings(
 class ServoSubscriptions(Inputs):
     """`Inputs` that are stored in a `TwistServo` by its method `receive`."""
 
-    @property
-    def timeouts(self) -> ServoSettings:
-        """Return the settings of the servo; they contain the largest ages of inputs."""
-        return self.holder.settings
+    def _latest(self, name: str) -> Input:
+        return getattr(self._holder.inputs, name)
 
-    def latest(self, name: str) -> Input:
-        """
-        Return the latest value of an input.
-
-        :param name: field of `ServoInputs`.
-        """
-        return getattr(self.holder.inputs, name)
-
-    def store(self, name: str, given: Input) -> None:
-        """
-        Replace an input of the servo.
-
-        :param name: field of `ServoInputs`.
-        :param given: the new value.
-        """
-        self.holder.receive(**{name: given})
+    def _store(self, name: str, given: Input) -> None:
+        self._holder.receive(**{name: given})
 
 
 class StatusReport:
