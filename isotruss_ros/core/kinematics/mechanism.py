@@ -35,7 +35,7 @@ class Mechanism:
     def __init__(self, description: RobotDescription) -> None:
         topology = make_topology(description)
         self.description, self.topology = description, topology
-        self.constraints = Constraints(topology)  #: constraints of equation (12)
+        self.constraints = Constraints(topology)  #: constraints of the configuration
         self.name, self.frame = description.name, description.frame
         self.node_names, self.member_names = topology.node_names, topology.member_names
         self.module_names, self.roller_names = topology.module_names, topology.roller_names
