@@ -11,7 +11,7 @@ import subprocess
 import sys
 import time
 
-from boxes import BOX
+from held_grips import BOX_FILE
 from isotruss_ros.cli import plan_grasps as command
 from isotruss_ros.core import ConvexObject, GraspRequirements, load_robot, plan_grasps
 from isotruss_ros.core.planning.describe_plan import path_times
@@ -78,7 +78,7 @@ def test_finds_what_the_core_finds_on_one_process_or_two(tmp_path, capsys):
 
 def test_an_object_is_a_disc_or_described(capsys):
     where = ['--center', '0.54', '-0.31']
-    for shape in ([], ['--diameter', '0.3', '--object', BOX]):
+    for shape in ([], ['--diameter', '0.3', '--object', BOX_FILE]):
         with pytest.raises(SystemExit) as ended:
             command.main([*where, *shape])
         assert ended.value.code == 2

@@ -7,8 +7,8 @@ import math
 import re
 
 from action_msgs.msg import GoalStatus
-from boxes import BOX
 from geometry_msgs.msg import Point, PoseStamped, Wrench
+from held_grips import BOX_FILE
 from isotruss_msgs.action import PlanGrasp
 from isotruss_msgs.msg import ConvexObject as ObjectMessage
 from isotruss_ros.core import (
@@ -65,7 +65,7 @@ Result = PlanGrasp.Result
 
 
 def test_a_described_object_is_searched_for_where_the_goal_has_it():
-    described = read_object(BOX)
+    described = read_object(BOX_FILE)
     lying = PoseStamped(pose=to_pose_message(Pose(0.5, -0.3, -0.5)))
     lying.header.frame_id = 'truss'
     wanted = goal(object_pose=lying, object_diameter=0.0)
@@ -79,7 +79,7 @@ def test_a_described_object_is_searched_for_where_the_goal_has_it():
 
 def test_the_object_of_a_goal_goes_before_that_of_the_parameter():
     lying = PoseStamped(pose=to_pose_message(Pose(0.5, -0.3, -0.5)))
-    box = read_object(BOX).moved_to((0.5, -0.3, -0.5))
+    box = read_object(BOX_FILE).moved_to((0.5, -0.3, -0.5))
     wanted = goal(object_pose=lying, object_diameter=0.0, object=to_object_message(box))
     for described in (None, ConvexObject(Disc(0.1))):
         body = read_goal(wanted, ROBOT, described).body
@@ -90,10 +90,10 @@ def test_the_object_of_a_goal_goes_before_that_of_the_parameter():
 
 def test_the_parameter_describes_the_object(monkeypatch):
     monkeypatch.setattr(grasp_planner, 'Searcher', StandIn)
-    with world(node(workers=2, object=BOX)) as w:
+    with world(node(workers=2, object=BOX_FILE)) as w:
         w.spin(0.05, w.probe.send_joints)
         w.send_goal(goal(object_diameter=0.0))
-        assert w.nodes[1]._searcher.begun[1].shape == read_object(BOX).shape
+        assert w.nodes[1]._searcher.begun[1].shape == read_object(BOX_FILE).shape
     check_refused(node(object='{shape: star}'), 'must be one of')
 
 

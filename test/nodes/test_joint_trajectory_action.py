@@ -7,12 +7,13 @@ from action_msgs.msg import GoalInfo, GoalStatus
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from isotruss_msgs.action import FollowRollerTrajectory
+from isotruss_msgs.msg import RollerTolerance
 from isotruss_ros.core import Status
 from isotruss_ros.nodes.manipulation import trajectory_following
 from isotruss_ros.nodes.manipulation.node import Manipulation
 from isotruss_ros.nodes.simulator.node import Simulator
 import joint_trajectory_action
-from joint_trajectory_action import FollowJointTrajectory, tolerance
+from joint_trajectory_action import FollowJointTrajectory
 from lifecycle_msgs.msg import Transition
 from manual_world import Manager, world
 import numpy as np
@@ -110,7 +111,7 @@ def test_the_goal_tolerance_is_kept(make, kind, bound, late, ending):
             HOME,
             AWAY,
             kind=kind,
-            goal_tolerance=[tolerance(name, bound) for name in NAMES],
+            goal_tolerance=[RollerTolerance(name=name, position=bound) for name in NAMES],
             goal_time_tolerance=lasting(late),
         )
         began = w.now
@@ -131,7 +132,7 @@ def test_a_roller_that_does_not_arrive_in_time_violates_the_goal(make):
 @pytest.mark.parametrize('bounds', [{'position': 2e-3}, {'velocity': 0.02}])
 def test_the_path_tolerance_is_kept(make, bounds):
     with make(stuck_roller=NAMES[0]) as w:
-        goal = send(w, HOME, AWAY, path_tolerance=[tolerance(NAMES[0], **bounds)])
+        goal = send(w, HOME, AWAY, path_tolerance=[RollerTolerance(name=NAMES[0], **bounds)])
         began = w.now
         assert ended(w, goal) == aborted(Result.PATH_TOLERANCE_VIOLATED)
         assert w.now - began < 0.4
@@ -140,7 +141,7 @@ def test_the_path_tolerance_is_kept(make, bounds):
 
 def test_a_path_tolerance_of_rollers_that_follow_is_not_violated(make):
     with make() as w:
-        bounds = [tolerance(name, 2e-3) for name in NAMES]
+        bounds = [RollerTolerance(name=name, position=2e-3) for name in NAMES]
         assert ended(w, send(w, HOME, AWAY, path_tolerance=bounds)) == SUCCEEDED
 
 
@@ -177,12 +178,12 @@ HOPELESS = {
     'too late': ([HOME, AWAY], {'stamp': 1e6}, 'in the future'),
     'no tolerance': (
         [HOME, AWAY],
-        {'path_tolerance': [tolerance(NAMES[0], -2.0)]},
+        {'path_tolerance': [RollerTolerance(name=NAMES[0], position=-2.0)]},
         'must be positive, 0 or -1',
     ),
     'acceleration': (
         [HOME, AWAY],
-        {'path_tolerance': [tolerance(NAMES[0], acceleration=1.0)]},
+        {'path_tolerance': [RollerTolerance(name=NAMES[0], acceleration=1.0)]},
         'is not measured',
     ),
 }

@@ -3,8 +3,8 @@
 
 """Manipulation with a grip of any members, its inputs faked, and with a squeeze, simulated."""
 
-from boxes import BOX, box_between, SIDES
 from geometry_msgs.msg import PoseStamped
+from held_grips import APART, box_between, BOX_FILE
 from isotruss_msgs.msg import ManipulationStatus
 from isotruss_ros.core import Pose, Status
 from isotruss_ros.nodes.conversions.messages import make_header, to_pose_message
@@ -20,7 +20,9 @@ TWIST = (0.01, 0.01, 0.0)
 
 
 #: The robot holds the box between two sides.
-holding = maker(Manipulation, failure_time=0.0, object=BOX, grip=list(SIDES), command_timeout=5.0)
+holding = maker(
+    Manipulation, failure_time=0.0, object=BOX_FILE, grip=list(APART), command_timeout=5.0
+)
 
 
 def send(w, twist=TWIST, moved=(0.0, 0.0, 0.0)):
@@ -44,7 +46,7 @@ def test_moves_the_box_and_halts_where_the_grip_is_another():
         assert status.achieved.linear.y == pytest.approx(TWIST[1], abs=1e-9)
         assert status.reachable_dof == 3
         manipulation = w.nodes[1]
-        assert manipulation.details()['grip'] == ', '.join(SIDES)
+        assert manipulation.details()['grip'] == ', '.join(APART)
         w.until_code(Status.HALT_NO_GRASP, send(w, moved=(0.0, 0.5, 0.0)))
         w.until_code(Status.OK, send(w))
         # Which members hold it can be changed while the node runs.

@@ -12,7 +12,7 @@ import subprocess
 import sys
 import time
 
-from action_msgs.msg import GoalStatus
+from action_msgs.msg import GoalInfo, GoalStatus
 from geometry_msgs.msg import PoseStamped, TwistStamped
 from isotruss_msgs.action import MoveObject, PickObject, PlaceObject, PlanGrasp
 from isotruss_ros.core import Pose, Status
@@ -23,6 +23,7 @@ import numpy as np
 from probe import Probe
 import pytest
 from rclpy.action import ActionClient
+from rclpy.action.client import ClientGoalHandle
 from rclpy.qos import QoSProfile
 from robot_processes import robot
 from robots import quick_robot
@@ -163,7 +164,10 @@ class Client:
         """Send a goal; return its handle."""
         (kind,) = (kind for kind in ACTIONS if isinstance(goal, kind.Goal))
         client = self._clients[kind]
-        self.r.w.meet(client)
+        self.r.w.until(client.server_is_ready)
+        # A server that answers has discovered the client; a goal cannot be sent again, as it is
+        # carried out even where its answer is lost.
+        self.r.w.ask(ClientGoalHandle(client, GoalInfo().goal_id, None).get_result_async)
         self.feedback.clear()
         sent = client.send_goal_async(goal, lambda m: self.feedback.append(m.feedback))
         self._until(sent.done)

@@ -3,7 +3,7 @@
 
 """Grips of any members near their bounds, and what else is rare in the shapes of a robot."""
 
-from boxes import box_between, ROBOT
+from held_grips import box_between, NINE
 from isotruss_ros.core import (
     Configuration,
     load_robot,
@@ -18,13 +18,13 @@ from isotruss_ros.core.safety.shape_guard import ShapeBounds
 import numpy as np
 
 GRIP = box_between()
-REST = np.zeros(len(ROBOT.roller_names))
+REST = np.zeros(len(NINE.roller_names))
 
 
 def watched(min_object_clearance, clearance_band=1e-6):
     """Return what watches the box at home, and its limit by the object's distance."""
     bounds = ShapeBounds(0.0, 0.0, min_object_clearance, 1e-6, clearance_band)
-    watch = ShapeGuard(ROBOT, bounds).watch(ROBOT.home, GRIP)
+    watch = ShapeGuard(NINE, bounds).watch(NINE.home, GRIP)
     near = [limit for limit in watch.limits if isinstance(limit.barrier, ObjectBarrier)]
     return watch, near[0] if near else None
 
@@ -36,9 +36,9 @@ def command(velocities):
 
 def distances_after(travel):
     """Return the distances from the box after some roller travel [m]."""
-    there = ROBOT.home.moved_to(travel)
+    there = NINE.home.moved_to(travel)
     return object_distances(
-        there, RollingGrip.attach(ROBOT.home, GRIP).moved_to(there).grip.body, GRIP.members
+        there, RollingGrip.attach(NINE.home, GRIP).moved_to(there).grip.body, GRIP.members
     )
 
 

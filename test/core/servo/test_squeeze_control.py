@@ -45,11 +45,9 @@ Loop = partial(SqueezeLoop, CONFIG, measured_at(CYLINDER.pose))
 )
 @pytest.mark.parametrize(('period', 'bound'), [(PERIOD, 1e-4), (0.005, 1e-5)])
 def test_pose_and_squeeze_follow_their_references(twist, period, bound):
-    loop, rigid = Loop(period=period), Loop(regulated=False)
+    loop = Loop(period=period)
     loop.run(twist, 1.0 if period < PERIOD else 2.0)
-    rigid.run(twist, 2.0)
     assert max(loop.errors) < bound
-    assert max(loop.errors) < 0.1 * max(rigid.errors)
     assert loop.squeeze == pytest.approx(loop.target, rel=1e-3)
     assert np.degrees(abs(loop.error()[2])) < 0.02
 

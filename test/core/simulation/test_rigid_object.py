@@ -5,8 +5,8 @@
 
 from types import SimpleNamespace
 
-from boxes import box_between, SIDES
 from grips import backed_off, closed_to, gripped
+from held_grips import APART, box_between
 from isotruss_ros.core import (
     ConvexObject,
     Pose,
@@ -146,12 +146,12 @@ def lying(body, friction=1.0):
 
 def test_names_the_members_that_press_deepest_first():
     grip = box_between()
-    assert set(pressing_members(ROBOT.home, grip.body)) == set(SIDES)
+    assert set(pressing_members(ROBOT.home, grip.body)) == set(APART)
     assert pressing_members(ROBOT.home, box_between(depth=-0.01).body) == ()
     x, y, angle = grip.body.pose
     toward = find_contacts(ROBOT.home, grip)[0].normal
     deeper = grip.body.moved_to((x + 0.002 * toward.real, y + 0.002 * toward.imag, angle))
-    assert pressing_members(ROBOT.home, deeper) == SIDES
+    assert pressing_members(ROBOT.home, deeper) == APART
 
 
 @pytest.mark.parametrize(
@@ -176,7 +176,7 @@ def test_is_held_by_sides_that_press_where_its_friction_is_enough(depth, own, fr
     body = box_between(depth=depth).body
     body = ConvexObject(body.shape, body.pose, friction=own)
     robot, free = lying(body, friction)
-    assert set(free.members) == (set(SIDES) if held else set())
+    assert set(free.members) == (set(APART) if held else set())
     went = np.hypot(*np.subtract(robot.object_pose, body.pose)[:2])
     assert (0.0 < went < 0.01) == held
     if not held:
