@@ -18,15 +18,7 @@ import numpy as np
 from paper import figure_4, figure_5, figure_6, figure_7, figure_9, membrane, synthetic
 from paper.items import ITEMS
 from paper.page import FOLDER, page
-from paper.parameters import (
-    CYLINDERS,
-    DEPTH,
-    EDGES,
-    LENGTHS,
-    PRESSURE,
-    TUBE_DIAMETER,
-    TUBE_LENGTH,
-)
+from paper.parameters import CYLINDERS, DEPTH, EDGES, LENGTHS, PRESSURE, TUBE_DIAMETER, TUBE_LENGTH
 import pytest
 
 DOCS = Path(__file__).resolve().parents[2] / 'docs'

@@ -7,14 +7,7 @@ from dataclasses import replace
 
 from comparison.grips import round_robot, soften
 from held_grips import APART, BOX, LOOP
-from isotruss_ros.core import (
-    ConvexObject,
-    Disc,
-    place_between,
-    Polygon,
-    Robot,
-    tangent_center,
-)
+from isotruss_ros.core import ConvexObject, Disc, place_between, Polygon, Robot, tangent_center
 from isotruss_ros.core.manipulation.grip import members_at
 
 MODULE, FRICTION = 'north/Z', 0.8

@@ -7,14 +7,7 @@ from dataclasses import replace
 import importlib
 
 from comparison.grips import AWAY, mesh, move_to, press, PressedCase, release, round_robot, STILL
-from isotruss_ros.core import (
-    analyze_grasp,
-    ConvexObject,
-    deform,
-    load_robot,
-    Robot,
-    settle_grasp,
-)
+from isotruss_ros.core import analyze_grasp, ConvexObject, deform, load_robot, Robot, settle_grasp
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.mujoco_plant.options import load_mujoco, PlantError, PlantOptions

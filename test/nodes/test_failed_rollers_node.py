@@ -4,12 +4,7 @@
 """Rollers that fail, and the edge of the good shapes, as the manipulation node deals with them."""
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from isotruss_ros.core import (
-    ConvexObject,
-    Grip,
-    reachable_twists,
-    Status,
-)
+from isotruss_ros.core import ConvexObject, Grip, reachable_twists, Status
 from isotruss_ros.nodes.manipulation.node import Manipulation
 from isotruss_ros.nodes.simulator.node import Simulator
 from lifecycle_msgs.msg import Transition

@@ -6,13 +6,7 @@
 from dataclasses import replace
 from types import SimpleNamespace
 
-from isotruss_ros.core import (
-    ConvexObject,
-    errors,
-    load_robot,
-    Pose,
-    tangent_center,
-)
+from isotruss_ros.core import ConvexObject, errors, load_robot, Pose, tangent_center
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.grip_record import GripRecord
 from isotruss_ros.core.holding.roll_grip import roll_grip

@@ -39,8 +39,8 @@ def make(monkeypatch):
     """Return what makes the simulator, with faults, and the node."""
     joint_trajectory_action.install(monkeypatch)
     return lambda **faults: world(
-        lambda: Simulator(overrides(command_timeout=TIMEOUT, **faults)),
-        lambda: Manipulation(overrides(command_timeout=TIMEOUT)),
+        lambda: Simulator(overrides(command_timeout=TIMEOUT, rate=50.0, **faults)),
+        lambda: Manipulation(overrides(command_timeout=TIMEOUT, rate=50.0)),
     )
 
 

@@ -187,13 +187,11 @@ def test_takes_stamped_twists():
 
 
 BROKEN = Quaternion(w=2.0)
-TILTED = Quaternion(x=math.sqrt(0.5), w=math.sqrt(0.5))
 
 
-def bend(asked, place=1, **changes):
-    """Return a goal with another pose."""
-    for name, value in changes.items():
-        setattr(asked.path.poses[place].pose, name, value)
+def bend(asked, orientation):
+    """Return a goal of which one pose has another orientation."""
+    asked.path.poses[1].pose.orientation = orientation
     return asked
 
 
@@ -203,9 +201,9 @@ def elsewhere(asked, frame):
     return asked
 
 
-def endless(asked, count=10_001):
+def endless(asked):
     """Return a goal of very many poses."""
-    asked.path.poses = [asked.path.poses[i % 2] for i in range(count)]
+    asked.path.poses = [asked.path.poses[i % 2] for i in range(10_001)]
     return asked
 
 
@@ -217,7 +215,7 @@ BAD_GOALS = {
     'frame of a pose': (elsewhere(goal(UP, begin=PROBED), 'map'), 'pose 1 of the path in frame'),
     'far': (goal(UP, begin=(0.0, 0.0, 0.3)), 'the path begins'),
     'not finite': (goal((0.0, math.nan, 0.0), begin=PROBED), 'pose 1 of the path'),
-    'no rotation': (bend(goal(UP, begin=PROBED), orientation=BROKEN), 'quaternion has norm 2'),
+    'no rotation': (bend(goal(UP, begin=PROBED), BROKEN), 'quaternion has norm 2'),
     'half a turn': (goal(begin=(*CENTER, 0.3 - math.pi)), 'pose 0 of the path is half a turn'),
     'a kilometre away': (goal(begin=(1000.0, 0.0, 0.3)), 'pose 0 of the path: (1000, 0) m is'),
     'endless': (endless(goal(UP, begin=PROBED)), 'has 10001 poses; must be at most 10000'),
@@ -225,24 +223,24 @@ BAD_GOALS = {
 }
 
 
-def fake(w, code=Status.OK, scale=1.0, center=CENTER, ages=(0.0, 0.0)):
+def fake(w):
     """Return a call that publishes the pose of an object at rest, and a status."""
     statuses = w.probe.create_publisher(ManipulationStatus, 'manipulation/status', 1)
 
     def send():
-        w.probe.send_pose(age=ages[0], center=center)
-        status = ManipulationStatus(code=int(code), scale=scale, message=str(code))
-        status.header = make_header(w.probe.past(ages[1]))
+        w.probe.send_pose()
+        status = ManipulationStatus(code=int(Status.OK), scale=1.0)
+        status.header = make_header(w.probe.past(0.0))
         statuses.publish(status)
 
     return send
 
 
-def begin(w, each, asked=None):
+def begin(w, each):
     """Return a client and the handle of a goal that moves the object, with what is published."""
     client = Client(w)
     w.spin(0.2, each)
-    handle = client.send(asked or goal(UP, begin=PROBED), each)
+    handle = client.send(goal(UP, begin=PROBED), each)
     w.until(client.moves, each)
     return client, handle
 

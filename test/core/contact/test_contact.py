@@ -9,10 +9,7 @@ from grips import random_pressed
 from hypothesis import given, strategies
 from isotruss_ros.core import ConvexObject, Disc, Ellipse, load_robot, Polygon
 from isotruss_ros.core.contact.contact import solve_contact
-from isotruss_ros.core.contact.contact_points import (
-    find_contact_points,
-    SHORTEST_SHARE,
-)
+from isotruss_ros.core.contact.contact_points import find_contact_points, SHORTEST_SHARE
 from isotruss_ros.core.contact.surfaces import surface_of
 from isotruss_ros.core.errors import SolverError
 from isotruss_ros.core.numerics import qp

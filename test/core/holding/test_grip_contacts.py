@@ -9,10 +9,7 @@ from types import SimpleNamespace
 
 from held_grips import BOX, held, HOME
 from isotruss_ros.core.holding.attach_grip import attach_grip
-from isotruss_ros.core.holding.contact_forces import (
-    ContactForces,
-    GripResponse,
-)
+from isotruss_ros.core.holding.contact_forces import ContactForces, GripResponse
 from isotruss_ros.core.holding.held_grip import HeldGrip
 import numpy as np
 import pytest

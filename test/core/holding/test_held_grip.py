@@ -25,11 +25,7 @@ from isotruss_ros.core.holding.attach_grip import attach_grip, rest
 from isotruss_ros.core.holding.build_statics import find_pressed
 from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.held_grip import NotHeldError
-from isotruss_ros.core.holding.roll_grip import (
-    roll_grip,
-    stick,
-    with_pressures,
-)
+from isotruss_ros.core.holding.roll_grip import roll_grip, stick, with_pressures
 from isotruss_ros.core.kinematics.depths import member_depths
 import numpy as np
 import pytest

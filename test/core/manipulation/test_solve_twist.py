@@ -315,11 +315,8 @@ def test_the_cost_of_the_paper_is_that_of_the_node_velocities():
 
 
 NO_COSTS = {
-    'a number': (1.0, 'must be 6 finite numbers'),
-    'too small': (np.eye(5), 'must be 6 finite numbers'),
     'too few rows': (np.eye(6)[:5], '5 rows; must be 6'),
     'not a number': (np.full((6, 6), np.nan), 'must be 6 finite numbers'),
-    'zero': (np.zeros((6, 6)), 'positive definite'),
     'semidefinite': (np.diag([1.0, 1.0, 1.0, 1.0, 1.0, 0.0]), 'add a small part of the identity'),
     'not symmetric': (6.0 * np.eye(6) + np.eye(6, k=1), 'must be symmetric'),
 }

@@ -67,7 +67,7 @@ def test_speeds_do_not_jump_when_the_heading_turns_at_a_limit(module, first, sli
     for _ in range(600):  # in longer cycles to where the limit is near
         if robot.step(heading(first), 5.0 * PERIOD).scale < 0.5:
             break
-    for _ in range(1000):
+    for _ in range(400):
         command = robot.step(heading(first + 2.0 * turned))
         assert command.status < Status.HALT_NO_TWIST
         assert robot.change <= CHANGE * (1.0 + 1e-6)
@@ -120,9 +120,9 @@ def test_a_robot_of_little_acceleration_stops_before_its_limits():
     near = ROBOT.home.member_lengths.max() + 0.05
     slow = Robot(replace(ROBOT.description, max_acceleration=0.05, max_length=near))
     robot, file = Driven('north/R', slow), slow.description
-    for _ in range(250):
-        robot.step(heading(30.0), 2.0 * PERIOD)
-        assert robot.change <= 0.05 * 2.0 * PERIOD * (1.0 + 1e-6)
+    for _ in range(125):
+        robot.step(heading(30.0), 4.0 * PERIOD)
+        assert robot.change <= 0.05 * 4.0 * PERIOD * (1.0 + 1e-6)
         lengths = robot.held.config.member_lengths
         assert file.min_length <= lengths.min()
         assert lengths.max() <= file.max_length

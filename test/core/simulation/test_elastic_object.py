@@ -4,13 +4,7 @@
 """The elastic plant: the object is where the equilibrium puts it, rolls, slips and is dropped."""
 
 from grips import backed_off, gripped
-from isotruss_ros.core import (
-    ConvexObject,
-    ElasticObject,
-    Grip,
-    HoldStatus,
-    settle_grasp,
-)
+from isotruss_ros.core import ConvexObject, ElasticObject, Grip, HoldStatus, settle_grasp
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
