@@ -15,7 +15,7 @@ from isotruss_ros.core.statics.structure import structure_of
 from isotruss_ros.core.statics.wrinkling import find_utilisation, wrinkling_moment
 from nightly import some_now
 import numpy as np
-from paper import figure_4, figure_5, figure_6, figure_7, figure_9, membrane, synthetic
+from paper import figure_4, figure_5, figure_6, figure_9, membrane, synthetic
 from paper.items import ITEMS
 from paper.page import FOLDER, page
 from paper.parameters import CYLINDERS, DEPTH, EDGES, LENGTHS, PRESSURE, TUBE_DIAMETER, TUBE_LENGTH
@@ -181,32 +181,6 @@ def test_stiffness_is_that_of_membrane_elements(results):
 
 
 # -- Fig. 7 --
-
-
-def test_grasps_are_three_of_one_object_in_one_place(results):
-    held = results['figure_7']
-    assert [each.plan.module for each in held] == ['north/Z', 'north/Z', 'north/R']
-    # All of them can roll the object.
-    rollers = core.load_robot('nine_member').roller_names
-    assert {each.plan.module for each in held} <= set(rollers)
-    for each in held:
-        plan, config = each.plan, each.plan.config
-        assert plan.grip.body == figure_7.BODY
-        # The way begins at home, where nothing touches the object, and ends in the grasp.
-        home = config.robot.home
-        assert plan.path[0] == pytest.approx(home.roller_positions)
-        assert plan.path[-1] == pytest.approx(config.roller_positions)
-        assert not core.analyze_grasp(home, figure_7.BODY).normal_forces.any()
-        assert np.abs(config.residual()).max() < 1e-9
-        assert plan.analysis.closed_by_friction
-        assert plan.required_friction <= figure_7.FRICTION
-        assert plan.utilisation <= 0.8
-        # Both sides at the module hold it, with forces that closer contact points do not change.
-        assert set(each.analysis.contact_lengths) == set(plan.members)
-        assert len(plan.members) == 2
-        fine = core.analyze_grasp(config, figure_7.BODY, figure_7.FRICTION, spacing=0.001)
-        assert fine.contact_forces == pytest.approx(plan.analysis.contact_forces, rel=0.02)
-        assert fine.contact_lengths == pytest.approx(plan.analysis.contact_lengths, rel=0.02)
 
 
 # -- Fig. 9 --

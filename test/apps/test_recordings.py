@@ -152,7 +152,6 @@ HEADER = record_of(1, text_of('ros2'), text_of(''))
 CHUNK = struct.pack('<QQQI', 0, 0, 2**62, 0)
 MADE_UP = {
     'empty': b'',
-    'only magic': MAGIC,
     'a text': b'rosbag2_bagfile_information:\n  version: 5\n',
     'a length beyond all memory': MAGIC + HEADER + b'\x06' + struct.pack('<Q', 2**62),
     'a chunk beyond all memory': MAGIC
@@ -184,8 +183,6 @@ def test_a_made_up_file_is_refused(tmp_path, kind):
     'changes',
     [
         {'text': 'no definition at all ]['},
-        {'text': 'float64[] position\nOther[] others\n'},
-        {'text': f'{JOINT_STATE} again\n'},
         {'text': schema_text(JointState).replace('MSG: ', 'MSG: a/b/')},
         {'encoding': 'protobuf'},
         {'name': 'std_msgs/msg/String', 'text': 'string data'},

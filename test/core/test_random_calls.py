@@ -13,8 +13,6 @@ import warnings
 from isotruss_ros import core
 from isotruss_ros.calibration.home import calibrate_home as calibration_of_home
 from isotruss_ros.calibration.home_fit import Posture
-from isotruss_ros.calibration.oscillation import fit_oscillation as oscillation_of
-from isotruss_ros.calibration.roller_check import judge_roller as roller_verdict
 from isotruss_ros.calibration.stiffness_scale import (
     calibrate_stiffness as calibration_of_stiffness,
 )
@@ -367,23 +365,6 @@ def calibrate_stiffness(world):
     return calibration_of_stiffness(world.config, pull, before, under, world.number(1e-4, 1e-3))
 
 
-def judge_roller(world):
-    """Judge what a roller did."""
-    moved = {name: world.numbers(2, -0.01, 0.01) for name in measured_joints(world)}
-    name = str(world.rng.choice(world.robot.roller_names))
-    return roller_verdict(world.config, name, world.number(-0.01, 0.01), moved, 1e-3)
-
-
-def fit_oscillation(world):
-    """Fit an oscillation to some poses."""
-    times = np.linspace(0.0, 3.0, 40)
-    swung = np.exp(-0.3 * times) * np.cos(world.rng.uniform(5.0, 20.0) * times)
-    poses = swung[:, None] * world.rng.uniform(-0.01, 0.01, 3)
-    poses[int(world.rng.integers(40))] += world.numbers(3, 0.0, 0.001)
-    times[int(world.rng.integers(40))] += world.number(0.0, 0.01)
-    return oscillation_of(times, poses, world.body.arm)
-
-
 def estimate(world):
     """Let the estimator take readings and a pose."""
     estimator = StateEstimator(world.robot)
@@ -416,8 +397,6 @@ CALLS = {
     grasp_gradient: (3, ANALYSIS),
     calibrate_home: (3, ANALYSIS),
     calibrate_stiffness: (3, ANALYSIS),
-    judge_roller: (3, LOOP),
-    fit_oscillation: (3, ANALYSIS),
     estimate: (3, ANALYSIS),
     plan_release: (1, ANALYSIS),
     plan_grasps: (0.1, SEARCH),

@@ -128,7 +128,6 @@ def path(*poses):
         ({'external_wrench': torque(math.nan)}, 'torque.z must be finite'),
         ({'object_pose': PoseStamped()}, 'object_pose: missing'),
         ({'module': 'north/Q'}, "module 'north/Q': robot nine_member has no such module"),
-        ({'object': BENT}, 'object: vertex 3 .0, 0. m?: the polygon is concave there'),
         (
             {'object': BENT, 'object_diameter': 0.3},
             'object_diameter 0.3 m, beside an `object`: must be 0',
@@ -146,7 +145,6 @@ def path(*poses):
         ({'count': 2**32 - 1}, 'count 4294967295: must be from 1'),
         ({'time_limit': math.nan}, 'time_limit nan s'),
         ({'carry': path((0.5, 0.3, 0.0))}, 'carry: 1 poses: must be none, or 2 to'),
-        ({'carry': path((0.5, 0.3, 0.0), (math.nan, 0.3, 0.0))}, 'pose 1 of carry at .nan, 0.3'),
     ],
 )
 def test_rejects_goals(fields, words):

@@ -242,12 +242,6 @@ def test_a_roller_that_slips_is_told_in_time(held, share, limit):
     assert drawn.estimator.estimate().slipping == (ROBOT.roller_names[3],)
 
 
-def test_a_roller_that_does_not_slip_is_not_told():
-    drawn = DrawnRobot(8, speed=0.0, random_slip=False)
-    drawn.run(2.0, ALL)
-    assert _turn(drawn, 5.0, 0.0) is None
-
-
 def test_noise_of_zeros_is_rarely_told_for_a_slip():
     rng, rollers, times = np.random.default_rng(0), 600, 1000
     watch, told = SlipWatch(rollers), 0

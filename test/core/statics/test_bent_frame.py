@@ -41,16 +41,13 @@ def load_opensees():
     return opensees
 
 
-def bend_by_opensees(points, found, held, loads, parts=8, steps=4):
+def bend_by_opensees(points, found, held, loads):
     """
     Return how the nodes (n, 3) of a frame move by large displacements.
 
     Members are chains of co-rotational Timoshenko beams, pins are nodes of their own.
-
-    :param parts: of each member.
-    :param steps: in which the loads grow.
     """
-    ops, n = load_opensees(), len(points)
+    ops, n, parts, steps = load_opensees(), len(points), 8, 4
     ops.wipe()
     ops.model('basic', '-ndm', 2, '-ndf', 3)
     ops.geomTransf('Corotational', 1)
