@@ -183,7 +183,7 @@ def test_detected_rollers_persist_while_detection_is_off():
 def test_observations_while_detection_was_off_do_not_count():
     """Drives that were off for a while, on purpose."""
     with world(node(failure_time=0.0)) as w:
-        w.until(lambda: len(w.probe.seen['status']) > 400, w.probe.send_all)
+        w.until(lambda: len(w.probe.seen['status']) > 150, w.probe.send_all)
         w.change(failure_time=60.0)
         assert found(w) == set()
         w.change(failure_time=0.1)

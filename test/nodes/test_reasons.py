@@ -65,7 +65,7 @@ def test_a_flood_of_one_kind_does_not_hide_another(log):
 
 
 def test_a_halt_of_minutes_is_one_line_of_the_log(capfd):
-    with world(manipulation()) as w:
+    with world(manipulation(rate=20.0)) as w:
         w.until_code(Status.OK, w.probe.send_all)
         for _ in range(2):
             w.spin(15.0, w.probe.send_twist)
