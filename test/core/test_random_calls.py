@@ -11,11 +11,6 @@ import time
 import warnings
 
 from isotruss_ros import core
-from isotruss_ros.calibration.home import calibrate_home as calibration_of_home
-from isotruss_ros.calibration.home_fit import Posture
-from isotruss_ros.calibration.stiffness_scale import (
-    calibrate_stiffness as calibration_of_stiffness,
-)
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.estimation.state_estimator import StateEstimator
 from isotruss_ros.core.inputs import RollerState, StampedInput
@@ -26,8 +21,6 @@ from isotruss_ros.core.paths.roller_trajectory import RollerTrajectory
 from isotruss_ros.core.planning import foresee_path, release
 from isotruss_ros.core.safety.margins import shape_margins
 from isotruss_ros.core.servo.servo_settings import ServoSettings, SqueezeSettings
-from isotruss_ros.nodes.grasp.grasp_monitor import GraspMonitor
-from isotruss_ros.nodes.grasp.grasp_report import GraspQuery
 from nightly import some_now
 import numpy as np
 import pytest
@@ -259,18 +252,6 @@ def deform(world):
     )
 
 
-def report(world):
-    """Let the monitor report."""
-    monitor = GraspMonitor(
-        world.robot, GraspQuery((), world.body, 0.5, (0.0, 0.0, 0.0), 0.005), 0.2
-    )
-    state = RollerState(world.config.roller_positions, np.zeros(len(world.robot.roller_names)))
-    monitor.rollers = StampedInput(state, 1.0)
-    monitor.pose = StampedInput(world.body.pose, 1.0)
-    monitor.wrench = StampedInput(tuple(world.rng.uniform(-20.0, 20.0, 3).tolist()), 1.0)
-    return monitor.report(1.0)
-
-
 def follow_path(world):
     """Look up a path."""
     poses = np.array(world.body.pose) + world.rng.uniform(-0.1, 0.1, (4, 3))
@@ -341,30 +322,6 @@ def grasp_gradient(world):
     return gradient.pose, gradient.slip_margins, gradient.stiffness, gradient.utilisation
 
 
-def measured_joints(world):
-    """Return some joints by name, off by some millimetres or without sense [m]."""
-    names = world.robot.topology.joint_names
-    chosen = names[: int(world.rng.integers(len(names) + 1))]
-    places = dict(zip(names, world.config.nodes, strict=False))
-    return {name: tuple(places[name] + world.numbers(2, -1e-3, 1e-3)) for name in chosen}
-
-
-def calibrate_home(world):
-    """Look for the zeros of the rollers."""
-    count = int(world.rng.integers(3))
-    postures = [Posture(world.travel(0.01), measured_joints(world)) for _ in range(count)]
-    return calibration_of_home(world.robot, postures, world.number(1e-4, 1e-3))
-
-
-def calibrate_stiffness(world):
-    """Look for the stiffness of the robot."""
-    joint = str(world.rng.choice(list(world.robot.description.joints)))
-    before = measured_joints(world)
-    under = {name: np.add(place, world.numbers(2, -1e-2, 1e-2)) for name, place in before.items()}
-    pull = {joint: world.numbers(2, -30.0, 30.0)}
-    return calibration_of_stiffness(world.config, pull, before, under, world.number(1e-4, 1e-3))
-
-
 def estimate(world):
     """Let the estimator take readings and a pose."""
     estimator = StateEstimator(world.robot)
@@ -390,13 +347,10 @@ CALLS = {
     deform: (5, ANALYSIS),
     analyze_grasp: (5, ANALYSIS),
     settle_grasp: (5, ANALYSIS),
-    report: (3, ANALYSIS),
     track: (5, LOOP),
     reach_pose: (1, ANALYSIS),
     foresee_grip: (1, ANALYSIS),
     grasp_gradient: (3, ANALYSIS),
-    calibrate_home: (3, ANALYSIS),
-    calibrate_stiffness: (3, ANALYSIS),
     estimate: (3, ANALYSIS),
     plan_release: (1, ANALYSIS),
     plan_grasps: (0.1, SEARCH),
