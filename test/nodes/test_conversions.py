@@ -267,10 +267,8 @@ def test_absolute_pressures_are_read_against_those_around():
     ('tube', 'value', 'words'),
     [
         ('east', -1.0, 'east: .*-1.0: must be a positive number'),
-        ('east', 0.0, 'must be a positive number'),
         ('south', math.nan, 'south: '),
         ('north', math.inf, 'north: '),
-        ('', 3e4, "frame_id '': must be one of south, east, north"),
         ('west', 3e4, "frame_id 'west': must be one of"),
     ],
 )

@@ -175,7 +175,6 @@ def test_joints_that_are_not_those_of_the_robot_have_their_code(make, names):
 #: test_trajectory_following.
 HOPELESS = {
     'elsewhere': ([HOME + 0.1, AWAY + 0.1], {}, 'must begin within 0.005 m'),
-    'too late': ([HOME, AWAY], {'stamp': 1e6}, 'in the future'),
     'no tolerance': (
         [HOME, AWAY],
         {'path_tolerance': [RollerTolerance(name=NAMES[0], position=-2.0)]},

@@ -319,6 +319,7 @@ def view(opened):
     return opened
 
 
+@pytest.mark.nightly
 def test_a_browser_that_reloads_in_mid_drag_commands_nothing_more(view):
     ((page, number),) = view.open_pages(1)
     drag_and_leave(view, page, page.reload)

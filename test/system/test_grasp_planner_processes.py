@@ -90,6 +90,7 @@ def test_survives_the_death_of_a_process():
         assert not set(before) & set(workers())
 
 
+@pytest.mark.nightly
 def test_leaves_no_process_when_it_is_deactivated_or_destroyed():
     with world(node(workers=2)) as w:
         client, manager = Client(w), Manager(w, 'grasp_planner')

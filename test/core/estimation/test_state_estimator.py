@@ -430,3 +430,13 @@ def test_three_joints_can_leave_a_combination_of_zeros_free():
         spread[names] = np.sqrt(np.linalg.eigvalsh(found.offset_covariance)[-1])
     assert spread[THREE] < 2e-3
     assert spread['P', 'R', 'Z'] > 4e-3
+
+
+def test_an_unknown_joint_is_refused_by_name():
+    drawn = DrawnRobot(10)
+    with pytest.raises(GraspError, match="joint 'W'"):
+        drawn.estimator.take_markers(0.0, {'W': (0.0, 0.0)}, MARKER)
+
+
+def test_nothing_is_estimated_before_the_first_reading():
+    assert StateEstimator(ROBOT).estimate() is None

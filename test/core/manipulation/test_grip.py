@@ -171,3 +171,8 @@ def test_of_four_places_between_crossing_members_it_is_the_one_nearest_to_their_
     away = 0.15 + 0.5 * TUBE
     wanted = center + complex(np.sign(aside.real), np.sign(aside.imag)) * away
     assert grip.center == pytest.approx(wanted, abs=1e-9)
+
+
+def test_the_object_is_a_convex_object():
+    with pytest.raises(GraspError, match='must be a ConvexObject'):
+        Grip(['north/P-Z', 'north/Z-R'], Disc(0.3))

@@ -138,3 +138,10 @@ def test_why_named_members_find_nothing_is_told(place, members, words):
     found = plan_grasps(HOME, body, needs, max_rounds=1)
     assert not found.grasps
     assert re.search(words, plan_in_words(found))
+
+
+def test_the_friction_of_the_object_counts():
+    body = ConvexObject(Disc(0.6), (*HOLE, 0.0), friction=0.01)
+    found = plan_grasps(HOME, body, GraspRequirements(count=1), max_rounds=1)
+    assert all(grasp.grip.friction == 0.01 for grasp in found)
+    assert all(grasp.slip_margin < 0.5 for grasp in found)

@@ -224,3 +224,9 @@ def test_invalid_or_overflowing_loads_are_refused(force, complaint):
     config = load_robot('triangle').configuration(np.zeros(2))
     with pytest.raises(StructureError, match=complaint):
         deform(config, {'T': force})
+
+
+def test_displacements_of_unknown_nodes_are_refused_by_name():
+    deformation = deform(load_robot('triangle').home, {'T': (0.0, -1.0)})
+    with pytest.raises(StructureError, match=r'main/T/b.*t/j/D'):
+        deformation.displacement('main/T/b')
