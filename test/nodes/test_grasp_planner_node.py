@@ -26,8 +26,8 @@ from isotruss_ros.core.planning.searcher import Answer, SearchOutcome
 from isotruss_ros.nodes import grasp_planner
 from isotruss_ros.nodes.conversions.messages import to_pose_message
 from isotruss_ros.nodes.conversions.object_messages import to_object_message
-from isotruss_ros.nodes.conversions.path_messages import read_roller_trajectory
 from isotruss_ros.nodes.conversions.plan_messages import read_goal, to_result_message
+from isotruss_ros.nodes.conversions.trajectory_goals import read_roller_trajectory
 from lifecycle_msgs.msg import Transition
 from manual_world import check_refused, Manager, world
 import numpy as np

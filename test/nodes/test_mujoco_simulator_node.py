@@ -4,14 +4,14 @@
 """The simulator with MuJoCo as its plant: held, pulled at, dropped, under gravity."""
 
 import math
-from types import SimpleNamespace
 
 from geometry_msgs.msg import PoseStamped
-from isotruss_ros.core import ConvexObject, RollerFaults
+from isotruss_ros.core import RollerFaults
+from isotruss_ros.mujoco_plant.driven_robot import DrivenRobot
 from isotruss_ros.mujoco_plant.options import PlantOptions
 from isotruss_ros.mujoco_plant.recording import read_recording
 from isotruss_ros.nodes.conversions.messages import read_stamp
-from isotruss_ros.nodes.simulator import mujoco_object
+from isotruss_ros.nodes.simulator import node as simulator
 from isotruss_ros.nodes.simulator.node import Simulator
 from manual_world import check_refused, world
 from mujoco_worlds import needs_mujoco
@@ -127,17 +127,22 @@ def test_rollers_block_before_a_shape_that_the_robot_cannot_take():
         w.until(lambda: w.travel()[0] < blocked - 0.05, drive(w, -inward))
 
 
+@needs_mujoco
 @pytest.mark.parametrize('sim_time', [False, True])
 def test_every_parameter_of_the_plant_reaches_it(monkeypatch, sim_time):
-    given = {
-        'friction': 0.7,
-        'object_mass': 0.3,
-        'ground_friction': 0.1,
-    }
-    others = {'object_is_free': True, 'seed': 7}
-    monkeypatch.setattr(mujoco_object, 'DrivenRobot', lambda *given: given)
-    body, faults = ConvexObject.disc(CENTER, 0.3), RollerFaults(0.1)
-    values = SimpleNamespace(**given, **others)
-    made = mujoco_object.make_driven_robot(ROBOT, body, values, faults, sim_time)
-    options = PlantOptions(**given)
-    assert made == (ROBOT, body, True, options, faults, 7, math.inf if sim_time else 0.1)
+    given = {'friction': 0.7, 'object_mass': 0.3, 'ground_friction': 0.1}
+    made = []
+
+    class Recorded(DrivenRobot):
+        def __init__(self, *arguments):
+            made.append(arguments)
+            super().__init__(*arguments)
+
+    monkeypatch.setattr(simulator, 'DrivenRobot', Recorded)
+    with world(node(object_is_free=True, seed=7, use_sim_time=sim_time, **given)):
+        ((robot, body, is_free, options, faults, seed, longest),) = made
+    assert (robot, is_free, seed) == (ROBOT, True, 7)
+    assert body.friction == given['friction']
+    assert options == PlantOptions(**given)
+    assert faults == RollerFaults(simulator.SPEED_LIMIT)
+    assert longest == (math.inf if sim_time else simulator.MAX_CYCLE_STEP)

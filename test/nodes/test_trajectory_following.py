@@ -10,7 +10,7 @@ import time
 from builtin_interfaces.msg import Duration, Time
 from diagnostic_msgs.msg import DiagnosticStatus
 from isotruss_ros.core.paths.roller_trajectory import TOLERANCE
-from isotruss_ros.nodes.conversions.path_messages import MAX_POINTS
+from isotruss_ros.nodes.conversions.trajectory_goals import MAX_POINTS
 from isotruss_ros.nodes.manipulation import sparse_messages
 from isotruss_ros.nodes.manipulation.node import Manipulation
 from isotruss_ros.nodes.simulator.node import Simulator

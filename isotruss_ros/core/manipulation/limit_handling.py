@@ -46,16 +46,12 @@ Solver: TypeAlias = Callable[[Array, Array, Rows], tuple[Array, float]]
 
 @dataclass(frozen=True)
 class LimitHandling:
-    """
-    Behaviour of a command at binding limits.
+    """Behaviour of a command at binding limits."""
 
-    :ivar slide_along_limits: whether the command slides along limits of the configuration;
-        otherwise it is scaled.
-    :ivar period: period of the control loop, which determines the regularisation [s]; 0: no
-        regularisation, largest progress.
-    """
-
+    #: whether the command slides along limits of the configuration; otherwise it is scaled
     slide_along_limits: bool = False
+    #: period of the control loop, which determines the regularisation [s]; 0: no regularisation,
+    #: largest progress
     period: float = 0.0
 
 

@@ -28,11 +28,10 @@ class JointCommand(RollerCommand):
     Roller velocities with the resulting velocities of joints; see `RollerCommand`.
 
     :ivar achieved_twist: (2 k,) velocities vx, vy of k joints in the robot frame [m/s].
-    :ivar joints: names of the joints.
     :ivar reachable_dof: number of independent motions that the working rollers can produce.
     """
 
-    joints: tuple[str, ...] = ()
+    joints: tuple[str, ...] = ()  #: names of the joints
 
     @property
     def achieved_velocities(self) -> dict[str, Array]:

@@ -30,17 +30,11 @@ PLANNED_DEPTH = 0.02
 
 
 class SurfacePoints(NamedTuple):
-    """
-    Surface points nearest to given points: for each point, `point - gap * normal`.
+    """Surface points nearest to given points: for each point, `point - gap * normal`."""
 
-    :ivar gaps: (c,) distances of the points from the surface, negative inside [m].
-    :ivar normals: (c,) outward unit normals at the nearest points, x + iy; any at a corner.
-    :ivar radii: (c,) radii of curvature [m]: 0 at a sharp corner, infinite on a face.
-    """
-
-    gaps: Array
-    normals: Points
-    radii: Array
+    gaps: Array  #: (c,) distances of the points from the surface, negative inside [m]
+    normals: Points  #: (c,) outward unit normals at the nearest points, x + iy; any at a corner
+    radii: Array  #: (c,) radii of curvature [m]: 0 at a sharp corner, infinite on a face
 
 
 class Face(NamedTuple):

@@ -34,10 +34,9 @@ class SmoothOutline(Shape):
     Smooth curve through the corners of a convex polygon.
 
     Area, centroid and radius of gyration are taken from the polygon.
-
-    :ivar vertices: (x, y) of 5 or more corners, counter-clockwise [m].
     """
 
+    #: (x, y) of 5 or more corners, counter-clockwise [m]
     vertices: tuple[tuple[float, float], ...]
 
     @cached_property

@@ -120,27 +120,18 @@ class RollerTrajectory:
 
 
 class RollerStep(NamedTuple):
-    """
-    Output of the trajectory servo in one control cycle.
+    """Output of the trajectory servo in one control cycle."""
 
-    :ivar speeds: (r,) commanded roller speeds [m/s].
-    :ivar ended: whether the trajectory has ended, successfully or not.
-    :ivar failure: reason of a failure; empty without one.
-    :ivar at_goal: whether the failure is a timeout at the goal.
-    """
-
-    speeds: Array
-    ended: bool
-    failure: str
-    at_goal: bool = False
+    speeds: Array  #: (r,) commanded roller speeds [m/s]
+    ended: bool  #: whether the trajectory has ended, successfully or not
+    failure: str  #: reason of a failure; empty without one
+    at_goal: bool = False  #: whether the failure is a timeout at the goal
 
 
 class RollerTrajectoryServo:
     """
     State of the tracking of one trajectory.
 
-    :ivar rollers: input of the measured `RollerState`.
-    :ivar time: trajectory time [s].
     :param robot: the robot.
     :param timeout: largest age of measurements [s].
     """
@@ -148,8 +139,8 @@ class RollerTrajectoryServo:
     def __init__(self, robot: Robot, timeout: float) -> None:
         self._robot = robot
         self.timeout = timeout
-        self.rollers: Input = None
-        self.time = 0.0
+        self.rollers: Input = None  #: input of the measured `RollerState`
+        self.time = 0.0  #: trajectory time [s]
         self._trajectory: RollerTrajectory | None = None
         self._tolerances = TrajectoryTolerances()
         self._start = self._before = self._waited = 0.0

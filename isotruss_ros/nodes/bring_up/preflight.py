@@ -42,7 +42,6 @@ class Preflight(StoppableNode):
 
     :ivar faults: names of the failed checks.
     :ivar pose: input of the object's `Pose`.
-    :ivar timeout: largest age of an input [s].
     """
 
     node_name = 'preflight'
@@ -52,7 +51,7 @@ class Preflight(StoppableNode):
         """Create the subscriptions, and start to record."""
         self._robot = load_robot(self.values.robot)
         self._markers = JointMarkers(self, self._robot)
-        self.timeout, self.pose = MAX_TOPIC_AGE, None
+        self.pose = None
         self._joint_states: list[JointState] = []
         self._poses: list[PoseStamped] = []
         self._stops: list[Bool] = []
@@ -64,7 +63,7 @@ class Preflight(StoppableNode):
             (Bool, 'emergency_stop', self._stops, LATCHED),
         ):
             self.create_subscription(kind, topic, kept.append, quality)
-        self._inputs = Inputs(self, self._robot, self, '')
+        self._inputs = Inputs(self, self._robot, self, MAX_TOPIC_AGE)
         self._inputs.keep_object_pose()
         self._checks: dict[str, Callable[[], str]] = {
             'encoders': self._check_encoders,

@@ -20,7 +20,7 @@ from isotruss_ros.core.inputs import (
 from isotruss_ros.nodes.conversions.messages import MessageError, read_stamp
 from isotruss_ros.nodes.framework.robot_frame import NoTransformError
 from isotruss_ros.nodes.framework.runner import StoppableNode
-from isotruss_ros.nodes.framework.topics import subscribe_each, subscribe_newest
+from isotruss_ros.nodes.framework.topics import subscribe_newest
 from rclpy.subscription import Subscription
 
 #: Largest number of messages that wait for their transforms [-].
@@ -65,8 +65,7 @@ class Gate:
         self._skew = SIMULATED_CLOCK_SKEW if simulated else CLOCK_SKEW
         #: Queued messages, each with the reason why it waits.
         self._waiting: deque[tuple[Any, str]] = deque(maxlen=MAX_QUEUED_MESSAGES)
-        subscribe = subscribe_each if every else subscribe_newest
-        self.subscription: Subscription = subscribe(node, kind, topic, self.receive)
+        self.subscription: Subscription = subscribe_newest(node, kind, topic, self.receive, every)
 
     def receive(self, message: Any) -> None:
         """
