@@ -307,6 +307,7 @@ def test_a_cancel_of_a_pick_leaves_the_robot_at_rest(client, stage, progress):
         assert client.execute(APART)[1].code == 0
 
 
+@pytest.mark.nightly
 def test_a_pick_ends_with_a_pick_and_place_that_is_killed(client):
     client.let_go()
     r = client.r
