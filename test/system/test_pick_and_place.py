@@ -385,6 +385,8 @@ def test_an_object_is_picked_up_moved_and_placed(client):
     assert np.hypot(*(client.place() - goal)) < 2e-2
     client.r.check_rests()
     held = client.place()
+    _, refused = client.execute(PlaceObject.Goal(max_rotation=1e-9))
+    assert (refused.code, 'turns by' in refused.message) == (refused.NO_MOTION_FOUND, True)
     status, result = client.execute(APART)
     assert (status, result.code) == (GoalStatus.STATUS_SUCCEEDED, 0), result.message
     assert result.displacement < 1e-2
