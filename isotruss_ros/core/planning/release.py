@@ -49,7 +49,6 @@ class Release:
     path: Array  #: (k, r) roller positions from the current ones [m]; empty with a violation
     apart: int  #: first row of `path` without contact
     violation: Violation | None = None  #: violated requirement; None without one
-    turned: float = 0.0  #: predicted rotation of the object during the release [rad]
 
 
 @single_threaded
@@ -99,7 +98,7 @@ def plan_release(
             path.append(press(path[-1], closing, np.full(len(closing.members), -gap)))
     except RequirementError as error:
         return Release(np.empty((0, len(config.roller_positions))), 0, Violation(*error.args))
-    return Release(np.array([where.roller_positions for where in path]), apart, turned=turned)
+    return Release(np.array([where.roller_positions for where in path]), apart)
 
 
 def _unload(
