@@ -187,7 +187,7 @@ def test_a_tolerance_of_an_unknown_joint_has_its_code(make):
 #: Goals that cannot be followed, with words of the reason; unusable points are in
 #: test_trajectory_following.
 HOPELESS = {
-    'elsewhere': ([HOME + 0.1, AWAY + 0.1], {}, 'must begin within 0.005 m'),
+    'elsewhere': ([HOME + 0.1, AWAY + 0.1], {}, 'must begin within 0.01 m'),
     'too late': ([HOME, AWAY], {'stamp': 1e6}, 'in the future'),
     'no tolerance': (
         [HOME, AWAY],

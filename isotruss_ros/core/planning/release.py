@@ -29,7 +29,7 @@ from isotruss_ros.core.numerics.tolerances import ROUNDING
 from isotruss_ros.core.planning.closing import BOUND_SHARE, Closing, FIRST_INDENTATION
 from isotruss_ros.core.planning.closing_step import press
 from isotruss_ros.core.planning.motion_in_place import hold_between, squeeze_in_place
-from isotruss_ros.core.planning.requirements import MIN_RIGIDITY
+from isotruss_ros.core.planning.requirements import GraspRequirements
 from isotruss_ros.core.planning.violations import RequirementError, Violation
 import numpy as np
 
@@ -87,7 +87,7 @@ def plan_release(
     held = None if record is None else record.restore(config, body)
     if held is not None:  # the pose in the model
         body = held.body
-    closing = Closing(body, tuple(numbers.tolist()), (limit,), MIN_RIGIDITY)
+    closing = Closing(body, tuple(numbers.tolist()), (limit,), GraspRequirements.min_rigidity)
     try:
         path, closing = _unload(config, closing, held)
         turned = math.remainder(closing.body.pose.angle - body.pose.angle, 2.0 * math.pi)

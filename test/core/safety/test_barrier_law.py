@@ -14,7 +14,7 @@ from isotruss_ros.core.safety.barrier_law import (
     BarrierLimit,
     BarrierViolation,
 )
-from isotruss_ros.core.safety.shape_guard import SAFETY_STEP, Watch
+from isotruss_ros.core.safety.shape_guard import Watch
 import numpy as np
 import pytest
 import robots
@@ -62,22 +62,6 @@ def test_a_motion_ends_where_the_parabola_through_the_margins_meets_the_bound(rn
     # One of them is used up there, and none before.
     assert np.abs(left(found.share)).min() == pytest.approx(0.0, abs=1e-9)
     assert min(left(share * found.share)[after < bound].min() for share in SHARES) > -1e-9
-
-
-@pytest.mark.parametrize(
-    ('size', 'margin', 'checked'),
-    [
-        (0.9 * SAFETY_STEP, 0.049, True),
-        (0.9 * SAFETY_STEP, 0.051, False),
-        (1.1 * SAFETY_STEP, 0.051, True),
-        (1.1 * SAFETY_STEP, 0.2, True),
-    ],
-)
-def test_short_steps_are_checked_where_little_is_left(size, margin, checked):
-    law = SimpleNamespace(safety_margin=0.1)
-    limit = SimpleNamespace(margins=np.array([0.3, margin]), barrier=SimpleNamespace(law=law))
-    watch = Watch(None, None, (), (limit,))
-    assert watch._within_reach(size) == ((limit,) if checked else ())
 
 
 @pytest.mark.parametrize('share', [0.02, 0.1, 0.5, 0.9, 1.0])
