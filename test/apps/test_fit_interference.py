@@ -85,12 +85,6 @@ def test_loads_beyond_wrinkling_are_refused():
             assert fit_local_stiffness(presses(values), TUBE).count == len(CASES)
 
 
-def test_two_points_are_too_few():
-    two = Presses(*np.array(CASES[:2]).T, loads(1.0)[:2])
-    with pytest.raises(MeasurementError, match='2 points'):
-        fit_local_stiffness(two, TUBE)
-
-
 def file_rows(values):
     """Return the rows of all four modes."""
     header, *others = points(TUBE)
@@ -139,9 +133,3 @@ def test_invalid_rows_are_named(row, complaint, tmp_path):
     assert len(found.presses.loads) == 0
     (reason,) = found.unused
     assert complaint in reason
-
-
-def test_interference_needs_the_column_of_the_diameter(tmp_path):
-    found = read_measurements(write(tmp_path, [HEADER, ['interference', 3e4, 0.5, 0.01, 1.0]]))
-    (reason,) = found.unused
-    assert 'needs a column diameter' in reason

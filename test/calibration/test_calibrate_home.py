@@ -5,7 +5,7 @@
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from isotruss_ros.calibration.home import calibrate_home, move_home
+from isotruss_ros.calibration.home import calibrate_home
 from isotruss_ros.calibration.home_fit import Posture
 from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.core import load_robot
@@ -105,20 +105,6 @@ def test_a_marker_that_lies_is_named():
 def test_invalid_measurements_are_refused(joints, kind, words):
     with pytest.raises(kind, match=words):
         calibrate_home(ROBOT, [Posture(np.zeros(N), joints)])
-
-
-def test_joints_of_another_robot_are_refused():
-    joints = {name: (float(i), 7.0) for i, name in enumerate(NAMES)}
-    with pytest.raises(MeasurementError):
-        calibrate_home(ROBOT, [Posture(np.zeros(N), joints)])
-
-
-def test_a_home_that_is_moved_and_moved_back_is_the_same():
-    zeros = draw_zeros(7)
-    back = move_home(Robot(move_home(ROBOT, zeros)), -zeros)
-    assert np.array(list(back.joints.values())) == pytest.approx(
-        np.array(list(ROBOT.description.joints.values())), abs=1e-9
-    )
 
 
 # -- Mistakes --

@@ -62,11 +62,6 @@ def test_derivatives_agree_with_finite_differences():
     assert moved == pytest.approx(1j * radii * NORMALS, abs=1e-9)
 
 
-def test_curve_passes_through_the_corners():
-    polygon = sampled(ELLIPSES[1], 24, 0.3, AWAY)
-    assert polygon.smoothed(1.0).nearest(polygon.corners).gaps == pytest.approx(0.0, abs=1e-7)
-
-
 def test_curve_depends_on_no_first_corner_or_frame():
     polygon, turn = sampled(ELLIPSES[1], 24, 0.3), np.exp(1j)
     points = polygon.smoothed(1.0).support_points(NORMALS)

@@ -64,15 +64,6 @@ def test_no_directions_are_found_that_are_much_nearer(shape):
         assert price_of(body, found, normals, angle) < least + 0.1
 
 
-@pytest.mark.parametrize('angle', [0.0, 0.123, -1.0])
-def test_without_friction_members_are_to_lie_on_faces(angle):
-    body = box(angle=angle)
-    for own in (1.0, 1.0j, -1.0, -1.0j):
-        normals = own * body.turn * np.array([1.0, -1.0]) * np.exp([0.1j, -0.05j])
-        found = find_facing(body, normals, 1e-3, RADIUS, TURNING)
-        assert found == pytest.approx(own * body.turn * np.array([1.0, -1.0]), abs=1e-9)
-
-
 def test_an_ellipse_is_held_along_its_axes_without_friction():
     body = ConvexObject(Ellipse((0.2, 0.1)), (0.0, 0.0, 0.1234))
     normals = np.array([1.0, -1.0 + 0j])

@@ -157,8 +157,3 @@ def test_members_that_cannot_open_so_far_do_not_let_go():
     assert near.violation is None
     assert far.violation is not None
     assert len(far.path) == 0
-
-
-def test_only_members_of_the_robot_let_go():
-    with pytest.raises(GraspError, match='south/P-X'):
-        plan_release(HOME, SMALL, ('south/P-Q', 'south/P-X'), CLEARANCE)
