@@ -148,7 +148,6 @@ def swapped(one, other):
 SIGNS = np.array([1.0, 1.0, -1.0, 1.0, 1.0, 1.0])
 MISTAKES = {
     'markers in mm': (places(lambda _, z: 1e3 * z), 'the markers are in mm'),
-    'markers in cm': (places(lambda _, z: 1e2 * z), 'the markers are in cm'),
     'encoders in mm': (readings(lambda x: 1e3 * x), 'the encoders read in mm'),
     'encoder sign': (readings(lambda x: SIGNS * x), 'the encoder of east/Q counts the other way'),
     'encoders swapped': (

@@ -401,7 +401,7 @@ def call(seed):
     return outcome
 
 
-CHUNK = 200
+CHUNK = 100
 FIRST, COUNT = int(os.environ.get('FIRST_CALL', '0')), int(os.environ.get('CALLS', '2000'))
 
 

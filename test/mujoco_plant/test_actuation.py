@@ -29,7 +29,7 @@ def run(mujoco, model, data, duration):
         mujoco.mj_step(model, data)
 
 
-@pytest.mark.parametrize('roller', NAMES)
+@pytest.mark.parametrize('roller', NAMES[::2])
 def test_a_driven_roller_moves_the_joints_as_the_kinematics_have_it(roller, tmp_path):
     mujoco, model = load(tmp_path)
     data = mujoco.MjData(model)

@@ -95,14 +95,15 @@ def test_one_point_is_driven_to_from_where_the_rollers_are(make, kind):
 
 
 @pytest.mark.parametrize(
-    ('bound', 'late', 'ending'),
+    ('kind', 'bound', 'late', 'ending'),
     [
-        (1e-9, 0.2, aborted(Result.GOAL_TOLERANCE_VIOLATED)),
-        (1e-9, 0.0, aborted(Result.GOAL_TOLERANCE_VIOLATED)),
-        (1e-3, 0.2, SUCCEEDED),
-        (-1.0, 0.2, SUCCEEDED),
-        (0.0, 0.5, SUCCEEDED),
+        ('own', 1e-9, 0.2, aborted(Result.GOAL_TOLERANCE_VIOLATED)),
+        ('standard', 1e-9, 0.0, aborted(Result.GOAL_TOLERANCE_VIOLATED)),
+        ('own', 1e-3, 0.2, SUCCEEDED),
+        ('standard', -1.0, 0.2, SUCCEEDED),
+        ('own', 0.0, 0.5, SUCCEEDED),
     ],
+    indirect=['kind'],
 )
 def test_the_goal_tolerance_is_kept(make, kind, bound, late, ending):
     with make(encoder_step=7e-6) as w:

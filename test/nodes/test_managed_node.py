@@ -106,7 +106,7 @@ def test_says_in_one_line_that_it_is_active_and_what_it_waits_for(capfd):
 def test_the_life_cycle_leaves_nothing_behind(waiting):
     node, _, _ = waiting
     known = []
-    for _ in range(6):
+    for _ in range(4):
         for step in ('configure', 'activate', 'deactivate', 'cleanup'):
             getattr(node, f'trigger_{step}')()
         gc.collect()

@@ -228,7 +228,7 @@ def test_the_squeeze_of_a_robot_with_wrong_zeros_is_regulated_by_the_estimate(es
     if estimated:
         nodes.append(estimator(marker_deviation=2e-4))
     with world(*nodes) as w:
-        w.spin(8.0, lambda: w.probe.send_twist((0.0, 0.0, 0.0)))
+        w.spin(5.0, lambda: w.probe.send_twist((0.0, 0.0, 0.0)))
         squeeze = w.nodes[1]._elastic.grasp.squeeze
     off = abs(squeeze / 30.0 - 1.0)
     assert off < 0.05 if estimated else off > 0.1

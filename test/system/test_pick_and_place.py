@@ -307,6 +307,7 @@ def test_a_cancel_of_a_pick_leaves_the_robot_at_rest(client, stage, progress):
         assert client.execute(APART)[1].code == 0
 
 
+@pytest.mark.nightly
 def test_a_pick_ends_with_a_pick_and_place_that_is_killed(client):
     client.let_go()
     r = client.r
@@ -384,6 +385,8 @@ def test_an_object_is_picked_up_moved_and_placed(client):
     assert np.hypot(*(client.place() - goal)) < 2e-2
     client.r.check_rests()
     held = client.place()
+    _, refused = client.execute(PlaceObject.Goal(max_rotation=1e-9))
+    assert (refused.code, 'turns by' in refused.message) == (refused.NO_MOTION_FOUND, True)
     status, result = client.execute(APART)
     assert (status, result.code) == (GoalStatus.STATUS_SUCCEEDED, 0), result.message
     assert result.displacement < 1e-2

@@ -223,7 +223,7 @@ def test_grasps_of_robots_are_complementary(rng):
 
 # Objects where none should be
 
-SIZES = [1e-3, 1e-2, 0.05, 0.102, 0.2, 0.4, 1.0, 3.0, 9.8]
+SIZES = [1e-3, 0.05, 0.4, 9.8]
 
 
 @pytest.mark.parametrize('diameter', SIZES)

@@ -214,6 +214,7 @@ def test_non_convex_polygons_are_refused_with_the_vertex(case):
         ((0.0, 0.15, 0.06, 0.0), r'that begins at vertex 2 \(0.1, -0.1\) m'),
         ((0.01, 0.01), 'must be 4 finite numbers'),
         ('thick', 'corner_radius'),
+        ((0.01, -0.01, 0.01, 0.01), 'must not be negative'),
     ],
 )
 def test_arcs_longer_than_their_sides_are_refused(radius, words):

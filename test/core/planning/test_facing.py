@@ -55,7 +55,7 @@ def test_no_directions_are_found_that_are_much_nearer(shape):
     firsts = np.exp(1j * firsts.ravel())
     others = -firsts * np.exp(1j * wedges.ravel())
     used = friction_angles(body, firsts, others, RADIUS)
-    for _ in range(20):
+    for _ in range(10):
         normals = np.exp(1j * rng.uniform(0.0, 2.0 * math.pi, 2))
         turned = np.abs(np.angle(firsts / normals[0])) + np.abs(np.angle(others / normals[1]))
         least = np.where(used <= angle, used + TURNING * turned, np.inf).min()
