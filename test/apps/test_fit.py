@@ -136,7 +136,7 @@ def test_a_constant_that_does_not_act_is_not_bounded():
 
 def test_constants_that_change_together_are_refused_by_name():
     modes, lengths, pressures = np.array([0, 0, 0, 1]), np.full(4, 0.5), np.full(4, 3e4)
-    with pytest.raises(MeasurementError, match='cannot be told apart by these points'):
+    with pytest.raises(MeasurementError, match='cannot be distinguished by these points'):
         fit_beam(modes, lengths, pressures, np.array([900.0, 910.0, 890.0, 300.0]), RADIUS)
 
 

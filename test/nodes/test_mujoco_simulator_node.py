@@ -97,6 +97,8 @@ def test_every_parameter_of_the_plant_reaches_it(monkeypatch, sim_time):
     made = []
 
     class Recorded(DrivenRobot):
+        """It keeps its arguments."""
+
         def __init__(self, *arguments):
             made.append(arguments)
             super().__init__(*arguments)

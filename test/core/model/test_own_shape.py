@@ -37,11 +37,6 @@ class Cam(Shape):
     offset: float = 0.0
 
     @property
-    def area(self):
-        """Return the area [m^2]."""
-        return np.pi * self.radius**2
-
-    @property
     def perimeter(self):
         """Return the length of the outline [m]."""
         return 2.0 * np.pi * self.radius

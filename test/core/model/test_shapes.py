@@ -101,17 +101,7 @@ def test_gap_and_normal_rotate_by_the_radius_of_curvature(seed):
 
 @robots.examples(100)
 @given(SEEDS)
-def test_radius_rates_agree_with_finite_differences(seed):
-    generator = np.random.default_rng(seed)
-    shape = Ellipse(generator.uniform(0.1, 0.3, 2))
-    normals, turn = directions(generator), np.exp(1e-5j)
-    ahead, behind = (shape.surface_at(None, normals * by)[1] for by in (turn, 1.0 / turn))
-    assert shape.radius_rates(normals) == pytest.approx((ahead - behind) / 2e-5, abs=1e-6)
-
-
-@robots.examples(100)
-@given(SEEDS)
-def test_area_centroid_and_gyration_are_those_of_the_outline(seed):
+def test_centroid_and_gyration_are_those_of_the_outline(seed):
     shape = random_shape(np.random.default_rng(seed))
     z = dense_outline(shape, 4000)
     z, following = z, np.roll(z, -1)
@@ -120,7 +110,6 @@ def test_area_centroid_and_gyration_are_those_of_the_outline(seed):
     centroid = (cross * (z + following)).sum() / 6.0 / area
     a, b = z - centroid, following - centroid
     polar = (cross_of(a, b) * (abs2(a) + abs2(b) + (a * b.conj()).real)).sum() / 12.0
-    assert shape.area == pytest.approx(area, rel=1e-5)
     assert abs(shape.centroid - centroid) < 1e-5 * shape.perimeter
     assert shape.gyration == pytest.approx(np.sqrt(polar / area), rel=1e-5)
     assert shape.perimeter == pytest.approx(np.abs(following - z).sum(), rel=1e-5)

@@ -29,12 +29,13 @@ from isotruss_ros.core.paths.roller_trajectory import (
     MAX_LAG,
     MAX_TIME_STEP,
     PROGRESS_TIMEOUT,
+    REST_TIME,
     RollerTrajectory,
     RollerTrajectoryServo,
+    START_TOLERANCE,
     TOLERANCE,
 )
 from isotruss_ros.core.planning.describe_plan import path_times
-from isotruss_ros.core.safety.roller_failure import SETTLING_TIME
 import numpy as np
 import pytest
 from robots import examples, generators
@@ -179,7 +180,7 @@ def test_duration_is_independent_of_late_cycles(longest):
         else:
             assert step.failure == ''
             assert run.away() <= TOLERANCE
-            assert PATH.duration < took < PATH.duration + 1.5 + SETTLING_TIME
+            assert PATH.duration < took < PATH.duration + 1.5 + REST_TIME
         check_speeds(run.commands)
 
 
@@ -321,7 +322,7 @@ def near_its_end():
 
 def test_rollers_have_arrived_when_they_stay_there_without_interruption():
     run = near_its_end()
-    cycles = round(SETTLING_TIME / PERIOD)
+    cycles = round(REST_TIME / PERIOD)
     for _ in range(3):
         assert at_end(run, 1.1 * TOLERANCE).speeds.all()
         for _ in range(cycles - 1):
@@ -385,7 +386,7 @@ def test_ends_at_rest_without_joint_states(how):
 def test_begins_only_where_the_rollers_are(roller, side):
     for away in (0.99, 1.01):
         begin = np.zeros(N)
-        begin[roller] = side * away * MAX_LAG
+        begin[roller] = side * away * START_TOLERANCE
         run = Run(begin=begin)
         if away < 1.0:
             run.servo.begin(PATH, run.now)

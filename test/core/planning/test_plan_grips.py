@@ -128,8 +128,8 @@ def test_members_that_the_robot_does_not_have_are_refused():
     ('place', 'members', 'words'),
     [
         ((4.0, 1.0), SIDES, 'enclosed: no members'),
-        ((0.716, 0.5), SIDES, 'members: [01] of the 2 members asked for are seen from within'),
-        (HOLE, (*SIDES, 'east/Q-R'), 'opposed: forces of the members, within their friction'),
+        ((0.716, 0.5), SIDES, 'members: [01] of the 2 required members are visible'),
+        (HOLE, (*SIDES, 'east/Q-R'), 'opposed: no near directions of the members balance'),
     ],
 )
 def test_why_named_members_find_nothing_is_told(place, members, words):
