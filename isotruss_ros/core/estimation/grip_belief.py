@@ -23,7 +23,6 @@ from isotruss_ros.core.estimation.offset_filter import SLIP_LENGTH
 from isotruss_ros.core.estimation.pose_noise import PoseNoise, PRIOR_DEVIATIONS
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings, MAX_KNOWN_DEVIATION
 from isotruss_ros.core.holding.attach_grip import attach_grip
-from isotruss_ros.core.holding.contact_forces import slip_conditions
 from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.held_gradient import held_gradient
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, NotHeldError, travel_rates
@@ -522,7 +521,7 @@ class GripBelief:
         """Return the slip margin under additional forces (2k,) [N]."""
         reserve, _, size = grasp.slip_reserves(self._friction)
         if more is not None:
-            reserve = reserve + slip_conditions(grasp.contacts.owners, self._friction) @ more
+            reserve = reserve + grasp.slip_rows(self._friction)[0] @ more
         return float((reserve / size).min())
 
     def _learn(

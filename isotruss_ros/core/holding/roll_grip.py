@@ -9,6 +9,7 @@ Ends of faces open and close, and a third member may come into contact.
 
 from __future__ import annotations
 
+import cmath
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -173,18 +174,20 @@ def _lift_ends(grip: HeldGrip, changes: Iterator[int]) -> HeldGrip | None:
 
 def _lay_down(grip: HeldGrip, changes: Iterator[int]) -> HeldGrip:
     """
-    Return the grip with the far end of a face in contact, after rolling onto the face.
+    Return the grip with the far end of a face in contact, if it penetrates the bent tube.
 
-    The far end of a short face replaces the near one; several short faces may follow each other.
+    The far end of a short face replaces the near one, after rolling over it; several short faces
+    may follow each other.
     """
     owners, corners = grip.contacts.owners, grip.contacts.corners
     alone = np.flatnonzero(np.bincount(owners)[owners] == 1)
     own = grip.state.normals * np.exp(-1j * grip.state.unknowns[2])
     for k in alone.tolist():
         for face in reversed(grip.body.shape.faces_at(int(corners[k]))):
-            if face.step * (own[k] * face.normal.conjugate()).imag <= 0.0:
-                continue
             short = face.length < grip.statics.tube_radius
+            rolled = face.step * (own[k] * face.normal.conjugate()).imag > 0.0
+            if not (rolled if short else _penetrates(grip, k, face.corner)):
+                continue
             laid = None if next(changes, None) is None else _lay(grip, k, face, short)
             # In a longer motion the object rolls over the face, and this end lifts again.
             laid = None if laid is None else _lift_ends(laid, changes)
@@ -256,15 +259,31 @@ def _add(
 def _depth_in(grip: HeldGrip, number: int, depth: float) -> float:
     """Return the penetration depth of the object in another member, whose tube is linear [m]."""
     start, end = member_lines(grip.config)[[number]].T
-    near, statics = segment_gaps(grip.body, start, end), grip.statics
-    members = np.append(grip.contacts.members, number)
-    feet = np.append(grip.state.feet, near.shares * abs(end - start))
-    bent = BentTubes(statics.bent.structure, members, feet, grip.tubes.stiffness_scale)
-    # The linear response to the loads is enough to tell whether another member touches.
-    loads = np.vstack([grip.state.loads, np.zeros(3)])
-    along, across, _ = bent.respond(loads, feet)[-1].tolist()
-    moved = complex(along, across) * bent.axis[-1]
-    return depth - float((near.normals[0].conjugate() * moved).real)
+    near = segment_gaps(grip.body, start, end)
+    foot = float(near.shares[0]) * abs(end - start)
+    return depth - _give(grip, number, foot, complex(near.normals[0]))
+
+
+def _penetrates(grip: HeldGrip, k: int, corner: int) -> bool:
+    """Return whether another corner penetrates the bent tube of contact k."""
+    statics, bent = grip.statics, grip.statics.bent
+    normal, turn = complex(statics.straight_normals[k]), cmath.rect(1.0, grip.state.unknowns[2])
+    point = grip.state.center + turn * grip.body.shape.point_at(corner, normal / turn)
+    place = (point - bent.start[k]) / bent.axis[k]
+    depth = statics.tube_radius + statics.sides[k] * place.imag
+    if depth <= 0.0 or not 0.0 < place.real < bent.length[k]:
+        return False
+    return depth > _give(grip, int(bent.members[k]), place.real, normal)
+
+
+def _give(grip: HeldGrip, number: int, foot: float, normal: complex) -> float:
+    """Return the displacement of a member along a normal at another place, by linear tubes [m]."""
+    bent = grip.statics.bent
+    members, feet = np.append(bent.members, number), np.append(grip.state.feet, foot)
+    cut = BentTubes(bent.structure, members, feet, grip.tubes.stiffness_scale)
+    # The linear response to the loads is enough to tell whether the place is in contact.
+    along, across, _ = cut.respond(np.vstack([grip.state.loads, np.zeros(3)]), feet)[-1].tolist()
+    return float((normal.conjugate() * complex(along, across) * cut.axis[-1]).real)
 
 
 def with_pressures(grip: HeldGrip, pressures: Pressure | None) -> HeldGrip:

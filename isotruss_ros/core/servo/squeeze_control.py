@@ -213,8 +213,8 @@ class SqueezeControl:
             still = np.zeros(len(belief.grasp.config.roller_positions))
             return RollerCommand(still, np.zeros(3), 0.0, self.fault.value)
         missing = self.gains.squeeze * (self.settings.force - belief.regulated_squeeze)
-        rate = max(-MAX_FORCE_RATE, min(missing, MAX_FORCE_RATE))
-        opening = (rate - belief.drift[3]) / belief.slope
+        rate = max(-MAX_FORCE_RATE, min(missing - belief.drift[3], MAX_FORCE_RATE))
+        opening = rate / belief.slope
         if self.fault is not None:
             held = solve(np.zeros(3), opening)
             return replace(held, scale=0.0, status=self.fault.value)
