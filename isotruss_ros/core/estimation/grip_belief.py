@@ -22,7 +22,7 @@ from isotruss_ros.core.estimation.contact_walk import ContactWalk
 from isotruss_ros.core.estimation.offset_filter import SLIP_LENGTH
 from isotruss_ros.core.estimation.pose_noise import PoseNoise, PRIOR_DEVIATIONS
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings, MAX_KNOWN_DEVIATION
-from isotruss_ros.core.holding.attach_grip import attach_grip
+from isotruss_ros.core.holding.attach_grip import attach_grip, lay_faces
 from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.held_gradient import held_gradient
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, NotHeldError, travel_rates
@@ -317,7 +317,8 @@ class GripBelief:
         self.searches, self._searched = self.searches + 1, self._time
         pose, squeeze = self.pose - self.grasp.response.pose @ self.load, self.squeeze
         try:
-            found = attach_model(config, self._given.moved_to(pose), pressures)
+            near = self._given.moved_to(pose)
+            found = attach_model(config, near, pressures, self.settings.zeros)
         except NotHeldError:
             return False
         before = self._considered_rates.pose
@@ -540,13 +541,16 @@ class GripBelief:
         self.usage.learn(grasp, grasp.slip_margin(self._friction) - was, travel)
 
 
-def attach_model(config: Configuration, grip: Grip, pressures: Pressures = None) -> HeldGrip:
+def attach_model(
+    config: Configuration, grip: Grip, pressures: Pressures = None, zeros: float = 0.0
+) -> HeldGrip:
     """
     Return the equilibrium near the measured pose; its `response` exists.
 
     :param config: configuration of the robot.
     :param grip: grip with the object at its measured pose.
     :param pressures: (t,) gauge pressure of each tube [Pa]; None: as in the robot file.
+    :param zeros: standard deviation of the roller offsets [m], see `lay_faces`.
     :raises NotHeldError: no such equilibrium exists.
     :raises GraspError: the robot has no such members.
     :raises StructureError: see `structure_of`.
@@ -555,6 +559,7 @@ def attach_model(config: Configuration, grip: Grip, pressures: Pressures = None)
     found = attach_grip(
         config, grip.body, members, tubes=TubeModel(pressure=pressures), quick=True
     )
+    found = lay_faces(found, grip.friction, zeros)
     if found.response is None:
         raise NotHeldError(HoldStatus.UNSTABLE)
     return found

@@ -325,9 +325,7 @@ class HeldGrip:
         squeeze = change[places.normal].sum(axis=0) / members
         opening = change[places.normal.start :, 4:].T  # noqa: E203
         opening = -opening / opening[np.arange(len(ends)), ends, None]
-        return GripResponse(
-            change[:, :3], squeeze[:3], self.arm, float(squeeze[3]), ends, opening
-        )
+        return GripResponse(change[:, :3], squeeze[:3], self.arm, float(squeeze[3]), ends, opening)
 
     def squeeze_stiffness(self) -> float:
         """

@@ -259,7 +259,7 @@ class SqueezeControl:
         self._supposing = wanted and not self._supposing
         try:
             near = self._suppose(config, grip) if self._supposing else grip
-            found = attach_model(config, near, self._pressures)
+            found = attach_model(config, near, self._pressures, self.settings.zeros)
         except NotHeldError as error:
             self._missed = True
             return error.hold
