@@ -39,9 +39,11 @@ import numpy as np
 #: Random walk of the unexplained pose relative to the object's motion, and of the contacts
 #: relative to roller travel, both with the correlation length `SLIP_LENGTH` [-].
 POSE_WALK, CONTACT_SLIP = 0.03, 0.02
-#: Prior standard deviations: of the unexplained pose, and of states that the first pose determines
-#: [m].
+#: Prior standard deviations: of the unexplained pose beyond the effect of wrong offsets, and of
+#: shifts of contacts that friction does not limit [m].
 POSE_DEVIATION, ANY = 0.0005, 0.1
+#: Smallest remaining friction of a member's contacts, relative to the largest friction [-].
+LEAST_LEFT = 0.1
 #: Prior standard deviation of the poses' delay beyond their stamps [s].
 DELAY_DEVIATION = 0.03
 #: Number of poses after which the equilibrium is searched again [-].
@@ -91,6 +93,7 @@ class GripBelief:
     :param settings: prior standard deviations.
     :param zeros: (r, r) covariance of the roller offsets [m^2]; None: by the settings.
     :param noise: (3,) prior standard deviations of the measured poses [m, rad].
+    :param supposed: wrong roller offsets alone explain the measured pose.
     """
 
     # Corrections since the last equilibrium, see `_take`.
@@ -107,6 +110,7 @@ class GripBelief:
         settings: EstimatorSettings,
         zeros: Array | None = None,
         noise: Array = PRIOR_DEVIATIONS,
+        supposed: bool = False,
     ) -> None:
         self.settings, self._given, self._friction = settings, grip, grip.friction
         self._even = np.array([1.0, 1.0, grasp.arm])
@@ -131,7 +135,12 @@ class GripBelief:
         self._lag = np.zeros((2, 4))  # of pose and squeeze behind each low-pass
         self._differentiated: HeldGrip | None = None
         self._take(grasp)
-        self._place_contacts(np.array(grip.body.pose))
+        self._spare = 0.0  # slip margin that the history of the contacts costs [N]
+        if supposed:
+            self._initialise()
+            self.bias = self._even * pose_difference(grip.body.pose, grasp.pose)
+        else:
+            self._place_contacts(np.array(grip.body.pose))
 
     @property
     def pose(self) -> Array:
@@ -342,7 +351,7 @@ class GripBelief:
         shifts = (self._initialise() @ (self._even * pose_difference(pose, grasp.pose)))[SHIFTS:]
         anchors = grasp.anchors + shifts[grasp.contacts.owners]
         placed = roll_grip(replace(grasp, anchors=anchors), grasp.config)
-        self._spare = 0.0  # slip margin that the history of the contacts costs [N]
+        self._spare = 0.0
         # Forces that friction does not carry are those of wrong offsets.
         if placed is not None and self._hold(placed) is HoldStatus.HELD:
             self._spare = self._margin(grasp) - self._margin(placed)
@@ -354,11 +363,21 @@ class GripBelief:
         """Set the prior covariance, and condition it on a pose; return the Kalman gain (n, 3)."""
         rates, variances = self._rates.pose, np.diag(self._covariance).copy()
         variances[LOAD], variances[BIAS] = self.settings.load**2, POSE_DEVIATION**2
-        variances[SHIFTS:] = ANY**2
+        variances[SHIFTS:] = self._shift_deviations() ** 2
         self._covariance, self._sensitivity[:] = np.diag(variances), 0.0
-        reached = rates[:, SHIFTS:] @ np.linalg.pinv(rates[:, SHIFTS:])
-        self._covariance[BIAS, BIAS] += ANY**2 * (np.eye(3) - reached)
+        # Shifts that friction carries do not explain what wrong offsets and stiffness do.
+        considered = self._considered_rates.pose
+        self._covariance[BIAS, BIAS] += considered @ self._considered @ considered.T
         return self._condition(rates, np.diag(self.noise.variances))
+
+    def _shift_deviations(self) -> Array:
+        """Return the standard deviations (m,) of shifts; 2.5 of them are the shifts at slip [m]."""
+        grasp, most = self.grasp, self._friction * self.grasp.squeeze
+        members = np.eye(len(grasp.members))[grasp.contacts.owners]
+        presses, rubs = (members.T @ f for f in np.split(grasp.state.forces, 2))
+        left = np.maximum(self._friction * presses - np.abs(rubs), LEAST_LEFT * most)
+        rates = np.diag(members.T @ self._anchored[grasp.state.places.friction] @ members)
+        return np.minimum(0.4 * left / np.maximum(np.abs(rates), left / ANY), ANY)
 
     def _hold(self, grasp: HeldGrip) -> HoldStatus:
         """Return the hold status of an equilibrium; unstable without a response to loads."""

