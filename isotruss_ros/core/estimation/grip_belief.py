@@ -372,9 +372,11 @@ class GripBelief:
         variances[LOAD], variances[BIAS] = self.settings.load**2, POSE_DEVIATION**2
         variances[SHIFTS:] = self._shift_deviations() ** 2
         self._covariance, self._sensitivity[:] = np.diag(variances), 0.0
-        # Shifts that friction carries do not explain what wrong offsets and stiffness do.
-        considered = self._considered_rates.pose
-        self._covariance[BIAS, BIAS] += considered @ self._considered @ considered.T
+        # Wrong offsets and stiffness explain what shifts within the friction do not.
+        shifted = rates[:, SHIFTS:] * variances[SHIFTS:] @ rates[:, SHIFTS:].T
+        own = POSE_DEVIATION**2 * np.eye(3)
+        left = np.linalg.solve(shifted + own, own).T @ self._considered_rates.pose
+        self._covariance[BIAS, BIAS] += left @ self._considered @ left.T
         return self._condition(rates, np.diag(self.noise.variances))
 
     def _shift_deviations(self) -> Array:
