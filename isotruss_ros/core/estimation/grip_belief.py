@@ -297,7 +297,7 @@ class GripBelief:
         self._poses += due
         # A search sooner would see loads that pass.
         waited = self._time - self._searched > self.settings.load_time
-        slips = hold is HoldStatus.SLIPS and waited
+        slips = rolled.required_friction > self._friction and waited
         if due or slips:
             self.attach(config, pressures)
         return HoldStatus.HELD  # whether it slips is judged by the poses
