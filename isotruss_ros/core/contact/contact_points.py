@@ -290,16 +290,15 @@ def find_contact_points(
     tubes = BentTubes(structure, member, place, shortest=SHORTEST_SHARE * spacing)
     tubes = tubes if bent is None else tubes.bent_like(bent)
     if known is not None and known[0].lend(tubes) and known[0].is_parallel(tubes, spacing):
-        return known[0].about(tubes, known[1])
-    points = points_on_members(tubes, spacing)
-    if flattening is None:
-        return points
+        points = known[0].about(tubes, known[1])
+    else:
+        points = points_on_members(tubes, spacing)
+        if flattening is None:
+            return points
+        dents = flattening.compliance(place, member, topology.tube[member], spacing)
+        points = replace(points, dents=dents)
     toward = np.where(away.imag < 0.0, -1j, 1j)
-    return replace(
-        points,
-        skin=points.points + flattening.radius * toward[member] * points.axis,
-        dents=flattening.compliance(place, member, topology.tube[member], spacing),
-    )
+    return replace(points, skin=points.points + width * toward[member] * points.axis)
 
 
 def _line(tubes: BentTubes, moved: Array) -> tuple[Points, Points]:
