@@ -6,7 +6,7 @@
 from frames import member_stiffness
 from hypothesis import given
 from isotruss_ros.core.statics.beam_column import local_stiffness
-from isotruss_ros.core.statics.frame import chord_motions
+from isotruss_ros.core.statics.tangent import chord_motions
 import numpy as np
 import pytest
 from robots import examples, generators
