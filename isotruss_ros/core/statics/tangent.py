@@ -101,7 +101,7 @@ class Tangent:
             raise StructureError('a loaded member has no stiffness in its bent shape') from error
         return matrices[: self._frame.pattern.count], chains
 
-    @property
+    @cached_property
     def chains(self) -> list[CondensedChains]:
         """Return the cut members with their condensation."""
         return self._condensed[1]
@@ -193,7 +193,7 @@ class Tangent:
         )
         return self._pushed + np.bincount(frame.places.ravel(), pushed.ravel(), len(self._pushed))
 
-    @property
+    @cached_property
     def points(self) -> Points:
         """Return the displaced nodes (n,) without points inside members, x + iy [m]."""
         count = len(self._frame.points) - len(self._frame.nodes)

@@ -214,7 +214,8 @@ def test_grasps_of_robots_are_complementary(rng):
 def test_relaxation_finds_contacts_caused_by_forces_at_other_points():
     places = np.array([0.0, 0.05])
     line, alike = places.astype(complex), np.zeros(2, dtype=int)
-    see_saw = 1e-3 * np.array([[1.0, -0.5], [-0.5, 1.0]])
+    see_saw, inside = 1e-3 * np.array([[1.0, -0.5], [-0.5, 1.0]]), np.zeros((2, 2, 2, 2))
+    inside[1, :, 1] = see_saw
     points = ContactPoints(
         points=line,
         skin=line,
@@ -222,7 +223,7 @@ def test_relaxation_finds_contacts_caused_by_forces_at_other_points():
         place=places,
         spacing=0.05,
         axis=np.ones_like(line),
-        inside=np.zeros((2, 2, 2, 2)),
+        inside=inside,
         spread=np.zeros((2, 2, 0)),
         ends=np.zeros((0, 0)),
         dents=see_saw,
