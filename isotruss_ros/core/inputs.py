@@ -21,9 +21,6 @@ import numpy as np
 
 #: Largest time by which a stamp may be ahead of the clock [s]; clocks are not exactly synchronous.
 CLOCK_SKEW = 0.01
-#: Largest lead of a stamp in simulated time [s]. An input may arrive before the /clock message of
-#: its own time, by up to the longest cycle of a node.
-SIMULATED_CLOCK_SKEW = 0.1
 #: Largest age of pressures [s]; they change slowly and are measured rarely.
 PRESSURE_TIMEOUT = 2.0
 #: Largest age of a measurement in a history [s].

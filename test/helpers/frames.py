@@ -74,14 +74,6 @@ def linear_rows(matrix):
     return LinearRows(matrix.shape[0], matrix.row, matrix.col, matrix.data)
 
 
-def dense(rows, points):
-    """Return constraints of a frame without loads as a matrix."""
-    matrix = np.zeros((rows.count, 3 * len(points)))
-    values, *_ = rows.linearize(points, np.zeros((len(points), 3)), np.zeros(rows.count))
-    np.add.at(matrix, (rows.row, rows.column), values)
-    return matrix
-
-
 def random_frame(rng, shear=True, pins=0.3, spread=1.5):
     """
     Return points, members and supports of a frame that stands.

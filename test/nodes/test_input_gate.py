@@ -208,7 +208,7 @@ def moving_frame(monkeypatch):
 def test_a_pose_waits_for_its_transform(late, moving_frame):
     with moving_frame(late, manipulation()) as w:
         w.until_code(Status.IDLE, lambda: send_in_camera(w))
-        w.spin(1.5, lambda: send_in_camera(w))
+        w.spin(0.7, lambda: send_in_camera(w))
         told = [message.code for _, message in w.probe.seen['status']]
         assert set(told[told.index(Status.IDLE) :]) == {Status.IDLE}  # noqa: E203
 

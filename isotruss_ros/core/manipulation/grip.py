@@ -58,7 +58,7 @@ class Grip:
         fits = all(isinstance(name, str) for name in names) and len(names) == len(set(names))
         if not (fits and len(names) in GRIP_SIZES):
             raise GraspError(
-                f'members {quote(", ".join(map(str, names)))}: a grip has two or three different '
+                f'members {quote(", ".join(map(str, names)))}: must be two or three different '
                 'members'
             )
         object.__setattr__(self, 'members', names)

@@ -83,7 +83,7 @@ def solve_joint_velocity(
     robot = config.robot
     names = robot.topology.joint_names
     if not velocities:
-        raise GraspError(f'velocities: at least one of the joints {", ".join(names)}')
+        raise GraspError(f'velocities: none; must be of one or more of {", ".join(names)}')
     for joint in velocities:
         check_joint(robot, joint)
     desired = np.concatenate(

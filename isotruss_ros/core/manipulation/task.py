@@ -18,8 +18,8 @@ from typing import NamedTuple
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.model.topology import check_roller_names, Topology
-from isotruss_ros.core.numerics.arrays import Array, finite_array, Indices
-from isotruss_ros.core.numerics.tolerances import COINCIDENCE, EPSILON, ROUNDING, SMALLEST_NORMAL
+from isotruss_ros.core.numerics.arrays import Array, finite_array, Indices, MAX_MAGNITUDE
+from isotruss_ros.core.numerics.tolerances import COINCIDENCE, ROUNDING, SMALLEST_NORMAL
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import lapack
@@ -215,8 +215,8 @@ def find_task(reach: Reach, twist: Array, opening_rate: float = 0.0) -> Task:
     direction /= length
     speed = size * length
     free = least_cost(working.even, reach.rows, direction)
-    # The speeds of the rollers stay finite.
-    velocities = working.spread(free * min(speed, EPSILON / SMALLEST_NORMAL))
+    # Larger twists are mistakes, and the speeds of the rollers stay finite.
+    velocities = working.spread(free * min(speed, MAX_MAGNITUDE))
     return Task(reach, direction, speed, status, free, velocities)
 
 

@@ -73,11 +73,6 @@ class Shape(ABC):
 
     @property
     @abstractmethod
-    def area(self) -> float:
-        """Return the area [m^2]."""
-
-    @property
-    @abstractmethod
     def perimeter(self) -> float:
         """Return the length of the outline [m], which is 2 pi times the mean of h(n)."""
 
@@ -190,16 +185,6 @@ class Shape(ABC):
         :param normals: (k,) outward unit normals, x + iy.
         """
 
-    def radius_rates(self, normals: Points) -> Array:
-        """
-        Return the derivatives (k,) of the radius of curvature by the normal's angle [m/rad].
-
-        They are zero for circles and arcs; shapes with varying radius override the method.
-
-        :param normals: (k,) outward unit normals, x + iy.
-        """
-        return np.zeros(len(normals))
-
     @abstractmethod
     def unroll(self, angles: Array, corners: Indices) -> Array:
         """
@@ -275,11 +260,6 @@ class Disc(Shape):
                 f'{MAX_SIZE:g} m{hint}'
             )
         object.__setattr__(self, 'diameter', float(size))
-
-    @property
-    def area(self) -> float:
-        """Return the area [m^2]."""
-        return 0.25 * np.pi * self.diameter**2
 
     @cached_property
     def perimeter(self) -> float:

@@ -17,9 +17,6 @@ from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 from numpy.typing import ArrayLike
 
-#: Largest slip of a roller as a share of the travel [-].
-MAX_SLIP = 0.5
-
 
 @dataclass(frozen=True)
 class RollerFaults:
@@ -55,8 +52,8 @@ class DrivenRollers:
     def __init__(self, robot: Mechanism, faults: RollerFaults, seed: int = 0) -> None:
         names = robot.roller_names
         check_roller_names('stuck rollers', faults.stuck, names)
-        if not 0.0 <= faults.slip <= MAX_SLIP:
-            raise ConfigurationError(f'slip {faults.slip!r}: must be from 0 to {MAX_SLIP}')
+        if not 0.0 <= faults.slip < 1.0:
+            raise ConfigurationError(f'slip {faults.slip!r}: must be from 0 to less than 1')
         self._robot, self._faults = robot, faults
         self._free = np.array([name not in faults.stuck for name in names])
         self._random = np.random.default_rng(seed)

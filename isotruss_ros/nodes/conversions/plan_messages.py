@@ -112,8 +112,8 @@ def _read_body(goal: PlanGrasp.Goal, described: ConvexObject | None) -> ConvexOb
         return ConvexObject.disc((pose.position.x, pose.position.y), diameter)
     if described is None:
         raise MessageError(
-            'object_diameter 0.0 m: must be positive, that of a disc; or `object` must describe '
-            'what lies there, as may the parameter object'
+            'object_diameter 0.0 m: must be positive, that of a disc; or `object`, or the '
+            'parameter object, must describe the object'
         )
     return described.moved_to(read_pose('object pose', pose))
 

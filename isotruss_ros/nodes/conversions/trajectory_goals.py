@@ -112,7 +112,8 @@ def read_roller_trajectory(
     _check_joints('joint_names', names, rollers)
     if missing := [name for name in rollers if name not in names]:
         raise TrajectoryGoalError(
-            Result.INVALID_JOINTS, f'trajectory: joint_names: {", ".join(missing)} are missing'
+            Result.INVALID_JOINTS,
+            f'trajectory: joint_names: {", ".join(missing)} are missing; must be all rollers',
         )
     if not 0 < len(points) <= MAX_POINTS:
         raise MessageError(f'trajectory: {len(points)} points; must be 1 to {MAX_POINTS}')

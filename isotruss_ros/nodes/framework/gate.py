@@ -14,7 +14,6 @@ from isotruss_ros.core.inputs import (
     CLOCK_SKEW,
     InputError,
     RejectedInput,
-    SIMULATED_CLOCK_SKEW,
     StampedInput,
 )
 from isotruss_ros.nodes.conversions.messages import MessageError, read_stamp
@@ -25,6 +24,9 @@ from rclpy.subscription import Subscription
 
 #: Largest number of messages that wait for their transforms [-].
 MAX_QUEUED_MESSAGES = 100
+#: Largest lead of a stamp in simulated time [s]. An input may arrive before the /clock message of
+#: its own time, by up to the longest cycle of a node.
+SIMULATED_CLOCK_SKEW = 0.1
 
 
 class Gate:

@@ -111,7 +111,7 @@ class Manipulation(ManagedNode):
         self._trajectory.abort('the node was deactivated')
         self._commands.stop()
         if not self._wait_for_zero():
-            self.get_logger().warning('not every subscriber acknowledged the last command, zero')
+            self.get_logger().warning('not every subscriber has acknowledged the zero command')
 
     def cleanup(self) -> None:
         """Release the robot; the record of failed rollers remains."""

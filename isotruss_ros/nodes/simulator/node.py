@@ -94,7 +94,7 @@ class Simulator(ManagedNode):
         if path := self.values.recording:
             if self._driven is None:
                 raise ParameterError(
-                    f'parameter recording: {path!r}: must be empty but with plant mujoco'
+                    f'parameter recording: {path!r}: must be empty unless plant is mujoco'
                 )
             self._recorder = PlantRecorder(self._driven.plant, Path(path))
         self._sensors = SimulatedSensors(self, self.robot, self.values, self.values.seed)

@@ -302,7 +302,7 @@ class Viewer(StoppableNode):
         """Set parameters of another node, and log rejected ones."""
         client = self._set[node]
         if not client.service_is_ready():
-            self.warn(node, f'{node} is not there: its parameters are not set')
+            self.warn(node, f'node {node} does not exist: its parameters are not set')
             return
 
         def report(future: Future) -> None:

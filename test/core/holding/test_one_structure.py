@@ -3,10 +3,8 @@
 
 """`deform`, `analyze_grasp` and `settle_grasp` bend one structure."""
 
-from dataclasses import replace
-
 from isotruss_ros.core import analyze_grasp, deform, Disc, load_robot, place_between, Polygon
-from isotruss_ros.core.holding.attach_grip import attach_grip, rest
+from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.loaded_frame import held_joints
 from isotruss_ros.core.manipulation.grip import members_at
@@ -63,19 +61,3 @@ def test_structure_under_contact_forces_agrees_with_tube_loads_of_deform(shape, 
     assert np.abs(centre_lines - place).max() < 1e-6 * np.abs(expected[nodes, :2]).max()
     used = list(bent.utilisation.values())
     assert list(analysis.utilisation.values()) == pytest.approx(used, abs=1e-6)
-
-
-@on_grasps
-def test_nonlinearity_is_the_relative_difference_of_forces(shape, depth):
-    body = placed(shape, depth)
-    analysis = analyze_grasp(ROBOT.home, body)
-    bent = attach_grip(ROBOT.home, body)
-    # Linear tubes, which flatten as well.
-    straight = replace(bent.statics.bent, before=None, linear=True)
-    statics = replace(bent.statics, bent=straight)
-    wrench = np.zeros(3)
-    _, linear = statics.settle(bent.state.unknowns, wrench, rest(statics, body))
-    assert 0.02 < analysis.nonlinearity < 0.13
-    share = 1.0 - linear.normal_forces.sum() / bent.state.normal_forces.sum()
-    assert bent.nonlinearity == pytest.approx(share, rel=0.45)
-    assert analyze_grasp(ROBOT.home, body, paper_model=True).nonlinearity == 0.0
