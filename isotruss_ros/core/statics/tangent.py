@@ -231,7 +231,8 @@ class Tangent:
         steps = 1j * EPSILON * changes.reshape(4, -1)
         sections = np.stack([self._frame.length, own.axial, own.flexural, own.shear])
         pins = own.pinned_start[each], own.pinned_end[each]
-        columns = BeamColumns(*(sections[:, each] + steps), *pins)
+        length, axial, flexural, shear = sections[:, each] + steps
+        columns = BeamColumns(length, axial, flexural, shear, *pins)
         longer, turns = self.stretched
         known = self.forces.stressed[0][each]
         found = columns.evaluate(longer[each] - steps[0], turns[each], known)
