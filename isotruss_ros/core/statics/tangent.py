@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import cached_property
 import itertools
-from typing import NamedTuple, TYPE_CHECKING
+from typing import NamedTuple
 
 from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
@@ -20,12 +20,10 @@ from isotruss_ros.core.numerics.factorization import (
 )
 from isotruss_ros.core.numerics.tolerances import EPSILON
 from isotruss_ros.core.statics.beam_column import BeamColumns, EndForces
+from isotruss_ros.core.statics.frame_assembly import FrameAssembly
 from isotruss_ros.core.statics.frame_pattern import Chains
 import numpy as np
 from scipy.sparse import csc_matrix
-
-if TYPE_CHECKING:
-    from isotruss_ros.core.statics.frame import Frame
 
 #: Index of each entry of `chord_motions` in the list (0, 1, -1, x, y, -x, -y) of a direction (x,
 #: y).
@@ -88,7 +86,7 @@ class Tangent:
     gaps: Array
     stiffness: Array
     _pushed: Array  # the loads of `carried`, by the own members
-    _frame: Frame
+    _frame: FrameAssembly
     _rows: tuple[Array, Array]  # entries of the constraints and their geometric stiffness
 
     @cached_property
@@ -113,7 +111,7 @@ class Tangent:
 
         In a cut frame the displacements of the cuts are eliminated.
         """
-        return self._frame._assemble(self._condensed[0], *self._rows)
+        return self._frame.assemble(self._condensed[0], *self._rows)
 
     @cached_property
     def factored(self) -> FactoredFrame:
