@@ -163,7 +163,7 @@ class PaperProgram:
         topology = robot.topology
         self.robot = robot
         self.rollers_by_lengths = np.linalg.pinv(topology.incidence)
-        self.tubes = (np.arange(len(topology.tube_names))[:, None] == topology.tube).astype(float)
+        self.tubes = (np.arange(1 + topology.tube.max())[:, None] == topology.tube).astype(float)
 
     def _rows(self, state: State) -> tuple[Array, Array, Array]:
         """Return R_tube, the rows of (20) above M, and M with rolling by node velocities."""

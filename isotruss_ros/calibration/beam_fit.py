@@ -223,5 +223,5 @@ def _require_determined(sensitivity: Array) -> None:
             name for name, part in zip(BeamConstants._fields, free, strict=True) if part > 0.05
         )
         raise MeasurementError(
-            f'{names} cannot be told apart by these points; measure another length or mode'
+            f'{names} cannot be distinguished by these points; measure another length or mode'
         )

@@ -82,7 +82,8 @@ def calibrate_stiffness(
         raise MeasurementError(
             f'the joints move by {1e3 * np.hypot.reduce(moved, axis=1).max():.2g} mm where the '
             f'model has {1e3 * np.hypot.reduce(model, axis=1).max():.2g} mm, measured to '
-            f'{1e3 * deviation:.2g} mm: too little to tell; pull harder, or measure for longer'
+            f'{1e3 * deviation:.2g} mm: the displacement is too small; pull harder, or measure '
+            'for longer'
         )
     off = np.hypot.reduce(moved - give * model, axis=1)
     if off.max() > GATE_SIGMAS * spread:

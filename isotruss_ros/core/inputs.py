@@ -21,9 +21,6 @@ import numpy as np
 
 #: Largest time by which a stamp may be ahead of the clock [s]; clocks are not exactly synchronous.
 CLOCK_SKEW = 0.01
-#: Largest lead of a stamp in simulated time [s]. An input may arrive before the /clock message of
-#: its own time, by up to the longest cycle of a node.
-SIMULATED_CLOCK_SKEW = 0.1
 #: Largest age of pressures [s]; they change slowly and are measured rarely.
 PRESSURE_TIMEOUT = 2.0
 #: Largest age of a measurement in a history [s].
@@ -42,43 +39,27 @@ class InputFault(enum.Enum):
 
 
 class RejectedInput(NamedTuple):
-    """
-    A received but invalid input.
+    """A received but invalid input."""
 
-    :ivar reason: fault in words.
-    :ivar fault: INVALID or STALE.
-    """
-
-    reason: str
-    fault: InputFault = InputFault.INVALID
+    reason: str  #: fault in words
+    fault: InputFault = InputFault.INVALID  #: INVALID or STALE
 
 
 class StampedInput(NamedTuple):
-    """
-    A measured or commanded value.
+    """A measured or commanded value."""
 
-    :ivar value: the value.
-    :ivar time: time at which it is valid [s].
-    :ivar rejected: last message rejected after `time`, with the reason; None without one.
-    """
-
-    value: Any
-    time: float
+    value: Any  #: the value
+    time: float  #: time at which it is valid [s]
+    #: last message rejected after `time`, with the reason; None without one
     rejected: RejectedInput | None = None
 
 
 class RollerState(NamedTuple):
-    """
-    Measured state of the rollers.
+    """Measured state of the rollers."""
 
-    :ivar positions: (r,) roller travel since home [m].
-    :ivar velocities: (r,) roller speeds [m/s]; zero for rollers without measured speed.
-    :ivar offsets: (r,) estimated roller offsets that the positions include [m].
-    """
-
-    positions: Array
-    velocities: Array
-    offsets: Array | float = 0.0
+    positions: Array  #: (r,) roller travel since home [m]
+    velocities: Array  #: (r,) roller speeds [m/s]; zero for rollers without measured speed
+    offsets: Array | float = 0.0  #: (r,) estimated roller offsets that the positions include [m]
 
 
 #: Latest value of an input; None before the first value.
@@ -183,6 +164,20 @@ def require_fresh(
                 raise
             raise InputError(given.rejected.fault, name, given.rejected.reason) from None
     return tuple(inputs.values())  # type: ignore[arg-type]
+
+
+def find_fresh(now: float, timeout: float, given: Input) -> Any:
+    """
+    Return the value of an input; None if it is missing, rejected or stale.
+
+    :param now: time on the clock of the input [s].
+    :param timeout: largest age of the input [s].
+    :param given: the input.
+    """
+    try:
+        return require_fresh(now, timeout, given=given)[0].value
+    except InputError:
+        return None
 
 
 def fresh_pressures(now: float, timeout: float, pressures: Input) -> tuple[float, ...] | None:

@@ -12,7 +12,7 @@ from typing import Any
 from geometry_msgs.msg import PoseStamped
 from isotruss_msgs.action import PlanGrasp
 from isotruss_msgs.msg import GraspState, PlannedGrasp, StateEstimate
-from isotruss_ros.core.paths.roller_trajectory import MAX_LAG
+from isotruss_ros.core.paths.roller_trajectory import START_TOLERANCE
 from isotruss_ros.demo.client import DEADLINE, DemoClient, DemoError
 from isotruss_ros.demo.record import PhaseRecord
 from isotruss_ros.nodes.conversions.messages import to_pose_message
@@ -127,7 +127,7 @@ class Gripping:
         if result.code != PlanGrasp.Result.FOUND:
             return result.code == PlanGrasp.Result.NO_JOINT_STATES
         begin = np.array(result.grasps[0].path.points[0].positions)
-        return bool(np.abs(begin - self._client.rollers).max() > MAX_LAG)
+        return bool(np.abs(begin - self._client.rollers).max() > START_TOLERANCE)
 
     def _search(self, goal: PlanGrasp.Goal, progress: Callable[[float], None]) -> PlanGrasp.Result:
         """Send a goal to the planner, and return its result."""

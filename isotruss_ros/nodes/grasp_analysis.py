@@ -6,12 +6,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
 import time
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import WrenchStamped
-from isotruss_msgs.msg import GraspState, HeldGrip
+from isotruss_msgs.msg import GraspState
 from isotruss_msgs.srv import AnalyzeGrasp
 from isotruss_ros.core.errors import IsotrussError
 from isotruss_ros.core.holding.settled_grasp import SettledGrasp
@@ -19,16 +18,12 @@ from isotruss_ros.core.inputs import StampedInput
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.shapes import Disc
 from isotruss_ros.core.statics.wrinkling import MAX_UTILISATION
-from isotruss_ros.nodes.conversions.contact_messages import (
-    find_contact_frames,
-    to_contact_wrench,
-)
 from isotruss_ros.nodes.conversions.grasp_messages import (
     read_external_wrench,
     read_query,
+    to_contact_wrench,
     to_state_message,
 )
-from isotruss_ros.nodes.conversions.grip_messages import read_grip
 from isotruss_ros.nodes.conversions.markers import to_marker_array
 from isotruss_ros.nodes.conversions.messages import make_header, name_aligned_frame
 from isotruss_ros.nodes.framework import common_parameters as common
@@ -37,7 +32,7 @@ from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import Spec
 from isotruss_ros.nodes.framework.sensors import Inputs
 from isotruss_ros.nodes.framework.topics import EVENTS, RELIABLE
-from isotruss_ros.nodes.framework.transforms import TransformBroadcaster
+from isotruss_ros.nodes.framework.transforms import find_contact_frames, TransformBroadcaster
 from isotruss_ros.nodes.grasp.grasp_monitor import GraspMonitor
 from isotruss_ros.nodes.grasp.grasp_report import GraspCode, GraspQuery, GraspReport
 from std_msgs.msg import Bool
@@ -92,9 +87,8 @@ class GraspAnalysisNode(ManagedNode):
         self.inputs = Inputs(self, self.robot, self._monitor)
         self.inputs.keep_joint_states()
         self.inputs.keep_object_pose()
-        self.inputs.keep_tube_pressures(lambda: self.values.ambient_pressure)
-        read = partial(read_grip, robot=self.robot)
-        self.inputs.keep(HeldGrip, 'manipulation/grip', read, 'held_grip')
+        self.inputs.keep_tube_pressures()
+        self.inputs.keep_held_grip()
         self.inputs.keep(WrenchStamped, 'external_wrench', self._read_wrench, 'wrench')
 
     def _read_wrench(self, message: WrenchStamped) -> tuple[float, float, float]:

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -14,11 +15,7 @@ from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.inputs import InputError
 from isotruss_ros.core.planning.searcher import Answer, Searcher, SearchOutcome
 from isotruss_ros.core.planning.workers import MAX_WORKERS
-from isotruss_ros.nodes.conversions.plan_messages import (
-    read_goal,
-    to_feedback_message,
-    to_result_message,
-)
+from isotruss_ros.nodes.conversions.plan_messages import read_goal, to_result_message
 from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.managed import ManagedNode
@@ -92,14 +89,12 @@ class GraspPlanner(ManagedNode):
 
     def details(self) -> dict[str, object]:
         """Return the progress of the search."""
-        details: dict[str, object] = {'searching': self._goal.active}
-        progress = self._searcher.progress()
-        if progress is not None:
-            details |= {'evaluations': progress.evaluations, 'grasps found': progress.found}
-        return details  # type: ignore[return-value]
+        progress, searching = self._searcher.progress(), {'searching': self._goal.active}
+        if progress is None:
+            return searching  # type: ignore[return-value]
+        return {**searching, 'evaluations': progress.evaluations, 'grasps found': progress.found}
 
     def _apply(self) -> None:
-        """Apply the parameter of the timeout."""
         self._shape.timeout = self.values.command_timeout
 
     # -- The action --
@@ -130,7 +125,16 @@ class GraspPlanner(ManagedNode):
         if answer is not None:
             self._end(answer)
         elif self._goal.active:
-            self._goal.publish_feedback(lambda: to_feedback_message(self._searcher.progress()))
+            progress = self._searcher.progress()
+            self._goal.publish_feedback(
+                lambda: PlanGrasp.Feedback(
+                    evaluations=progress.evaluations,
+                    found=progress.found,
+                    best=math.nan if progress.best is None else progress.best,
+                    progress=progress.share,
+                    time_left=math.nan if progress.time_left is None else progress.time_left,
+                )
+            )
 
     def _end(self, answer: Answer) -> None:
         """Publish the result of the goal."""

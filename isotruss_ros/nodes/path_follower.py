@@ -6,26 +6,20 @@
 from __future__ import annotations
 
 from concurrent.futures import Future, ThreadPoolExecutor
-import contextlib
 from dataclasses import replace
-from functools import partial
+import math
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from isotruss_msgs.action import FollowObjectPath
-from isotruss_msgs.msg import HeldGrip, ManipulationStatus
+from isotruss_msgs.msg import ManipulationStatus
 from isotruss_ros.core import IsotrussError, Robot
-from isotruss_ros.core.errors import GraspError, NoMotionError, PathError
-from isotruss_ros.core.inputs import InputError, require_fresh
+from isotruss_ros.core.errors import GraspError, PathError
+from isotruss_ros.core.inputs import find_fresh, InputError
 from isotruss_ros.core.paths.object_path import ObjectPath
 from isotruss_ros.core.paths.path_servo import PathOutcome, PathServo, ServoFeedback
-from isotruss_ros.core.paths.path_tracking import Tracking, TrackingSettings
+from isotruss_ros.core.paths.path_tracking import PathTracker, Tracking, TrackingSettings
 from isotruss_ros.core.planning.foresee_path import foresee_grip
-from isotruss_ros.nodes.conversions.grip_messages import read_grip
-from isotruss_ros.nodes.conversions.path_messages import (
-    read_object_path,
-    to_path_feedback,
-    to_path_result,
-)
+from isotruss_ros.nodes.conversions.path_messages import read_object_path
 from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.commands import create_twist_publisher
 from isotruss_ros.nodes.framework.cycle import Cycle
@@ -49,8 +43,10 @@ SPECS = (
     Spec('smooth_path', False, 'Spline through the poses; straight from pose to pose if false'),
     *common.OBJECT_SPECS,
 )
-
-
+#: Fields of a result: errors of the last cycle, and those of the whole path.
+LAST_ERRORS = ('position_error', 'angle_error')
+TRACKED_ERRORS = ('max_position_error', 'max_angle_error', 'rms_position_error')
+FEEDBACK = (*LAST_ERRORS, 'progress', 'time_left')
 #: Feedback during the feasibility check of a path.
 NO_FEEDBACK = FollowObjectPath.Feedback(
     position_error=np.nan, angle_error=np.nan, progress=0.0, time_left=np.nan
@@ -95,8 +91,7 @@ class PathFollower(ManagedNode):
         self.inputs.keep(
             ManipulationStatus, 'manipulation/status', _read_status, 'servo_feedback', 'status'
         )
-        read = partial(read_grip, robot=self.robot)
-        self.inputs.keep(HeldGrip, 'manipulation/grip', read, 'held_grip')
+        self.inputs.keep_held_grip()
         # Exists while the node is inactive as well, so that a goal that ends then gets its result.
         self._goal = SingleGoal(
             self,
@@ -144,14 +139,7 @@ class PathFollower(ManagedNode):
             progress_timeout=values.progress_timeout,
         )
         here, smooth = self._servo.measured(self.now()), values.smooth_path
-        try:
-            path = read_object_path(
-                goal.path, goal.speed, goal.turn_rate, self.robot, smooth, here
-            )
-        except NoMotionError:
-            if len(goal.path.poses) != 1:
-                raise
-            return None, settings
+        path = read_object_path(goal.path, goal.speed, goal.turn_rate, self.robot, smooth, here)
         return path, settings
 
     def _begin(self, asked: tuple[ObjectPath | None, TrackingSettings]) -> None:
@@ -178,7 +166,7 @@ class PathFollower(ManagedNode):
             self._end(_find_outcome(error), str(error))
 
     def _refuse(self, error: IsotrussError) -> FollowObjectPath.Result:
-        return to_path_result(_find_outcome(error), str(error), None, None)
+        return _to_result(_find_outcome(error), str(error))
 
     def _end(self, outcome: PathOutcome, message: str) -> None:
         """Publish a zero twist, and the result of the goal if there is one."""
@@ -186,7 +174,7 @@ class PathFollower(ManagedNode):
             return
         self._waiting = None
         self._publish_twist(np.zeros(3))
-        result = to_path_result(outcome, message, self._servo.tracker, self._last)
+        result = _to_result(outcome, message, self._servo.tracker, self._last)
         self._goal.report_end(outcome, ENDINGS, result, 'no path to follow')
 
     # -- The cycle --
@@ -194,7 +182,7 @@ class PathFollower(ManagedNode):
     def _step(self, now: float) -> None:
         if not self._goal.active:
             return
-        if (loss := self._goal.find_loss(self._servo.timeout)) is not None:
+        if (loss := self._goal.client.find_loss(self._servo.timeout)) is not None:
             self._end(PathOutcome.STOPPED, loss)
             return
         if self._waiting is not None:
@@ -209,7 +197,8 @@ class PathFollower(ManagedNode):
             self._end(step.outcome, step.message)
             return
         self._publish_twist(step.twist)
-        self._goal.publish_feedback(lambda: to_path_feedback(step.tracking))
+        feedback = {name: getattr(step.tracking, name) for name in FEEDBACK}
+        self._goal.publish_feedback(lambda: FollowObjectPath.Feedback(**feedback))
         self.diagnostics.set_status(DiagnosticStatus.OK, step.tracking.phase.name.lower())
 
     def _abort_on_stopped_clock(self, now: float) -> None:
@@ -221,6 +210,21 @@ class PathFollower(ManagedNode):
 def _find_outcome(error: IsotrussError) -> PathOutcome:
     """Return the outcome of a goal after an error: a missing input, or an infeasible path."""
     return PathOutcome.STOPPED if isinstance(error, InputError) else PathOutcome.BAD_GOAL
+
+
+def _to_result(
+    outcome: PathOutcome,
+    message: str,
+    tracker: PathTracker | None = None,
+    last: Tracking | None = None,
+) -> FollowObjectPath.Result:
+    """Return the result of a goal; errors are NaN before the first cycle on the path."""
+    errors = {
+        name: math.nan if last is None else getattr(source, name)
+        for source, names in ((last, LAST_ERRORS), (tracker, TRACKED_ERRORS))
+        for name in names
+    }
+    return FollowObjectPath.Result(code=int(outcome), message=message, **errors)
 
 
 def _read_status(message: ManipulationStatus) -> ServoFeedback:
@@ -237,16 +241,13 @@ def _check_path(
     positions, or if the object is not held at the start of the path, nothing is checked, because a
     pushed object has no slip margin.
     """
-    try:
-        (state,) = require_fresh(now, servo.timeout, joint_states=servo.rollers)
-    except InputError:
+    state = find_fresh(now, servo.timeout, servo.rollers)
+    if state is None:
         return
-    record = None
-    with contextlib.suppress(InputError):
-        record = require_fresh(now, servo.timeout, held_grip=servo.held_grip)[0].value
+    record = find_fresh(now, servo.timeout, servo.held_grip)
     body = common.read_body(values)
     friction = values.friction if body.friction is None else body.friction
-    config = robot.configuration(state.value.positions)
+    config = robot.configuration(state.positions)
     try:
         here = body.moved_to(path.poses[0])
         found = foresee_grip(config, here, friction, path.poses, record)

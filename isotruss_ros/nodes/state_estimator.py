@@ -92,7 +92,7 @@ class StateEstimatorNode(ManagedNode):
         self.inputs.keep_encoders(take=self._take_encoders)
         self.inputs.keep_object_pose(take=self._take_pose, oldest=HISTORY_DURATION)
         self.inputs.keep_joint_markers(take=self._take_markers, oldest=HISTORY_DURATION)
-        self.inputs.keep_tube_pressures(lambda: self.values.ambient_pressure)
+        self.inputs.keep_tube_pressures()
         self._begin()
         self._estimates = self.create_lifecycle_publisher(
             StateEstimateMessage, 'state_estimate', RELIABLE
@@ -142,8 +142,7 @@ class StateEstimatorNode(ManagedNode):
     def _apply(self) -> None:
         """Set the object that the parameters describe between the grasping members."""
         values = self.values
-        self.timeout, self.pressure_timeout = values.command_timeout, values.pressure_timeout
-        members = common.select_grip(self.robot, values.grip, values.grip_module)
+        members = common.select_grip(self.robot, values)
         grip = Grip(members, common.read_body(values))
         if grip != self._estimator.grip:
             self._estimator.grip = grip
@@ -172,7 +171,7 @@ class StateEstimatorNode(ManagedNode):
     def _take_pressures(self, now: float) -> str:
         """Use measured pressures in the model; return the reason if the last ones remain."""
         try:
-            found = fresh_pressures(now, self.pressure_timeout, self.pressures)
+            found = fresh_pressures(now, self.values.pressure_timeout, self.pressures)
         except InputError as error:
             return str(error)
         self._estimator.take_pressures(found)
@@ -192,7 +191,7 @@ class StateEstimatorNode(ManagedNode):
         stale = self._take_pressures(now)
         self._take_waiting()
         try:
-            require_fresh(now, self.timeout, joint_states=self.rollers)
+            require_fresh(now, self.values.command_timeout, joint_states=self.rollers)
             estimate = self._estimator.estimate()
         except IsotrussError as error:
             bad = self.rollers is not None

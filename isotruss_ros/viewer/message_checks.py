@@ -37,13 +37,16 @@ def read_travel(message: Any, names: tuple[str, ...]) -> dict[str, float]:
     """
     if len(message.name) != len(message.position):
         raise PictureError(
-            f'joint states: {len(message.position)} positions for {len(message.name)} names'
+            f'joint states: {len(message.position)} positions for {len(message.name)} names; '
+            'must be as many'
         )
     measured = dict(zip(message.name, map(float, message.position), strict=True))
     travel = {name: measured[name] for name in names if name in measured}
     for name, value in travel.items():
         if not abs(value) <= MAX_DISTANCE:  # excludes NaN
-            raise PictureError(f'joint states: {name} at {value} m')
+            raise PictureError(
+                f'joint states: {name} at {value} m: must be finite, at most {MAX_DISTANCE:g} m'
+            )
     return travel
 
 
@@ -65,7 +68,7 @@ def check_pose(pose: Pose) -> None:
     :raises PictureError: a number is not finite or out of range.
     """
     if not all(abs(value) <= MAX_DISTANCE for value in pose):  # excludes NaN
-        raise PictureError(f'object pose: {tuple(pose)}')
+        raise PictureError(f'object pose {tuple(pose)}: must be finite, at most {MAX_DISTANCE:g}')
 
 
 def check_state(message: Any, members: int) -> None:
@@ -81,7 +84,9 @@ def check_state(message: Any, members: int) -> None:
     if message.code < MIN_CODE_WITHOUT_RESULT and (len(used) != members or np.isnan(used).any()):
         raise PictureError(f'grasp state: utilisation of {len(used)} members: must be {members}')
     if len(message.slip_direction) != 3:
-        raise PictureError(f'grasp state: slip direction of {len(message.slip_direction)} numbers')
+        raise PictureError(
+            f'grasp state: slip_direction has {len(message.slip_direction)} numbers; must be 3'
+        )
 
 
 def check_status(message: Any) -> None:
@@ -92,7 +97,7 @@ def check_status(message: Any) -> None:
     :raises PictureError: the status code is unknown.
     """
     if message.code not in tuple(Status):
-        raise PictureError(f'manipulation status: code {message.code}')
+        raise PictureError(f'manipulation status: code {message.code} is unknown')
 
 
 def read_line(marker: Any) -> Array:
@@ -105,9 +110,9 @@ def read_line(marker: Any) -> Array:
     points = np.array([(p.x, p.y, p.z) for p in marker.points], dtype=float).reshape(-1, 3)
     what = f'markers: {marker.ns} {marker.id}'
     if not (np.abs(points) <= MAX_DISTANCE).all():
-        raise PictureError(f'{what}: a point is not finite, or beyond {MAX_DISTANCE:g} m')
+        raise PictureError(f'{what}: points must be finite, at most {MAX_DISTANCE:g} m away')
     if len(points) % GROUPS[marker.ns]:
         raise PictureError(f'{what}: {len(points)} points: must be groups of {GROUPS[marker.ns]}')
     if marker.ns == DEFORMED and not np.linalg.norm(np.diff(points, axis=0), axis=1).any():
-        raise PictureError(f'{what}: a line without length')
+        raise PictureError(f'{what}: the line has no length')
     return points

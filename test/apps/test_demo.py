@@ -10,10 +10,9 @@ from geometry_msgs.msg import Point
 from isotruss_msgs.msg import PlannedGrasp, StateEstimate
 from isotruss_ros.core import load_robot, Pose
 from isotruss_ros.demo import processes, view
-from isotruss_ros.demo import run as demo
 from isotruss_ros.demo.figures import animate, draw_panels, FRAMES_PER_SECOND, SPEED_UP
 from isotruss_ros.demo.film import film
-from isotruss_ros.demo.gripping import is_sure, slow_down, SURE
+from isotruss_ros.demo.gripping import slow_down
 from isotruss_ros.demo.path import figure_9
 from isotruss_ros.demo.record import PhaseRecord, Snapshot
 from isotruss_ros.demo.run import OBJECT_CENTER, OBJECT_DIAMETER, PULL
@@ -93,26 +92,6 @@ def test_frames_show_states_path_and_pull(tmp_path):
     assert pull[1] > pull[0] + 50
 
 
-def test_the_picture_shows_the_robot_that_runs(monkeypatch, tmp_path):
-    seen = []
-
-    def play(_options, robot, _console):
-        seen.append(load_robot(robot))
-        return [], None
-
-    def draw(robot, *_, paper_model):
-        seen.append(robot)
-        assert paper_model
-
-    for name in ('require_egl', 'film', 'plan_table', 'motion_table', 'grasp_table'):
-        monkeypatch.setattr(demo, name, lambda *_: '')
-    monkeypatch.setattr(demo, '_play', play)
-    monkeypatch.setattr(demo, 'draw_panels', draw)
-    demo.run(['--plant', 'mujoco', '--output', str(tmp_path)])
-    ran, drawn = seen
-    assert drawn.description == ran.description != ROBOT.description
-
-
 def test_a_slower_path_to_a_grasp_touches_at_the_same_point():
     path = to_trajectory_message(ROBOT, [[0.0] * 6, [0.01] * 6, [0.02] * 6], [0.0, 0.7, 1.9])
     grasp = PlannedGrasp(path=path, touch=path.points[1].time_from_start)
@@ -152,13 +131,6 @@ def test_a_signal_while_nodes_are_started_leaves_none_behind(monkeypatch, tmp_pa
 def test_the_faults_of_real_sensors_are_parameters_of_the_simulator():
     names = {spec.name for spec in simulator.SPECS}
     assert set(REAL_SENSORS) <= names
-
-
-@pytest.mark.parametrize(('share', 'sure'), [(0.9, True), (1.1, False)])
-def test_zeros_are_known_when_the_least_sure_of_them_is(share, sure):
-    covariance = np.diag([0.0, (share * SURE) ** 2]).ravel().tolist()
-    assert is_sure([StateEstimate(offsets=[0.0, 0.0], offset_covariance=covariance)]) == sure
-    assert not is_sure([])
 
 
 def test_the_table_of_the_truth_has_the_errors_of_squeeze_joints_and_pose():

@@ -63,14 +63,3 @@ def test_a_domain_is_free_again_after_its_process_was_killed():
         process.wait()
         with contextlib.closing(domains.lock_domain(40)) as own:
             assert own.number == taken
-
-
-@pytest.mark.usefixtures('own_locks')
-def test_domains_are_locked_once_each_and_then_refused():
-    with contextlib.ExitStack() as stack:
-        locks = [domains.lock_domain(10**6) for _ in domains.DOMAINS]
-        for lock in locks:
-            stack.callback(lock.close)
-        assert sorted(lock.number for lock in locks) == list(domains.DOMAINS)
-        with pytest.raises(domains.DomainError, match='1 to 101'):
-            domains.lock_domain(1)

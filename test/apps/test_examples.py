@@ -7,6 +7,7 @@ import json
 from pathlib import Path
 import runpy
 
+from nightly import some_now
 import notebooks
 import pytest
 
@@ -45,7 +46,13 @@ def test_there_are_enough_and_each_is_short():
         assert len(code.splitlines()) < limit, path
 
 
-@pytest.mark.parametrize('name', CORE_EXAMPLES)
+#: With processes of its own, as a test of the sweep has them.
+SLOW = 'grasps_in_processes'
+
+
+@pytest.mark.parametrize(
+    'name', some_now(sorted(CORE_EXAMPLES, key=SLOW.__eq__), len(CORE_EXAMPLES) - 1)
+)
 def test_example_runs(name, capsys, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)  # where some write a picture
     runpy.run_path(str(EXAMPLES / f'{name}.py'), run_name='__main__')

@@ -81,18 +81,6 @@ def test_a_mode_that_the_beam_misses_is_named(tmp_path, capsys):
     assert 'the beam misses' not in run(capsys, scattered)[1]
 
 
-def test_fitted_tube_is_usable_in_the_whole_workspace_of_a_robot(tmp_path, capsys):
-    """What the paper's nine pressures and lengths give works from min_length to max_length."""
-    rows = points(InflatableBeam(RADIUS), scatter=0.1, noise=0.01, trials=5, seed=1)
-    _, out, _ = run(capsys, write(tmp_path, rows))
-    lengths = np.linspace(0.25, 2.0, 50)
-    for pressure in (10e3, 34.5e3, 100e3):
-        fitted = accepted(out).section_stiffness(lengths, pressure)
-        theory = InflatableBeam(RADIUS).section_stiffness(lengths, pressure)
-        for value, expected in zip(fitted, theory, strict=True):
-            assert value == pytest.approx(expected, rel=0.15)
-
-
 def grid():
     """Return modes, lengths and pressures of all groups of the paper."""
     modes, pressures, lengths = np.meshgrid(range(3), PRESSURES, LENGTHS, indexing='ij')
@@ -148,18 +136,8 @@ def test_a_constant_that_does_not_act_is_not_bounded():
 
 def test_constants_that_change_together_are_refused_by_name():
     modes, lengths, pressures = np.array([0, 0, 0, 1]), np.full(4, 0.5), np.full(4, 3e4)
-    with pytest.raises(MeasurementError, match='cannot be told apart by these points'):
+    with pytest.raises(MeasurementError, match='cannot be distinguished by these points'):
         fit_beam(modes, lengths, pressures, np.array([900.0, 910.0, 890.0, 300.0]), RADIUS)
-
-
-def test_constant_that_no_robot_file_takes_is_refused(tmp_path, capsys):
-    huge = InflatableBeam(RADIUS, 1e13, 1e13, 1e9)
-    rows = [[*HEADER, 'trial']]
-    for row in points(huge)[1:]:
-        rows.append([*row[:3], row[3] * 1e-9, row[4] * 1e-9, row[5]])
-    code, _, err = run(capsys, write(tmp_path, rows))
-    assert code == 1
-    assert 'is no number that a robot file takes; are the units SI?' in err
 
 
 # -- Power laws, beside it --
@@ -309,14 +287,8 @@ def test_a_group_that_is_off_the_others_is_named(tmp_path):
             "mode 'axal': must be one of axial, transverse, rotary, interference",
         ),
         (['axial', 3e4, 0.5, 0.01], '4 values for 5 columns'),
-        (['axial', 3e4, 0.5, 0.01, 1.0, 2.0], '6 values for 5 columns'),
         (['axial', 3e4, 0.5, 'nan', 1.0], "displacement 'nan': must be finite, at most 1e+12"),
-        (['axial', 3e4, 0.5, 0.01, '-inf'], "load '-inf': must be finite, at most 1e+12"),
-        (['axial', 3e4, 0.5, 0.01, '1e300'], "load '1e300': must be finite, at most 1e+12"),
-        (['axial', 3e4, 0.5, 0.01, ''], "load '': must be a number"),
         (['axial', 3e4, 0.5, '0,01', 1.0], "displacement '0,01': must be a number"),
-        (['axial', 0, 0.5, 0.01, 1.0], "pressure '0': must be positive, at least 1e-12"),
-        (['axial', 3e4, -0.5, 0.01, 1.0], "length '-0.5': must be positive, at least 1e-12"),
         (
             ['axal', 0, 0.5, 0.01, 1.0],
             "interference; pressure '0': must be positive, at least 1e-12",
@@ -331,27 +303,6 @@ def test_row_that_is_wrong_is_named_and_counted(row, reason, tmp_path, capsys):
     assert code == 0
     assert '2 of 326 rows not used' in out
     assert f'{reason}: 2, line 6-7' in out
-    assert constants(accepted(out)) == pytest.approx(list(CONSTANTS.values()), rel=1e-6)
-
-
-def test_group_without_a_slope_is_named_and_the_rest_is_fitted(tmp_path, capsys):
-    rows = points()
-    rows += [
-        ['axial', 4e4, 0.5, 0.01, 10.0, 0],
-        ['axial', 4e4, 0.5, 0.02, 20.0, 1],
-        ['rotary', 4e4, 0.5, 0.1, -1.0, 0],
-        ['rotary', 4e4, 0.5, 0.2, -2.0, 0],
-        # One trial of two points gives a slope; the other has one point and adds nothing.
-        ['axial', 5e4, 0.5, 0.0, 0.0, 0],
-        ['axial', 5e4, 0.5, 0.02, 0.02 * stiffness('axial', 0.5, 5e4), 0],
-        ['axial', 5e4, 0.5, 0.02, 99.0, 1],
-    ]
-    code, out, _ = run(capsys, write(tmp_path, rows))
-    assert code == 0
-    assert '5 of 331 rows not used' in out
-    assert 'axial, 40000 Pa, 0.5 m: no trial has two displacements' in out
-    assert 'rotary, 40000 Pa, 0.5 m: slope -10: must be positive' in out
-    assert 'the only displacement of its trial in the linear range; a slope needs two: 1' in out
     assert constants(accepted(out)) == pytest.approx(list(CONSTANTS.values()), rel=1e-6)
 
 
@@ -375,34 +326,6 @@ def test_fit_that_the_points_cannot_carry_is_refused_with_what_is_missing(case, 
     assert code == 1
     assert f'no block for the robot file: {wanted}' in err
     assert 'stiffness:' not in out
-
-
-NO_LAW = {
-    'one pressure': (
-        lambda row: row[1] == 34.5e3 or row[0] != 'axial',
-        ['mode axial: exponent a needs points at two or more pressures, found only 34500 Pa'],
-    ),
-    'one length': (
-        lambda row: row[2] == 0.508 or row[0] != 'rotary',
-        ['mode rotary: exponent b needs points at two or more lengths, found only 0.508 m'],
-    ),
-    'together': (
-        lambda row: PRESSURES.index(row[1]) == LENGTHS.index(row[2]) and row[2] != 0.762,
-        ['pressure and length change together'],
-    ),
-    'no mode': (lambda row: row[0] != 'rotary', ['mode rotary: no points that can be used']),
-}
-
-
-@pytest.mark.parametrize('case', NO_LAW)
-def test_beam_is_fitted_where_a_power_law_is_not(case, tmp_path, capsys):
-    keep, wanted = NO_LAW[case]
-    header, *rows = points()
-    code, out, _ = run(capsys, write(tmp_path, [header, *filter(keep, rows)]))
-    assert code == 0
-    for part in wanted:
-        assert part in out, out
-    assert constants(accepted(out)) == pytest.approx(list(CONSTANTS.values()), rel=1e-5)
 
 
 def test_figure_block_and_foreign_columns(tmp_path, capsys):
@@ -431,7 +354,6 @@ def test_figure_block_and_foreign_columns(tmp_path, capsys):
 BAD_FILES = {
     'missing': (None, 'cannot be read: No such file'),
     'empty': (b'', "the first line is ''"),
-    'other header': (b'a;b\n1;2\n', "the first line is 'a;b'"),
     'column twice': (b'mode,pressure,length,displacement,load,load\n', 'once, and maybe trial'),
     'only a header': (b'mode,pressure,length,displacement,load\n', 'no points below the header'),
     'picture': (b'\x89PNG\r\n\x1a\n\x00\x00', 'byte 0: not UTF-8 text'),
@@ -486,23 +408,6 @@ def test_names_of_trials_cost_what_they_are_long(tmp_path):
     assert sorted(number for number, _ in pairs) == list(range(8))
 
 
-@pytest.mark.parametrize(
-    'option',
-    [
-        ['--max-displacement', '0.1'],
-        ['--max-displacement', 'axial=-1'],
-        ['--tolerance', 'none'],
-        ['--colour', 'red'],
-    ],
-    ids=' '.join,
-)
-def test_bad_option_is_refused_with_what_is_right(option, tmp_path, capsys):
-    with pytest.raises(SystemExit) as caught:
-        main(['points.csv', *option])
-    assert caught.value.code == 2
-    assert option[0] in capsys.readouterr().err
-
-
 cells = strategies.sampled_from(
     [
         *MODES,
@@ -542,10 +447,3 @@ def test_mutated_file_is_fitted_or_refused(data):
     if analysis.fitted is not None:
         assert np.isfinite(analysis.fitted.constants).all()
         assert min(analysis.fitted.constants) > 0.0
-
-
-def test_stiffness_that_does_not_vary_has_no_r_squared():
-    p, L = np.array([1e4, 1e4, 2e4, 2e4]), np.array([0.5, 1.0, 0.5, 1.0])
-    fitted = fit_law(p, L, np.full(4, 4.0))
-    assert fitted.law == pytest.approx(Law(4.0, 0.0, 0.0), abs=1e-9)
-    assert np.isnan(fitted.r_squared)

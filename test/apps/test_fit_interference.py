@@ -55,13 +55,13 @@ def test_loads_without_noise_give_the_factor_back(factor):
 def test_noisy_loads_have_the_factor_in_their_interval():
     rng = np.random.default_rng(4)
     exact, inside = loads(1.7), 0
-    for _ in range(3):
+    for _ in range(2):
         noisy = exact * np.exp(0.02 * rng.standard_normal(len(exact)))
         found = fit_local_stiffness(presses(noisy), TUBE)
         inside += found.low < 1.7 < found.high
         # The curvature of the squares gives the same interval, where they are a parabola.
         assert np.sqrt(found.low * found.high) == pytest.approx(found.value, rel=1e-3)
-    assert inside >= 2
+    assert inside == 2
 
 
 def test_loads_that_do_not_depend_on_it_are_refused():
@@ -83,12 +83,6 @@ def test_loads_beyond_wrinkling_are_refused():
                 fit_local_stiffness(presses(values), TUBE)
         else:
             assert fit_local_stiffness(presses(values), TUBE).count == len(CASES)
-
-
-def test_two_points_are_too_few():
-    two = Presses(*np.array(CASES[:2]).T, loads(1.0)[:2])
-    with pytest.raises(MeasurementError, match='2 points'):
-        fit_local_stiffness(two, TUBE)
 
 
 def file_rows(values):
@@ -139,9 +133,3 @@ def test_invalid_rows_are_named(row, complaint, tmp_path):
     assert len(found.presses.loads) == 0
     (reason,) = found.unused
     assert complaint in reason
-
-
-def test_interference_needs_the_column_of_the_diameter(tmp_path):
-    found = read_measurements(write(tmp_path, [HEADER, ['interference', 3e4, 0.5, 0.01, 1.0]]))
-    (reason,) = found.unused
-    assert 'needs a column diameter' in reason

@@ -11,17 +11,15 @@ import struct
 
 from hypothesis import given
 from hypothesis import strategies as st
-from isotruss_msgs.msg import GraspState, ManipulationStatus
 from isotruss_ros.core import load_robot
 from isotruss_ros.core.errors import ConfigurationError
-from isotruss_ros.nodes.conversions.message_text import schema_text, type_name
+from isotruss_ros.nodes.conversions.message_text import schema_text
 from isotruss_ros.viewer.message_checks import PictureError
 from isotruss_ros.viewer.picture import Picture
 import numpy as np
 import pytest
 from robots import examples
 from sensor_msgs.msg import JointState
-from visualization_msgs.msg import MarkerArray
 
 pytestmark = pytest.mark.skipif(
     not all(map(importlib.util.find_spec, ('mcap', 'rosbags', 'viser'))),
@@ -154,12 +152,7 @@ HEADER = record_of(1, text_of('ros2'), text_of(''))
 CHUNK = struct.pack('<QQQI', 0, 0, 2**62, 0)
 MADE_UP = {
     'empty': b'',
-    'a part of the magic': MAGIC[:3],
-    'only magic': MAGIC,
-    'twice magic': 2 * MAGIC,
     'a text': b'rosbag2_bagfile_information:\n  version: 5\n',
-    'no records': MAGIC + HEADER,
-    'zeros': MAGIC + HEADER + bytes(10_000),
     'a length beyond all memory': MAGIC + HEADER + b'\x06' + struct.pack('<Q', 2**62),
     'a chunk beyond all memory': MAGIC
     + HEADER
@@ -190,8 +183,6 @@ def test_a_made_up_file_is_refused(tmp_path, kind):
     'changes',
     [
         {'text': 'no definition at all ]['},
-        {'text': 'float64[] position\nOther[] others\n'},
-        {'text': f'{JOINT_STATE} again\n'},
         {'text': schema_text(JointState).replace('MSG: ', 'MSG: a/b/')},
         {'encoding': 'protobuf'},
         {'name': 'std_msgs/msg/String', 'text': 'string data'},
@@ -239,16 +230,6 @@ def test_replay_plays_what_is_readable_and_says_in_one_line_where_it_ends(tmp_pa
     assert line.startswith(f'replay: {path} ends after ')
 
 
-def test_replay_of_a_recording_that_holds_nothing_is_refused_in_one_line(tmp_path, capsys):
-    from isotruss_ros.cli import replay
-
-    path = tmp_path / 'short.mcap'
-    path.write_bytes(MAGIC)
-    assert replay.main([str(path), '--once', '--port', '0']) == 1
-    (line,) = capsys.readouterr().err.splitlines()
-    assert line.startswith(f'replay failed: {path}: holds no complete message')
-
-
 def test_a_page_that_is_written_names_no_server(tmp_path, capsys):
     from isotruss_ros.cli import replay
 
@@ -256,16 +237,6 @@ def test_a_page_that_is_written_names_no_server(tmp_path, capsys):
     path.write_bytes(whole('ZSTD'))
     assert replay.main([str(path), '--page', str(page)]) == 0
     assert capsys.readouterr() == (f'written: {page}\n', '')
-
-
-def test_schemas_are_read_without_ros():
-    from rosbags.typesys import get_types_from_msg
-
-    for kind in (JointState, GraspState, ManipulationStatus, MarkerArray):
-        first = schema_text(kind).split('=' * 80)[0]
-        name = type_name(kind)
-        fields = get_types_from_msg(first, name)[name][1]
-        assert [field for field, _ in fields] == list(kind.get_fields_and_field_types())
 
 
 def test_a_recording_moves_a_picture_as_the_robot_moved(tmp_path):

@@ -86,7 +86,6 @@ def test_example_of_the_docs_runs(client, capsys):
         ('x,y,diameter\n1,2,-3\n', [], "row 2: the object's diameter -3.0 m: must be positive"),
         ('', [], 'no objects below the header'),
         ('x,y,diameter\n1,2,3\n', ['--friction', '-1'], 'friction'),
-        ('x,y,diameter\n1,2,3\n', ['--output', '/nowhere/at/all.csv'], '/nowhere'),
     ],
 )
 def test_wrong_input_is_refused_before_the_sweep(table, options, words, tmp_path, capsys):

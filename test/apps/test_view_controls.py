@@ -94,15 +94,6 @@ def test_a_drag_that_a_frozen_browser_sends_later_does_not_count(frozen):
     assert frozen.control == Control()
 
 
-def test_a_browser_that_gives_signs_of_life_keeps_control_and_target():
-    with contextlib.closing(Session(2.0)) as s:
-        s.browser.drag('handle', 'start', 0.1, 0.0)
-        s.until(lambda: s.control.drag is not None)
-        end = time.monotonic() + 4.0
-        s.until(lambda: time.monotonic() > end)
-        assert s.control.drag is not None
-
-
 def test_a_drag_under_a_latched_stop_does_not_count(session):
     session.browser.drag('handle', 'start', 0.1, 0.0)
     session.until(lambda: session.control.drag is not None)
@@ -152,18 +143,3 @@ def test_a_drag_to_no_place_does_not_count(session, place):
 def test_a_request_that_no_control_makes_is_refused(name, value):
     with pytest.raises(RequestError, match=f'{name}: .* from a browser: must be '):
         check_request(name, value, CHOICES)
-
-
-@pytest.mark.parametrize(
-    ('name', 'value'),
-    [
-        ('friction', 1.5),
-        ('fx', -20),
-        ('dragged', 'Q'),
-        ('plant', 'mujoco'),
-        ('stop', 0.0),
-        ('target', (False, (0.0, 0.0), (1.0, -1.0))),
-    ],
-)
-def test_a_request_of_a_control_is_taken(name, value):
-    check_request(name, value, CHOICES)

@@ -168,7 +168,7 @@ def far_pose():
         (
             'markers',
             MarkerArray(markers=[Marker(ns='deformed', points=[Point()] * 4)]),
-            'a line without length',
+            'the line has no length',
         ),
     ],
 )

@@ -18,28 +18,13 @@ from isotruss_ros.viewer.drag import (
     PROGRESS,
     REACHED,
 )
-from isotruss_ros.viewer.meshes import CORNERS, prism, tube_faces, tube_vertices
-from isotruss_ros.viewer.picture import MESSAGE_TIMEOUT, Picture, trim_start
+from isotruss_ros.viewer.meshes import prism
+from isotruss_ros.viewer.picture import MESSAGE_TIMEOUT, Picture
 import numpy as np
 import pytest
 from visualization_msgs.msg import Marker, MarkerArray
 
 ROBOT = load_robot('nine_member')
-
-
-def test_a_tube_is_closed_around_its_line_and_as_wide_as_its_diameter():
-    line = np.array([0.0, 0.5 + 0.0j, 1.0])
-    vertices = tube_vertices(line, 0.1, 28).reshape(28, CORNERS, 3)
-    radius = np.linalg.norm(vertices[:, :, 1:], axis=2)
-    assert radius[14] == pytest.approx(0.05)
-    assert radius[0] == pytest.approx(0.15 * 0.05)
-    assert radius.max() <= 0.05 + 1e-12
-    assert vertices[:, 0, 0] == pytest.approx(np.sort(vertices[:, 0, 0]))
-    edges = np.sort(tube_faces(28)[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-    _, count = np.unique(edges, axis=0, return_counts=True)
-    # Two triangles at every edge but those of the two open ends.
-    assert (count == 1).sum() == 2 * CORNERS
-    assert set(count) == {1, 2}
 
 
 def test_a_prism_is_closed_and_shows_its_faces_outward():
@@ -117,13 +102,6 @@ def test_a_turn_goes_the_shorter_way_and_not_faster_than_allowed(begin, end):
     assert abs(angle - begin) <= math.pi
 
 
-def test_a_turn_goes_on_beyond_a_whole_one():
-    way = 0.0
-    for angle in np.linspace(0.0, 10.0, 50):
-        way, _ = place_on_circle(angle, way)
-    assert way == pytest.approx(10.0 * LEVER_LENGTH)
-
-
 def test_the_handle_that_was_not_grabbed_does_not_move_the_target():
     control = Control(1)
     control.drag_to((0.5, 0.0), True, 0.0, turns=True)
@@ -180,14 +158,6 @@ def test_what_the_analysis_deletes_is_drawn_no_more():
     for left, deletion in zip((1, 0), deletions, strict=True):
         picture.receive_markers(MarkerArray(markers=[deletion]), 0.0)
         assert len(picture.select_lines('deformed', 0.0)) == left
-
-
-def test_a_curve_begins_where_it_is_known():
-    time, values = np.arange(4.0), np.array([np.nan, 1.0, np.nan, 2.0])
-    shown = trim_start(time, values)
-    assert shown[0].tolist() == [1.0, 2.0, 3.0]
-    assert np.array_equal(shown[1], values[1:], equal_nan=True)
-    assert all(len(part) == 2 for part in trim_start(time, np.full(4, np.nan)))
 
 
 def tell(picture, code, now=0.0, **values):

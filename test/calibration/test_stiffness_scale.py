@@ -60,7 +60,7 @@ def test_the_scale_of_the_file_is_taken_in():
 
 
 @needs_mujoco
-@pytest.mark.parametrize('scale', [0.6, 1.0, 1.5])
+@pytest.mark.parametrize('scale', [0.6, 1.5])
 def test_ten_newtons_at_the_top_tell_the_scale_of_mujocos_tubes_to_five_percent(scale):
     plant = MujocoPlant(make_robot(stiffness=scale), [], PlantOptions())
     plant.settle(2.0)
@@ -75,7 +75,7 @@ def test_ten_newtons_at_the_top_tell_the_scale_of_mujocos_tubes_to_five_percent(
 
 
 def test_too_weak_a_pull_is_refused():
-    with pytest.raises(MeasurementError, match='too little to tell; pull harder'):
+    with pytest.raises(MeasurementError, match='too small; pull harder'):
         calibrate_stiffness(ROBOT.home, PULL, joints(ROBOT.home.nodes), pulled(60.0), 1e-3)
 
 

@@ -57,20 +57,6 @@ def test_is_forgotten_where_the_clock_ran_back_or_nothing_came_for_long(now):
     assert not sent.travel(9.0, 11.0, np.zeros(COUNT)).any()
 
 
-def test_remembers_as_long_as_is_wanted_and_grows_no_further():
-    rng = np.random.default_rng(0)
-    sent, everything = CommandHistory(COUNT), CommandHistory(COUNT)
-    for k in range(2000):
-        now, speeds = 5.0 + 1e-3 * k, rng.uniform(-0.1, 0.1, COUNT)
-        sent.discard_old(now, 0.2)
-        for one in (sent, everything):
-            one.record(now, speeds)
-        begin = max(now - 0.2, 5.0)
-        expected = everything.travel(begin, now, np.zeros(COUNT))
-        assert sent.travel(begin, now, np.ones(COUNT)) == pytest.approx(expected, abs=1e-12)
-    assert len(sent._travel.values) <= 202
-
-
 def test_a_timeline_is_even_between_its_times_and_a_later_word_counts():
     known = Timeline()
     for time, value in ((0.0, 0.0), (1.0, 1.0), (2.0, 5.0), (3.0, 9.0), (2.0, 3.0)):

@@ -3,8 +3,6 @@
 
 """Numbers that are not finite, or of no size that there is, are refused in words."""
 
-from functools import partial
-
 from isotruss_ros.calibration.home import calibrate_home
 from isotruss_ros.calibration.home_fit import Posture
 from isotruss_ros.calibration.oscillation import fit_oscillation
@@ -66,15 +64,3 @@ def test_numbers_without_sense_are_refused(what, value):
 def test_homes_need_measured_joints(postures):
     with pytest.raises(IsotrussError, match='joints none: must be'):
         calibrate_home(ROBOT, postures)
-
-
-@pytest.mark.parametrize('rates', [(5e-324, 0.5), (0.05, 5e-324)])
-def test_paths_that_never_end_are_refused(rates):
-    with pytest.raises(IsotrussError, match='must be at most 86400 s'):
-        ObjectPath([(0, 0, 0), (0.1, 0, 1.0)], *rates)
-
-
-def test_messages_show_numbers_and_no_arrays():
-    refused = partial(reach_pose, HOME, GRIP)
-    with pytest.raises(IsotrussError, match=r'\[-inf, 0.0, 0.0\]: must be 3 finite numbers'):
-        refused(np.array([-np.inf, 0.0, 0.0]))

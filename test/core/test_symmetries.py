@@ -414,7 +414,7 @@ PROPERTIES = {
         if change not in but
     ],
 )
-@examples(60)
+@examples(40)
 @given(seed=strategies.integers(0, 2**32 - 1))
 def test_results_depend_on_no_frame_order_or_unit(find, change, seed):
     case = random_case(seed)

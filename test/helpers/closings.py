@@ -12,8 +12,6 @@ import functools
 import itertools
 
 from isotruss_ros.core import ConvexObject, load_robot
-from isotruss_ros.core.manipulation.limits import MemberLengthLimit, RollerSpeedLimit
-from isotruss_ros.core.planning.closing import Closing
 import numpy as np
 import robots
 
@@ -59,51 +57,6 @@ def gaps(config, body):
     )
 
 
-def rigidity(config):
-    """Return the least singular value of the scaled matrix of (12), against home."""
-    return least_singular_value(config) / _least_at_home(config.robot)
-
-
-def scaled_matrix(config):
-    """Return the matrix of (12), its rows of angles times the rod length."""
-    m, matrix = config.robot.topology.n_modules, config.matrix.copy()
-    matrix[slice(4 * m, 5 * m)] *= config.robot.description.module.rod_length
-    return matrix
-
-
-def least_singular_value(config):
-    """Return the smallest singular value of that matrix."""
-    return np.linalg.svd(scaled_matrix(config), compute_uv=False)[-1]
-
-
-@functools.lru_cache(maxsize=64)
-def _least_at_home(robot):
-    return least_singular_value(robot.home)
-
-
-def clearance(config):
-    """Return the least distance of parts of the robot that must not meet [m]."""
-    begin, end, middle = parts(config)
-    robot = config.robot
-    tube, found = 0.5 * robot.description.tube_diameter, [np.inf]
-    joints = _joints(config)
-    owners = [name.split('/')[1] for name in robot.module_names]
-    for i, module in enumerate(robot.module_names):
-        own, joint = module.split('/')
-        for j, member in enumerate(robot.member_names):
-            other, ends = member.split('/')
-            if own != other or joint not in ends.split('-'):
-                found.append(to_segments(middle[i], begin[j], end[j]) - disc(robot) - tube)
-            if joint not in ends.split('-'):
-                found.append(to_segments(joints[i], begin[j], end[j]) - tube)
-        found += [abs(middle[i] - middle[j]) - 2.0 * disc(robot) for j in range(i)]
-        for j, owner in enumerate(owners):
-            if owner != joint:
-                found.append(to_segments(middle[i], joints[j], middle[j]) - disc(robot))
-                found.append(to_segments(joints[i], joints[j], middle[j]))
-    return min(found)
-
-
 def _joints(config):
     """Return the joint of each module (m,) [m]."""
     place = dict(zip(config.robot.node_names, config.points, strict=True))
@@ -116,17 +69,6 @@ def drive(robot, path, parts=30):
         robot.command((end - begin) / parts)
         for _ in range(parts):
             robot.advance(1.0)
-
-
-def between(path, pieces=4):
-    """Return configurations on a way, with those between its rows, and the row before each."""
-    for row, (one, other) in enumerate(itertools.pairwise(path)):
-        config = one
-        for share in np.arange(pieces) / pieces:
-            goal = one.roller_positions + share * (other.roller_positions - one.roller_positions)
-            config = config.moved_to(goal)
-            yield row, config
-    yield len(path) - 1, path[-1]
 
 
 @functools.lru_cache(maxsize=64)
@@ -155,19 +97,3 @@ def scene(seed):
         if room > 0.05:
             diameter = 2.0 * room * rng.uniform(0.4, 0.9)
             return config, ConvexObject.disc((center.real, center.imag), diameter), tube
-
-
-def closing(config, body, tube, rng, **fields):
-    """Return what is to close: the sides at a module of a tube, sometimes a third one."""
-    topology, file = config.robot.topology, config.robot.description
-    members = np.flatnonzero(topology.tube == tube)
-    module = int(rng.choice(members))
-    sides = (module, int(topology.previous[module]))
-    if rng.random() < 0.3:
-        sides = (*sides, int(rng.choice([i for i in members if i not in sides])))
-    limits = (
-        MemberLengthLimit(file.min_length, file.max_length, 0.5),
-        RollerSpeedLimit(rng.uniform(0.01, 0.1)),
-    )
-    given = {'limits': limits, 'min_rigidity': 0.15} | fields
-    return Closing(body, sides, **given)

@@ -18,6 +18,12 @@ NEAR = 0.42 - 0.24j
 OFF = 0.041
 CORNERS = 0.26 * np.exp(2j * np.pi * np.arange(5) / 5)
 PENTAGON = Polygon(CORNERS.view(float).reshape(-1, 2))
+#: Two corners touch `APART` at this angle; the line between them almost halves the sides' angle.
+ANGLE, DEPTH = -0.5, 0.01
+BOX_FILE = (
+    '{shape: polygon, vertices: [[-0.25, -0.2], [0.25, -0.2], [0.25, 0.2], [-0.25, 0.2]],'
+    ' corner_radius: 0.02, mass: 0.8, friction: 0.9}'
+)
 BOX = Polygon([(-0.25, -0.2), (0.25, -0.2), (0.25, 0.2), (-0.25, 0.2)], corner_radius=0.02)
 #: A triangle's own sides.
 LOOP = ('south/P-Q', 'south/Q-X', 'south/X-P')
@@ -32,6 +38,11 @@ def held(shape, angle, members=APART, depth=0.01, **options):
     """Return how an object is held that is pressed into members."""
     grip = place_between(HOME, members, shape, angle=angle, indentation=depth)
     return attach_grip(HOME, grip.body, numbers(members), **options)
+
+
+def box_between(config=HOME, angle=ANGLE, depth=DEPTH):
+    """Return a grip of the box between the two sides."""
+    return place_between(config, APART, BOX, angle, depth)
 
 
 def sides():

@@ -9,7 +9,6 @@ from types import ModuleType
 
 from builtin_interfaces.msg import Duration
 from isotruss_msgs.action import FollowRollerTrajectory
-from isotruss_msgs.msg import RollerTolerance
 from trajectory_msgs.msg import JointTrajectory, MultiDOFJointTrajectory
 
 #: Fields of the goal, each with what makes its default.
@@ -25,7 +24,7 @@ FIELDS = {
 
 
 class Goal:
-    """A goal of the standard action; `RollerTolerance` has the fields of JointTolerance."""
+    """A goal of the standard action; RollerTolerance has the fields of JointTolerance."""
 
     def __init__(self, **fields):
         for name, make in FIELDS.items():
@@ -37,13 +36,6 @@ class FollowJointTrajectory(FollowRollerTrajectory):
     """Type of the standard action."""
 
     Goal = Goal
-
-
-def tolerance(name, position=0.0, velocity=0.0, acceleration=0.0):
-    """Return the tolerance of a joint."""
-    return RollerTolerance(
-        name=name, position=position, velocity=velocity, acceleration=acceleration
-    )
 
 
 def install(monkeypatch):

@@ -293,11 +293,6 @@ class World(Watched):
             assert self.now < deadline, f'not within {DEADLINE} s'
             self.turn(due)
 
-    def spin(self, duration: float, each: Callable[[], None] = lambda: None) -> None:
-        """Let some time pass."""
-        end = self.now + duration - 1e-9
-        self.until(lambda: self.now >= end, each)
-
     def call(self, name: str, request: Any) -> Any:
         """Return the response of a service, named relative to the root."""
         for node in self.nodes:

@@ -3,19 +3,10 @@
 
 """Matches of a subscription, by which the middleware tells that publishers came and left."""
 
-from typing import NamedTuple
+from types import SimpleNamespace
 
 from rclpy.event_handler import QoSSubscriptionEventType
 from rclpy.node import Node
-
-MATCHED = QoSSubscriptionEventType.RCL_SUBSCRIPTION_MATCHED
-
-
-class Match(NamedTuple):
-    """What the middleware reports."""
-
-    total_count_change: int
-    current_count_change: int
 
 
 def follow(node: Node, topic: str, *events: tuple[int, int]) -> None:
@@ -31,8 +22,10 @@ def follow(node: Node, topic: str, *events: tuple[int, int]) -> None:
         for subscription in node.subscriptions
         if subscription.topic_name == f'/{topic}'
         for handler in subscription.event_handlers
-        if handler.event_type == MATCHED
+        if handler.event_type == QoSSubscriptionEventType.RCL_SUBSCRIPTION_MATCHED
     ]
     assert len(handlers) == 1
     for came, left in events:
-        handlers[0].callback(Match(came, came - left))
+        handlers[0].callback(
+            SimpleNamespace(total_count_change=came, current_count_change=came - left)
+        )

@@ -8,7 +8,6 @@ import contextlib
 from geometry_msgs.msg import PoseStamped
 from isotruss_msgs.action import PlanGrasp
 from isotruss_ros.nodes.grasp_planner import GraspPlanner
-import numpy as np
 from probe import maker
 import psutil
 
@@ -37,25 +36,3 @@ def workers(of=None):
             if 'spawn_main' in ' '.join(child.cmdline()):
                 found.append(child)
     return found
-
-
-def assert_same(found, expected):
-    """Check that a result says to the last digit what a plan says."""
-    assert (found.evaluations, found.analyses) == (expected.evaluations, expected.analyses)
-    assert len(found.grasps) == len(expected.grasps) > 0
-    for one, other in zip(found.grasps, expected.grasps, strict=True):
-        assert one.module == (other.module or '')
-        assert tuple(one.members) == other.members
-        rows = np.array([point.positions for point in one.path.points])
-        assert np.array_equal(rows, other.path)
-        assert np.array_equal(one.roller_positions, other.path[-1])
-        for name in (
-            'score',
-            'closure_margin',
-            'required_friction',
-            'max_contact_force',
-            'total_force',
-            'travel',
-            'rigidity',
-        ):
-            assert getattr(one, name) == getattr(other, name), name

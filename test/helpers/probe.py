@@ -12,9 +12,8 @@ import sys
 import time
 from typing import Any
 
-from action_msgs.msg import GoalInfo
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from geometry_msgs.msg import PoseStamped, Twist, TwistStamped, WrenchStamped
+from geometry_msgs.msg import PoseStamped, Twist, WrenchStamped
 from isotruss_msgs.msg import GraspState, ManipulationStatus
 from isotruss_ros.core import load_robot, Pose, tangent_center
 from isotruss_ros.nodes.conversions.grasp_messages import to_wrench_message
@@ -30,8 +29,6 @@ from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 import numpy as np
 import rclpy
-from rclpy.action import ActionClient
-from rclpy.action.client import ClientGoalHandle
 from rclpy.client import Client
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -196,6 +193,11 @@ class Watched:
     until: Callable[..., None]
     call: Callable[[str, object], Any]
 
+    def spin(self, duration: float, each: Callable[[], None] = lambda: None) -> None:
+        """Let some time pass."""
+        end = time.monotonic() + duration - 1e-9
+        self.until(lambda: time.monotonic() >= end, each)
+
     def release_stop(self) -> object:
         """Release the emergency stop; return the response."""
         return self.call('release_emergency_stop', Trigger.Request())
@@ -294,15 +296,6 @@ class World(Watched):
         )
         return next(future.result() for future in sent if future.done())
 
-    def meet(self, client: ActionClient) -> None:
-        """
-        Wait until a server has discovered a client: it knows no goal that nobody has sent.
-
-        A goal is carried out even where its answer is lost, so it cannot be sent again.
-        """
-        self.until(client.server_is_ready)
-        self.ask(ClientGoalHandle(client, GoalInfo().goal_id, None).get_result_async)
-
     def until(
         self,
         what: Callable[[], bool],
@@ -320,11 +313,6 @@ class World(Watched):
                 each()
                 due = time.monotonic() + period
             self.executor.spin_once(timeout_sec=min(period, 0.005))
-
-    def spin(self, duration: float, each: Callable[[], None] = lambda: None) -> None:
-        """Spin for a while."""
-        end = time.monotonic() + duration
-        self.until(lambda: time.monotonic() >= end, each)
 
     def close(self) -> None:
         """Take everything down."""
@@ -359,13 +347,6 @@ class Manager:
     def restart(self) -> None:
         """Go down to unconfigured, and up to active again."""
         assert all(self.ask(transition) for transition in (*self.DOWN, *self.UP))
-
-
-def stamped(twist: tuple[float, float, float], time_of: float, frame: str = '') -> TwistStamped:
-    """Return a stamped twist."""
-    message = TwistStamped(twist=to_twist_message(twist))
-    message.header = make_header(time_of, frame)
-    return message
 
 
 def begin_context(args: Sequence[str] = ()) -> None:

@@ -18,9 +18,6 @@ from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.servo.squeeze_control import SqueezeControl, SqueezeSettings
 import numpy as np
 
-#: Of a loop that is not regulated, on the pose [1/s].
-GAIN = 2.0
-
 
 class SqueezeLoop:
     """
@@ -36,7 +33,6 @@ class SqueezeLoop:
         force=None,
         more=1.0,
         scale=1.0,
-        regulated=True,
         noise=0.0,
         period=0.02,
         **settings,
@@ -48,7 +44,7 @@ class SqueezeLoop:
         :param scale: stiffness of the plant over that of the model.
         :param noise: standard deviation of the poses [m, rad].
         """
-        self.grip, self.period, self.regulated = grip, period, regulated
+        self.grip, self.period = grip, period
         self.object = ElasticObject(grip.body, grip.friction, stiffness_scale=scale)
         self.plant = SimulatedRobot(config, self.object, RollerFaults())
         self.plant.advance(0.0)
@@ -74,20 +70,17 @@ class SqueezeLoop:
             wanted = (1.0 - np.cos(2.0 * np.pi * (k + 0.5) / count)) * np.array(twist)
             config = self.plant.config
             pose = Pose(*self.plant.object_pose + self.noise * self.rng.standard_normal(3))
-            grip = self.grip.moved_to(pose)
 
-            def solve(twist, opening_rate, config=config, grip=grip):
-                held = self.control.belief.grip if self.regulated else grip
+            def solve(twist, opening_rate, config=config):
+                held = self.control.belief.grip
                 return solve_twist(config, held, twist, opening_rate=opening_rate)
 
             if self.told is not None:
                 self.control.take_offsets(np.zeros(6), self.told())
-            if self.regulated:
-                assert self.control.follow(config, grip, self.period) is HoldStatus.HELD
-                command = self.control.solve(wanted, self.period, solve)
-                self.control.advance(wanted, command)
-            else:
-                command = solve(wanted + GAIN * self.error(), 0.0)
+            grip = self.grip.moved_to(pose)
+            assert self.control.follow(config, grip, self.period) is HoldStatus.HELD
+            command = self.control.solve(wanted, self.period, solve)
+            self.control.advance(wanted, command)
             self.statuses.append(command.status)
             self.plant.command(command.roller_velocities)
             self.plant.advance(self.period)

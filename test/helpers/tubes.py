@@ -5,6 +5,7 @@
 
 from types import SimpleNamespace
 
+from frames import NO_ROWS
 from isotruss_ros.core.statics.cut_frame import CutFrame
 from isotruss_ros.core.statics.frame import Frame
 from isotruss_ros.core.statics.frame_pattern import Members
@@ -28,7 +29,7 @@ def bare(span, axial, flexural, shear):
         none,
     )
     held = np.array([[True] * 3] * 3 + [[False] * 3])
-    frame = Frame(np.array([0.0, span, 1e3, 1e3 + 1.0]), members, held, list('0123'))
+    frame = Frame(np.array([0.0, span, 1e3, 1e3 + 1.0]), members, held, list('0123'), NO_ROWS)
     topology = SimpleNamespace(
         n_modules=1, b=one - 1, c=one, end=one, following=one - 1, previous=one - 1, tube=one - 1
     )
@@ -50,25 +51,6 @@ def robot_with_nodes(structure, members, places):
     return CutFrame(structure.frame, *structure.locate(members, places)[:2])
 
 
-def largest_utilisation(structure, frame, ends):
-    """
-    Return the largest |M| / M_w of each member of a robot in whose tubes points are nodes.
-
-    :param frame: see `robot_with_nodes`.
-    :param ends: (k, 6) forces on the members of that frame, see `FrameState.end_forces`.
-    """
-    robot = structure.config.robot
-    radius, tube = 0.5 * robot.description.tube_diameter, robot.topology.tube
-    largest = np.zeros(len(tube))
-    for number, member in zip(structure.pieces.ravel(), structure.owners.ravel(), strict=True):
-        here = ends[frame.whole == number]
-        pull = structure.pressures[tube[member]] * np.pi * radius**2 - here[:, 0]
-        moment = np.abs(here[:, [2, 5]]).max(axis=1)
-        used = np.where(pull > 0.0, 2.0 * moment / radius / pull, np.inf)
-        largest[member] = max(largest[member], used.max())
-    return largest
-
-
 def node_compliance(frame, nodes):
     """Return (c, 2, c, 2): displacements of nodes under unit forces at nodes, solve by solve."""
     answer = np.empty((len(nodes), 2, len(nodes), 2))
@@ -78,16 +60,3 @@ def node_compliance(frame, nodes):
             loads[node, axis] = 1.0
             answer[:, :, c, axis] = frame.solve(loads).displacements[nodes, :2]
     return answer
-
-
-def plane_compliance(contact_points):
-    """Return the displacements (c, 2) in the plane for unit forces (c, 2) on contact points."""
-    axis = contact_points.axis
-    turn = np.array([[axis.real, -axis.imag], [axis.imag, axis.real]])
-    return np.einsum(
-        'ikc,kcld,jld->cidj',
-        turn,
-        contact_points.compliance(np.arange(len(axis))),
-        turn,
-        optimize=True,
-    )

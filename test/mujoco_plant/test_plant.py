@@ -7,24 +7,12 @@ from dataclasses import replace
 import importlib
 
 from comparison.grips import AWAY, mesh, move_to, press, PressedCase, release, round_robot, STILL
-from isotruss_ros.core import (
-    analyze_grasp,
-    ConvexObject,
-    deform,
-    load_robot,
-    Robot,
-    RollerFaults,
-    settle_grasp,
-    tangent_center,
-)
+from isotruss_ros.core import analyze_grasp, ConvexObject, deform, load_robot, Robot, settle_grasp
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.roll_grip import roll_grip
-from isotruss_ros.mujoco_plant.driven_robot import DrivenRobot
-from isotruss_ros.mujoco_plant.mjcf import export_mjcf
 from isotruss_ros.mujoco_plant.options import load_mujoco, PlantError, PlantOptions
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 from mujoco_worlds import needs_mujoco
-from nightly import some_now
 import numpy as np
 import pytest
 
@@ -121,23 +109,6 @@ def test_a_grasp_presses_needs_friction_and_gives_as_statics_says():
 
 
 @needs_mujoco
-@pytest.mark.parametrize('module', some_now(['south/P', 'east/Y']))
-def test_it_presses_in_any_corner_as_statics_says(module):
-    robot = load_robot('nine_member')
-    center = tangent_center(robot.home, module, 0.25, 0.015)
-    cylinder = ConvexObject.disc(center, 0.25)
-    plant = MujocoPlant(robot, [cylinder], replace(STILL, friction=0.0, segments=16))
-    plant.hold_object((*center, 0.0))
-    plant.settle(2.0)
-    expected = analyze_grasp(robot.home, cylinder, 0.5, paper_model=True).contact_forces
-    found = plant.contact_forces()
-    assert len(found) == 2
-    assert found.keys() == expected.keys()
-    for member, force in found.items():
-        assert force.normal == pytest.approx(expected[member], rel=0.05)
-
-
-@needs_mujoco
 def test_an_object_between_two_pieces_of_a_coarse_mesh_does_not_chatter():
     # By this posture an object crept away by 0.7 mm/s, while the robot shook.
     options = PlantOptions(ground_friction=0.5)
@@ -182,19 +153,6 @@ def test_a_carried_object_follows_and_is_dropped_when_friction_is_too_low():
     plant.set_friction(0.9 * needed)
     plant.settle(6.0)
     assert np.linalg.norm(np.array(plant.object_pose())[:2] - found[:2]) > 0.01
-
-
-@needs_mujoco
-def test_any_member_of_the_simulated_robot_may_come_to_hold_the_object():
-    robot, options, body = (
-        load_robot('nine_member'),
-        PlantOptions(),
-        ConvexObject.disc((0.6, 0.3), 0.2),
-    )
-    driven = DrivenRobot(robot, body, True, options, RollerFaults())
-    fine = np.full(len(robot.member_names), 8)
-    assert driven.plant.text == export_mjcf(robot, [body], options, fine)
-    assert driven.plant.text == export_mjcf(robot, [body])
 
 
 @needs_mujoco

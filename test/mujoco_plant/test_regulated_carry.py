@@ -7,11 +7,18 @@ The squeeze control carries in MuJoCo, which has masses of its own.
 Grasps, masses, errors of the model, delays and noise are those of the table in docs/safety.md.
 """
 
+from dataclasses import replace
 from itertools import product
 
-from carries import Carry, GRASPS
+from carries import FRICTION, GRASPS, make_robot, place
+from comparison.carrying import RATE, Regulated
+from comparison.grips import hold_at_home
 from isotruss_ros.calibration.oscillation import fit_oscillation
-from isotruss_ros.core import Status
+from isotruss_ros.core import Grip, Pose, Status
+from isotruss_ros.core.holding.attach_grip import attach_grip
+from isotruss_ros.core.planning.foresee_path import foresee_path
+from isotruss_ros.core.servo.squeeze_control import SqueezeSettings
+from isotruss_ros.mujoco_plant.options import PlantOptions
 from mujoco_worlds import needs_mujoco
 from nightly import some_now
 import numpy as np
@@ -34,14 +41,80 @@ GROWING = [
     ('disc 0.3 m', 12.0, (3.0, 0.5)),
     ('disc 0.1 m', 12.0, (3.0, 0.5)),
     ('disc 0.2 m', 10.0, (5.0, 0.5)),
-    ('disc 0.3 m', 10.0, (5.0, 0.5)),
     ('disc 0.3 m', 15.0, (3.0, 0.5)),
-    ('disc 0.1 m', 10.0, (5.0, 0.5)),
-    ('disc 0.2 m', 12.0, (3.0, 0.5)),
-    ('disc 0.2 m', 15.0, (3.0, 0.5)),
-    ('disc 0.3 m', 12.0, (5.0, 0.5)),
-    ('disc 0.2 m', 12.0, (5.0, 0.5)),
 ]
+
+
+class Carry(Regulated):
+    """
+    An object in MuJoCo, and the servo that carries it by late and noisy measurements.
+
+    :ivar errors: (n, 3) of the object against its twists, turns times its arm [m].
+    """
+
+    def __init__(
+        self,
+        grasp,
+        masses=(1.0, 0.5),
+        told=1.0,
+        stiffness=1.0,
+        late=0,
+        noise=(0.0, 0.0),
+        seed=0,
+        **settings,
+    ):
+        """
+        Put the object between the members, and regulate how hard they press.
+
+        :param grasp: name of one of `GRASPS`.
+        :param masses: of module and object in the plant [kg].
+        :param told: masses in the model over those of the plant.
+        :param stiffness: of the plant's tubes over those of the model.
+        :param late: cycles by which poses are late.
+        :param noise: standard deviation of the poses [m, rad].
+        """
+        robot = make_robot(told * masses[0])
+        body, members = place(robot, grasp, told * masses[1])
+        made = hold_at_home(
+            make_robot(masses[0], stiffness),
+            replace(body, mass=masses[1]),
+            members,
+            PlantOptions(friction=FRICTION),
+        )
+        numbers = np.array([robot.member_names.index(name) for name in members])
+        there = body.moved_to(made.object_pose())
+        squeeze = SqueezeSettings(attach_grip(robot.home, there, numbers).squeeze, **settings)
+        grip = Grip(members, body, FRICTION)
+        super().__init__(made, robot, grip, squeeze, (*noise, seed), late)
+        self.even = np.array([1.0, 1.0, body.arm])
+        self.goal = np.array(made.object_pose())
+        self.errors, self._told = [], None
+
+    def measure(self):
+        """Return what is measured; a pose that is told counts in its place."""
+        rollers, pose = super().measure()
+        return rollers, pose if self._told is None else Pose(*self._told)
+
+    def step(self, twist=(0.0, 0.0, 0.0), pose=None):
+        """Carry for one cycle; a pose is told in place of the measured one."""
+        self._told = pose
+        super().step(twist)
+        self.goal = self.goal + self.scale * np.array(twist) / RATE
+        self.errors.append(self.even * (np.array(self.plant.object_pose()) - self.goal))
+
+    def push(self, wrench, duration=0.1):
+        """Push the object for a while, which nobody tells the servo."""
+        self.plant.pull(wrench)
+        self.run(duration)
+        self.plant.pull((0.0, 0.0, 0.0))
+
+
+def swings(carry, seconds):
+    """Return how far the object was from where it came to rest, in each second [m]."""
+    count, rest = round(seconds * RATE), round(0.5 * RATE)
+    errors = np.array(carry.errors[-count:])
+    away = np.hypot.reduce(errors - errors[-rest:].mean(axis=0), axis=1)
+    return away.reshape(seconds, -1).max(axis=1)
 
 
 @pytest.mark.parametrize(('grasp', 'robot'), some_now(list(product(GRASPS, ROBOTS))[::-1]))
@@ -50,7 +123,7 @@ def test_a_push_decays(grasp, robot):
     carry.run(1.0)
     carry.push(PUSH)
     carry.run(4.0)
-    first, *_, last = carry.swings(4)
+    first, *_, last = swings(carry, 4)
     assert last < 0.2 * first
     assert max(carry.statuses) < Status.HALT_NO_TWIST
 
@@ -92,32 +165,20 @@ def test_an_oscillation_that_grows_is_stopped_before_the_object_is_lost(grasp, g
     carry = Carry(grasp, masses, **forced)
     carry.run(1.0)
     carry.push(PUSH)
-    carry.run(7.0)
+    carry.run(5.0)
     assert Status.HALT_OSCILLATES in carry.statuses
     assert f'the gain is softened to {0.5 * gain:g} 1/s' in ' '.join(carry.messages)
     assert carry.statuses[-1] is Status.OK
     assert np.abs(carry.errors[-1]).max() < 2e-3
 
 
-@pytest.mark.nightly
-@pytest.mark.parametrize('seed', range(4))
-@pytest.mark.parametrize('grasp', ['box', 'brick', 'disc 0.1 m', 'disc 0.3 m'])
-def test_noise_is_no_slip_where_a_load_is_expected(grasp, seed):
-    carry = Carry(grasp, late=3, noise=NOISE, seed=seed, load=5.0)
-    rng = np.random.default_rng(seed)
-    carry.run(1.0)
-    carry.run(3.0, rng.uniform(-1.0, 1.0, 3) * (0.02, 0.02, 0.08))
-    assert max(carry.statuses) < Status.HALT_NO_TWIST
-    assert np.abs(carry.errors).max() < 5e-3
-
-
 @pytest.mark.parametrize('seed', some_now(range(20)))
-def test_noise_raises_no_alarm_on_a_path(seed):
+def test_noise_halts_no_object_on_a_path(seed):
     carry, rng = Carry('disc 0.3 m', noise=NOISE, seed=seed), np.random.default_rng(seed)
     for _ in range(1 if seed == 0 else 2):
         carry.run(3.0 if seed == 0 else 6.0, rng.uniform(-1.0, 1.0, 3) * (0.025, 0.025, 0.1))
     carry.run(1.0)
-    assert set(carry.statuses) == {Status.OK}
+    assert max(carry.statuses) < Status.HALT_NO_TWIST
     assert np.abs(carry.errors).max() < 8e-3
 
 
@@ -155,11 +216,16 @@ def test_a_load_on_the_way_is_no_slip():
     assert max(carry.statuses) < Status.HALT_NO_TWIST
 
 
-@pytest.mark.nightly
-def test_a_path_on_which_the_margin_ends_stands_before_the_object_slips():
-    carry = Carry('box')
-    carry.run(14.0, (0.03, 0.02, 0.0))
+@pytest.mark.parametrize('turn', some_now([0.3, -0.3], 0))
+def test_what_is_foreseen_is_what_mujoco_carries(turn):
+    """The servo stands where the model foresees that the margin ends, or arrives."""
+    carry = Carry('brick')
+    carry.run(1.0)
+    grip, start = carry.control.grasp, np.array(carry.plant.object_pose())
+    path = np.array([grip.pose, np.add(grip.pose, (0.0, 0.0, turn))])
+    found = foresee_path(grip, FRICTION, path)
+    assert found.share < 1.0
+    carry.run(4.0, (0.0, 0.0, turn / 4.0))
+    turned = (carry.plant.object_pose()[2] - start[2]) / turn
     assert Status.SLOWED_SLIP_MARGIN in carry.statuses
-    assert carry.control.belief.slip_margin > 0.0
-    assert carry.control.fault is None
-    assert np.abs(carry.errors).max() < 5e-3
+    assert turned == pytest.approx(found.share, abs=0.12)

@@ -126,16 +126,6 @@ def test_a_server_that_sends_no_feedback_ends_the_steps_after_the_timeout(server
     assert server.cancels == 1
 
 
-def test_steps_yield_the_progress_and_return_the_result(server):
-    steps = run(server)
-    assert next(steps) == 0.0
-    server.accept()
-    server.feedback(SimpleNamespace(feedback=0.25))
-    assert next(steps) == 0.25
-    server.end('done')
-    assert last_of(steps) == 'done'
-
-
 @pytest.mark.parametrize('when', ['before', 'asked', 'accepted'])
 def test_a_server_that_is_missing_ends_the_steps(server, when):
     steps = run(server) if when == 'before' else begun(server, when == 'accepted')
@@ -159,14 +149,6 @@ def test_a_goal_is_sent_only_once_the_server_answers(server):
     assert (server.questions, server.goals) == (4, 1)
     # Late answers from before it was sent are not about it.
     assert asked_before != server.goal_id
-
-
-def test_a_goal_that_is_rejected_ends_the_steps(server):
-    steps = run(server)
-    next(steps)
-    server.accept(False)
-    with pytest.raises(StepError, match='work rejects goals'):
-        last_of(steps)
 
 
 @pytest.mark.parametrize('accepted', [True, False])
@@ -211,28 +193,6 @@ def test_a_cancel_ends_the_steps_where_the_server_does_not(server, accepted):
     steps.throw(CancelledError())
     with pytest.raises(CancelledError):
         last_of(steps, CANCEL_TICKS)
-
-
-@pytest.mark.parametrize('change', [{'ready': False}, {'knows_goal': False}])
-def test_a_cancel_ends_the_steps_where_the_server_is_gone(server, change):
-    steps = begun(server)
-    vars(server).update(change)
-    with pytest.raises(CancelledError):
-        steps.throw(CancelledError())
-
-
-def test_a_goal_that_is_not_answered_yet_is_cancelled_when_it_is(server):
-    steps = run(server)
-    next(steps)
-    steps.throw(CancelledError())
-    next(steps)
-    assert server.cancels == 0
-    server.accept()
-    next(steps)
-    assert server.cancels == 1
-    server.end('cancelled')
-    with pytest.raises(CancelledError):
-        next(steps)
 
 
 @pytest.mark.parametrize('answered', [True, False])
@@ -295,15 +255,3 @@ def test_parameters_are_set_or_the_reason_is_told():
     service.answers[0].set_result(SimpleNamespace(results=results))
     with pytest.raises(StepError, match='squeeze_force: why'):
         next(steps)
-
-
-@pytest.mark.parametrize('waited', [0, 1])
-def test_a_service_that_is_missing_ends_the_steps(waited):
-    service = Service()
-    steps = set_parameters(service, {'squeeze_force': 15.0})
-    for _ in range(waited):
-        next(steps)
-    service.ready = False
-    with pytest.raises(StepError, match='no node offers the service') as error:
-        next(steps)
-    assert error.value.outcome is StepOutcome.NOT_READY

@@ -99,7 +99,6 @@ def check(pairs):
 TIMES = {
     'long ago': ({'age': 1e3}, 'STALE_', 'old'),
     'in the future': ({'age': -1e3}, 'INVALID_', 'future'),
-    'before all time': ({'sec': -(2**31)}, 'STALE_', 'old'),
     'after all time': ({'sec': 2**31 - 1}, 'INVALID_', 'future'),
     'without a stamp': ({'sec': 0}, 'STALE_', 'old'),
     'odd nanoseconds': ({'sec': 0, 'nanosec': 2**32 - 1}, 'STALE_', 'old'),
@@ -202,7 +201,6 @@ def test_halts_on_invalid_stamps_of_twists():
         for about, code, words in (
             ({'age': 1.0}, Status.HALT_NO_TWIST, 'old'),
             ({'age': -1.0}, Status.HALT_INVALID_TWIST, 'future'),
-            ({'sec': -(2**31)}, Status.HALT_NO_TWIST, 'old'),
             ({'sec': 2**31 - 1}, Status.HALT_INVALID_TWIST, 'future'),
             ({'frame': 'map'}, Status.HALT_INVALID_TWIST, "must be in 'truss'"),
         ):

@@ -7,16 +7,14 @@ from pathlib import Path
 import re
 import subprocess
 import sys
-from types import SimpleNamespace
 
 from isotruss_ros.calibration.measurements import MeasurementError
-from isotruss_ros.core import deform, load_robot
+from isotruss_ros.core import load_robot
 from isotruss_ros.nodes.bring_up.check_rollers import CheckRollers
 from isotruss_ros.nodes.bring_up.preflight import Preflight
 from isotruss_ros.nodes.simulator.node import Simulator
 from manual_world import world
 from mujoco_worlds import needs_mujoco
-import numpy as np
 from probe import maker, overrides, ROBOT
 import pytest
 from std_msgs.msg import Bool
@@ -77,7 +75,7 @@ def test_an_emergency_stop_ends_the_check():
     with world(plant(), checking()) as w:
         w.spin(3.0)
         w.probe.stops.publish(Bool(data=True))
-        with pytest.raises(MeasurementError, match='emergency stop'):
+        with pytest.raises(MeasurementError, match='emergency_stop is true'):
             w.spin(1.0)
 
 
@@ -139,15 +137,19 @@ def test_a_robot_of_a_preset_is_not_ready(tmp_path, capsys):
         ({'encoder_delay': 0.8}, 'encoders', r'joint states: 0\.8\d* s old'),
         ({'zero_deviation': 0.03, 'seed': 2}, 'zeros', 'mm off the encoders; at most 10 mm'),
         ({'tracker_delay': 0.8}, 'object pose', r'object pose: 0\.8\d* s old'),
-        ({'rate': 20.0}, 'rates', r'joint_states comes \d+ times a second: must be 50'),
+        ({'rate': 20.0}, 'rates', r'joint_states has \d+ Hz: must be at least 50'),
         (
             {'tracker_rate': 8.0},
             'rates',
-            r'object_pose comes [\d.]+ times a second',
+            r'object_pose has [\d.]+ Hz',
         ),
         ({'pressed': True}, 'emergency stop', 'the last message of emergency_stop is true'),
-        ({'mass': 0.0}, 'masses', 'object_mass is not given'),
-        ({'unchecked': ', north/Z'}, 'roller signs', 'north/Z not checked: run check_rollers'),
+        ({'mass': 0.0}, 'masses', 'object_mass is missing'),
+        (
+            {'unchecked': ', north/Z'},
+            'roller signs',
+            'north/Z were not checked',
+        ),
     ],
 )
 def test_a_fault_is_named_and_it_alone(tmp_path, capsys, faulty, name, words):
@@ -156,35 +158,6 @@ def test_a_fault_is_named_and_it_alone(tmp_path, capsys, faulty, name, words):
     faults, said = fly(str(robot), capsys, **faulty)
     assert faults == [name]
     assert re.search(f'FAULT {name}: .*{words}', said)
-
-
-def test_a_robot_that_stands_upright_is_named():
-    loads = dict.fromkeys(ROBOT.module_names, (0.0, -9.81, 0.0))
-    bent, still = deform(ROBOT.home, {}, module_loads=loads), np.zeros(len(ROBOT.roller_names))
-    joints = {
-        name: tuple(place + bent.displacement(name)[:2])
-        for name, place in zip(ROBOT.topology.joint_names, ROBOT.home.nodes, strict=False)
-    }
-    seen = SimpleNamespace(posture=SimpleNamespace(roller_positions=still, joints=joints))
-    description = SimpleNamespace(calibration={'zero_deviations': {'a': 1e-3}})
-    node = SimpleNamespace(
-        _robot=SimpleNamespace(
-            description=description, configuration=ROBOT.configuration, topology=ROBOT.topology
-        ),
-        _markers=SimpleNamespace(measure=lambda _: seen),
-        now=lambda: 0.0,
-    )
-    with pytest.raises(MeasurementError, match=r'stands upright .* lay it flat'):
-        Preflight._check_zeros(node)
-
-
-def test_a_pose_in_another_frame_is_named(tmp_path, capsys):
-    robot = write_checked(tmp_path)
-    turned = tmp_path / 'turned.yaml'
-    turned.write_text(Path(robot).read_text().replace('frame: truss', 'frame: camera'))
-    faults, said = fly(robot, capsys, robot=str(turned))
-    assert faults == ['object pose']
-    assert "FAULT object pose: object pose in frame 'camera': must be 'truss'" in said
 
 
 def test_a_member_beyond_its_limits_is_named(tmp_path, capsys):
@@ -203,17 +176,6 @@ def test_a_member_beyond_its_limits_is_named(tmp_path, capsys):
     assert re.search(
         r'FAULT limits: member \S+ is [\d.]+ m long: must be', capsys.readouterr().out
     )
-
-
-def test_silence_is_named(tmp_path, capsys):
-    with (
-        pytest.raises(MeasurementError, match='8 faults'),
-        world(lambda: Preflight(overrides(listen_time=1.0))) as w,
-    ):
-        w.until(lambda: w.nodes[1].done)
-    said = capsys.readouterr().out
-    assert 'FAULT encoders: joint states: none received' in said
-    assert 'FAULT object pose: object pose: none received' in said
 
 
 def test_the_exit_code_says_whether_there_are_faults():

@@ -4,10 +4,9 @@
 """Simulated time, and clocks that jump, stand still or say what cannot be."""
 
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import PoseStamped
 from isotruss_msgs.msg import GraspState
-from isotruss_ros.core import Pose, Status
-from isotruss_ros.nodes.conversions.messages import read_stamp, to_pose_message
+from isotruss_ros.core import Status
+from isotruss_ros.nodes.conversions.messages import read_stamp
 from isotruss_ros.nodes.framework.managed import log_refusals
 from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
 from isotruss_ros.nodes.manipulation.node import Manipulation
@@ -15,12 +14,10 @@ from isotruss_ros.nodes.simulator.node import Simulator
 from lifecycle_msgs.msg import Transition
 from manual_world import EPOCH, Manager, world
 import numpy as np
-from probe import CENTER, N, overrides, ROBOT
+from probe import N, overrides
 import pytest
 from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import JointState
-from std_msgs.msg import Header
 
 SIM = {'use_sim_time': True}
 START = 1000.0
@@ -102,20 +99,6 @@ def test_runs_by_simulated_time():
         assert way == pytest.approx(speed * passed, rel=0.1)
 
 
-def test_inputs_that_overtake_simulated_time_are_accepted():
-    with simulated(Manipulation) as w:
-        time = SimulatedTime(w)
-
-        def send():
-            w.probe.send_all()
-            w.probe.send_joints(age=-0.05)
-
-        w.until_code(Status.OK, time.run(send))
-        w.probe.seen['status'].clear()
-        w.until(lambda: len(w.probe.seen['status']) > 20, time.run(send))
-        assert all(m.code < Status.HALT_NO_TWIST for _, m in w.probe.seen['status'])
-
-
 def test_without_any_time_nothing_moves():
     with simulated(Manipulation) as w:
         status = w.until_code(Status.HALT_CLOCK, w.probe.send_all)
@@ -194,23 +177,6 @@ def test_the_analysis_discards_inputs_from_before_a_jump_back():
         time.jump(time.now - 0.05)
         w.until_code(GraspState.NO_JOINT_STATES, time.run(), 'state')
         w.until_code(GraspState.OK, time.run(send), 'state')
-
-
-def test_answers_at_the_very_beginning_of_time():
-    """Inputs within the time-out of zero, stamped before zero: as fresh as any."""
-    early = Header(stamp=Time(sec=-1, nanosec=950_000_000), frame_id='truss')
-    pose = PoseStamped(header=early, pose=to_pose_message(Pose(*CENTER, 0.0)))
-    joints = JointState(header=early, name=list(ROBOT.roller_names), position=[0.0] * N)
-    with simulated(GraspAnalysisNode, Manipulation, command_timeout=10.0) as w:
-        time = SimulatedTime(w, 0.0)
-
-        def send():
-            w.probe.send_twist()
-            w.probe.object_poses.publish(pose)
-            w.probe.joint_states.publish(joints)
-
-        w.until(lambda: w.code() == Status.OK and w.code('state') == GraspState.OK, time.run(send))
-        assert read_stamp(w.probe.last('state').header) == 0.0
 
 
 def test_time_before_zero_is_not_taken():

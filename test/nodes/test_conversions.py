@@ -21,7 +21,6 @@ from geometry_msgs.msg import (
 from geometry_msgs.msg import Pose as PoseMessage
 from hypothesis import given
 from hypothesis import strategies as st
-from isotruss_msgs.msg import Contact, GraspState
 from isotruss_ros.core import Pose, tangent_center
 from isotruss_ros.nodes.conversions.grasp_messages import (
     MAX_WRENCH,
@@ -46,7 +45,6 @@ from isotruss_ros.nodes.framework.robot_frame import RobotFrame
 import numpy as np
 from probe import DIAMETER, MODULE, N, ROBOT
 import pytest
-from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import FluidPressure, JointState, MultiDOFJointState
 from std_msgs.msg import Header
 
@@ -75,7 +73,6 @@ def joint_states(**changes):
         ({'name': []}, 'are missing'),
         ({'position': []}, '0 positions for 6 names'),
         ({'name': ['', *NAMES[1:]]}, f'rollers {NAMES[0]} are missing'),
-        ({'name': [*NAMES, NAMES[0]], 'position': [0.0] * (N + 1)}, 'named twice'),
         ({'name': NAMES[:-1], 'position': [0.0] * (N - 1)}, 'are missing'),
         ({'velocity': [0.0] * (N - 1)}, '5 velocities for 6 names'),
         ({'name': list(map(str, range(MANY))), 'position': [0.0] * MANY}, 'are missing'),
@@ -130,8 +127,6 @@ def object_pose(frame=FRAME, **changes):
         ({'orientation': Quaternion(z=math.nan, w=1.0)}, 'norm'),
         ({'orientation': Quaternion(x=1.0, y=1.0, z=1.0, w=1.0)}, 'norm 2'),
         ({'frame': 'map'}, "in frame 'map': must be 'truss'"),
-        ({'frame': 'x' * MANY}, "must be 'truss'"),
-        ({'frame': ''}, "in frame '': must be 'truss'"),
     ],
 )
 def test_invalid_poses_are_rejected(changes, words):
@@ -240,13 +235,6 @@ def test_a_wrench_in_the_frame_of_the_object_turns_with_it():
 # Times and commands
 
 
-def test_grasps_survive_serialization():
-    state = GraspState(contacts=[Contact(normal_force=2.0)], required_friction=math.inf)
-    state.stiffness[8] = 3.0
-    state.contact_members, state.contact_lengths = ['north/Z-R'], [0.005]
-    assert deserialize_message(serialize_message(state), GraspState) == state
-
-
 @given(st.integers(0, 2**31 - 1), st.integers(0, 10**9 - 1))
 def test_stamps_survive_a_round_trip(sec, nanosec):
     when = read_stamp(Header(stamp=Time(sec=sec, nanosec=nanosec)))
@@ -279,10 +267,8 @@ def test_absolute_pressures_are_read_against_those_around():
     ('tube', 'value', 'words'),
     [
         ('east', -1.0, 'east: .*-1.0: must be a positive number'),
-        ('east', 0.0, 'must be a positive number'),
         ('south', math.nan, 'south: '),
         ('north', math.inf, 'north: '),
-        ('', 3e4, "frame_id '': must be one of south, east, north"),
         ('west', 3e4, "frame_id 'west': must be one of"),
     ],
 )

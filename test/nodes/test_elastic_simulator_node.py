@@ -3,10 +3,7 @@
 
 """The simulator with the elastic plant: held from the start, pulled at, dropped."""
 
-import re
-
 from geometry_msgs.msg import PoseStamped
-from isotruss_ros.core.holding.held_grip import HoldStatus
 from isotruss_ros.nodes.simulator.node import Simulator
 from manual_world import world
 import numpy as np
@@ -29,35 +26,6 @@ def test_a_load_moves_the_object_and_lets_it_back():
             lambda: np.hypot(*(w.place()[:2] - start)) < 1e-9,
             lambda: w.probe.send_wrench((0.0, 0.0, 0.0)),
         )
-
-
-def test_too_large_a_load_drops_the_object():
-    with world(node()) as w:
-        w.until(lambda: w.place() is not None)
-        _, simulator = w.nodes
-        assert simulator._elastic.grasp is not None
-        w.until(
-            lambda: simulator._elastic.dropped is not None,
-            lambda: w.probe.send_wrench((0.0, -100.0, 0.0)),
-        )
-        lies = w.place()[:2]
-        w.probe.send_wrench((0.0, 0.0, 0.0))
-        w.until(lambda: len(w.probe.seen['pose']) > 20)
-        assert w.place()[:2] == pytest.approx(lies, abs=0.05)
-
-
-def test_each_reason_for_which_an_object_is_let_go_is_logged_once(capfd):
-    with world(node()) as w:
-        simulator = w.nodes[1]
-        simulator._elastic._grasp = None
-        for dropped in (HoldStatus.NO_CONTACT, HoldStatus.SLIPS):
-            simulator._elastic.dropped = dropped
-            for _ in range(3):
-                simulator._report_hold()
-    lines = [line for line in capfd.readouterr().err.splitlines() if 'is not held' in line]
-    assert len(lines) == 2
-    assert re.match(r'\[INFO\].*not held: fewer than two members', lines[0])
-    assert re.match(r'\[WARN\].*not held: the balance needs more friction', lines[1])
 
 
 @pytest.mark.parametrize('plant', ['elastic', 'kinematic'])

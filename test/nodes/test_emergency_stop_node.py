@@ -3,7 +3,6 @@
 
 """The emergency stop: heard, obeyed, kept, and released on purpose only."""
 
-from diagnostic_msgs.msg import DiagnosticStatus
 from isotruss_ros.core import Status
 from lifecycle_msgs.msg import Transition
 from manual_world import Manager, world
@@ -78,13 +77,6 @@ def test_a_short_press_in_one_batch_stops():
         w.until_code(Status.OK, w.probe.send_all)
         w.nodes[1]._stop._receive([Bool(data=True), Bool(data=False)])
         w.until_code(Status.HALT_EMERGENCY_STOP, w.probe.send_all)
-
-
-def test_nothing_to_release_is_no_error():
-    with world(node()) as w:
-        answer = w.release_stop()
-        assert answer.success
-        assert 'nothing was stopped' in answer.message
 
 
 def test_a_late_joiner_receives_a_latched_stop():
@@ -189,12 +181,3 @@ def test_is_received_while_the_node_is_not_active():
         assert manager.ask(Transition.TRANSITION_CONFIGURE)
         assert manager.ask(Transition.TRANSITION_ACTIVATE)
         assert_stays_stopped(w)
-
-
-def test_is_in_the_diagnostics():
-    with world(node()) as w:
-        until_stopped(w)
-        w.until(lambda: w.report('manipulation').level == DiagnosticStatus.ERROR)
-        assert 'release_emergency_stop' in w.report('manipulation').message
-        assert 'last message is true' in w.detail('emergency stop')
-        assert w.detail('status') == 'HALT_EMERGENCY_STOP'

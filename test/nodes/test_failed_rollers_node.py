@@ -4,19 +4,11 @@
 """Rollers that fail, and the edge of the good shapes, as the manipulation node deals with them."""
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from isotruss_ros.core import (
-    ConvexObject,
-    Grip,
-    reachable_twists,
-    solve_twist,
-    Status,
-)
-from isotruss_ros.core.safety.margins import shape_margins
+from isotruss_ros.core import ConvexObject, Grip, reachable_twists, Status
 from isotruss_ros.nodes.manipulation.node import Manipulation
 from isotruss_ros.nodes.simulator.node import Simulator
 from lifecycle_msgs.msg import Transition
 from manual_world import DOWN, Manager, UP, world
-from matches import follow
 import numpy as np
 from probe import CENTER, DIAMETER, failed, LATCHED, maker, MODULE, overrides, ROBOT
 import pytest
@@ -122,16 +114,6 @@ def test_halts_on_unknown_names_of_failed_rollers(names):
         w.until(lambda: w.code() < Status.HALT_NO_TWIST, w.probe.send_all)
 
 
-def test_a_message_that_may_be_lost_halts_until_one_comes_which_may_say_the_same():
-    with world(node(failure_time=0.0)) as w:
-        w.until_code(Status.OK, w.probe.send_all)
-        follow(w.nodes[1], 'failed_rollers', (1, 1))
-        status = w.until_code(Status.HALT_INVALID_FAILED_ROLLERS, w.probe.send_all)
-        assert 'left before a message was received' in status.message
-        say(w)
-        w.until_code(Status.OK, w.probe.send_all)
-
-
 def test_named_rollers_persist_when_configured_again():
     with world(node()) as w:
         say(w, FIRST)
@@ -201,7 +183,7 @@ def test_detected_rollers_persist_while_detection_is_off():
 def test_observations_while_detection_was_off_do_not_count():
     """Drives that were off for a while, on purpose."""
     with world(node(failure_time=0.0)) as w:
-        w.until(lambda: len(w.probe.seen['status']) > 400, w.probe.send_all)
+        w.until(lambda: len(w.probe.seen['status']) > 150, w.probe.send_all)
         w.change(failure_time=60.0)
         assert found(w) == set()
         w.change(failure_time=0.1)
@@ -259,29 +241,3 @@ def test_encoders_that_stand_still_stop_the_rollers():
 
         w.until(given_up, w.probe.send_all)
         assert w.code() == Status.UNREACHABLE
-
-
-def test_slows_near_singular_configurations_and_slides_on_request():
-    """With two rollers less nothing is left over to keep the shape while the object moves."""
-    failed = ['east/Q', 'east/R']
-    grasp = Grip.at_module(ROBOT, MODULE, ConvexObject.disc(CENTER, DIAMETER))
-    lifted = solve_twist(ROBOT.home, grasp, (0.0, 0.02, 0.0), failed).roller_velocities
-    least = shape_margins(ROBOT.configuration(lifted)).rigidity - 0.001
-    assert least < shape_margins(ROBOT.home).rigidity
-    values = {'min_rigidity': least, 'failed_rollers': failed, 'failure_time': 0.0}
-    with world(node(**values, slide_along_limits=False)) as w:
-
-        def send(speed):
-            w.probe.send_joints(position=lifted.tolist())
-            w.probe.send_pose(center=(CENTER[0], CENTER[1] + 0.02))
-            w.probe.send_twist((0.0, speed, 0.0))
-
-        status = w.until_code(Status.SLOWED_RIGIDITY, lambda: send(0.02))
-        assert status.scale < 0.5
-        assert 'rigidity' in status.message
-        # Back to where it came from is free.
-        w.until_code(Status.OK, lambda: send(-0.02))
-        w.change(slide_along_limits=True)
-        w.until_code(Status.SLIDING, lambda: send(0.02))
-        w.change(min_rigidity=0.2)
-        w.until_code(Status.OK, lambda: send(0.02))

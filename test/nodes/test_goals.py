@@ -16,6 +16,7 @@ from isotruss_msgs.action import (
     PlaceObject,
     PlanGrasp,
 )
+from isotruss_msgs.msg import RollerTolerance
 from isotruss_ros.core import Pose
 from isotruss_ros.core.planning.searcher import Answer, SearchOutcome
 from isotruss_ros.nodes.conversions.messages import to_pose_message
@@ -24,7 +25,7 @@ from isotruss_ros.nodes.manipulation.node import Manipulation
 from isotruss_ros.nodes.path_follower import PathFollower
 from isotruss_ros.nodes.pick_and_place.node import PickAndPlace
 import joint_trajectory_action
-from joint_trajectory_action import FollowJointTrajectory, tolerance
+from joint_trajectory_action import FollowJointTrajectory
 from manual_world import world
 from nav_msgs.msg import Path
 import numpy as np
@@ -122,8 +123,8 @@ def lying():
 
 
 BOUNDS = {
-    'path_tolerance': [tolerance(NAMES[0], 0.01)],
-    'goal_tolerance': [tolerance(NAMES[1], 0.01)],
+    'path_tolerance': [RollerTolerance(name=NAMES[0], position=0.01)],
+    'goal_tolerance': [RollerTolerance(name=NAMES[1], position=0.01)],
     'goal_time_tolerance': lasting(0.5),
 }
 GOALS = {

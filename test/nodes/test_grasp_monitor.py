@@ -6,15 +6,7 @@
 from dataclasses import replace
 from types import SimpleNamespace
 
-from isotruss_ros.core import (
-    analyze_grasp,
-    ConvexObject,
-    errors,
-    load_robot,
-    Pose,
-    settle_grasp,
-    tangent_center,
-)
+from isotruss_ros.core import ConvexObject, errors, load_robot, Pose, tangent_center
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.grip_record import GripRecord
 from isotruss_ros.core.holding.roll_grip import roll_grip
@@ -80,48 +72,6 @@ def test_forces_are_those_of_the_grip_that_the_loop_has():
     assert without.slip_margin != pytest.approx(found.slip_margin, rel=0.05)
 
 
-@pytest.mark.parametrize(
-    ('name', 'missing', 'stale', 'invalid'),
-    [
-        (
-            'rollers',
-            GraspCode.NO_JOINT_STATES,
-            GraspCode.STALE_JOINT_STATES,
-            GraspCode.INVALID_JOINT_STATES,
-        ),
-        (
-            'pose',
-            GraspCode.NO_OBJECT_POSE,
-            GraspCode.STALE_OBJECT_POSE,
-            GraspCode.INVALID_OBJECT_POSE,
-        ),
-        (
-            'wrench',
-            GraspCode.OK,
-            GraspCode.STALE_EXTERNAL_WRENCH,
-            GraspCode.INVALID_EXTERNAL_WRENCH,
-        ),
-    ],
-)
-def test_each_doubt_has_its_code_and_takes_the_old_answer_away(name, missing, stale, invalid):
-    made = monitor()
-    good = getattr(made, name)
-    for given, code in (
-        (None, missing),
-        (good._replace(time=NOW - TIMEOUT - 1e-3), stale),
-        (RejectedInput('not a number'), invalid),
-        (good._replace(time=NOW + TIMEOUT + 1e-3), invalid),
-    ):
-        setattr(made, name, good)
-        assert made.report(NOW).code is GraspCode.OK
-        setattr(made, name, given)
-        report = made.report(NOW)
-        if code is GraspCode.OK:
-            assert report.grasp is not None
-        else:
-            assert_no_answer(report, code)
-
-
 def test_a_wrench_that_was_never_heard_is_zero():
     without, zero = monitor(wrench=None), monitor(wrench=StampedInput((0.0, 0.0, 0.0), NOW))
     assert without.report(NOW).grasp.analysis.closure_residual == pytest.approx(
@@ -130,20 +80,6 @@ def test_a_wrench_that_was_never_heard_is_zero():
     assert monitor().report(NOW).grasp.analysis.closure_residual != pytest.approx(
         zero.report(NOW).grasp.analysis.closure_residual
     )
-
-
-def test_measured_pressures_take_the_place_of_those_of_the_file():
-    measured = (25e3, 34.5e3, 30e3)
-    found = monitor(pressures=StampedInput(measured, NOW)).report(NOW).grasp
-    body = ConvexObject.disc(CENTER, DIAMETER)
-    analysis = analyze_grasp(
-        ROBOT.home, body, FRICTION, WRENCH, pressure=measured, spacing=SPACING
-    )
-    assert found.analysis.normal_forces == pytest.approx(analysis.normal_forces)
-    settled = settle_grasp(ROBOT.home, body, FRICTION, WRENCH, pressure=measured)
-    assert found.settled.slip_margin == pytest.approx(settled.slip_margin)
-    filed = monitor().report(NOW).grasp
-    assert found.analysis.normal_forces != pytest.approx(filed.analysis.normal_forces, rel=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -220,13 +156,6 @@ def test_tubes_wrinkle_beyond_the_whole_of_their_moment(used, code, told):
     assert ('0.3 m from its start' in message) is told
 
 
-def test_members_with_a_flat_section_are_named():
-    analysis = SimpleNamespace(contact_lengths={'a': 0.1}, flattened=('a', 'b'))
-    found, message = _judge(SimpleNamespace(analysis=analysis, utilisation={'a': (0.1, 0.3)}))
-    assert found is GraspCode.OK
-    assert message == 'a, b: the section is flat under the object'
-
-
 @pytest.mark.parametrize(('friction', 'larger'), [(0.8, 'settled'), (0.5, 'analysis')])
 def test_tubes_bear_the_friction_of_an_object_that_is_held(friction, larger):
     center = tangent_center(ROBOT.home, 'north/Z', DIAMETER, indentation=0.06)
@@ -244,17 +173,6 @@ def test_tubes_bear_the_friction_of_an_object_that_is_held(friction, larger):
     if wrinkled:
         assert f'{worst} bears {expected[worst][0]:.2f}' in report.message
         assert not report.held
-
-
-def test_no_configuration_no_answer():
-    impossible = StampedInput(at([9.0, 0, 0, 0, 0, 0]), NOW)
-    made = monitor()
-    made.report(NOW)
-    made.rollers = impossible
-    for _ in range(2):
-        assert_no_answer(made.report(NOW), GraspCode.NO_CONFIGURATION)
-    made.rollers = StampedInput(at(HOME), NOW)
-    assert made.report(NOW).code is GraspCode.OK
 
 
 @pytest.mark.parametrize(
@@ -275,21 +193,6 @@ def test_errors_of_the_analysis_have_their_codes(monkeypatch, error, code):
     report = monitor().report(NOW)
     assert_no_answer(report, code)
     assert report.message == 'so it is'
-
-
-def test_decision_is_independent_of_earlier_states():
-    there = np.linspace(-0.1, 0.12, len(HOME))
-    center = tangent_center(ROBOT.configuration(there), 'north/Z', DIAMETER, indentation=0.01)
-    travelled = monitor()
-    travelled.report(NOW)
-    travelled.rollers = StampedInput(at([9.0, 0, 0, 0, 0, 0]), NOW)
-    travelled.report(NOW)
-    for made in (travelled, fresh := monitor()):
-        made.rollers = StampedInput(at(there), NOW)
-        made.pose = StampedInput(Pose(*center, 0.0), NOW)
-    assert travelled.report(NOW).grasp.analysis.normal_forces == pytest.approx(
-        fresh.report(NOW).grasp.analysis.normal_forces, rel=1e-6
-    )
 
 
 def test_what_if_answers_and_leaves_the_live_answer_alone():

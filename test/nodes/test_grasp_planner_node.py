@@ -7,8 +7,8 @@ import math
 import re
 
 from action_msgs.msg import GoalStatus
-from boxes import BOX
 from geometry_msgs.msg import Point, PoseStamped, Wrench
+from held_grips import BOX_FILE
 from isotruss_msgs.action import PlanGrasp
 from isotruss_msgs.msg import ConvexObject as ObjectMessage
 from isotruss_ros.core import (
@@ -26,14 +26,37 @@ from isotruss_ros.core.planning.searcher import Answer, SearchOutcome
 from isotruss_ros.nodes import grasp_planner
 from isotruss_ros.nodes.conversions.messages import to_pose_message
 from isotruss_ros.nodes.conversions.object_messages import to_object_message
-from isotruss_ros.nodes.conversions.path_messages import read_roller_trajectory
 from isotruss_ros.nodes.conversions.plan_messages import read_goal, to_result_message
+from isotruss_ros.nodes.conversions.trajectory_goals import read_roller_trajectory
 from lifecycle_msgs.msg import Transition
 from manual_world import check_refused, Manager, world
 import numpy as np
-from planning import assert_same, CENTER, DIAMETER, goal, NO_MARGIN, node
+from planning import CENTER, DIAMETER, goal, NO_MARGIN, node
 from probe import N, ROBOT
 import pytest
+
+
+def assert_same(found, expected):
+    """Check that a result says to the last digit what a plan says."""
+    assert (found.evaluations, found.analyses) == (expected.evaluations, expected.analyses)
+    assert len(found.grasps) == len(expected.grasps) > 0
+    for one, other in zip(found.grasps, expected.grasps, strict=True):
+        assert one.module == (other.module or '')
+        assert tuple(one.members) == other.members
+        rows = np.array([point.positions for point in one.path.points])
+        assert np.array_equal(rows, other.path)
+        assert np.array_equal(one.roller_positions, other.path[-1])
+        for name in (
+            'score',
+            'closure_margin',
+            'required_friction',
+            'max_contact_force',
+            'total_force',
+            'travel',
+            'rigidity',
+        ):
+            assert getattr(one, name) == getattr(other, name), name
+
 
 Result = PlanGrasp.Result
 
@@ -42,7 +65,7 @@ Result = PlanGrasp.Result
 
 
 def test_a_described_object_is_searched_for_where_the_goal_has_it():
-    described = read_object(BOX)
+    described = read_object(BOX_FILE)
     lying = PoseStamped(pose=to_pose_message(Pose(0.5, -0.3, -0.5)))
     lying.header.frame_id = 'truss'
     wanted = goal(object_pose=lying, object_diameter=0.0)
@@ -56,7 +79,7 @@ def test_a_described_object_is_searched_for_where_the_goal_has_it():
 
 def test_the_object_of_a_goal_goes_before_that_of_the_parameter():
     lying = PoseStamped(pose=to_pose_message(Pose(0.5, -0.3, -0.5)))
-    box = read_object(BOX).moved_to((0.5, -0.3, -0.5))
+    box = read_object(BOX_FILE).moved_to((0.5, -0.3, -0.5))
     wanted = goal(object_pose=lying, object_diameter=0.0, object=to_object_message(box))
     for described in (None, ConvexObject(Disc(0.1))):
         body = read_goal(wanted, ROBOT, described).body
@@ -67,22 +90,11 @@ def test_the_object_of_a_goal_goes_before_that_of_the_parameter():
 
 def test_the_parameter_describes_the_object(monkeypatch):
     monkeypatch.setattr(grasp_planner, 'Searcher', StandIn)
-    with world(node(workers=2, object=BOX)) as w:
+    with world(node(workers=2, object=BOX_FILE)) as w:
         w.spin(0.05, w.probe.send_joints)
         w.send_goal(goal(object_diameter=0.0))
-        assert w.nodes[1]._searcher.begun[1].shape == read_object(BOX).shape
+        assert w.nodes[1]._searcher.begun[1].shape == read_object(BOX_FILE).shape
     check_refused(node(object='{shape: star}'), 'must be one of')
-
-
-def test_a_found_grip_names_its_members():
-    body = read_object(BOX).moved_to((0.54, -0.31, -0.5))
-    needs = GraspRequirements(friction=0.9, squeeze=12.0, count=1)
-    plan = plan_grasps(ROBOT.home, body, needs, seed=1, thorough=False)
-    assert plan.grasps, plan.closest_violation
-    message = to_result_message(Answer(SearchOutcome.FOUND, '', plan), ROBOT).grasps[0]
-    assert message.module == ''
-    assert message.members == list(plan.grasps[0].grip.members)
-    assert len(message.members) in (2, 3)
 
 
 #: An object that is none, and a pose that turns nothing.
@@ -111,15 +123,11 @@ def path(*poses):
     [
         ({'frame': 'map'}, "object pose in frame 'map': must be in 'truss'"),
         ({'center': (math.nan, 0.0)}, 'centre .*nan, 0.0.: must be 2 finite'),
-        ({'center': (0.0, -math.inf)}, 'centre .*0.0, -inf.: must be 2 finite'),
         ({'center': (1e300, 0.0)}, 'pose .*1e[+]300, .*: must be within'),
         ({'object_diameter': -0.3}, 'diameter -0.3 m: must be positive'),
-        ({'friction': -0.1}, 'friction: -0.1: must be a number, not negative'),
         ({'external_wrench': torque(math.nan)}, 'torque.z must be finite'),
         ({'object_pose': PoseStamped()}, 'object_pose: missing'),
         ({'module': 'north/Q'}, "module 'north/Q': robot nine_member has no such module"),
-        ({'module': 'x' * 10_000}, 'module .{1,90}: robot nine_member has no such module'),
-        ({'object': BENT}, 'object: vertex 3 .0, 0. m?: the polygon is concave there'),
         (
             {'object': BENT, 'object_diameter': 0.3},
             'object_diameter 0.3 m, beside an `object`: must be 0',
@@ -129,19 +137,14 @@ def path(*poses):
             'the quaternion has norm 0.0; must be 1',
         ),
         ({'members': ['north/Z-R']}, "members: .*'north/Z-R'.*: must be the names .* of 2 or 3"),
-        ({'members': ['x' * 500] * 999}, 'must be the names t/j-k of 2 or 3 different members'),
         (
             {'members': ['north/Z-R', 'north/R-P'], 'module': 'north/R'},
             "module: 'north/R', beside members .*: must be one or the other",
         ),
         ({'measure': 'beauty' * 1000}, 'measure: .{1,90}: must be one of slip_margin'),
-        ({'count': 0}, 'count 0: must be from 1 to 1000'),
         ({'count': 2**32 - 1}, 'count 4294967295: must be from 1'),
-        ({'time_limit': -1.0}, 'time_limit -1.0 s: must be a number, not negative'),
         ({'time_limit': math.nan}, 'time_limit nan s'),
         ({'carry': path((0.5, 0.3, 0.0))}, 'carry: 1 poses: must be none, or 2 to'),
-        ({'carry': path((0.5, 0.3, 0.0)) * 20_000}, 'carry: 20000 poses: must be none, or 2 to'),
-        ({'carry': path((0.5, 0.3, 0.0), (math.nan, 0.3, 0.0))}, 'pose 1 of carry at .nan, 0.3'),
     ],
 )
 def test_rejects_goals(fields, words):

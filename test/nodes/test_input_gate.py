@@ -146,7 +146,7 @@ def test_an_estimate_of_another_time_is_not_added_to_the_encoders(make, age):
             message.header = make_header(w.probe.past(late), 'truss')
             estimates.publish(message)
             w.spin(0.1, lambda: w.probe.send_joints(position=[0.01] * N))
-            rollers = w.nodes[1].inputs.latest('rollers').value
+            rollers = w.nodes[1].inputs._latest('rollers').value
             assert rollers.offsets == pytest.approx([0.02 * added] * N)
             assert rollers.positions == pytest.approx([0.01 + 0.02 * added] * N)
 
@@ -208,7 +208,7 @@ def moving_frame(monkeypatch):
 def test_a_pose_waits_for_its_transform(late, moving_frame):
     with moving_frame(late, manipulation()) as w:
         w.until_code(Status.IDLE, lambda: send_in_camera(w))
-        w.spin(1.5, lambda: send_in_camera(w))
+        w.spin(0.7, lambda: send_in_camera(w))
         told = [message.code for _, message in w.probe.seen['status']]
         assert set(told[told.index(Status.IDLE) :]) == {Status.IDLE}  # noqa: E203
 

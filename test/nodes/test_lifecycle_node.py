@@ -93,24 +93,6 @@ def test_manipulation_is_configured_for_another_robot():
         w.until(lambda: w.report('manipulation').hardware_id == 'triangle', send)
 
 
-def test_the_simulated_robot_is_at_home_when_configured_again():
-    with world(lambda: Simulator(overrides(command_timeout=5.0))) as w:
-        manager = Manager(w, 'simulator')
-        command = [0.0, 0.02, *[0.0] * (N - 2)]
-
-        w.until(lambda: w.travel()[1] > 0.001, lambda: w.probe.send_command(command))
-        assert manager.ask(Transition.TRANSITION_DEACTIVATE)
-        assert manager.ask(Transition.TRANSITION_ACTIVATE)
-        w.probe.seen['joints'].clear()
-        w.until(lambda: len(w.probe.seen['joints']) > 10)
-        # Where it was, and still: what was commanded before is not in force any more.
-        places = {tuple(m.position) for _, m in w.probe.seen['joints']}
-        assert len(places) == 1
-        assert w.travel()[1] > 0.001
-        assert all(manager.ask(transition) for transition in (*DOWN, *UP))
-        w.until(lambda: w.travel()[1] == 0.0)
-
-
 def test_manipulation_reports_its_loop_and_its_inputs():
     with world(manipulation()) as w:
         w.until(lambda: w.report('manipulation').level == DiagnosticStatus.OK)
@@ -130,23 +112,6 @@ def test_manipulation_reports_its_loop_and_its_inputs():
         w.until(
             lambda: w.report('manipulation').level == DiagnosticStatus.ERROR,
             lambda: (w.probe.send_all(), w.probe.send_joints(position=[np.nan] * N)),
-        )
-
-
-def test_a_slowed_command_is_a_warning():
-    with world(manipulation()) as w:
-
-        def send():
-            w.probe.send_joints()
-            w.probe.send_pose()
-            w.probe.send_twist((0.0, 5.0, 0.0))
-
-        w.until(
-            lambda: (
-                w.report('manipulation').level == DiagnosticStatus.WARN
-                and 'limits of' in w.report('manipulation').message
-            ),
-            send,
         )
 
 

@@ -175,15 +175,6 @@ def test_a_robot_file_of_ones_own_and_its_frame_are_used(tmp_path):
         assert status.header.frame_id == w.probe.last('pose').header.frame_id == 'lab'
 
 
-def test_the_mass_of_the_object_is_that_of_the_parameter_or_of_its_description():
-    described = '{shape: disc, diameter: 0.3, mass: 0.8}'
-    with world(node(object=described, squeeze_force=20.0, object_mass=1.5)) as w:
-        manipulation = w.nodes[1]
-        for mass in (1.5, 0.8):
-            assert manipulation._servo.settings.grip.body.mass == mass
-            manipulation.set_parameters(overrides(object_mass=0.0))
-
-
 VELOCITY = (0.01, -0.02)
 
 

@@ -74,16 +74,6 @@ def test_a_reset_puts_the_robot_home_with_the_same_plant(w):
     w.until(lambda: np.array_equal(w.travel(), home))
 
 
-def test_a_plant_that_there_is_not_is_told_and_another_one_works(w):
-    said = []
-    restart = NodeRestart(Clients(w), said.append)
-    restart.restart_simulator(0.0, 'soft')
-    assert 'plant soft cannot be' in said[-1]
-    assert not w.nodes[1].active
-    restart.restart_simulator(0.0, 'kinematic')
-    assert said[-1] == 'plant kinematic: active'
-
-
 def test_a_later_restart_ends_an_earlier_one(w):
     said, calls = [], []
     clients = Clients(w)
@@ -99,12 +89,6 @@ def test_a_later_restart_ends_an_earlier_one(w):
     assert said == ['plant elastic: sent', 'plant kinematic: sent', 'plant kinematic: active']
     assert w.nodes[1].get_parameter('plant').value == 'kinematic'
     assert len(calls) == 3 + 5
-
-
-def test_without_a_simulator_it_says_so(w):
-    said = []
-    NodeRestart(Clients(w, there=()), said.append).restart_simulator(0.0, 'elastic')
-    assert said == ['plant elastic: there is no simulator']
 
 
 def test_another_object_is_that_of_all_nodes_that_are_there():
@@ -131,13 +115,6 @@ def test_a_reset_restores_grip_and_squeeze_of_the_manipulation():
         assert said[-1] == 'reset: active'
         values = w.nodes[2].get_parameters(list(picked))
         assert [value.value for value in values] == [[''], '', 5.0]
-
-
-def test_a_grip_that_the_manipulation_refuses_is_reported():
-    said, there = [], ('simulator', 'manipulation')
-    with world(partial(Simulator, []), partial(Manipulation, [])) as w:
-        NodeRestart(Clients(w, there), said.append).restart_simulator(-1.0)
-    assert 'squeeze_force' in said[-1]
 
 
 @pytest.mark.parametrize('kind', OBJECTS)

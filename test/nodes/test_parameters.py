@@ -3,8 +3,6 @@
 
 """Parameters and codes: what the nodes declare, and what they refuse at start."""
 
-import math
-
 from interfaces import node_classes
 from isotruss_msgs.action import FollowObjectPath, PlanGrasp
 from isotruss_msgs.msg import GraspState, ManipulationStatus
@@ -47,44 +45,30 @@ def test_every_parameter_is_described_and_every_number_has_a_range(name):
 
 REFUSED = [
     ('manipulation', {'robot': 'nobody'}, 'no such preset'),
-    ('manipulation', {'robot': '/nowhere.yaml'}, 'no such file'),
     ('manipulation', {'grip_module': 'north/Nobody'}, 'no such module; its modules are'),
     ('manipulation', {'grip': ['nobody', 'south/P-Q']}, 'no such member'),
     ('manipulation', {'object': '{shape: star}'}, 'must be one of'),
     ('manipulation', {'failed_rollers': ['nobody']}, 'no such roller'),
     ('manipulation', {'rate': 'fast'}, 'rate'),
     ('manipulation', {'rate': 1.0}, 'range'),
-    ('manipulation', {'rate': math.nan}, 'range'),
     (
         'manipulation',
         {'object_diameter': -1.0},
         '^parameter object_diameter: -1.0: out of range; must be from 0.001 to 10$',
     ),
-    ('manipulation', {'min_rigidity': 1.0}, 'range'),
-    ('grasp_analysis', {'robot': 'nobody'}, 'no such preset'),
     ('grasp_analysis', {'object': 'nowhere/box.yaml'}, r'box\.yaml: cannot be read'),
     ('path_follower', {'robot': '/nowhere.yaml'}, 'no such file'),
-    ('grasp_planner', {'object': '{shape: star}'}, 'must be one of'),
     ('grasp_planner', {'workers': -1}, 'workers: -1: out of range; must be from 0 to 256'),
-    ('grasp_planner', {'workers': 257}, 'workers: 257: out of range; must be from 0 to 256'),
-    ('pick_and_place', {'robot': 'nobody'}, 'no such preset'),
     ('simulator', {'robot': '/nowhere.yaml'}, 'no such file'),
     ('simulator', {'plant': 'soft'}, 'kinematic, elastic or mujoco'),
     ('simulator', {'grip_module': 'nobody'}, 'its modules are'),
     ('simulator', {'object_diameter': 9.0}, 'does not fit'),
     ('simulator', {'object': '{shape: polygon}'}, 'vertices'),
-    ('simulator', {'object': '/nowhere.yaml'}, 'nowhere'),
     ('simulator', {'grip': ['south/P-Q', 'nobody']}, 'no such members; its members are'),
     ('simulator', {'grip': ['south/P-Q']}, 'two or three different members'),
-    ('simulator', {'grip': ['south/P-Q', 'south/P-Q']}, 'two or three different members'),
     ('simulator', {'grip': ['south/P-Q', 'east/R-Y']}, 'fits nowhere'),
     ('simulator', {'stuck_roller': 'north/P'}, 'no such rollers'),
-    ('simulator', {'tracker_noise': -1.0}, 'range'),
-    ('simulator', {'tracker_rate': math.nan}, 'range'),
     ('simulator', {'seed': -1}, 'seed: -1: out of range'),
-    ('viewer', {'port': -1}, 'port: -1: out of range'),
-    ('simulator', {'indentation': -0.01}, 'range'),
-    ('simulator', {'rate': 1e9}, 'range'),
     ('simulator', {'clock_speed': 1.0}, 'clock_speed'),
 ]
 

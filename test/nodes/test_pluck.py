@@ -60,7 +60,7 @@ def test_a_squeeze_that_is_regulated_is_refused():
 
 def test_without_poses_it_says_what_is_missing():
     with (
-        pytest.raises(MeasurementError, match='no object_pose'),
+        pytest.raises(MeasurementError, match='object_pose: no message'),
         world(lambda: Pluck(overrides(wait_time=1.0))) as w,
     ):
         w.until(lambda: w.nodes[-1].done)

@@ -44,13 +44,6 @@ def test_a_reason_that_has_ended_is_logged_with_how_often_it_was_given(log):
     assert log.lines[1:] == ['no longer, after 264 times: pose: 0.000 s old']
 
 
-def test_a_reason_that_comes_again_is_logged_again(log):
-    hold(log, 'stale', 'pose: old', 3)
-    log.now += QUIET_TIME
-    hold(log, 'stale', 'pose: old', 3)
-    assert log.lines == ['pose: old', 'no longer, after 3 times: pose: old', 'pose: old']
-
-
 def test_a_reason_that_takes_the_place_of_another_is_logged(log):
     hold(log, 'status', 'no twist', 200)
     hold(log, 'status', 'no pose', 5)
@@ -72,7 +65,7 @@ def test_a_flood_of_one_kind_does_not_hide_another(log):
 
 
 def test_a_halt_of_minutes_is_one_line_of_the_log(capfd):
-    with world(manipulation()) as w:
+    with world(manipulation(rate=20.0)) as w:
         w.until_code(Status.OK, w.probe.send_all)
         for _ in range(2):
             w.spin(15.0, w.probe.send_twist)

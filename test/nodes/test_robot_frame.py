@@ -113,12 +113,6 @@ def test_a_planar_pose_in_a_tilted_frame_is_refused_by_name(degrees):
         frame.read_pose(planar)
 
 
-def test_planar_markers_in_a_tilted_frame_are_refused_by_name():
-    frame = RobotFrame(ROBOT, Buffer(UPRIGHT))
-    with pytest.raises(MessageError, match="joint markers in frame 'camera': tilted by 90"):
-        frame.read_markers(markers({'P': (1.0, 2.0, 0.0), 'Q': (0.5, 0.5, 0.0)}))
-
-
 def test_heights_that_are_no_numbers_are_refused_where_they_count():
     frame = RobotFrame(ROBOT, Buffer(UPRIGHT))
     with pytest.raises(MessageError, match=r'object pose at .*: must be finite'):

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 
 from geometry_msgs.msg import PoseStamped, Twist
 from isotruss_ros.nodes.framework.cycle import Cycle, PacedExecutor
-from isotruss_ros.nodes.framework.topics import NEWEST, subscribe_newest, take_waiting
+from isotruss_ros.nodes.framework.topics import subscribe_newest
 from isotruss_ros.nodes.manipulation.node import Manipulation
 from probe import begin_context, Probe
 import pytest
@@ -112,16 +112,6 @@ def test_a_twist_from_before_the_activation_moves_nothing(nodes):
     move(executor, probe)
 
 
-def test_services_respond_without_a_cycle(nodes):
-    node, probe, executor = nodes
-    node.trigger_deactivate()
-    assert node.cycle is None
-    client = probe.create_client(Trigger, 'release_emergency_stop')
-    until(executor, probe, client.service_is_ready)
-    answer = client.call_async(Trigger.Request())
-    until(executor, probe, answer.done)
-
-
 def test_an_error_of_a_callback_reaches_the_caller(nodes):
     node, probe, executor = nodes
 
@@ -184,11 +174,3 @@ def test_the_newest_message_counts(topic):
     for _ in range(5):
         executor.spin_once(timeout_sec=0.1)
     assert seen == [4.0]
-
-
-def test_what_waits_can_be_discarded(topic):
-    subscription, seen, executor = topic
-    assert len(take_waiting([], subscription, NEWEST.depth)) == NEWEST.depth
-    for _ in range(5):
-        executor.spin_once(timeout_sec=0.1)
-    assert not seen

@@ -91,11 +91,6 @@ def drive(w):
     return 0.0 if joints is None else joints.position[0]
 
 
-def test_lost_messages_are_the_share_of_the_dropouts():
-    with world(lambda: Simulator(overrides(tracker_dropouts=0.2))) as w:
-        assert len(hear(w, 4.0)['object_pose']) == pytest.approx(320, abs=32)
-
-
 def test_markers_are_at_the_joints_that_have_one():
     with world(lambda: Simulator(overrides(marker_joints=['P', 'R', 'Z']))) as w:
         heard = hear(w)

@@ -40,20 +40,6 @@ def test_publishes_state_and_pose_of_home():
         assert np.mean(np.diff(stamps)) > 0.014  # a busy machine is only slower
 
 
-def test_indents_the_tubes_on_request():
-    with world(node(indentation=0.01)) as w:
-        w.until(lambda: w.probe.last('pose') is not None)
-        position = w.probe.last('pose').pose.position
-        assert (position.x, position.y) == pytest.approx((CENTER[0], CENTER[1] + 0.01))
-
-
-def test_a_free_object_stays_where_it_is_put():
-    with world(node(object_is_free=True, object_x=2.5, object_y=-0.5, friction=0.3)) as w:
-        w.until(lambda: w.travel()[1] > 0.003, lambda: w.probe.send_command(only(1)))
-        position = w.probe.last('pose').pose.position
-        assert (position.x, position.y) == (2.5, -0.5)
-
-
 def test_travel_is_the_integral_of_the_commands():
     with world(node()) as w:
         w.until(lambda: w.probe.last('joints') is not None)

@@ -3,9 +3,9 @@
 
 """The simulator with an object of any shape, between any members, in its plants."""
 
-from boxes import ANGLE, BOX, box_between, DEPTH, ROBOT, SIDES
 from geometry_msgs.msg import PoseStamped
-from isotruss_ros.core import Disc, place_between, solve_twist
+from held_grips import ANGLE, APART, box_between, BOX_FILE, DEPTH, HOME
+from isotruss_ros.core import place_between, solve_twist
 from isotruss_ros.nodes.conversions.messages import to_pose_message
 from isotruss_ros.nodes.simulator.node import Simulator
 from manual_world import world
@@ -14,7 +14,7 @@ from probe import maker
 import pytest
 
 #: The box is between its two sides.
-HELD = {'object': BOX, 'grip': list(SIDES), 'object_angle': ANGLE, 'indentation': DEPTH}
+HELD = {'object': BOX_FILE, 'grip': list(APART), 'object_angle': ANGLE, 'indentation': DEPTH}
 node = maker(Simulator, **HELD, rate=50.0)
 
 
@@ -22,7 +22,7 @@ node = maker(Simulator, **HELD, rate=50.0)
 def test_the_box_is_carried_by_the_two_sides(is_free):
     start = np.array(box_between().body.pose)
     free = {'object_is_free': True, 'object_x': start[0], 'object_y': start[1]}
-    command = solve_twist(ROBOT.home, box_between(), (0.02, 0.0, 0.0)).roller_velocities
+    command = solve_twist(HOME, box_between(), (0.02, 0.0, 0.0)).roller_velocities
     with world(node(**(free if is_free else {}))) as w:
         w.until(lambda: w.place() is not None)
         # Of a free one the equilibrium is found, near by.
@@ -52,19 +52,12 @@ def test_a_free_box_stays_and_is_put_elsewhere_with_its_angle():
         assert w.place() == pytest.approx(np.array(box_between().body.pose), abs=3e-3)
 
 
-def test_a_disc_between_two_sides_that_do_not_meet():
-    with world(node(object='', object_diameter=0.5)) as w:
-        w.until(lambda: w.place() is not None)
-        disc = place_between(ROBOT.home, SIDES, Disc(0.5), ANGLE, DEPTH)
-        assert w.place() == pytest.approx(np.array(disc.body.pose), abs=1e-9)
-
-
 def test_without_members_the_sides_of_the_module_hold_it():
     with world(node(grip=[''], grip_module='north/Z', object_angle=0.3)) as w:
         w.until(lambda: w.place() is not None)
         shape = box_between().body.shape
         sides = ('north/Z-R', 'north/P-Z')
-        expected = place_between(ROBOT.home, sides, shape, 0.3, DEPTH).body.pose
+        expected = place_between(HOME, sides, shape, 0.3, DEPTH).body.pose
         assert w.place() == pytest.approx(np.array(expected), abs=1e-9)
 
 
@@ -74,6 +67,6 @@ def test_the_elastic_plant_holds_the_box():
         start = w.place()
         assert start == pytest.approx(np.array(box_between().body.pose), abs=0.005)
         _, simulator = w.nodes
-        assert set(simulator._elastic.grasp.member_names) == set(SIDES)
-        command = solve_twist(ROBOT.home, box_between(), (0.02, 0.0, 0.0)).roller_velocities
+        assert set(simulator._elastic.grasp.member_names) == set(APART)
+        command = solve_twist(HOME, box_between(), (0.02, 0.0, 0.0)).roller_velocities
         w.until(lambda: w.place()[0] - start[0] > 0.003, lambda: w.probe.send_command(command))

@@ -3,7 +3,6 @@
 
 """The node `state_estimator`, and the nodes that use what it publishes."""
 
-from geometry_msgs.msg import PoseStamped, Transform, TransformStamped, Vector3
 from isotruss_msgs.msg import StateEstimate
 from isotruss_ros.core.estimation import state_estimate
 from isotruss_ros.core.estimation.state_estimator import StateEstimator
@@ -16,7 +15,6 @@ from isotruss_ros.nodes.conversions.messages import (
     read_pose,
     read_stamp,
 )
-from isotruss_ros.nodes.framework import robot_frame
 from isotruss_ros.nodes.manipulation.node import Manipulation
 from isotruss_ros.nodes.simulator.node import Simulator
 from isotruss_ros.nodes.state_estimator import StateEstimatorNode
@@ -107,56 +105,6 @@ def test_estimate_is_robust_to_late_swapped_and_missing_markers():
         found = last_estimate(w)
     assert np.abs(found.offsets).max() < 2e-4
     assert found.used_joints == sorted(NAMES)
-
-
-@pytest.mark.parametrize(
-    ('joints', 'frame'), [({'W': (0.0, 0.0)}, 'truss'), ({'P': (0.0, 0.0)}, 'elsewhere')]
-)
-def test_invalid_markers_are_ignored(joints, frame):
-    with world(estimator()) as w:
-        markers = listen(w)
-
-        def feed():
-            w.probe.send_joints()
-            send_markers(w, markers, joints, frame)
-
-        w.spin(0.5, feed)
-        assert last_estimate(w).used_joints == []
-
-
-def test_markers_and_poses_are_taken_from_any_frame_that_is_connected(monkeypatch):
-    moved = Transform(translation=Vector3(x=0.1))
-
-    class Buffer:
-        """Transforms, as `tf2_ros.Buffer` has them; a fake, as tf2 has no wheels."""
-
-        def lookup_transform(self, _target, _source, _time):
-            return TransformStamped(transform=moved)
-
-    monkeypatch.setattr(robot_frame, 'Buffer', Buffer)
-    monkeypatch.setattr(robot_frame, 'TransformListener', lambda *made: made, raising=False)
-    places = dict(zip(NAMES, (ROBOT.home.nodes[: len(NAMES)] - (0.1, 0.0)).tolist(), strict=True))
-    taken = []
-    monkeypatch.setattr(StateEstimator, 'take_pose', lambda *given: taken.append(given[2:]))
-    with world(estimator()) as w:
-        markers = listen(w)
-        poses = w.probe.create_publisher(PoseStamped, 'object_pose', 10)
-
-        def feed():
-            w.probe.send_joints()
-            send_markers(w, markers, places, 'camera')
-            placed = PoseStamped()
-            placed.pose.orientation.w = 1.0
-            placed.header = make_header(w.probe.past(0.0), 'camera')
-            poses.publish(placed)
-
-        w.spin(1.0, feed)
-        found = last_estimate(w)
-    assert found.used_joints == sorted(NAMES)
-    assert np.abs(found.offsets).max() < 2e-4
-    pose, deviations = taken[-1]
-    assert pose == pytest.approx((0.1, 0.0, 0.0))
-    assert deviations == (1e-3, 1e-3, 0.009)
 
 
 def test_stale_pressures_give_a_warning_and_the_estimate_continues():
@@ -280,7 +228,7 @@ def test_the_squeeze_of_a_robot_with_wrong_zeros_is_regulated_by_the_estimate(es
     if estimated:
         nodes.append(estimator(marker_deviation=2e-4))
     with world(*nodes) as w:
-        w.spin(8.0, lambda: w.probe.send_twist((0.0, 0.0, 0.0)))
+        w.spin(5.0, lambda: w.probe.send_twist((0.0, 0.0, 0.0)))
         squeeze = w.nodes[1]._elastic.grasp.squeeze
     off = abs(squeeze / 30.0 - 1.0)
     assert off < 0.05 if estimated else off > 0.1

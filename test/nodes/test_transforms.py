@@ -7,9 +7,8 @@ import math
 from types import SimpleNamespace
 
 from isotruss_ros.core import analyze_grasp, ConvexObject, load_robot, Pose, tangent_center
-from isotruss_ros.nodes.conversions.contact_messages import find_contact_frames
 from isotruss_ros.nodes.framework import transforms
-from isotruss_ros.nodes.framework.transforms import TransformBroadcaster
+from isotruss_ros.nodes.framework.transforms import find_contact_frames, TransformBroadcaster
 import numpy as np
 import pytest
 

@@ -90,25 +90,6 @@ def test_a_stop_that_the_status_tells_of_holds_drags_until_its_release():
         w.until(lambda: moves(w), w.probe.send_pose)
 
 
-def test_words_about_a_stop_end_with_its_release():
-    with viewed() as (w, node, _):
-        w.until(
-            lambda: node._controls.control.stopped, lambda: w.probe.stops.publish(Bool(data=True))
-        )
-        node.picture.goal_report = 'pick: ended by the emergency stop'
-        w.probe.stops.publish(Bool(data=False))
-        w.until(lambda: not node.picture.goal_report)
-
-
-def test_a_force_beyond_its_slider_is_not_published():
-    with viewed() as (w, _, browser):
-        browser.set('force x [N]', 1e9)
-        browser.set('force y [N]', 3.0)
-        w.until(lambda: w.probe.last('pull') is not None)
-        force = w.probe.last('pull').wrench.force
-        assert (force.x, force.y) == (0.0, 3.0)
-
-
 def test_a_viewer_goes_on_after_messages_that_cannot_be_shown():
     with viewed() as (w, node, _):
         cut = Marker(ns='contact_regions', points=[Point()] * 7)

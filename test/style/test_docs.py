@@ -12,7 +12,7 @@ import equations
 from interfaces import node_classes
 from isotruss_ros import executables
 from isotruss_ros.nodes.framework.managed import ManagedNode
-from node_pages import all_interfaces, node_tables
+from node_pages import all_interfaces
 import promises
 import pytest
 from ruamel.yaml import YAML
@@ -54,16 +54,6 @@ def test_rviz_shows_topics_of_the_nodes_in_any_namespace():
     interfaces = all_interfaces().values()
     # Relative names, as the nodes declare them: RViz resolves both in its namespace.
     assert topics <= set().union(*(each.published for each in interfaces))
-
-
-def test_notes_must_be_those_of_the_declared_names():
-    with pytest.raises(ValueError, match='cmd_vel'):
-        node_tables('pluck', {})
-    notes = {'cmd_vel': 'twists', 'manipulation/status': 'read'}
-    with pytest.raises(ValueError, match='sound'):
-        node_tables('pluck', notes | {'sound': 'none'})
-    tables = node_tables('pluck', notes)
-    assert '`geometry_msgs/Twist` or `geometry_msgs/TwistStamped`' in tables
 
 
 def test_every_promise_has_tests_that_are_there():

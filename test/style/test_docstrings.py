@@ -47,7 +47,7 @@ def refers_to_protocol(node):
 
 
 def fields(node, lines):
-    """Return the fields of a data class that no comment beside them documents."""
+    """Return the fields of a data class that no comment beside or above them documents."""
     return [
         one.target.id
         for one in node.body
@@ -55,6 +55,7 @@ def fields(node, lines):
         and one.target.id[0] != '_'
         and 'ClassVar' not in ast.unparse(one.annotation)
         and '#: ' not in lines[one.lineno - 1]
+        and not lines[one.lineno - 2].lstrip().startswith('#: ')
     ]
 
 

@@ -7,7 +7,6 @@ import ast
 import importlib
 from pathlib import Path
 import re
-import shutil
 import signal
 import subprocess
 import sys
@@ -137,23 +136,6 @@ def test_pip_puts_one_command_on_path(setup_arguments):
     assert scripts == ['isotruss = isotruss_ros.executables:isotruss']
 
 
-def copy_sources(folder):
-    left_out = shutil.ignore_patterns('.*', 'build', '*.egg-info', 'paper', 'docs', 'test')
-    return shutil.copytree(ROOT, folder / 'source', ignore=left_out)
-
-
-def test_a_wheel_has_one_command(tmp_path):
-    build = 'from setuptools.build_meta import __legacy__ as b; b.prepare_metadata_for_build_wheel'
-    source = copy_sources(tmp_path)
-    subprocess.run(
-        [sys.executable, '-c', f'{build}("..")'], cwd=source, check=True, capture_output=True
-    )
-    (found,) = tmp_path.glob('*.dist-info/entry_points.txt')
-    kind, *scripts = found.read_text().split('\n')
-    assert kind == '[console_scripts]'
-    assert ''.join(scripts) == 'isotruss = isotruss_ros.executables:isotruss'
-
-
 @pytest.mark.parametrize('command', ['install', 'develop'])
 def test_colcon_installs_every_executable(command):
     scripts = read_setup(command)['entry_points']['console_scripts']
@@ -164,30 +146,6 @@ def test_colcon_installs_every_executable(command):
         assert callable(getattr(importlib.import_module(module), function, None)), line
     for name in executables.NODES:
         assert callable(find_node(name))
-
-
-def test_ros2_run_finds_the_executables_that_setup_installs(tmp_path):
-    """By the command line of colcon."""
-    source = copy_sources(tmp_path)
-    (tmp_path / 'build').mkdir()
-    line = (
-        'egg_info --egg-base ../build build --build-base ../build/build install '
-        '--prefix ../prefix --record ../build/install.log --single-version-externally-managed'
-    )
-    subprocess.run(
-        [sys.executable, 'setup.py', *line.split()], cwd=source, check=True, capture_output=True
-    )
-    installed = {path.name for path in (tmp_path / 'prefix' / 'lib' / 'isotruss_ros').iterdir()}
-    assert installed == {'isotruss', *executables.NODES, *executables.PROGRAMS}
-
-
-def test_help_lists_every_subcommand(monkeypatch, capsys):
-    monkeypatch.setattr(sys, 'argv', ['isotruss', '--help'])
-    with pytest.raises(SystemExit) as ended:
-        executables.isotruss()
-    assert ended.value.code == 0
-    words = set(re.findall(r'\w+', capsys.readouterr().out))
-    assert words >= {*executables.REQUESTS, *executables.PROGRAMS, *executables.NODES}
 
 
 @pytest.mark.parametrize('arguments', [[], ['demos']])

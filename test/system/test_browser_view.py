@@ -4,32 +4,13 @@
 """The live view in a real browser."""
 
 import contextlib
+import importlib.util
 import io
 import re
+import shutil
 import threading
 import time
 
-from browser import (
-    blue,
-    CHROMIUM,
-    count_green,
-    count_tubes,
-    DEADLINE,
-    find_switch,
-    HARMLESS,
-    launch,
-    MARKS,
-    middle,
-    open_page,
-    PHONE,
-    pixels,
-    polite_browser,
-    read_address,
-    SERVED,
-    SOME,
-    switch_control,
-    VIEWPORT,
-)
 from geometry_msgs.msg import PoseStamped, Twist
 from isotruss_msgs.msg import ManipulationStatus
 from isotruss_ros.core import Pose
@@ -43,6 +24,110 @@ import pytest
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from robots import quick_robot
+
+CHROMIUM = shutil.which('chromium')
+PACKAGES = all(map(importlib.util.find_spec, ('viser', 'playwright')))
+MARKS = [
+    pytest.mark.system,
+    pytest.mark.xdist_group('browser'),
+    pytest.mark.skipif(not PACKAGES, reason='pip install viser playwright'),
+    pytest.mark.skipif(CHROMIUM is None, reason='apt-get install chromium'),
+    pytest.mark.timeout(900),
+]
+#: In which everything here comes about, on a machine that is busy and draws without hardware [s].
+DEADLINE = 240.0
+#: Any port that is free; and a page that draws in software may be slow [s], but no slower than
+#: the websocket, which closes after 20 to 40 s without an answer.
+SERVED = {'port': 0, 'browser_timeout': 20.0}
+VIEWPORT = {'width': 700, 'height': 480}
+#: Width of the scene, left of the panels.
+SCENE = 370
+#: Fewer than the object has, or its handle.
+SOME = 80
+#: What is drawn in software takes the processors from the nodes.
+SLOWLY = """
+const draw = window.requestAnimationFrame.bind(window);
+window.requestAnimationFrame = (show) => setTimeout(() => draw(show), 250);
+window.cancelAnimationFrame = clearTimeout;
+"""
+#: Of the browser's own client: it is no fault of the page.
+HARMLESS = 'Unable to preventDefault inside passive event listener'
+
+
+def pixels(page):
+    """Return the (h, w, 3) colours of the scene, left of the panels."""
+    picture = Image.open(io.BytesIO(page.screenshot(scale='css'))).convert('RGB')
+    return np.asarray(picture).astype(int)[:, :SCENE]
+
+
+def blue(colors):
+    """Return where the handle is drawn: rows and columns."""
+    red, green, last = np.moveaxis(colors, 2, 0)
+    return np.nonzero((last > red + 80) & (last > green + 60))
+
+
+def middle(found):
+    """Return the mean row and column of pixels."""
+    return (float(np.mean(part)) for part in found)
+
+
+def count_green(colors):
+    """Return how many pixels have the colour of a held object."""
+    red, green, last = np.moveaxis(colors, 2, 0)
+    return int(((green > red + 50) & (green > last + 40)).sum())
+
+
+def count_tubes(colors):
+    """Return how many pixels have the colour of a tube."""
+    return int((colors[..., 2] > colors[..., 0] + 25).sum())
+
+
+def polite_browser(folder):
+    """Return a browser that leaves the processors to the nodes: it draws in software."""
+    script = folder / 'chromium'
+    script.write_text(f'#!/bin/sh\nexec nice -n 10 {CHROMIUM} "$@"\n')
+    script.chmod(0o755)
+    return script
+
+
+def launch(playwright, program):
+    """Return a browser."""
+    return playwright.chromium.launch(
+        executable_path=program,
+        args=['--use-angle=swiftshader', '--enable-unsafe-swiftshader', '--no-sandbox'],
+    )
+
+
+def open_page(browser, scale, viewport=VIEWPORT):
+    """
+    Return a page that draws at most four times a second.
+
+    :param scale: pixels drawn for one of the viewport, each way.
+    """
+    page = browser.new_page(viewport=viewport, device_scale_factor=scale)
+    page.add_init_script(SLOWLY)
+    page.set_default_timeout(1e3 * DEADLINE)
+    return page
+
+
+def read_address(process):
+    """Return the address that a viewer prints, once it does."""
+    end = time.monotonic() + DEADLINE
+    while 'viewer: http' not in (words := process.log.read_text()):
+        assert time.monotonic() < end, words
+        time.sleep(0.05)
+    return words.partition('viewer: ')[2].split()[0]
+
+
+def find_switch(page):
+    """Return the switch of the control; the settings of the browser's client have some as well."""
+    return page.get_by_label('control', exact=True)
+
+
+def switch_control(page):
+    """Click the switch of the control, once it is there."""
+    find_switch(page).evaluate('box => box.click()')
+
 
 pytestmark = MARKS
 
@@ -188,12 +273,6 @@ class View:
         self._browser, self._address = browser, address
         self.follower, self.log = follower, log
 
-    def open_phone(self):
-        """Return a page on an upright screen."""
-        page = open_page(self._browser, 0.5, PHONE)
-        page.goto(self._address)
-        return page
-
     def open_other(self, address):
         """Return a page of another viewer."""
         page = open_page(self._browser, 0.3)
@@ -240,39 +319,13 @@ def view(opened):
     return opened
 
 
+@pytest.mark.nightly
 def test_a_browser_that_reloads_in_mid_drag_commands_nothing_more(view):
     ((page, number),) = view.open_pages(1)
     drag_and_leave(view, page, page.reload)
     page.mouse.up()
     assert number_of(page) > number
     assert not find_switch(page).is_checked()
-
-
-@pytest.mark.nightly
-def test_a_browser_that_closes_in_mid_drag_leaves_control_to_nobody(view):
-    (page, _), (other, other_number) = view.open_pages(2)
-    drag_and_leave(view, page, page.close)
-    other.get_by_text(f'browser {other_number}: nobody has control').wait_for()
-    assert not find_switch(other).is_checked()
-
-
-@pytest.mark.nightly
-def test_on_a_phone_the_panel_is_below_the_whole_robot(view):
-    with contextlib.closing(view.open_phone()) as page:
-        stop = page.get_by_role('button', name='stop', exact=True)
-        stop.wait_for()
-        box = stop.bounding_box()
-        assert box['width'] > 0.9 * PHONE['width']
-        assert box['y'] > 0.6 * PHONE['height']
-
-        def columns():
-            """Return the columns of the tubes above the panel."""
-            shot = Image.open(io.BytesIO(page.screenshot(scale='css'))).convert('RGB')
-            above = np.asarray(shot).astype(int)[: int(0.6 * PHONE['height'])]
-            return np.nonzero(((above[..., 2] > above[..., 0] + 25).sum(axis=0)) > 3)[0]
-
-        view.follower.until(lambda: len(found := columns()) > 100 and found[0] > 20)
-        assert columns()[-1] < PHONE['width'] - 20
 
 
 @pytest.mark.nightly
@@ -307,40 +360,6 @@ def drag_and_leave(view, page, leave):
     follower.until(lambda: not follower.is_commanded())
     assert follower.speeds()[-1] == pytest.approx(SPEED)
     assert 'given up' not in view.log.read_text()
-
-
-@pytest.mark.nightly
-def test_a_second_browser_has_no_control_until_the_first_lets_go(view):
-    (page, number), (other, other_number) = view.open_pages(2)
-    switch_control(page)
-    other.get_by_text(f'browser {other_number}: browser {number} has control').wait_for()
-    assert find_switch(other).is_disabled()
-    assert other.get_by_role('button', name='pick', exact=True).count() == 0
-    grab(other, view.follower.until)
-    switch_control(page)
-    other.get_by_text(f'browser {other_number}: nobody has control').wait_for()
-    assert not view.follower.is_commanded()
-    switch_control(other)
-    page.get_by_text(f'browser {number}: browser {other_number} has control').wait_for()
-    switch_control(other)
-    other.mouse.up()
-
-
-@pytest.mark.nightly
-def test_a_drag_without_progress_is_given_up_with_the_reason(view):
-    ((page, number),) = view.open_pages(1)
-    follower = view.follower
-    follower.begin(moves=False)
-    switch_control(page)
-    grab(page, follower.until)
-    page.get_by_text('drag given up: object: no progress for 2 s').wait_for()
-    follower.until(lambda: follower.twists and not follower.is_commanded())
-    # It comes back with a new drag only, not with the end of this one.
-    before = len(follower.speeds())
-    page.mouse.up()
-    page.get_by_role('button', name='stop', exact=True).click()
-    page.get_by_text(f'browser {number}: nobody has control').wait_for()
-    assert len(follower.speeds()) == before
 
 
 @pytest.mark.nightly

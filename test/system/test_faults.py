@@ -291,6 +291,7 @@ class Paths:
         return found.status, found.result.code
 
 
+@pytest.mark.nightly
 def test_a_path_ends_with_its_node_and_the_next_one_works(r):
     w, paths = r.w, Paths(r)
     r.check_rests()

@@ -11,11 +11,10 @@ import time
 
 from action_msgs.msg import GoalStatus
 from isotruss_msgs.action import PlanGrasp
-from isotruss_ros.core import ConvexObject, GraspRequirements, plan_grasps
 from lifecycle_msgs.msg import Transition
 from nightly import some_now
-from planning import assert_same, CENTER, DIAMETER, goal, NO_MARGIN, node, workers
-from probe import DEADLINE, Manager, ROBOT, world
+from planning import goal, NO_MARGIN, node, workers
+from probe import DEADLINE, Manager, world
 import psutil
 import pytest
 from rclpy.action import ActionClient
@@ -92,25 +91,6 @@ def test_survives_the_death_of_a_process():
 
 
 @pytest.mark.nightly
-def test_answers_as_the_core_does_on_two_processes_and_stops_when_cancelled():
-    # Before the node runs, whose joint states would be old after it.
-    needs = GraspRequirements(module='north/Z', count=1)
-    expected = plan_grasps(ROBOT.home, ConvexObject.disc(CENTER, DIAMETER), needs, seed=3)
-    with world(node(workers=2)) as w:
-        client = Client(w)
-        status, result = client.plan(goal(module='north/Z', count=1, seed=3))
-        assert (status, result.code) == (GoalStatus.STATUS_SUCCEEDED, Result.FOUND)
-        assert_same(result, expected)
-        handle = client.begin(goal(count=1000))
-        client.until(lambda: client.feedback[-1][1].found > 0)
-        handle.cancel_goal_async()
-        status, result = client.result(handle)
-        assert (status, result.code) == (GoalStatus.STATUS_CANCELED, Result.CANCELLED)
-        assert result.grasps
-        evaluations = [message.evaluations for _, message in client.feedback]
-        assert evaluations == sorted(evaluations)
-
-
 def test_leaves_no_process_when_it_is_deactivated_or_destroyed():
     with world(node(workers=2)) as w:
         client, manager = Client(w), Manager(w, 'grasp_planner')

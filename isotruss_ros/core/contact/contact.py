@@ -34,7 +34,7 @@ MAX_STEPS = 300
 CONTACT_DEPTH_SHARE = 0.7
 #: Largest gap of a contact [m]; at larger gaps forces that remain in (9) are set to zero.
 MAX_CONTACT_GAP = 1e-7
-#: Steps of (9) between checks of convergence with updated normals, and largest number of checks.
+#: Steps of (9) between checks of convergence with updated normals [-].
 STEPS_PER_CHECK = 1000
 
 
@@ -90,11 +90,7 @@ def solve_contact(
 
 
 def _settle_normals(
-    contact_points: ContactPoints,
-    places: Indices,
-    normals: Points,
-    gaps: Array,
-    surface: Surface,
+    contact_points: ContactPoints, places: Indices, normals: Points, gaps: Array, surface: Surface
 ) -> Points:
     """Return the forces (a,), x + iy [N], that close the gaps (a,) at updated normals."""
     count = len(places)
@@ -200,13 +196,13 @@ def relax_contact(
     :param surface: surface that the points meet, see `find_contact_points`.
     :param forces: (c,) initial forces [N]; None: zero.
     :param normals: (c,) initial normals, x + iy; None: the normals at the undeformed tubes.
-    :raises SolverError: no convergence within a million steps.
+    :raises SolverError: no convergence within `MAX_STEPS` updates of the normals.
     """
     away = contact_points.skin - surface.center
     if normals is None:
         normals = face_tubes(contact_points, surface)
     forces = np.zeros(len(away)) if forces is None else forces.copy()
-    for _ in range(STEPS_PER_CHECK):
+    for _ in range(MAX_STEPS):
         gaps = open_gaps(away, normals, surface)
         compliance = contact_points.normal_compliance(normals)
         # Points without force that are not touched take no part: they do not bound the gain.
@@ -223,7 +219,7 @@ def relax_contact(
             push = touching * normals
             return ContactState(touching, gap, normals, displacements, radii, push)
     raise SolverError(
-        f'the relaxation of the contact forces did not rest in {STEPS_PER_CHECK**2} steps'
+        f'the relaxation of the contact forces did not rest in {MAX_STEPS * STEPS_PER_CHECK} steps'
     )
 
 

@@ -33,23 +33,14 @@ from numpy.typing import ArrayLike
 
 @dataclass(frozen=True, eq=False)
 class Flattening:
-    """
-    Local compliance of the tubes' sections under transverse forces from one side.
+    """Local compliance of the tubes' sections under transverse forces from one side."""
 
-    :ivar radius: tube radius R [m].
-    :ivar stiffness: (t, n) k_n of modes with extent along the tube, per unit length [N/m^2].
-    :ivar tension: (t, n) G_n of these modes [N].
-    :ivar rest: (t,) compliance of all further modes for a line load [m^2/N].
-    :ivar pressure: (t,) gauge pressure p in each tube [Pa].
-    :ivar tension_rate: (t, n) derivative of G_n by the pressure [N/Pa].
-    """
-
-    radius: float
-    stiffness: Array
-    tension: Array
-    rest: Array
-    pressure: Array
-    tension_rate: Array
+    radius: float  #: tube radius R [m]
+    stiffness: Array  #: (t, n) k_n of modes with extent along the tube, per unit length [N/m^2]
+    tension: Array  #: (t, n) G_n of these modes [N]
+    rest: Array  #: (t,) compliance of all further modes for a line load [m^2/N]
+    pressure: Array  #: (t,) gauge pressure p in each tube [Pa]
+    tension_rate: Array  #: (t, n) derivative of G_n by the pressure [N/Pa]
 
     @property
     def reach(self) -> Array:

@@ -27,32 +27,21 @@ FACET_BATCH = 4096
 
 @dataclass(frozen=True, eq=False)
 class FrictionClosure:
-    """
-    Balance of a wrench by bounded friction forces.
+    """Balance of a wrench by bounded friction forces."""
 
-    :ivar closed: whether the residual is at most `tolerance`.
-    :ivar residual: norm of the unbalanced wrench, with moments over d/2 [N].
-    :ivar tolerance: largest residual of closure [N].
-    :ivar friction_forces: (k,) friction on the object along the tangents, counter-clockwise [N].
-    :ivar required_friction: smallest coefficient of friction with closure, or infinite.
-    :ivar margin: largest further wrench that friction balances in every direction [N]; negative if
-        the wrench itself is not balanced.
-    """
-
-    closed: bool
-    residual: float
-    tolerance: float
+    closed: bool  #: whether the residual is at most `tolerance`
+    residual: float  #: norm of the unbalanced wrench, with moments over d/2 [N]
+    tolerance: float  #: largest residual of closure [N]
+    #: (k,) friction on the object along the tangents, counter-clockwise [N]
     friction_forces: Array
-    required_friction: float
+    required_friction: float  #: smallest coefficient of friction with closure, or infinite
+    #: largest further wrench that friction balances in every direction [N]; negative if the wrench
+    #: itself is not balanced
     margin: float
 
 
 def balance_by_friction(
-    tangents: Array,
-    normal_forces: Array,
-    load: Array,
-    friction: float,
-    levers: Array,
+    tangents: Array, normal_forces: Array, load: Array, friction: float, levers: Array
 ) -> FrictionClosure:
     """
     Balance a load by friction forces with |F_i| <= mu N_i, equation (10).

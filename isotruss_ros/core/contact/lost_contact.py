@@ -24,21 +24,13 @@ import numpy as np
 
 @dataclass(frozen=True, eq=False)
 class LostContact:
-    """
-    Grasping members that do not hold their object, with their gaps to it.
+    """Grasping members that do not hold their object, with their gaps to it."""
 
-    :ivar config: configuration of the robot.
-    :ivar body: the object at its given pose.
-    :ivar members: (k,) indices of the members.
-    :ivar wrench: norm of the external wrench, with moments over the characteristic radius [N].
-    :ivar stiffness: p R, the tubes' mean pressure times their radius [N/m].
-    """
-
-    config: Configuration
-    body: ConvexObject
-    members: Indices
-    wrench: float
-    stiffness: float
+    config: Configuration  #: configuration of the robot
+    body: ConvexObject  #: the object at its given pose
+    members: Indices  #: (k,) indices of the members
+    wrench: float  #: norm of the external wrench, with moments over the characteristic radius [N]
+    stiffness: float  #: p R, the tubes' mean pressure times their radius [N/m]
 
     @classmethod
     def of(

@@ -13,7 +13,7 @@ points with a sufficiently small spacing inside the regions only.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 from isotruss_ros.core.contact.contact import estimate_contact
@@ -26,7 +26,8 @@ from isotruss_ros.core.contact.contact_points import (
 from isotruss_ros.core.contact.flattening import Flattening
 from isotruss_ros.core.contact.grasp_analysis import SolvedContact
 from isotruss_ros.core.contact.surfaces import Surface
-from isotruss_ros.core.errors import SolverError, StructureError
+from isotruss_ros.core.errors import IsotrussError, SolverError, StructureError
+from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.numerics.arrays import Array, Flags, Points
 from isotruss_ros.core.numerics.tolerances import COINCIDENCE, MAX_SEARCH_STEPS, ROUNDING
 from isotruss_ros.core.statics.bent_tubes import BentTubes
@@ -82,29 +83,39 @@ def refine_contact(
     :raises SolverError: the contact problem was not solved.
     """
     search = _Search(structure, surface, spacing, flattening, solver, budget)
-    settled = False
-    if previous is not None:
-        found, fits = search.solve(previous, limited=True)
-        settled = fits and (budget is not None or _is_division_clear(found.spans, spacing))
-    if not settled:
-        found = search.find(SEARCH * spacing, None, estimate_contact)
-        if not _touched(found.spans).any():
-            return search.solve_everywhere()
-        if budget is not None:
-            # The estimate does not slide, and presses far too hard at corners.
-            found = search.find(SEARCH * spacing, None, solver)
-    for step in range(MAX_STEPS):
-        if settled:
-            break
-        found, settled = search.solve(found, limited=step < MAX_STEPS - 1)
-        # The search goes by tangents, which may be touched where the surface is not.
-        touches = budget is None or _touched(found.spans).any()
-        if not len(found.points.points) or not touches:
-            return search.solve_everywhere()
-    found = search.bend(found)
-    # Whatever the search began with, the answer is the same.
-    within = _within(found.points, found.spans + search.room)
-    return found._replace(kept=np.flatnonzero(within))
+    try:
+        return search.refine(previous)
+    except (SolverError, StructureError) as error:
+        return _press_in(search, error, 0.5 if previous is None else 1.0)
+
+
+def _press_in(search: _Search, refused: IsotrussError, step: float) -> SolvedContact:
+    """
+    Solve with the object pressed in by steps, from half of its depth or by a first step.
+
+    The skin of the tubes is moved away from the object, by less and less of the indentation.
+    """
+    flattening = search.flattening
+    depth = float(member_depths(search.structure.config, search.surface.body).max())
+    reached, before = 0.0, None
+    for _ in range(MAX_SEARCH_STEPS if depth > 0.0 else 0):
+        thinner = replace(flattening, radius=flattening.radius - (1.0 - reached - step) * depth)
+        pressed = replace(search, flattening=thinner, steady=True)
+        try:
+            before = pressed.refine(before, follow=True)
+        except (SolverError, StructureError):
+            step *= 0.5
+            continue
+        reached += step
+        if reached == 1.0:
+            return before
+        step = min(2.0 * step, 1.0 - reached)
+    if reached == 0.0:
+        raise refused
+    raise SolverError(
+        f'{search.touching(before)}: the structure gives way under the object before it is '
+        f'{1e3 * depth:.3g} mm deep in the tubes; place it farther out'
+    ) from refused
 
 
 def measure_contact(
@@ -149,6 +160,34 @@ class _Search:
     flattening: Flattening
     solver: ContactSolver
     budget: int | None
+    #: Whether the first motion that grows ends the iteration for the bent tubes.
+    steady: bool = False
+
+    def refine(self, previous: SolvedContact | None, follow: bool = False) -> SolvedContact:
+        """Find the contact regions, refine the points in them, and bend the tubes."""
+        found, settled, clear = previous, False, True
+        if found is not None:
+            found, settled = self.solve(found, limited=True)
+            clear = self.budget is not None or _is_division_clear(found.spans, self.spacing)
+        if found is None or not (follow or (settled and clear)):
+            found, settled = self.find(SEARCH * self.spacing, None, estimate_contact), False
+            if not _touched(found.spans).any():
+                return self.solve_everywhere()
+            if self.budget is not None:
+                # The estimate does not slide, and presses far too hard at corners.
+                found = self.find(SEARCH * self.spacing, None, self.solver)
+        for step in range(MAX_STEPS):
+            if settled:
+                break
+            found, settled = self.solve(found, limited=step < MAX_STEPS - 1)
+            # The search goes by tangents, which may be touched where the surface is not.
+            touches = self.budget is None or _touched(found.spans).any()
+            if not len(found.points.points) or not touches:
+                return self.solve_everywhere()
+        found = self.bend(found)
+        # Whatever the search began with, the answer is the same.
+        within = _within(found.points, found.spans + self.room)
+        return found._replace(kept=np.flatnonzero(within))
 
     @property
     def room(self) -> Array:
@@ -206,11 +245,12 @@ class _Search:
         self, points: ContactPoints, push: Points, solve: Callable[[BentTubes], Found]
     ) -> Found:
         """Solve with tubes bent by the contact forces, or by a share of these if that fails."""
-        for share in BENT_SHARES:
+        shares = BENT_SHARES[:1] if self.steady else BENT_SHARES
+        for share in shares:
             try:
                 return solve(points.bend_on(push, share))
             except (SolverError, StructureError):
-                if share == BENT_SHARES[-1]:
+                if share == shares[-1]:
                     raise
         raise AssertionError
 
@@ -232,6 +272,8 @@ class _Search:
             rounding = distance <= 1e3 * ROUNDING and not (shorter or quick)
             if settled or rounding:
                 return found if points is found.points else self._measure(points, contact)
+            if self.steady and distance > last:
+                break
             quick, last = shorter, distance
 
             def solve(
@@ -246,13 +288,16 @@ class _Search:
                 return there, self.solver(there, surface, *found)
 
             points, contact = self._solve_bent(points, contact.push, solve)
-        names = self.structure.config.robot.member_names
-        touched = ', '.join(names[i] for i in np.flatnonzero(_touched(found.spans)))
         raise SolverError(
-            f'{touched}: the bent tubes did not settle in {MAX_SEARCH_STEPS} steps (the last '
-            f'moved a node by {1e3 * last:.3g} mm); the object is pressed in too deeply, or the '
-            'structure gives way under it'
+            f'{self.touching(found)}: the bent tubes did not settle in {MAX_SEARCH_STEPS} steps '
+            f'(the last moved a node by {1e3 * last:.3g} mm); the object is pressed in too '
+            'deeply, or the structure gives way under it'
         )
+
+    def touching(self, found: SolvedContact) -> str:
+        """Return the names of the members in contact."""
+        names = self.structure.config.robot.member_names
+        return ', '.join(names[i] for i in np.flatnonzero(_touched(found.spans)))
 
 
 def _touched(regions: Array) -> Flags:

@@ -25,21 +25,13 @@ INITIAL_DISTANCE = 0.3
 
 @dataclass(frozen=True)
 class Surface:
-    """
-    Surface of a convex object, or its offset; points are relative to the object's centre.
+    """Surface of a convex object, or its offset; points are relative to the object's centre."""
 
-    :ivar body: the object at its pose.
-    :ivar margin: offset of the surface [m].
-    :ivar shape: shape of the object; its corners are rounded to the resolution of the points.
-    :ivar center: the centroid of the object's area, x + iy [m].
-    :ivar reach: upper bound of the distance of surface points from the centre [m].
-    """
-
-    body: ConvexObject
-    margin: float
-    shape: Shape
-    center: complex
-    reach: float
+    body: ConvexObject  #: the object at its pose
+    margin: float  #: offset of the surface [m]
+    shape: Shape  #: shape of the object; its corners are rounded to the resolution of the points
+    center: complex  #: the centroid of the object's area, x + iy [m]
+    reach: float  #: upper bound of the distance of surface points from the centre [m]
 
     @cached_property
     def _inside(self) -> complex:

@@ -19,28 +19,18 @@ FALSE_ALARM_PROBABILITY = 1.5e-5
 
 
 class Expectation(NamedTuple):
-    """
-    Measurement model linearised at a state.
+    """Measurement model linearised at a state."""
 
-    :ivar values: (m,) predicted measurement.
-    :ivar rates: (m, n) Jacobian by the state.
-    """
-
-    values: Array
-    rates: Array
+    values: Array  #: (m,) predicted measurement
+    rates: Array  #: (m, n) Jacobian by the state
 
 
 @dataclass(frozen=True, eq=False)
 class Belief:
-    """
-    Gaussian belief of a state.
+    """Gaussian belief of a state."""
 
-    :ivar mean: (n,) mean.
-    :ivar covariance: (n, n) covariance.
-    """
-
-    mean: Array
-    covariance: Array
+    mean: Array  #: (n,) mean
+    covariance: Array  #: (n, n) covariance
 
     def spread(self, rates: Array) -> Array:
         """

@@ -28,7 +28,6 @@ class OffsetFilter:
     their rotation about the centre of the joints [rad]. m are the mounting offsets of the markers
     from the joints [m].
 
-    :ivar belief: belief of the state.
     :param robot: the robot with its nominal offsets.
     :param settings: prior standard deviations.
     """
@@ -43,7 +42,7 @@ class OffsetFilter:
         self._constant = np.column_stack([shift, lever.ravel(), np.eye(2 * joints)])
         sizes = settings.marker_shift, settings.marker_turn, settings.joint_error
         variances = np.repeat([settings.zeros, *sizes], [self._count, 2, 1, 2 * joints]) ** 2
-        self.belief = Belief(np.zeros(len(variances)), np.diag(variances))
+        self.belief = Belief(np.zeros(len(variances)), np.diag(variances))  #: belief of the state
 
     @property
     def offsets(self) -> Array:

@@ -25,12 +25,11 @@ class SlipWatch:
     """
     Comparison of roller offsets with earlier estimates of them.
 
-    :ivar slipping: (r,) mask of the slipping rollers.
     :param count: number of rollers.
     """
 
     def __init__(self, count: int) -> None:
-        self.slipping = np.zeros(count, dtype=bool)
+        self.slipping = np.zeros(count, dtype=bool)  #: (r,) mask of the slipping rollers
         self._kept: deque[tuple[float, Array, Array, Array]] = deque()
 
     def add(self, time: float, travel: Array, zeros: Array, variances: Array) -> None:

@@ -58,17 +58,11 @@ ContactConditions = Callable[[Array, Points], tuple[Array, Array]]
 
 
 class TubeModel(NamedTuple):
-    """
-    Model of the tubes that hold an object.
+    """Model of the tubes that hold an object."""
 
-    :ivar stiffness_scale: ratio of the robot's stiffness to the model's [-].
-    :ivar paper_model: whether tubes are straight, linear and round, as in the paper.
-    :ivar pressure: gauge pressure [Pa], see `tube_pressures`; None: the pressure of the robot
-        file.
-    """
-
-    stiffness_scale: float = 1.0
-    paper_model: bool = False
+    stiffness_scale: float = 1.0  #: ratio of the robot's stiffness to the model's [-]
+    paper_model: bool = False  #: whether tubes are straight, linear and round, as in the paper
+    #: gauge pressure [Pa], see `tube_pressures`; None: the pressure of the robot file
     pressure: Pressure | None = None
 
 
@@ -85,25 +79,16 @@ class _Pushes(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ContactStatics:
-    """
-    Equations of equilibrium of a convex object at k contacts.
+    """Equations of equilibrium of a convex object at k contacts."""
 
-    :ivar bent: compliance of the bent tubes at the contacts.
-    :ivar body: the object at its measured pose.
-    :ivar contacts: the k contacts.
-    :ivar tube_radius: radius of the tubes [m].
-    :ivar sides: (k,) +1 for an object on the right of its member (from start to end), else -1.
-    :ivar indentation: depths of the dents in the skin as functions of the normal forces.
-    :ivar given: (k, 3) offsets of the equations of touch along and across [m] and of inclination
-        [rad]; or one number for all.
-    """
-
-    bent: BentTubes
-    body: ConvexObject
-    contacts: PressedContacts
-    tube_radius: float
-    sides: Array
-    indentation: Indentation
+    bent: BentTubes  #: compliance of the bent tubes at the contacts
+    body: ConvexObject  #: the object at its measured pose
+    contacts: PressedContacts  #: the k contacts
+    tube_radius: float  #: radius of the tubes [m]
+    sides: Array  #: (k,) +1 for an object on the right of its member (from start to end), else -1
+    indentation: Indentation  #: depths of the dents in the skin as functions of the normal forces
+    #: (k, 3) offsets of the equations of touch along and across [m] and of inclination [rad]; or
+    #: one number for all
     given: Array | float = 0.0
 
     @functools.cached_property

@@ -21,18 +21,12 @@ import numpy as np
 
 
 class GripRecord(NamedTuple):
-    """
-    A held grip without external wrench as numbers, without robot and object.
+    """A held grip without external wrench as numbers, without robot and object."""
 
-    :ivar travel: (r,) roller travel since home [m].
-    :ivar contacts: the k contacts.
-    :ivar unknowns: (3 + 4k,) unknowns, see `ContactForces`.
-    :ivar pressures: (t,) gauge pressure of each tube [Pa]; None: as in the robot file.
-    """
-
-    travel: Array
-    contacts: PressedContacts
-    unknowns: Array
+    travel: Array  #: (r,) roller travel since home [m]
+    contacts: PressedContacts  #: the k contacts
+    unknowns: Array  #: (3 + 4k,) unknowns, see `ContactForces`
+    #: (t,) gauge pressure of each tube [Pa]; None: as in the robot file
     pressures: tuple[float, ...] | None
 
     @classmethod

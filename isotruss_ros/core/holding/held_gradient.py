@@ -25,18 +25,14 @@ class HeldGradient:
     The p = r + 4 + k columns are: travel of the r rollers [m], wrench (fx, fy, m / arm) on the
     object [N], ratio of the robot's stiffness to the model's [-], rolling invariants of k contacts
     [m].
-
-    :ivar pose: (3, p) derivatives of the pose (x, y, angle).
-    :ivar normal_forces: (m, p) derivatives of the normal forces by grasping member.
-    :ivar joints: (2j, p) derivatives of the joint positions (x0, y0, x1, y1, ...), in the order of
-        `Topology.joint_names`.
-    :ivar places: (2j,) joint positions [m], see `held_joints`.
     """
 
-    pose: Array
-    normal_forces: Array
+    pose: Array  #: (3, p) derivatives of the pose (x, y, angle)
+    normal_forces: Array  #: (m, p) derivatives of the normal forces by grasping member
+    #: (2j, p) derivatives of the joint positions (x0, y0, x1, y1, ...), in the order of
+    #: `Topology.joint_names`
     joints: Array
-    places: Array
+    places: Array  #: (2j,) joint positions [m], see `held_joints`
 
 
 @single_threaded

@@ -27,18 +27,15 @@ class Mechanism:
     :ivar roller_names: names of the driven modules, in the order of all roller arrays.
     :ivar description: content of the robot file.
     :ivar topology: names and index arrays of joints, modules, members and rollers.
-    :ivar constraints: constraints of equation (12).
-    :ivar home: `Configuration` at zero roller travel; only in `Robot`.
-    :ivar home_targets: lengths and grounded coordinates at home.
     """
 
-    home_targets: Targets
-    home: Any
+    home_targets: Targets  #: lengths and grounded coordinates at home
+    home: Any  #: `Configuration` at zero roller travel; only in `Robot`
 
     def __init__(self, description: RobotDescription) -> None:
         topology = make_topology(description)
         self.description, self.topology = description, topology
-        self.constraints = Constraints(topology)
+        self.constraints = Constraints(topology)  #: constraints of the configuration
         self.name, self.frame = description.name, description.frame
         self.node_names, self.member_names = topology.node_names, topology.member_names
         self.module_names, self.roller_names = topology.module_names, topology.roller_names

@@ -36,18 +36,16 @@ class Grip:
     """
     An object with its grasping members, in any configuration.
 
-    :ivar members: names `t/j-k` of two or three members.
-    :ivar body: the object at its pose in the robot frame.
-    :ivar friction: coefficient of friction between tubes and object; by default the object's own,
-        or `DEFAULT_FRICTION`.
-    :ivar corners: by member, indices of the corners in contact: one, or both ends of a face. None:
-        the contacts of the planned indentation, see `Shape.contact_patch`.
     :raises GraspError: not two or three different names, or an invalid coefficient.
     """
 
-    members: tuple[str, ...]
-    body: ConvexObject
+    members: tuple[str, ...]  #: names `t/j-k` of two or three members
+    body: ConvexObject  #: the object at its pose in the robot frame
+    #: coefficient of friction between tubes and object; by default the object's own, or
+    #: `DEFAULT_FRICTION`
     friction: float = None  # type: ignore[assignment]  # a number from the start on
+    #: by member, indices of the corners in contact: one, or both ends of a face. None: the
+    #: contacts of the planned indentation, see `Shape.contact_patch`.
     corners: tuple[tuple[int, ...], ...] | None = None
 
     def __post_init__(self) -> None:
@@ -60,7 +58,7 @@ class Grip:
         fits = all(isinstance(name, str) for name in names) and len(names) == len(set(names))
         if not (fits and len(names) in GRIP_SIZES):
             raise GraspError(
-                f'members {quote(", ".join(map(str, names)))}: a grip has two or three different '
+                f'members {quote(", ".join(map(str, names)))}: must be two or three different '
                 'members'
             )
         object.__setattr__(self, 'members', names)

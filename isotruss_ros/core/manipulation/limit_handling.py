@@ -46,25 +46,17 @@ Solver: TypeAlias = Callable[[Array, Array, Rows], tuple[Array, float]]
 
 @dataclass(frozen=True)
 class LimitHandling:
-    """
-    Behaviour of a command at binding limits.
+    """Behaviour of a command at binding limits."""
 
-    :ivar slide_along_limits: whether the command slides along limits of the configuration;
-        otherwise it is scaled.
-    :ivar period: period of the control loop, which determines the regularisation [s]; 0: no
-        regularisation, largest progress.
-    """
-
+    #: whether the command slides along limits of the configuration; otherwise it is scaled
     slide_along_limits: bool = False
+    #: period of the control loop, which determines the regularisation [s]; 0: no regularisation,
+    #: largest progress
     period: float = 0.0
 
 
 def apply_limits(
-    config: Configuration,
-    task: Task,
-    limits: Sequence[Limit],
-    rows: Rows,
-    handling: LimitHandling,
+    config: Configuration, task: Task, limits: Sequence[Limit], rows: Rows, handling: LimitHandling
 ) -> tuple[Array, float, Status, tuple[str, ...]]:
     """
     Return the command that executes a task under the limits.
@@ -137,11 +129,11 @@ def _solve(task: Task, solve: Solver, rows: Rows, guess: Array | None) -> tuple[
     """
     working, equality = task.reach.working, task.reach.rows
     if guess is not None and len(working.places) > MAX_ROLLERS_WITH_ALL_ROWS:
-        return solve_by_few_rows(solve, working.even, equality, rows, guess)
+        return _solve_by_few_rows(solve, working.even, equality, rows, guess)
     return solve(working.cost, equality, rows)
 
 
-def solve_by_few_rows(
+def _solve_by_few_rows(
     solve: Solver, even: Array, equality: Array, rows: Rows, guess: Array
 ) -> tuple[Array, float]:
     """
@@ -151,15 +143,8 @@ def solve_by_few_rows(
     some rows that fulfils all other rows is the solution with all rows. Violated rows are added
     until none is violated, a few times. With the rows S, the least-cost speeds are u = E y with |C
     E y| = |y| and y in the span of E^T [J^T, G_S^T]: a component normal to the span increases the
-    cost and changes nothing else. So there are only as many variables as rows.
-
-    :param solve: solver for given rows, in reduced variables.
-    :param even: (w, w) matrix E, see `WorkingRollers`.
-    :param equality: (k, w) task J on the working rollers.
-    :param rows: all rows of the limits, with bounds in the units of the program.
-    :param guess: (w,) speeds; the rows closest to their bounds are the initial set.
-    :return: (w,) speeds, and the progress.
-    :raises SolverError: a program was not solved.
+    cost and changes nothing else. So there are only as many variables as rows. The rows closest to
+    their bounds at the guess are the initial set.
     """
     task = equality.dot(even)
     chosen = np.sort(_largest(-rows.slack(guess), ROW_BATCH))

@@ -17,9 +17,12 @@ from typing import ClassVar, NamedTuple, Protocol
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.status import Status
-from isotruss_ros.core.model.robot_file import DEFAULT_RISE_TIME
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices
 import numpy as np
+
+#: Largest decay rate of the distance of a member length from its bound [1/s]; loops are as fast or
+#: faster.
+APPROACH_RATE = 10.0
 
 
 class Rows(NamedTuple):
@@ -109,7 +112,7 @@ class MemberLengthLimit:
 
     min_length: float  #: smallest length, pinch point to pinch point [m]
     max_length: float  #: largest length, pinch point to pinch point [m]
-    rate: float = 1.0 / DEFAULT_RISE_TIME  #: decay rate of the distance from a bound [1/s]
+    rate: float = APPROACH_RATE  #: decay rate of the distance from a bound [1/s]
     status: ClassVar[Status] = Status.SLOWED_MEMBER_LENGTH
     can_slide: ClassVar[bool] = True
 
@@ -137,9 +140,7 @@ def default_limits(robot: Robot) -> tuple[Limit, ...]:
     file = robot.description
     return (
         RollerSpeedLimit(file.max_speed),
-        MemberLengthLimit(
-            file.min_length, file.max_length, min(1.0 / DEFAULT_RISE_TIME, file.braking_rate)
-        ),
+        MemberLengthLimit(file.min_length, file.max_length, min(APPROACH_RATE, file.braking_rate)),
     )
 
 

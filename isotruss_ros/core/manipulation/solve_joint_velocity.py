@@ -28,11 +28,10 @@ class JointCommand(RollerCommand):
     Roller velocities with the resulting velocities of joints; see `RollerCommand`.
 
     :ivar achieved_twist: (2 k,) velocities vx, vy of k joints in the robot frame [m/s].
-    :ivar joints: names of the joints.
     :ivar reachable_dof: number of independent motions that the working rollers can produce.
     """
 
-    joints: tuple[str, ...] = ()
+    joints: tuple[str, ...] = ()  #: names of the joints
 
     @property
     def achieved_velocities(self) -> dict[str, Array]:
@@ -84,7 +83,7 @@ def solve_joint_velocity(
     robot = config.robot
     names = robot.topology.joint_names
     if not velocities:
-        raise GraspError(f'velocities: at least one of the joints {", ".join(names)}')
+        raise GraspError(f'velocities: none; must be of one or more of {", ".join(names)}')
     for joint in velocities:
         check_joint(robot, joint)
     desired = np.concatenate(

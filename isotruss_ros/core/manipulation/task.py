@@ -18,8 +18,8 @@ from typing import NamedTuple
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.model.topology import check_roller_names, Topology
-from isotruss_ros.core.numerics.arrays import Array, finite_array, Indices
-from isotruss_ros.core.numerics.tolerances import COINCIDENCE, EPSILON, ROUNDING, SMALLEST_NORMAL
+from isotruss_ros.core.numerics.arrays import Array, finite_array, Indices, MAX_MAGNITUDE
+from isotruss_ros.core.numerics.tolerances import COINCIDENCE, ROUNDING, SMALLEST_NORMAL
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import lapack
@@ -116,22 +116,16 @@ class Reach(NamedTuple):
     Reachable twists, which the working rollers can produce without breaking contacts.
 
     All rows are speeds of the object's surface, so translation and rotation have the same unit.
-
-    :ivar working: the working rollers.
-    :ivar motion: (3, r) twist by the speeds of all rollers; for joints, (k, r) velocities.
-    :ivar rows: (k + g, w) rows of (20) on the speeds of the working rollers [-]: components of the
-        twist along the directions, then the contact constraints that the rollers can violate.
-    :ivar directions: (k, 3) orthonormal basis of the reachable twists.
-    :ivar weights: (3,) factors from vx, vy, omega to surface speeds: 1, 1, d/2 [m].
-    :ivar opening: (g,) right-hand sides of the contact rows for an opening rate of 1 m/s [-].
     """
 
-    working: WorkingRollers
-    motion: Array
+    working: WorkingRollers  #: the working rollers
+    motion: Array  #: (3, r) twist by the speeds of all rollers; for joints, (k, r) velocities
+    #: (k + g, w) rows of (20) on the speeds of the working rollers [-]: components of the twist
+    #: along the directions, then the contact constraints that the rollers can violate
     rows: Array
-    directions: Array
-    weights: Array
-    opening: Array
+    directions: Array  #: (k, 3) orthonormal basis of the reachable twists
+    weights: Array  #: (3,) factors from vx, vy, omega to surface speeds: 1, 1, d/2 [m]
+    opening: Array  #: (g,) right-hand sides of the contact rows for an opening rate of 1 m/s [-]
 
     @property
     def contact_rows(self) -> Array:
@@ -175,22 +169,14 @@ class Reach(NamedTuple):
 
 
 class Task(NamedTuple):
-    """
-    Commanded twist, projected on the reachable twists.
+    """Commanded twist, projected on the reachable twists."""
 
-    :ivar reach: reachable twists, with the rows of (20).
-    :ivar direction: (k + g,) unit vector of the closest reachable twist, in the rows of (20).
-    :ivar speed: norm of the closest reachable twist [m/s].
-    :ivar status: `OK` for the commanded twist, else `UNREACHABLE`; `IDLE` without a command.
-    :ivar free: (w,) least-cost roller speeds for the norm 1 m/s, without limits.
-    :ivar velocities: (r,) least-cost speeds of all rollers for the closest reachable twist [m/s].
-    """
-
-    reach: Reach
-    direction: Array
-    speed: float
-    status: Status
-    free: Array
+    reach: Reach  #: reachable twists, with the rows of (20)
+    direction: Array  #: (k + g,) unit vector of the closest reachable twist, in the rows of (20)
+    speed: float  #: norm of the closest reachable twist [m/s]
+    status: Status  #: `OK` for the commanded twist, else `UNREACHABLE`; `IDLE` without a command
+    free: Array  #: (w,) least-cost roller speeds for the norm 1 m/s, without limits
+    #: (r,) least-cost speeds of all rollers for the closest reachable twist [m/s]
     velocities: Array
 
 
@@ -229,8 +215,8 @@ def find_task(reach: Reach, twist: Array, opening_rate: float = 0.0) -> Task:
     direction /= length
     speed = size * length
     free = least_cost(working.even, reach.rows, direction)
-    # The speeds of the rollers stay finite.
-    velocities = working.spread(free * min(speed, EPSILON / SMALLEST_NORMAL))
+    # Larger twists are mistakes, and the speeds of the rollers stay finite.
+    velocities = working.spread(free * min(speed, MAX_MAGNITUDE))
     return Task(reach, direction, speed, status, free, velocities)
 
 

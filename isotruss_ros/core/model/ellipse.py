@@ -45,11 +45,6 @@ class Ellipse(Shape):
             )
         object.__setattr__(self, 'semi_axes', (float(a), float(b)))
 
-    @property
-    def area(self) -> float:
-        """Return the area [m^2]."""
-        return float(np.pi * self.semi_axes[0] * self.semi_axes[1])
-
     @cached_property
     def perimeter(self) -> float:
         """Return the length of the outline [m]."""
@@ -76,16 +71,6 @@ class Ellipse(Shape):
         """Return points of the surface with given normals; see `Shape.surface_at`."""
         a, b = self.semi_axes
         return self.support_points(normals), (a * b) ** 2 / self.support(normals) ** 3
-
-    def radius_rates(self, normals: Points) -> Array:
-        """
-        Return the derivatives (k,) of the radius of curvature by the normal's angle [m/rad].
-
-        :param normals: (k,) outward unit normals, x + iy.
-        """
-        points, radii = self.surface_at(np.zeros(0, dtype=np.intp), normals)
-        # dh/dtheta is the coordinate of the contact point along the tangent.
-        return -3.0 * radii * (points * normals.conj()).imag / self.support(normals)
 
     def nearest(self, points: Points) -> SurfacePoints:
         """Return the nearest points of the surface; see `Shape.nearest`."""

@@ -106,11 +106,6 @@ class Polygon(Shape):
         area, first, second = (sum(values) for values in zip(*parts, strict=True))
         return float(area), complex(first), float(second)
 
-    @property
-    def area(self) -> float:
-        """Return the area [m^2]."""
-        return self._moments[0]
-
     @cached_property
     def perimeter(self) -> float:
         """Return the length of the outline [m]."""

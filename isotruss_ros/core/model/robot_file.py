@@ -17,8 +17,7 @@ from isotruss_ros.core.model.safe_yaml import parse_yaml, read_text
 from isotruss_ros.core.model.stiffness_law import find_contradictions, read_laws
 
 DEFAULT_FRAME = 'truss'
-#: Time from rest to the largest roller speed, if the file has no acceleration, and time constant
-#: of the approach to limits of member lengths [s].
+#: Time from rest to the largest roller speed, if the file has no acceleration [s].
 DEFAULT_RISE_TIME = 0.1
 #: Optional keys of the block `tube`, with the names of their fields in the description.
 TUBE_KEYS = {

@@ -30,17 +30,11 @@ PLANNED_DEPTH = 0.02
 
 
 class SurfacePoints(NamedTuple):
-    """
-    Surface points nearest to given points: for each point, `point - gap * normal`.
+    """Surface points nearest to given points: for each point, `point - gap * normal`."""
 
-    :ivar gaps: (c,) distances of the points from the surface, negative inside [m].
-    :ivar normals: (c,) outward unit normals at the nearest points, x + iy; any at a corner.
-    :ivar radii: (c,) radii of curvature [m]: 0 at a sharp corner, infinite on a face.
-    """
-
-    gaps: Array
-    normals: Points
-    radii: Array
+    gaps: Array  #: (c,) distances of the points from the surface, negative inside [m]
+    normals: Points  #: (c,) outward unit normals at the nearest points, x + iy; any at a corner
+    radii: Array  #: (c,) radii of curvature [m]: 0 at a sharp corner, infinite on a face
 
 
 class Face(NamedTuple):
@@ -76,11 +70,6 @@ class Shape(ABC):
     def bounding_normals(self) -> Points:
         """Return outward unit normals (k,) of tangents that enclose the shape tightly."""
         return np.exp(2j * np.pi * np.arange(16) / 16)
-
-    @property
-    @abstractmethod
-    def area(self) -> float:
-        """Return the area [m^2]."""
 
     @property
     @abstractmethod
@@ -196,16 +185,6 @@ class Shape(ABC):
         :param normals: (k,) outward unit normals, x + iy.
         """
 
-    def radius_rates(self, normals: Points) -> Array:
-        """
-        Return the derivatives (k,) of the radius of curvature by the normal's angle [m/rad].
-
-        They are zero for circles and arcs; shapes with varying radius override the method.
-
-        :param normals: (k,) outward unit normals, x + iy.
-        """
-        return np.zeros(len(normals))
-
     @abstractmethod
     def unroll(self, angles: Array, corners: Indices) -> Array:
         """
@@ -281,11 +260,6 @@ class Disc(Shape):
                 f'{MAX_SIZE:g} m{hint}'
             )
         object.__setattr__(self, 'diameter', float(size))
-
-    @property
-    def area(self) -> float:
-        """Return the area [m^2]."""
-        return 0.25 * np.pi * self.diameter**2
 
     @cached_property
     def perimeter(self) -> float:

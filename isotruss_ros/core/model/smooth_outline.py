@@ -22,8 +22,6 @@ from isotruss_ros.core.numerics.tolerances import COINCIDENCE, MAX_NEWTON_ITERAT
 import numpy as np
 import scipy
 
-#: Degree of the polynomials between two corners [-].
-DEGREE = 5
 #: Number of samples of the curve between two corners, for bounds and initial guesses [-].
 SAMPLES = 4
 
@@ -33,11 +31,10 @@ class SmoothOutline(Shape):
     """
     Smooth curve through the corners of a convex polygon.
 
-    Area, centroid and radius of gyration are taken from the polygon.
-
-    :ivar vertices: (x, y) of 5 or more corners, counter-clockwise [m].
+    Centroid and radius of gyration are those of the polygon.
     """
 
+    #: (x, y) of 5 or more corners, counter-clockwise [m]
     vertices: tuple[tuple[float, float], ...]
 
     @cached_property
@@ -49,11 +46,6 @@ class SmoothOutline(Shape):
     def _moments(self) -> tuple[float, complex, float]:
         """Return the integrals of 1, z and |z|^2 over the area of the polygon."""
         return polygon_moments(self.corners)
-
-    @property
-    def area(self) -> float:
-        """Return the area of the polygon [m^2]."""
-        return self._moments[0]
 
     @cached_property
     def centroid(self) -> complex:
@@ -82,27 +74,27 @@ class SmoothOutline(Shape):
     @cached_property
     def _angles(self) -> Array:
         """Return the angles (n + 1,) of the normals at the corners, with the first again [rad]."""
-        tangents = conic_tangents(self.corners)
+        tangents = _conic_tangents(self.corners)
         turns = np.angle(np.roll(tangents, -1) / tangents)
         return float(np.angle(-1j * tangents[0])) + np.append(0.0, np.cumsum(turns))
 
     @cached_property
     def _pieces(self) -> Array:
         """
-        Return the polynomials between corners, (5, DEGREE + 2, n) by falling powers.
+        Return the polynomials between corners, (4, 7, n) by falling powers.
 
-        The five functions of the angle from the corner are the integral of h, h, and its first
-        three derivatives.
+        The four functions of the angle from the corner are the integral of h, h, and its first
+        two derivatives.
         """
         away = self.corners - self.centroid
         heights = (away * np.exp(-1j * self._angles[:-1])).real
         spline = scipy.interpolate.make_interp_spline(
-            self._angles, np.append(heights, heights[0]), DEGREE, bc_type='periodic'
+            self._angles, np.append(heights, heights[0]), k=5, bc_type='periodic'
         )
         found = scipy.interpolate.PPoly.from_spline(spline.antiderivative())
         inside = found.x.searchsorted(self._angles[:-1], 'right') - 1
-        rows, powers = [found.c[:, inside]], np.arange(DEGREE + 1, -1, -1)[:, None]
-        for _ in range(4):
+        rows, powers = [found.c[:, inside]], np.arange(len(found.c))[::-1, None]
+        for _ in range(3):
             # The constant comes last, and vanishes.
             rows.append(np.roll(rows[-1] * powers, 1, axis=0))
         return np.array(rows)
@@ -123,34 +115,26 @@ class SmoothOutline(Shape):
         return bool((found[1] + found[3]).min() > 0.0)
 
     def _around(self, angles: Array) -> Array:
-        """Return the integral of h from the first corner, h and its derivatives, (5, k)."""
+        """Return the integral of h from the first corner, h and its derivatives, (4, k)."""
         angles = self._angles[0] + (angles - self._angles[0]) % (2.0 * np.pi)
         pieces = self._angles[1:-1].searchsorted(angles, 'right')
         return self._at(pieces, angles)
 
     def _at(self, pieces: Indices, angles: Array) -> Array:
-        """Return the values (5, k) of the polynomials `_pieces` at given angles."""
-        powers = (angles - self._angles[pieces]) ** np.arange(DEGREE + 1, -1, -1)[:, None]
+        """Return the values (4, k) of the polynomials `_pieces` at given angles."""
+        count = self._pieces.shape[1]
+        powers = (angles - self._angles[pieces]) ** np.arange(count)[::-1, None]
         return np.einsum('dpk,pk->dk', self._pieces[:, :, pieces], powers)
 
     def support_points(self, normals: Points) -> Points:
         """Return points of the surface on tangents; see `Shape.support_points`."""
-        found = self._around(np.angle(np.atleast_1d(normals))).reshape(5, *np.shape(normals))
+        found = self._around(np.angle(np.atleast_1d(normals))).reshape(4, *np.shape(normals))
         return self.centroid + (found[1] + 1j * found[2]) * normals
 
     def surface_at(self, corners: Indices, normals: Points) -> tuple[Points, Array]:
         """Return points of the surface with given normals; see `Shape.surface_at`."""
-        _, value, slope, curve, _ = self._around(np.angle(normals))
+        _, value, slope, curve = self._around(np.angle(normals))
         return self.centroid + (value + 1j * slope) * normals, value + curve
-
-    def radius_rates(self, normals: Points) -> Array:
-        """
-        Return the derivatives (k,) of the radius of curvature by the normal's angle [m/rad].
-
-        :param normals: (k,) outward unit normals, x + iy.
-        """
-        found = self._around(np.angle(normals))
-        return np.asarray(found[2] + found[4])
 
     def unroll(self, angles: Array, corners: Indices) -> Array:
         """Return the arc lengths to points with given normals; see `Shape.unroll`."""
@@ -192,14 +176,12 @@ class SmoothOutline(Shape):
         return self.support_points(np.exp(1j * angles.ravel()))
 
 
-def conic_tangents(points: Points) -> Points:
+def _conic_tangents(points: Points) -> Points:
     """
-    Return the unit tangents (n,) of a closed curve at points, x + iy.
+    Return the unit tangents (n,) of a closed curve at 5 or more points, x + iy.
 
     Each is the tangent of the conic through the point and two points on either side, by Pascal's
     theorem in homogeneous coordinates.
-
-    :param points: (n,) 5 or more points, counter-clockwise, x + iy [m].
     """
     size = np.abs(points - points.mean()).max()
     # A hexagon on the conic, two of whose corners are the point: that side is the tangent.

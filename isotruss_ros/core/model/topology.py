@@ -25,7 +25,6 @@ class Topology:
     """
 
     joint_names: tuple[str, ...]  #: names of the joints, in the order of the robot file
-    tube_names: tuple[str, ...]  #: names of the tubes, in the order of the robot file
     module_names: tuple[str, ...]  #: names t/j of the modules, tube by tube
     joint: Indices  #: (m,) index of node A of each module
     following: Indices  #: (m,) index of the next module along the tube
@@ -118,7 +117,6 @@ def make_topology(description: RobotDescription) -> Topology:
     ]
     return Topology(
         joint_names=joint_names,
-        tube_names=tuple(tube.name for tube in tubes),
         module_names=tuple(f'{tube.name}/{name}' for tube, name in places),
         joint=np.array([number[name] for _, name in places], dtype=np.intp),
         following=np.concatenate([np.roll(modules, -1) for modules in own]),

@@ -17,7 +17,7 @@ import ctypes
 import functools
 import itertools
 import threading
-from typing import NamedTuple, ParamSpec, TypeVar
+from typing import ParamSpec, TypeVar
 
 import numpy as np
 from scipy.linalg import lapack
@@ -30,16 +30,9 @@ P = ParamSpec('P')
 R = TypeVar('R')
 
 
-class Library(NamedTuple):
-    """BLAS library whose number of threads can be set."""
-
-    count: Callable[[], int]  # type: ignore[assignment]  #: returns the number of threads
-    set_count: Callable[[int], None]  #: sets the number of threads
-
-
 @functools.cache
-def find_libraries() -> tuple[Library, ...]:
-    """Return the OpenBLAS libraries that NumPy and SciPy have loaded."""
+def _find_libraries() -> list[tuple[Callable[[], int], Callable[[int], None]]]:
+    """Return getter and setter of the number of threads for each loaded OpenBLAS library."""
     found = {}
     for module in (np.linalg._umath_linalg, lapack._flapack):  # type: ignore[attr-defined]
         # Symbols are looked up in a library and in its dependencies. PyDLL keeps the interpreter's
@@ -51,22 +44,17 @@ def find_libraries() -> tuple[Library, ...]:
             if count is not None and set_count is not None:
                 set_count.restype = None
                 address = ctypes.cast(set_count, ctypes.c_void_p).value
-                found[address] = Library(count, set_count)
-    return tuple(found.values())
+                found[address] = count, set_count
+    return list(found.values())
 
 
-class OneThread:
-    """
-    Context with one BLAS thread; of overlapping contexts, the last to end restores the number.
+class _OneThread:
+    """One BLAS thread; of overlapping contexts, the last to end restores the number."""
 
-    :param libraries: the libraries.
-    """
-
-    def __init__(self, libraries: Callable[[], tuple[Library, ...]] = find_libraries) -> None:
-        self._libraries = libraries
+    def __init__(self) -> None:
         self._lock = threading.Lock()
         self._users = 0
-        self._before: list[tuple[Library, int]] = []
+        self._before: list[tuple[Callable[[int], None], int]] = []
 
     def __enter__(self) -> None:
         """Set the number of threads to one."""
@@ -74,11 +62,10 @@ class OneThread:
             self._users += 1
             if self._users > 1:
                 return
-            for library in self._libraries():
-                count = library.count()
-                if count > 1:
-                    self._before.append((library, count))
-                    library.set_count(1)
+            for count, set_count in _find_libraries():
+                if count() > 1:
+                    self._before.append((set_count, count()))
+                    set_count(1)
 
     def __exit__(self, *_: object) -> None:
         """Restore the number of threads."""
@@ -86,11 +73,11 @@ class OneThread:
             self._users -= 1
             if self._users == 0:
                 while self._before:
-                    library, count = self._before.pop()
-                    library.set_count(count)
+                    set_count, count = self._before.pop()
+                    set_count(count)
 
 
-ONE_THREAD = OneThread()
+_ONE_THREAD = _OneThread()
 
 
 def single_threaded(function: Callable[P, R]) -> Callable[P, R]:
@@ -102,7 +89,7 @@ def single_threaded(function: Callable[P, R]) -> Callable[P, R]:
 
     @functools.wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> R:
-        with ONE_THREAD:
+        with _ONE_THREAD:
             return function(*args, **kwargs)
 
     return call

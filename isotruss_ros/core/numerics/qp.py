@@ -46,27 +46,17 @@ BOUND_PERTURBATIONS = (0.0, 1e-12, 1e-11, 1e-10, 1e-9)
 
 
 class QuadraticProgram(NamedTuple):
-    """
-    Strictly convex quadratic program in quantities without units.
+    """Strictly convex quadratic program in quantities without units."""
 
-    :ivar hessian: (n, n) matrix P, positive definite.
-    :ivar gradient: (n,) vector q.
-    :ivar rows: (l, n) matrix G.
-    :ivar bounds: (l,) vector h; infinite entries do not bound.
-    :ivar lower: (n,) lower bounds of x, possibly infinite; None: no lower and upper bounds.
-    :ivar upper: (n,) upper bounds of x; None if `lower` is None.
-    :ivar equality: (k, n) matrix A of full row rank; None: no equalities.
-    :ivar target: (k,) vector b.
-    """
-
-    hessian: Array
-    gradient: Array
-    rows: Array
-    bounds: Array
+    hessian: Array  #: (n, n) matrix P, positive definite
+    gradient: Array  #: (n,) vector q
+    rows: Array  #: (l, n) matrix G
+    bounds: Array  #: (l,) vector h; infinite entries do not bound
+    #: (n,) lower bounds of x, possibly infinite; None: no lower and upper bounds
     lower: Array | None = None
-    upper: Array | None = None
-    equality: Array | None = None
-    target: Array | None = None
+    upper: Array | None = None  #: (n,) upper bounds of x; None if `lower` is None
+    equality: Array | None = None  #: (k, n) matrix A of full row rank; None: no equalities
+    target: Array | None = None  #: (k,) vector b
 
 
 def solve_qp(problem: QuadraticProgram) -> Array | None:

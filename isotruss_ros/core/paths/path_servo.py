@@ -42,35 +42,21 @@ class PathOutcome(enum.IntEnum):
 
 
 class ServoFeedback(NamedTuple):
-    """
-    Feedback of the manipulation on the last twist.
+    """Feedback of the manipulation on the last twist."""
 
-    :ivar code: status code, see `Status`.
-    :ivar scale: executed share of the twist, 0 to 1.
-    :ivar message: reason of the status in words.
-    :ivar frequency: lowest natural frequency of the held object [rad/s]; 0 if unknown.
-    """
-
-    code: int
-    scale: float
-    message: str
-    frequency: float = 0.0
+    code: int  #: status code, see `Status`
+    scale: float  #: executed share of the twist, 0 to 1
+    message: str  #: reason of the status in words
+    frequency: float = 0.0  #: lowest natural frequency of the held object [rad/s]; 0 if unknown
 
 
 class Step(NamedTuple):
-    """
-    Output of the path servo in one control cycle.
+    """Output of the path servo in one control cycle."""
 
-    :ivar twist: (3,) twist of the object, robot frame [m/s, rad/s].
-    :ivar outcome: result of path following; None while the path is active.
-    :ivar message: result in words.
-    :ivar tracking: state of the tracking; None if unknown.
-    """
-
-    twist: Array
-    outcome: PathOutcome | None
-    message: str
-    tracking: Tracking | None
+    twist: Array  #: (3,) twist of the object, robot frame [m/s, rad/s]
+    outcome: PathOutcome | None  #: result of path following; None while the path is active
+    message: str  #: result in words
+    tracking: Tracking | None  #: state of the tracking; None if unknown
 
 
 #: Result of path following by final phase.
@@ -85,8 +71,6 @@ class PathServo:
     """
     State of path following: settings, and the latest value of each input.
 
-    :ivar pose: input of the object's measured `Pose`, robot frame.
-    :ivar servo_feedback: input of the manipulation's `ServoFeedback`.
     :ivar rollers: input of the measured `RollerState`, for the feasibility of paths.
     :ivar held_grip: input of the `GripRecord` of the loop that holds the object, for the
         feasibility of paths.
@@ -99,8 +83,8 @@ class PathServo:
     def __init__(self, period: float, timeout: float) -> None:
         self.period = period
         self.timeout = timeout
-        self.pose: Input = None
-        self.servo_feedback: Input = None
+        self.pose: Input = None  #: input of the object's measured `Pose`, robot frame
+        self.servo_feedback: Input = None  #: input of the manipulation's `ServoFeedback`
         self.rollers: Input = None
         self.held_grip: Input = None
         self.estimate: Input = None

@@ -61,21 +61,15 @@ class TrackingSettings:
     """
     Settings of path tracking.
 
-    :ivar position_tolerance: largest error of position [m].
-    :ivar angle_tolerance: largest error of orientation [rad].
-    :ivar position_gain: decay rate of the position error [1/s].
-    :ivar angle_gain: decay rate of the orientation error [1/s].
-    :ivar ramp_time: time from rest to the full speed of the path, and back [s].
-    :ivar progress_timeout: largest time without progress [s].
     :raises PathError: a value is invalid; the message names it and its valid range.
     """
 
-    position_tolerance: float = 0.01
-    angle_tolerance: float = 0.2
-    position_gain: float = 2.0
-    angle_gain: float = 2.0
-    ramp_time: float = 0.5
-    progress_timeout: float = 3.0
+    position_tolerance: float = 0.01  #: largest error of position [m]
+    angle_tolerance: float = 0.2  #: largest error of orientation [rad]
+    position_gain: float = 2.0  #: decay rate of the position error [1/s]
+    angle_gain: float = 2.0  #: decay rate of the orientation error [1/s]
+    ramp_time: float = 0.5  #: time from rest to the full speed of the path, and back [s]
+    progress_timeout: float = 3.0  #: largest time without progress [s]
 
     def __post_init__(self) -> None:
         """Raise PathError for values that are not positive numbers; gains may be 0."""
@@ -92,25 +86,15 @@ RETURN_SPEED, RETURN_TURN_RATE = 0.002, 0.02
 
 
 class Tracking(NamedTuple):
-    """
-    Output of the tracking in one cycle.
+    """Output of the tracking in one cycle."""
 
-    :ivar phase: phase of path following.
-    :ivar twist: (3,) twist of the object, robot frame [m/s, rad/s].
-    :ivar position_error: error of position at the time of the measurement [m].
-    :ivar angle_error: error of orientation at the time of the measurement, not negative [rad].
-    :ivar progress: path time relative to the path's duration, 0 to 1.
-    :ivar time_left: remaining time at full rate [s].
-    :ivar message: result in words and numbers; empty before a final phase.
-    """
-
-    phase: PathPhase
-    twist: Array
-    position_error: float
-    angle_error: float
-    progress: float
-    time_left: float
-    message: str
+    phase: PathPhase  #: phase of path following
+    twist: Array  #: (3,) twist of the object, robot frame [m/s, rad/s]
+    position_error: float  #: error of position at the time of the measurement [m]
+    angle_error: float  #: error of orientation at the time of the measurement, not negative [rad]
+    progress: float  #: path time relative to the path's duration, 0 to 1
+    time_left: float  #: remaining time at full rate [s]
+    message: str  #: result in words and numbers; empty before a final phase
 
 
 class PathTracker:

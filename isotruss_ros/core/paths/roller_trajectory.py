@@ -19,7 +19,6 @@ from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.numerics.arrays import Array, finite_array
 from isotruss_ros.core.paths.object_path import MAX_DURATION
 from isotruss_ros.core.paths.trajectory_tolerances import TrajectoryTolerances
-from isotruss_ros.core.safety.roller_failure import SETTLING_TIME
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -28,8 +27,12 @@ POSITION_GAIN = 5.0
 #: End tolerance of the rollers, and larger end tolerance for
 #: imprecise drives or encoders of low resolution [m].
 TOLERANCE, NEAR_TOLERANCE = 2e-5, 5e-4
-#: Largest distance of a roller from the trajectory, at its start and while its time runs [m].
+#: Largest distance of the measured positions from the start of the trajectory [m].
+START_TOLERANCE = 0.01
+#: Largest distance of a roller from the trajectory while its time runs [m].
 MAX_LAG = 5e-3
+#: Time within the end tolerance after which a trajectory ends [s].
+REST_TIME = 0.1
 #: Largest time without progress [s].
 PROGRESS_TIMEOUT = 3.0
 #: Largest advance of trajectory time in a cycle [s]; larger ones would cut corners.
@@ -120,27 +123,18 @@ class RollerTrajectory:
 
 
 class RollerStep(NamedTuple):
-    """
-    Output of the trajectory servo in one control cycle.
+    """Output of the trajectory servo in one control cycle."""
 
-    :ivar speeds: (r,) commanded roller speeds [m/s].
-    :ivar ended: whether the trajectory has ended, successfully or not.
-    :ivar failure: reason of a failure; empty without one.
-    :ivar at_goal: whether the failure is a timeout at the goal.
-    """
-
-    speeds: Array
-    ended: bool
-    failure: str
-    at_goal: bool = False
+    speeds: Array  #: (r,) commanded roller speeds [m/s]
+    ended: bool  #: whether the trajectory has ended, successfully or not
+    failure: str  #: reason of a failure; empty without one
+    at_goal: bool = False  #: whether the failure is a timeout at the goal
 
 
 class RollerTrajectoryServo:
     """
     State of the tracking of one trajectory.
 
-    :ivar rollers: input of the measured `RollerState`.
-    :ivar time: trajectory time [s].
     :param robot: the robot.
     :param timeout: largest age of measurements [s].
     """
@@ -148,8 +142,8 @@ class RollerTrajectoryServo:
     def __init__(self, robot: Robot, timeout: float) -> None:
         self._robot = robot
         self.timeout = timeout
-        self.rollers: Input = None
-        self.time = 0.0
+        self.rollers: Input = None  #: input of the measured `RollerState`
+        self.time = 0.0  #: trajectory time [s]
         self._trajectory: RollerTrajectory | None = None
         self._tolerances = TrajectoryTolerances()
         self._start = self._before = self._waited = 0.0
@@ -201,11 +195,11 @@ class RollerTrajectoryServo:
         state = require_fresh(now, self.timeout, joint_states=self.rollers)[0].value
         away = np.abs(trajectory.at(0.0).positions - state.positions)
         worst = int(away.argmax())
-        if away[worst] > MAX_LAG:
+        if away[worst] > START_TOLERANCE:
             raise ConfigurationError(
                 f'the trajectory begins {away[worst]:.4g} m from where roller '
                 f'{self._robot.roller_names[worst]} is; must begin within '
-                f'{MAX_LAG} m'
+                f'{START_TOLERANCE} m'
             )
         return state
 
@@ -307,4 +301,4 @@ class RollerTrajectoryServo:
             self._near_since = None
         elif self._near_since is None:
             self._near_since = now
-        return self._near_since is not None and measured - self._near_since > SETTLING_TIME
+        return self._near_since is not None and measured - self._near_since > REST_TIME

@@ -14,15 +14,10 @@ import numpy as np
 
 
 class Tolerance(NamedTuple):
-    """
-    Largest deviations of measured from desired roller states; infinite without a bound.
+    """Largest deviations of measured from desired roller states; infinite without a bound."""
 
-    :ivar positions: (r,) deviations of positions [m].
-    :ivar velocities: (r,) deviations of velocities [m/s].
-    """
-
-    positions: Array
-    velocities: Array
+    positions: Array  #: (r,) deviations of positions [m]
+    velocities: Array  #: (r,) deviations of velocities [m/s]
 
     def find_violation(
         self, names: Sequence[str], wanted: RollerState, measured: RollerState
@@ -49,16 +44,10 @@ class Tolerance(NamedTuple):
 
 
 class TrajectoryTolerances(NamedTuple):
-    """
-    Tolerances of a trajectory goal.
+    """Tolerances of a trajectory goal."""
 
-    :ivar path: tolerance along the trajectory; None: no bound, trajectory time waits for the
-        rollers.
-    :ivar goal: tolerance at the end; None: the default of the servo.
-    :ivar goal_time: largest delay of the end [s], infinite for no bound; None: the servo's
-        default.
-    """
-
+    #: tolerance along the trajectory; None: no bound, trajectory time waits for the rollers
     path: Tolerance | None = None
-    goal: Tolerance | None = None
+    goal: Tolerance | None = None  #: tolerance at the end; None: the default of the servo
+    #: largest delay of the end [s], infinite for no bound; None: the servo's default
     goal_time: float | None = None

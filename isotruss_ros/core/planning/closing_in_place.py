@@ -26,7 +26,6 @@ from isotruss_ros.core.planning.facing import contact_ends
 from isotruss_ros.core.planning.grasp_plan import ClosedGrip
 from isotruss_ros.core.planning.motion_in_place import (
     hold_between,
-    PLACE_TOLERANCE,
     squeeze_in_place,
     SQUEEZE_TOLERANCE,
 )
@@ -40,6 +39,9 @@ FACE_INDENTATION = 0.01
 CLOSING_STEP = 0.12
 #: Largest increment of the squeeze of three members between waypoints [N]; it doubles at most.
 MAX_SQUEEZE_STEP = 4.0
+#: Displacement below which the object is at rest, with rotations times the characteristic radius
+#: [m].
+REST_TOLERANCE = 1e-4
 #: Factor on the increments after the first violation of a bound [-]; the second violation ends the
 #: closing.
 REFINEMENT = 0.34
@@ -93,7 +95,7 @@ def _judge(grasp: HeldGrip, closing: Closing, needs: GraspRequirements) -> Close
     _check_hold(grasp, needs.friction)
     closing.tally.analyses += 1
     moved = pose_difference(grasp.pose, closing.body.pose) * (1.0, 1.0, grasp.arm)
-    stays = np.abs(moved).max() < PLACE_TOLERANCE
+    stays = np.abs(moved).max() < REST_TOLERANCE
     body = closing.body if stays else closing.body.moved_to(grasp.pose)
     analysis = analyze_grasp(
         grasp.config,

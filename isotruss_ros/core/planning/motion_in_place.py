@@ -15,7 +15,7 @@ import math
 from isotruss_ros.core.errors import ConfigurationError, GraspError
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.held_gradient import held_gradient
-from isotruss_ros.core.holding.held_grip import HeldGrip, MAX_DISPLACEMENT, NotHeldError
+from isotruss_ros.core.holding.held_grip import HeldGrip, NotHeldError
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.limits import stack_rows
@@ -37,6 +37,9 @@ EVENNESS_TOLERANCE = 0.02
 #: Weights of the residuals of x, y, angle and the forces of three members, in units of their
 #: tolerances, if not all residuals can vanish [-].
 RESIDUAL_WEIGHTS = np.array([1.0, 1.0, 0.05, 10.0, 10.0, 10.0])
+#: Largest displacement of the object by a change of the squeeze, in tube diameters [-]; a robot
+#: with few rollers cannot avoid it.
+MAX_SHIFT = 0.25
 #: Weight of roller travel [1/m^2].
 MOTION_WEIGHT = 2e4
 #: Largest ratio of the residuals of successive steps [-]; slower convergence ends the iteration.
@@ -145,8 +148,7 @@ def _check_place(grasp: HeldGrip, closing: Closing) -> None:
     least = np.zeros(len(state.gaps))
     least[list(closing.members)] = -np.inf
     state.check_bounds(closing.min_rigidity, 0.0, least)
-    # A robot with few rollers cannot close without a small displacement of the object.
-    bound = MAX_DISPLACEMENT * grasp.config.robot.description.tube_diameter
+    bound = MAX_SHIFT * grasp.config.robot.description.tube_diameter
     distance = math.hypot(*pose_difference(grasp.pose, closing.body.pose)[:2])
     if distance > bound:
         raise RequirementError('in_place', distance, bound)

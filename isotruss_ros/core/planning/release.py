@@ -29,7 +29,7 @@ from isotruss_ros.core.numerics.tolerances import ROUNDING
 from isotruss_ros.core.planning.closing import BOUND_SHARE, Closing, FIRST_INDENTATION
 from isotruss_ros.core.planning.closing_step import press
 from isotruss_ros.core.planning.motion_in_place import hold_between, squeeze_in_place
-from isotruss_ros.core.planning.requirements import MIN_RIGIDITY
+from isotruss_ros.core.planning.requirements import GraspRequirements
 from isotruss_ros.core.planning.violations import RequirementError, Violation
 import numpy as np
 
@@ -49,7 +49,6 @@ class Release:
     path: Array  #: (k, r) roller positions from the current ones [m]; empty with a violation
     apart: int  #: first row of `path` without contact
     violation: Violation | None = None  #: violated requirement; None without one
-    turned: float = 0.0  #: predicted rotation of the object during the release [rad]
 
 
 @single_threaded
@@ -88,7 +87,7 @@ def plan_release(
     held = None if record is None else record.restore(config, body)
     if held is not None:  # the pose in the model
         body = held.body
-    closing = Closing(body, tuple(numbers.tolist()), (limit,), MIN_RIGIDITY)
+    closing = Closing(body, tuple(numbers.tolist()), (limit,), GraspRequirements.min_rigidity)
     try:
         path, closing = _unload(config, closing, held)
         turned = math.remainder(closing.body.pose.angle - body.pose.angle, 2.0 * math.pi)
@@ -99,7 +98,7 @@ def plan_release(
             path.append(press(path[-1], closing, np.full(len(closing.members), -gap)))
     except RequirementError as error:
         return Release(np.empty((0, len(config.roller_positions))), 0, Violation(*error.args))
-    return Release(np.array([where.roller_positions for where in path]), apart, turned=turned)
+    return Release(np.array([where.roller_positions for where in path]), apart)
 
 
 def _unload(

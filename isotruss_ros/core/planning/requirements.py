@@ -20,9 +20,6 @@ from isotruss_ros.core.planning.violations import RequirementError
 from isotruss_ros.core.statics.wrinkling import MAX_UTILISATION
 import numpy as np
 
-#: Smallest rigidity index along the path, 1 at home [-].
-MIN_RIGIDITY = 0.15
-
 
 class Measure(str, Enum):
     """Criteria by which grasps are ranked."""
@@ -55,7 +52,7 @@ class GraspRequirements:
     max_contact_force: float = math.inf  #: largest normal force of a member [N]
     max_total_force: float = math.inf  #: largest sum of the normal forces [N]
     max_utilisation: float = MAX_UTILISATION  #: largest utilisation of a member [-]
-    min_rigidity: float = MIN_RIGIDITY  #: smallest rigidity index along the path, 1 at home
+    min_rigidity: float = 0.15  #: smallest rigidity index along the path, 1 at home
     min_length: float | None = None  #: shortest member [m]; None: that of the robot file
     max_length: float | None = None  #: longest member [m]; None: that of the robot file
     measure: Measure = Measure.SLIP_MARGIN  #: criterion of the ranking

@@ -49,13 +49,12 @@ class Stop:
     """
     Condition for a stop: a request, or the time limit.
 
-    :ivar requested: whether a stop was requested.
     :param time_limit: time limit from now [s]; 0: no limit.
     """
 
     def __init__(self, time_limit: float = 0.0) -> None:
         self._deadline = time.monotonic() + (time_limit or math.inf)
-        self.requested = False
+        self.requested = False  #: whether a stop was requested
 
     @property
     def time_left(self) -> float:

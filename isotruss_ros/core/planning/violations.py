@@ -17,16 +17,16 @@ from isotruss_ros.core.errors import IsotrussError
 #: grasp.
 SENTENCES_BY_REQUIREMENT = {
     'free': 'the robot touches the object already: the gap between them is {value:.4g} m',
-    'enclosed': 'no members go all around the object',
-    'members': '{value:.0f} of the {bound:.0f} members asked for are seen from within the object',
-    'opposed': 'forces of the members, within their friction cones, balance at no angle near',
-    'facing': 'members stay {value:.3g} rad from where friction holds the object between them',
+    'enclosed': 'no members enclose the object',
+    'members': '{value:.0f} of the {bound:.0f} required members are visible from the object',
+    'opposed': 'no near directions of the members balance within their friction cones',
+    'facing': 'the members stay {value:.3g} rad from directions with force closure',
     'reach': 'a member stays {value:.4g} m short of the object',
     'rigidity': 'along the path the rigidity index falls to {value:.3g}; must be {bound:.3g}',
     'self_clearance': 'along the path the clearance of the robot from itself is {value:.4g} m',
-    'object_clearance': 'a part that must not touch comes within {value:.4g} m of the object',
-    'in_place': 'the rollers cannot close and leave the object in place: it moves {value:.4g} m',
-    'turned': 'as it is let go the object turns by {value:.3g} rad; must be at most {bound:.3g}',
+    'object_clearance': 'a part outside of the grip comes within {value:.4g} m of the object',
+    'in_place': 'closing displaces the object by {value:.4g} m; must be at most {bound:.4g} m',
+    'turned': 'the release turns the object by {value:.3g} rad; must be at most {bound:.3g}',
     'grip': '{value:.0f} members are in contact with the fixed object; must be those of the grip',
     'squeeze': 'limits end the closing at {value:.4g} N of each member; must be {bound:.4g} N',
     'held': 'no pose near the object balances the forces of the members',
@@ -34,12 +34,12 @@ SENTENCES_BY_REQUIREMENT = {
 #: Sentences by requirement of the last stage; their violations are compared by relative size.
 BOUNDS = {
     'min_slip_margin': 'the slip margin is {value:.4g} N, and must be {bound:.4g} N',
-    'force_closure': 'it takes a friction coefficient of {value:.4g}, there is {bound:.4g}',
+    'force_closure': 'the required friction coefficient is {value:.4g}; must be {bound:.4g}',
     'min_margin': 'the closure margin is {value:.4g} N, and must be {bound:.4g} N',
     'max_contact_force': 'one member presses with {value:.4g} N; must be at most {bound:.4g} N',
     'max_total_force': 'all members press with {value:.4g} N; must be at most {bound:.4g} N',
     'max_utilisation': 'a tube bears {value:.3g} of its wrinkling moment; at most {bound:.3g}',
-    'carry': 'the object can be carried {value:.0%} of its path without slipping',
+    'carry': 'the object slips after {value:.0%} of its path',
 }
 
 

@@ -40,17 +40,11 @@ SECOND_ORDER_LENGTH = 0.05
 
 @dataclass(frozen=True)
 class BarrierLaw:
-    """
-    Lower bound of values, and bound of the rate at which they approach it.
+    """Lower bound of values, and bound of the rate at which they approach it."""
 
-    :ivar bound: smallest allowed value.
-    :ivar band: margin above which the rate is unbounded, in the unit of the value.
-    :ivar rate: largest decay rate of a small margin [1/s].
-    """
-
-    bound: float
-    band: float
-    rate: float = 5.0
+    bound: float  #: smallest allowed value
+    band: float  #: margin above which the rate is unbounded, in the unit of the value
+    rate: float = 5.0  #: largest decay rate of a small margin [1/s]
 
     @cached_property
     def active_below(self) -> float:
@@ -104,18 +98,12 @@ ALL_VALUES = slice(None)
 
 
 class ActiveValues(NamedTuple):
-    """
-    Values of a barrier that are within its band in one configuration.
+    """Values of a barrier that are within its band in one configuration."""
 
-    :ivar indices: (k,) indices of the values.
-    :ivar values: (k,) values.
-    :ivar node_rows: (k, 2n) derivatives by the node coordinates.
-    :ivar roller_rows: (k, r) further derivatives by the travel of the rollers; None: zero.
-    """
-
-    indices: Indices
-    values: Array
-    node_rows: Array
+    indices: Indices  #: (k,) indices of the values
+    values: Array  #: (k,) values
+    node_rows: Array  #: (k, 2n) derivatives by the node coordinates
+    #: (k, r) further derivatives by the travel of the rollers; None: zero
     roller_rows: Array | None = None
 
 
@@ -181,7 +169,6 @@ class BarrierLimit:
     :ivar barrier: the barrier.
     :ivar indices: (k,) indices of the values.
     :ivar matrix: (k, r) derivatives by roller travel.
-    :ivar margins: (k,) margins of the values.
     :param active: values within the band.
     """
 
@@ -189,7 +176,7 @@ class BarrierLimit:
 
     def __init__(self, barrier: Barrier, active: ActiveValues, matrix: Array) -> None:
         self.barrier, self.indices, self.matrix = barrier, active.indices, matrix
-        self.margins = active.values - barrier.law.bound
+        self.margins = active.values - barrier.law.bound  #: (k,) margins of the values
 
     @property
     def status(self) -> Status:

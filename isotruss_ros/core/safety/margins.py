@@ -22,23 +22,17 @@ import numpy as np
 
 
 class ShapeMargins(NamedTuple):
-    """
-    Margins of a configuration against singularity and collision.
+    """Margins of a configuration against singularity and collision."""
 
-    :ivar rigidity: rigidity index, 1 at home, 0 at a singular configuration.
-    :ivar clearance: smallest distance between surfaces of the robot's parts [m], negative for an
-        overlap; see `CollisionModel`.
-    :ivar object_clearance: smallest distance between the object and the parts outside of the grip
-        [m]; infinite without an object.
-    :ivar nearest: names of the two parts with this clearance.
-    :ivar nearest_to_object: name of the part with this object clearance; empty without an object.
-    """
-
-    rigidity: float
+    rigidity: float  #: rigidity index, 1 at home, 0 at a singular configuration
+    #: smallest distance between surfaces of the robot's parts [m], negative for an overlap; see
+    #: `CollisionModel`
     clearance: float
+    #: smallest distance between the object and the parts outside of the grip [m]; infinite without
+    #: an object
     object_clearance: float
-    nearest: str
-    nearest_to_object: str
+    nearest: str  #: names of the two parts with this clearance
+    nearest_to_object: str  #: name of the part with this object clearance; empty without an object
 
 
 @single_threaded

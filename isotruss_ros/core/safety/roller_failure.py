@@ -53,7 +53,6 @@ class FailureDetector:
     A roller without commands is never flagged. A flag remains until it is reset, because a roller
     at zero speed cannot prove that it works.
 
-    :ivar failed: names of the failed rollers.
     :ivar failure_time: time without motion under a command after which a roller has failed [s];
         may change at any time.
     :param names: names of the rollers.
@@ -62,7 +61,7 @@ class FailureDetector:
 
     def __init__(self, names: Sequence[str], failure_time: float = FAILURE_TIME) -> None:
         count = len(names)
-        self.failed: frozenset[str] = frozenset()
+        self.failed: frozenset[str] = frozenset()  #: names of the failed rollers
         self.failure_time = failure_time
         self._names = tuple(names)
         self._time: float | None = None

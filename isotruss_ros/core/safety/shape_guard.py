@@ -33,9 +33,8 @@ from isotruss_ros.core.safety.barrier_law import (
 from isotruss_ros.core.safety.barriers import ObjectBarrier, RigidityBarrier, SelfCollisionBarrier
 import numpy as np
 
-#: Largest roller steps that cannot cross a whole band, and that cannot cross half of a safety
-#: margin [m].
-BAND_STEP, SAFETY_STEP = 1e-3, 2e-4
+#: Largest roller step that cannot cross a whole band [m].
+BAND_STEP = 1e-3
 
 
 @dataclass(frozen=True)
@@ -81,10 +80,7 @@ class ShapeGuard:
     """
 
     def __init__(
-        self,
-        robot: Mechanism,
-        bounds: ShapeBounds | None = None,
-        barriers: Sequence[Barrier] = (),
+        self, robot: Mechanism, bounds: ShapeBounds | None = None, barriers: Sequence[Barrier] = ()
     ) -> None:
         bounds = ShapeBounds() if bounds is None else bounds
         self.bounds, self.own = bounds, tuple(barriers)
@@ -155,12 +151,11 @@ class Watch:
         """
         rollers = command.roller_velocities
         size = duration * float(np.abs(rollers).max())
-        limits = self._within_reach(size)
-        if size == 0.0 or not (limits or size > BAND_STEP):
+        if size == 0.0 or not (self.limits or size > BAND_STEP):
             return command
         share, violation = 1.0, None
         for _ in range(4):
-            found = self._violation(limits, share * rollers, velocities, duration)
+            found = self._violation(share * rollers, velocities, duration)
             if found is None:
                 break
             # The share is exact to first order.
@@ -169,20 +164,8 @@ class Watch:
             share = 0.0
         return command if violation is None else _scaled(command, share, violation)
 
-    def _within_reach(self, size: float) -> tuple[BarrierLimit, ...]:
-        """Return the limits that a roller step of a given size [m] can violate."""
-        return tuple(
-            limit
-            for limit in self.limits
-            if size > SAFETY_STEP or limit.margins.min() < 0.5 * limit.barrier.law.safety_margin
-        )
-
     def _violation(
-        self,
-        limits: tuple[BarrierLimit, ...],
-        rollers: Array,
-        velocities: Array,
-        duration: float,
+        self, rollers: Array, velocities: Array, duration: float
     ) -> BarrierViolation | None:
         """Return the violation of a barrier by a motion; None if it is admissible."""
         start, grip = self._config, self._grasp
@@ -192,12 +175,12 @@ class Watch:
         except ConfigurationError:
             return BarrierViolation(0.5, Status.SLOWED_RIGIDITY, ())
         long = bool(np.abs(travel).max() > BAND_STEP)
-        if grip is not None and (long or any(limit.barrier.needs_object for limit in limits)):
+        if grip is not None and (long or any(limit.barrier.needs_object for limit in self.limits)):
             try:
                 grip = roll_object(grip, start, end)
             except GraspError:  # a contact is lost during the motion
                 return BarrierViolation(0.5, Status.SLOWED_OBJECT, ('the contacts of the grip',))
-        found = [limit.violation(end, grip, travel, velocities, duration) for limit in limits]
+        found = [limit.violation(end, grip, travel, velocities, duration) for limit in self.limits]
         if long:
             found += [self._jumped(barrier, end, grip) for barrier in self._barriers]
         return min((one for one in found if one is not None), default=None)

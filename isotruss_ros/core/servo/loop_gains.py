@@ -27,19 +27,12 @@ MAX_SQUEEZE_GAIN = 5.0
 
 
 class LoopGains(NamedTuple):
-    """
-    Gains of the squeeze control.
+    """Gains of the squeeze control."""
 
-    :ivar pose: gain of the pose error of the model [1/s].
-    :ivar squeeze: gain of the squeeze error [1/s].
-    :ivar bias: rate at which the unexplained pose follows the measured poses [1/s].
-    :ivar filter_time: time constant of each of the two low-pass filters on the load [s].
-    """
-
-    pose: float
-    squeeze: float
-    bias: float
-    filter_time: float
+    pose: float  #: gain of the pose error of the model [1/s]
+    squeeze: float  #: gain of the squeeze error [1/s]
+    bias: float  #: rate at which the unexplained pose follows the measured poses [1/s]
+    filter_time: float  #: time constant of each of the two low-pass filters on the load [s]
 
 
 def gains_of(gain: float) -> LoopGains:

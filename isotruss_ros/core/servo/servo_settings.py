@@ -21,78 +21,55 @@ DEFAULT_BOUNDS = ShapeBounds()
 
 @dataclass(frozen=True)
 class SqueezeSettings:
-    """
-    Desired squeeze and settings of its control.
+    """Desired squeeze and settings of its control."""
 
-    :ivar force: mean normal force of the grasping members, positive [N].
-    :ivar pose_gain: pose gain, which determines all gains [1/s]; None: see `choose_gain`.
-    :ivar frequency: measured lowest natural frequency [rad/s]; None: computed from the masses.
-    :ivar max_utilisation: bound on the utilisation of the tubes [-]. Commands toward it are
-        slowed; beyond it, only commands away from it are executed.
-    :ivar load: standard deviation of loads on the object [N]; 0: the value of `EstimatorSettings`.
-    :ivar zeros: standard deviation of the roller offsets without an estimator [m].
-    """
-
-    force: float
+    force: float  #: mean normal force of the grasping members, positive [N]
+    #: pose gain, which determines all gains [1/s]; None: see `choose_gain`
     pose_gain: float | None = None
+    #: measured lowest natural frequency [rad/s]; None: computed from the masses
     frequency: float | None = None
+    #: bound on the utilisation of the tubes [-]. Commands toward it are slowed; beyond it, only
+    #: commands away from it are executed.
     max_utilisation: float = 1.0
+    #: standard deviation of loads on the object [N]; 0: the value of `EstimatorSettings`
     load: float = 0.0
-    zeros: float = 0.01
+    zeros: float = 0.01  #: standard deviation of the roller offsets without an estimator [m]
 
 
 @dataclass(frozen=True)
 class ServoSettings:
-    """
-    Settings of the twist servo.
+    """Settings of the twist servo."""
 
-    :ivar grip: grasping members, object and friction; the object's pose is an input.
-    :ivar period: time from cycle to cycle [s].
-    :ivar timeout: largest age of inputs [s]; older inputs stop the rollers.
-    :ivar joint: joint that twists move without an object; None: twists move the object.
-    :ivar squeeze: settings of the squeeze control; None: the opening angle (14) is kept.
-    :ivar bounds: bounds of the configuration; None: no guard and no barriers.
-    :ivar barriers: user-defined barriers.
-    :ivar limits: user-defined limits besides those of the robot file.
-    :ivar slide_along_limits: whether motion slides along limits of lengths and shapes, or stops.
-    :ivar max_acceleration: largest acceleration of a roller, except in halts [m/s^2]; None: the
-        value of the robot file.
-    :ivar failure_time: time without motion under a command after which a roller has failed [s].
-    :ivar pressure_timeout: largest age of pressures [s].
-    """
-
-    grip: Grip
-    period: float
-    timeout: float
+    grip: Grip  #: grasping members, object and friction; the object's pose is an input
+    period: float  #: time from cycle to cycle [s]
+    timeout: float  #: largest age of inputs [s]; older inputs stop the rollers
+    #: joint that twists move without an object; None: twists move the object
     joint: str | None = None
+    #: settings of the squeeze control; None: the opening angle is kept
     squeeze: SqueezeSettings | None = None
+    #: bounds of the configuration; None: no guard and no barriers
     bounds: ShapeBounds | None = DEFAULT_BOUNDS
-    barriers: tuple[Barrier, ...] = ()
-    limits: tuple[Limit, ...] = ()
+    barriers: tuple[Barrier, ...] = ()  #: user-defined barriers
+    limits: tuple[Limit, ...] = ()  #: user-defined limits besides those of the robot file
+    #: whether motion slides along limits of lengths and shapes, or stops
     slide_along_limits: bool = True
+    #: largest acceleration of a roller, except in halts [m/s^2]; None: the value of the robot file
     max_acceleration: float | None = None
+    #: time without motion under a command after which a roller has failed [s]
     failure_time: float = math.inf
-    pressure_timeout: float = PRESSURE_TIMEOUT
+    pressure_timeout: float = PRESSURE_TIMEOUT  #: largest age of pressures [s]
 
 
 class ServoInputs(NamedTuple):
-    """
-    Latest value of each input of the twist servo; None without one.
+    """Latest value of each input of the twist servo; None without one."""
 
-    :ivar twist: commanded twist (vx, vy, omega) in the robot frame [m/s, rad/s].
-    :ivar rollers: measured `RollerState`.
-    :ivar pose: measured `Pose` of the object in the robot frame.
-    :ivar pressures: gauge pressures (t,) of the tubes for the squeeze control [Pa]; None: the
-        pressures of the robot file.
-    :ivar estimate: `EstimatedTravel` with the roller offsets.
-    :ivar failed: names of failed rollers besides detected ones.
-    :ivar halt: status and reason of a halt by the client; None without one.
-    """
-
-    twist: Input = None
-    rollers: Input = None
-    pose: Input = None
+    twist: Input = None  #: commanded twist (vx, vy, omega) in the robot frame [m/s, rad/s]
+    rollers: Input = None  #: measured `RollerState`
+    pose: Input = None  #: measured `Pose` of the object in the robot frame
+    #: gauge pressures (t,) of the tubes for the squeeze control [Pa]; None: the pressures of the
+    #: robot file
     pressures: Input = None
-    estimate: Input = None
-    failed: frozenset[str] = frozenset()
+    estimate: Input = None  #: `EstimatedTravel` with the roller offsets
+    failed: frozenset[str] = frozenset()  #: names of failed rollers besides detected ones
+    #: status and reason of a halt by the client; None without one
     halt: tuple[Status, str] | None = None

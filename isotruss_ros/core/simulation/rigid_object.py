@@ -27,7 +27,6 @@ class RigidObject:
     object is fixed to the ground; members do not push it. A held object becomes free if a contact
     leaves its member, or if a member has no contact when the rollers stop.
 
-    :ivar rolling: rolling grip; None for a free object.
     :param body: the object at its initial pose.
     :param friction: coefficient of friction; the object's own has precedence.
     """
@@ -36,7 +35,7 @@ class RigidObject:
         self._body = body
         self._friction = friction if body.friction is None else body.friction
         self._looks = True
-        self.rolling: RollingGrip | None = None
+        self.rolling: RollingGrip | None = None  #: rolling grip; None for a free object
 
     @classmethod
     def in_grip(cls, rolling: RollingGrip) -> RigidObject:

@@ -17,9 +17,6 @@ from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 from numpy.typing import ArrayLike
 
-#: Largest slip of a roller as a share of the travel [-].
-MAX_SLIP = 0.5
-
 
 @dataclass(frozen=True)
 class RollerFaults:
@@ -30,17 +27,13 @@ class RollerFaults:
     encoders are on the rollers and do not measure slip, so the configuration drifts from the
     measured one. The share of each roller is drawn once, uniformly between 0.5 and 1.5 times
     `slip`.
-
-    :ivar speed_limit: bound at which commands are clipped [m/s].
-    :ivar noise: standard deviation of the speed of a moving roller, drawn in each step [m/s].
-    :ivar stuck: names of stuck rollers.
-    :ivar slip: mean slip as a share of the travel, 0 to 0.5 [-].
     """
 
-    speed_limit: float = float('inf')
+    speed_limit: float = float('inf')  #: bound at which commands are clipped [m/s]
+    #: standard deviation of the speed of a moving roller, drawn in each step [m/s]
     noise: float = 0.0
-    stuck: frozenset[str] = frozenset()
-    slip: float = 0.0
+    stuck: frozenset[str] = frozenset()  #: names of stuck rollers
+    slip: float = 0.0  #: mean slip as a share of the travel, 0 to 0.5 [-]
 
 
 class DrivenRollers:
@@ -59,8 +52,8 @@ class DrivenRollers:
     def __init__(self, robot: Mechanism, faults: RollerFaults, seed: int = 0) -> None:
         names = robot.roller_names
         check_roller_names('stuck rollers', faults.stuck, names)
-        if not 0.0 <= faults.slip <= MAX_SLIP:
-            raise ConfigurationError(f'slip {faults.slip!r}: must be from 0 to {MAX_SLIP}')
+        if not 0.0 <= faults.slip < 1.0:
+            raise ConfigurationError(f'slip {faults.slip!r}: must be from 0 to less than 1')
         self._robot, self._faults = robot, faults
         self._free = np.array([name not in faults.stuck for name in names])
         self._random = np.random.default_rng(seed)

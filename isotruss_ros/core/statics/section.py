@@ -32,29 +32,18 @@ Pressure: TypeAlias = 'ArrayLike | Mapping[str, float]'
 
 
 class SectionStiffness(NamedTuple):
-    """
-    EA, EI and GA of Timoshenko beams.
+    """EA, EI and GA of Timoshenko beams."""
 
-    :ivar axial: (k,) EA [N].
-    :ivar flexural: (k,) EI [N m^2].
-    :ivar shear: (k,) GA [N], infinite for no shear deformation.
-    """
-
-    axial: Array
-    flexural: Array
-    shear: Array
+    axial: Array  #: (k,) EA [N]
+    flexural: Array  #: (k,) EI [N m^2]
+    shear: Array  #: (k,) GA [N], infinite for no shear deformation
 
 
 class Fabric(NamedTuple):
-    """
-    Elastic constants of the tube's wall times its thickness.
+    """Elastic constants of the tube's wall times its thickness."""
 
-    :ivar membrane_modulus: E t [N/m].
-    :ivar membrane_shear_modulus: G t [N/m].
-    """
-
-    membrane_modulus: float
-    membrane_shear_modulus: float
+    membrane_modulus: float  #: E t [N/m]
+    membrane_shear_modulus: float  #: G t [N/m]
 
 
 class TubeStiffness(Protocol):

@@ -120,31 +120,19 @@ def _section_values(
 
 
 class FrameLayout(NamedTuple):
-    """
-    Data of a robot's frame that do not depend on the configuration.
+    """Data of a robot's frame that do not depend on the configuration."""
 
-    :ivar tube: stiffness of the tube.
-    :ivar node_names: names of the nodes: joints first, then B, C, D, E of each module.
-    :ivar places: index of each node by its name.
-    :ivar b: (m,) indices of the nodes B; C, D and E follow each.
-    :ivar members: members of the frame, see `Structure`, without stiffness.
-    :ivar held: (n, 3) mask of ux, uy, theta fixed by supports.
-    :ivar bisection: constraints (3) without values.
-    :ivar pattern: sparsity pattern of the frame.
-    :ivar pieces: (3, m) indices of the tube pieces, see `Structure`.
-    :ivar owners: (3, m) index of the robot's member of each piece.
-    """
-
-    tube: TubeSections
+    tube: TubeSections  #: stiffness of the tube
+    #: names of the nodes: joints first, then B, C, D, E of each module
     node_names: tuple[str, ...]
-    places: dict[str, int]
-    b: Indices
-    members: Members
-    held: Flags
-    bisection: TurnRows
-    pattern: FramePattern
-    pieces: Indices
-    owners: Indices
+    places: dict[str, int]  #: index of each node by its name
+    b: Indices  #: (m,) indices of the nodes B; C, D and E follow each
+    members: Members  #: members of the frame, see `Structure`, without stiffness
+    held: Flags  #: (n, 3) mask of ux, uy, theta fixed by supports
+    bisection: TurnRows  #: constraints (3) without values
+    pattern: FramePattern  #: sparsity pattern of the frame
+    pieces: Indices  #: (3, m) indices of the tube pieces, see `Structure`
+    owners: Indices  #: (3, m) index of the robot's member of each piece
 
 
 @functools.lru_cache(maxsize=16)

@@ -174,15 +174,10 @@ class PowerLaw:
 
 @dataclass(frozen=True)
 class TubeSections:
-    """
-    Section stiffness of tubes: a model times a measured factor, with derivatives.
+    """Section stiffness of tubes: a model times a measured factor, with derivatives."""
 
-    :ivar model: the stiffness model.
-    :ivar scale: ratio of the tube's stiffness to the model's, positive [-].
-    """
-
-    model: TubeStiffness
-    scale: float = 1.0
+    model: TubeStiffness  #: the stiffness model
+    scale: float = 1.0  #: ratio of the tube's stiffness to the model's, positive [-]
 
     @property
     def fabric(self) -> Fabric | None:

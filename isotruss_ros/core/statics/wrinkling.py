@@ -35,19 +35,12 @@ def wrinkling_moment(pressure: float, radius: float) -> float:
 
 
 class Utilisation(NamedTuple):
-    """
-    Utilisation of the m members of a robot under loads.
+    """Utilisation of the m members of a robot under loads."""
 
-    :ivar used: (m,) largest |M| / M_w on each member; infinite if compression exceeds the pull.
-    :ivar place: (m,) distance of this maximum from the member's start [m].
-    :ivar piece: (m,) index of the frame's member with the maximum.
-    :ivar kind: (m,) 0 if the maximum is at this member's start, 1 at its end, 2 inside.
-    """
-
-    used: Array
-    place: Array
-    piece: Indices
-    kind: Indices
+    used: Array  #: (m,) largest |M| / M_w on each member; infinite if compression exceeds the pull
+    place: Array  #: (m,) distance of this maximum from the member's start [m]
+    piece: Indices  #: (m,) index of the frame's member with the maximum
+    kind: Indices  #: (m,) 0 if the maximum is at this member's start, 1 at its end, 2 inside
 
 
 def find_utilisation(

@@ -67,7 +67,7 @@ class CheckRollers(StoppableNode):
 
     def _receive_stop(self, message: Bool) -> None:
         if message.data:
-            raise MeasurementError('emergency stop')
+            raise MeasurementError('the last message of emergency_stop is true; must be false')
 
     def _cycle(self) -> None:
         """Publish the current velocities, and continue the check after each pause."""

@@ -11,13 +11,7 @@ from typing import NamedTuple
 from isotruss_ros.calibration.home_fit import Posture
 from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.core import Robot
-from isotruss_ros.core.inputs import (
-    Input,
-    InputError,
-    require_fresh,
-    StampedInput,
-    Timeline,
-)
+from isotruss_ros.core.inputs import Input, InputError, require_fresh, StampedInput, Timeline
 from isotruss_ros.nodes.framework.parameters import Spec
 from isotruss_ros.nodes.framework.runner import StoppableNode
 from isotruss_ros.nodes.framework.sensors import Inputs
@@ -38,14 +32,10 @@ MAX_TOPIC_AGE = 0.5
 
 
 class MeasuredJoints(NamedTuple):
-    """
-    Measured joints of a robot whose rollers are at rest.
+    """Measured joints of a robot whose rollers are at rest."""
 
-    :ivar posture: encoder readings, and mean positions of the joints.
-    :ivar count: smallest number of averaged messages of a joint.
-    """
-
-    posture: Posture
+    posture: Posture  #: encoder readings, and mean positions of the joints
+    #: smallest number of averaged messages of a joint
     count: int  # type: ignore[assignment]
 
 
@@ -53,21 +43,15 @@ class JointMarkers:
     """
     Recent messages of `joint_markers` and `joint_states`.
 
-    :ivar frame: frame of the robot and of the joints.
-    :ivar timeout: largest age of an input [s].
-    :ivar rollers: input of the measured `RollerState`.
-    :ivar markers: input of the measured joints {name: (x, y)} [m].
     :param node: subscribing node.
     :param robot: the robot.
     """
 
     def __init__(self, node: StoppableNode, robot: Robot) -> None:
-        self.timeout = MAX_TOPIC_AGE
-        self.rollers: Input = None
-        self.markers: Input = None
+        self.rollers: Input = None  #: input of the measured `RollerState`
+        self.markers: Input = None  #: input of the measured joints {name: (x, y)} [m]
         self._rollers, self._markers = Timeline(), Timeline()
-        self._inputs = Inputs(node, robot, self, '')
-        self.frame = self._inputs.frame
+        self._inputs = Inputs(node, robot, self, MAX_TOPIC_AGE)
         self._inputs.keep_encoders(take=partial(self._take, self._rollers))
         self._inputs.keep_joint_markers(take=partial(self._take, self._markers))
 

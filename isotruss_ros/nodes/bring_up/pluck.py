@@ -67,8 +67,8 @@ class Pluck(StoppableNode):
         self._times: list[float] = []
         self._poses: list[tuple[float, ...]] = []
         self._status: ManipulationStatus | None = None
-        self.timeout, self.pose = MAX_TOPIC_AGE, None
-        self._inputs = Inputs(self, robot, self, '')
+        self.pose = None
+        self._inputs = Inputs(self, robot, self, MAX_TOPIC_AGE)
         self._inputs.keep_object_pose(take=self._take_pose)
         self.create_subscription(
             ManipulationStatus, 'manipulation/status', self._take_status, RELIABLE
@@ -115,8 +115,11 @@ class Pluck(StoppableNode):
         if status is not None and self._poses and status.code < Status.HALT_NO_TWIST:
             self._pushed = now
         elif waited:
-            why = 'no manipulation/status' if status is None else f'manipulation: {status.message}'
-            raise MeasurementError(why if self._poses else 'no object_pose')
+            topic = 'manipulation/status' if self._poses else 'object_pose'
+            why = f'{topic}: no message in {self.values.wait_time:g} s; a node must publish it'
+            if self._poses and status is not None:
+                why = f'manipulation: {status.message}'
+            raise MeasurementError(why)
 
     def _report(self) -> None:
         """Fit the oscillation and end."""

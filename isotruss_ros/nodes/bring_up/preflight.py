@@ -42,7 +42,6 @@ class Preflight(StoppableNode):
 
     :ivar faults: names of the failed checks.
     :ivar pose: input of the object's `Pose`.
-    :ivar timeout: largest age of an input [s].
     """
 
     node_name = 'preflight'
@@ -52,7 +51,7 @@ class Preflight(StoppableNode):
         """Create the subscriptions, and start to record."""
         self._robot = load_robot(self.values.robot)
         self._markers = JointMarkers(self, self._robot)
-        self.timeout, self.pose = MAX_TOPIC_AGE, None
+        self.pose = None
         self._joint_states: list[JointState] = []
         self._poses: list[PoseStamped] = []
         self._stops: list[Bool] = []
@@ -64,7 +63,7 @@ class Preflight(StoppableNode):
             (Bool, 'emergency_stop', self._stops, LATCHED),
         ):
             self.create_subscription(kind, topic, kept.append, quality)
-        self._inputs = Inputs(self, self._robot, self, '')
+        self._inputs = Inputs(self, self._robot, self, MAX_TOPIC_AGE)
         self._inputs.keep_object_pose()
         self._checks: dict[str, Callable[[], str]] = {
             'encoders': self._check_encoders,
@@ -99,7 +98,7 @@ class Preflight(StoppableNode):
         sure = self._robot.description.calibration.get('zero_deviations')
         if not sure:
             raise MeasurementError(
-                f'{self._robot.description.source} has none that were measured: run calibrate_home'
+                f'{self._robot.description.source}: the home was not measured: run calibrate_home'
             )
         words = f'measured to {1e3 * max(sure.values()):.1f} mm'
         try:
@@ -140,9 +139,9 @@ class Preflight(StoppableNode):
         low, high = file.min_length, file.max_length
         limits = f'rollers {file.max_speed:g} m/s, members {low:g} to {high:g} m'
         if not self._joint_states:
-            raise MeasurementError('not compared: no joint_states')
+            raise MeasurementError('joint_states: no message; the lengths were not compared')
         if self._travel is None:
-            return f'{limits}; not compared: joint_states are not usable'
+            return f'{limits}; not compared: joint_states are invalid'
         lengths = self._robot.home.member_lengths + self._robot.topology.incidence @ self._travel
         beyond = np.maximum(low - lengths, lengths - high)
         worst = int(beyond.argmax())
@@ -161,7 +160,9 @@ class Preflight(StoppableNode):
         checked = self._robot.description.calibration.get('checked_rollers', ())
         missing = [name for name in self._robot.roller_names if name not in checked]
         if missing:
-            raise MeasurementError(f'{", ".join(missing)} not checked: run check_rollers')
+            raise MeasurementError(
+                f'rollers {", ".join(missing)} were not checked: run check_rollers'
+            )
         return f'{len(checked)} rollers checked'
 
     def _check_masses(self) -> str:
@@ -170,7 +171,7 @@ class Preflight(StoppableNode):
         body = self.values.object_mass or (described.mass if described else None)
         if module is None or not body:
             which = 'module.mass of the robot file' if module is None else 'object_mass'
-            raise MeasurementError(f'{which} is not given: the loop would be slow')
+            raise MeasurementError(f'{which} is missing: the gains of the loop would be low')
         return f'module {module:g} kg, object {body:g} kg'
 
     def _check_live(self, topic: str, given: Input) -> str:
@@ -190,5 +191,5 @@ class Preflight(StoppableNode):
         """Return the rate of a topic in words; raise an error if it is too low."""
         rate = len(messages) / self.values.listen_time
         if rate < 0.9 * least:
-            raise MeasurementError(f'{topic} comes {rate:.3g} times a second: must be {least:g}')
+            raise MeasurementError(f'{topic} has {rate:.3g} Hz: must be at least {least:g} Hz')
         return f'{topic} {rate:.3g} Hz'

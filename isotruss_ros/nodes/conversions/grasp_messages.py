@@ -19,6 +19,7 @@ from isotruss_ros.nodes.conversions.messages import (
     make_header,
     MessageError,
     name_aligned_frame,
+    name_contact_frame,
     name_object_frame,
 )
 from isotruss_ros.nodes.conversions.object_messages import describes_object, read_object_message
@@ -73,6 +74,24 @@ def to_wrench_message(wrench: Sequence[float]) -> Wrench:
     """
     fx, fy, m = map(float, wrench)
     return Wrench(force=Vector3(x=fx, y=fy), torque=Vector3(z=m))
+
+
+def to_contact_wrench(
+    frame: str, member: str, when: float, normal: float, friction: float = 0.0
+) -> WrenchStamped:
+    """
+    Return the message of a member's force on the object, in its contact frame.
+
+    :param frame: name of the robot frame.
+    :param member: name of the member.
+    :param when: time of the force [s].
+    :param normal: normal force, the component `force.x` [N].
+    :param friction: friction force on the object, counter-clockwise around it, minus `force.y`
+        [N].
+    """
+    message = WrenchStamped(header=make_header(when, name_contact_frame(frame, member)))
+    message.wrench.force.x, message.wrench.force.y = normal, -friction
+    return message
 
 
 def read_query(

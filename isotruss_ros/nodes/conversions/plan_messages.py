@@ -14,7 +14,7 @@ from isotruss_ros.core import ConvexObject, GraspRequirements, Robot
 from isotruss_ros.core.manipulation.grip import find_members, members_at
 from isotruss_ros.core.paths.object_path import MAX_POSES
 from isotruss_ros.core.planning.describe_plan import export_figures, export_path
-from isotruss_ros.core.planning.grasp_plan import PlannedGrasp, Progress
+from isotruss_ros.core.planning.grasp_plan import PlannedGrasp
 from isotruss_ros.core.planning.searcher import Answer
 from isotruss_ros.core.planning.violations import export_violation
 from isotruss_ros.nodes.conversions.grasp_messages import read_external_wrench
@@ -28,19 +28,12 @@ MAX_COUNT = 1000
 
 
 class SearchGoal(NamedTuple):
-    """
-    Arguments of a grasp search.
+    """Arguments of a grasp search."""
 
-    :ivar body: the object at its pose.
-    :ivar requirements: requirements of the grasps.
-    :ivar seed: seed of the search.
-    :ivar time_limit: time limit of the search [s]; 0: no limit.
-    """
-
-    body: ConvexObject
-    requirements: GraspRequirements
-    seed: int
-    time_limit: float
+    body: ConvexObject  #: the object at its pose
+    requirements: GraspRequirements  #: requirements of the grasps
+    seed: int  #: seed of the search
+    time_limit: float  #: time limit of the search [s]; 0: no limit
 
 
 def read_goal(
@@ -119,25 +112,10 @@ def _read_body(goal: PlanGrasp.Goal, described: ConvexObject | None) -> ConvexOb
         return ConvexObject.disc((pose.position.x, pose.position.y), diameter)
     if described is None:
         raise MessageError(
-            'object_diameter 0.0 m: must be positive, that of a disc; or `object` must describe '
-            'what lies there, as may the parameter object'
+            'object_diameter 0.0 m: must be positive, that of a disc; or `object`, or the '
+            'parameter object, must describe the object'
         )
     return described.moved_to(read_pose('object pose', pose))
-
-
-def to_feedback_message(progress: Progress) -> PlanGrasp.Feedback:
-    """
-    Return the feedback message of a search.
-
-    :param progress: progress of the search.
-    """
-    return PlanGrasp.Feedback(
-        evaluations=progress.evaluations,
-        found=progress.found,
-        best=math.nan if progress.best is None else progress.best,
-        progress=progress.share,
-        time_left=math.nan if progress.time_left is None else progress.time_left,
-    )
 
 
 def to_result_message(answer: Answer, robot: Robot) -> PlanGrasp.Result:

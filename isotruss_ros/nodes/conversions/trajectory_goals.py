@@ -18,11 +18,14 @@ from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.paths.object_path import MAX_DURATION
 from isotruss_ros.core.paths.roller_trajectory import RollerTrajectory
 from isotruss_ros.core.paths.trajectory_tolerances import Tolerance, TrajectoryTolerances
-from isotruss_ros.nodes.conversions.messages import MessageError, read_stamp
-from isotruss_ros.nodes.conversions.path_messages import read_duration, read_roller_trajectory
+from isotruss_ros.nodes.conversions.messages import MAX_DISTANCE, MessageError, read_stamp
+from isotruss_ros.nodes.conversions.path_messages import read_duration
 import numpy as np
 from std_msgs.msg import Header
+from trajectory_msgs.msg import JointTrajectory
 
+#: Largest number of points [-]; reading a point takes 20 us of the cycle.
+MAX_POINTS = 10_000
 Result = FollowRollerTrajectory.Result
 
 
@@ -41,43 +44,11 @@ class TrajectoryGoalError(MessageError):
 
 
 class RollerGoal(NamedTuple):
-    """
-    Arguments of a roller trajectory's goal.
+    """Arguments of a roller trajectory's goal."""
 
-    :ivar trajectory: trajectory of the rollers.
-    :ivar start: start time on the node's clock [s]; None: at once.
-    :ivar tolerances: tolerances of the goal.
-    """
-
-    trajectory: RollerTrajectory
-    start: float | None
-    tolerances: TrajectoryTolerances
-
-
-def read_start(header: Header, now: float, timeout: float) -> float | None:
-    """
-    Return the start time of a trajectory [s]; None: at once.
-
-    :param header: header of the trajectory; a stamp of zero means at once.
-    :param now: time on the clock of the node [s].
-    :param timeout: largest age of the stamp [s].
-    :raises TrajectoryGoalError: the stamp is too old.
-    :raises MessageError: the stamp is more than a day ahead.
-    """
-    stamp = read_stamp(header)
-    if stamp == 0.0:
-        return None
-    if now - stamp > timeout:
-        raise TrajectoryGoalError(
-            Result.OLD_HEADER_TIMESTAMP,
-            f'trajectory: {now - stamp:.3f} s old; must be at most {timeout:g} s',
-        )
-    if stamp - now > MAX_DURATION:
-        raise MessageError(
-            f'trajectory: begins {stamp - now:.3g} s in the future; must be at most '
-            f'{MAX_DURATION:g} s'
-        )
-    return stamp if stamp > now + CLOCK_SKEW else None
+    trajectory: RollerTrajectory  #: trajectory of the rollers
+    start: float | None  #: start time on the node's clock [s]; None: at once
+    tolerances: TrajectoryTolerances  #: tolerances of the goal
 
 
 def read_roller_goal(
@@ -90,7 +61,7 @@ def read_roller_goal(
     :param robot: the robot.
     :param here: (r,) measured roller positions [m].
     :param now: time on the clock of the node [s].
-    :param timeout: largest age of the stamp, see `read_start` [s].
+    :param timeout: largest age of the stamp [s].
     :raises TrajectoryGoalError: a joint is unknown or missing, or the stamp is too old.
     :raises MessageError: invalid tolerances, or fields that rollers do not have; or see
         `read_roller_trajectory`.
@@ -108,13 +79,8 @@ def read_roller_goal(
         raise MessageError(
             f'trajectory: {what}: rollers have one degree of freedom; must be empty'
         )
-    _check_joints('joint_names', goal.trajectory.joint_names, names)
-    if set(goal.trajectory.joint_names) != set(names):
-        missing = [name for name in names if name not in goal.trajectory.joint_names]
-        raise TrajectoryGoalError(
-            Result.INVALID_JOINTS, f'trajectory: joint_names: {", ".join(missing)} are missing'
-        )
-    start = read_start(goal.trajectory.header, now, timeout)
+    trajectory = read_roller_trajectory(goal.trajectory, robot, here)
+    start = _read_start(goal.trajectory.header, now, timeout)
     late = goal.goal_time_tolerance
     goal_time = None
     if late.sec or late.nanosec:
@@ -124,7 +90,64 @@ def read_roller_goal(
         _read_tolerance('goal_tolerance', goal.goal_tolerance, names),
         goal_time,
     )
-    return RollerGoal(read_roller_trajectory(goal.trajectory, robot, here), start, tolerances)
+    return RollerGoal(trajectory, start, tolerances)
+
+
+def read_roller_trajectory(
+    message: JointTrajectory, robot: Robot, here: Array
+) -> RollerTrajectory:
+    """
+    Return a roller trajectory by the positions and times of a message.
+
+    :param message: trajectory of all rollers in any order. If its first point is later than zero,
+        it begins at the measured positions.
+    :param robot: the robot.
+    :param here: (r,) measured roller positions [m].
+    :raises TrajectoryGoalError: a roller is missing, unknown or repeated.
+    :raises MessageError: the number of points, or of the positions of a point, is wrong; or a
+        number is not finite or out of range.
+    :raises ConfigurationError: see `RollerTrajectory`.
+    """
+    names, points, rollers = list(message.joint_names), message.points, robot.roller_names
+    _check_joints('joint_names', names, rollers)
+    if missing := [name for name in rollers if name not in names]:
+        raise TrajectoryGoalError(
+            Result.INVALID_JOINTS,
+            f'trajectory: joint_names: {", ".join(missing)} are missing; must be all rollers',
+        )
+    if not 0 < len(points) <= MAX_POINTS:
+        raise MessageError(f'trajectory: {len(points)} points; must be 1 to {MAX_POINTS}')
+    for number, point in enumerate(points):
+        positions = np.asarray(point.positions, dtype=np.float64)
+        if positions.shape != (len(names),) or not (np.abs(positions) <= MAX_DISTANCE).all():
+            raise MessageError(
+                f'trajectory: point {number}: must have {len(names)} positions, '
+                f'finite and at most {MAX_DISTANCE:g} m'
+            )
+    order = [names.index(name) for name in rollers]
+    positions = np.array([point.positions for point in points])[:, order]
+    times = [read_duration(point.time_from_start) for point in points]
+    if times[0] > 0.0:
+        positions, times = np.vstack([here, positions]), [0.0, *times]
+    return RollerTrajectory(robot, positions, times)
+
+
+def _read_start(header: Header, now: float, timeout: float) -> float | None:
+    """Return the start time of a trajectory [s]; None: at once, for a stamp of zero."""
+    stamp = read_stamp(header)
+    if stamp == 0.0:
+        return None
+    if now - stamp > timeout:
+        raise TrajectoryGoalError(
+            Result.OLD_HEADER_TIMESTAMP,
+            f'trajectory: {now - stamp:.3f} s old; must be at most {timeout:g} s',
+        )
+    if stamp - now > MAX_DURATION:
+        raise MessageError(
+            f'trajectory: begins {stamp - now:.3g} s in the future; must be at most '
+            f'{MAX_DURATION:g} s'
+        )
+    return stamp if stamp > now + CLOCK_SKEW else None
 
 
 def _check_joints(what: str, given: Sequence[str], names: Sequence[str]) -> None:

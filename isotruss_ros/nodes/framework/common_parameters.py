@@ -100,22 +100,12 @@ def named_members(value: Value) -> tuple[str, ...]:
     return tuple(name for name in value if name)  # type: ignore[union-attr]
 
 
-def select_grip_module(robot: Robot, module: str) -> str:
+def select_grip(robot: Robot, values: Parameters) -> tuple[str, ...]:
     """
-    Return the module that `grip_module` names; by default, the robot's last module.
+    Return the grasping members: those of `grip`, else the sides of `grip_module`.
 
-    :param robot: the robot.
-    :param module: value of the parameter `grip_module`.
+    :param robot: the robot; its last module is the default.
+    :param values: parameters of a node.
     """
-    return module or robot.module_names[-1]
-
-
-def select_grip(robot: Robot, value: Value, module: str) -> tuple[str, ...]:
-    """
-    Return the names of the grasping members by the parameters.
-
-    :param robot: the robot.
-    :param value: value of the parameter `grip`.
-    :param module: value of the parameter `grip_module`, used if `grip` names no members.
-    """
-    return named_members(value) or members_at(robot, select_grip_module(robot, module))
+    module = values.grip_module or robot.module_names[-1]
+    return named_members(values.grip) or members_at(robot, module)

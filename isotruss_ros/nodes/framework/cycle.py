@@ -33,8 +33,6 @@ class Cycle:
     Control cycle: calls back at a fixed rate until destroyed with the node's timers.
 
     :ivar is_steady: whether the steady clock determines the times of the cycles.
-    :ivar duration: computing time of the last cycle [s].
-    :ivar slowness: measured rate in words if it is too low; else empty.
     :param node: node with a clock, simulated or not. Its `values` have the parameters `rate` [Hz]
         and `command_timeout` [s], which is also the timeout of a stopped clock.
     :param step: callback of each cycle with the current time [s].
@@ -54,13 +52,13 @@ class Cycle:
         self._stopped = stopped
         self._last = self._read = 0
         self._changed = time.monotonic()
-        self.duration = 0.0
+        self.duration = 0.0  #: computing time of the last cycle [s]
         #: Computing times of the cycles since the last summary, of limited number [s].
         self._times: deque[float] = deque(maxlen=10_000)
         #: Number of cycles for the measured rate, and time on their clock since which they count
         #: [s].
         self._count, self._since = 0, None
-        self.slowness = ''
+        self.slowness = ''  #: measured rate in words if it is too low; else empty
         self.is_steady = not node.get_parameter('use_sim_time').value
         self._clocks = [each for each in node.subscriptions if each.topic_name == '/clock']
         # Timers of the system clock would stop for an hour if it is set back by an hour.

@@ -14,17 +14,19 @@ from isotruss_ros.core.inputs import (
     CLOCK_SKEW,
     InputError,
     RejectedInput,
-    SIMULATED_CLOCK_SKEW,
     StampedInput,
 )
 from isotruss_ros.nodes.conversions.messages import MessageError, read_stamp
 from isotruss_ros.nodes.framework.robot_frame import NoTransformError
 from isotruss_ros.nodes.framework.runner import StoppableNode
-from isotruss_ros.nodes.framework.topics import subscribe_each, subscribe_newest
+from isotruss_ros.nodes.framework.topics import subscribe_newest
 from rclpy.subscription import Subscription
 
 #: Largest number of messages that wait for their transforms [-].
 MAX_QUEUED_MESSAGES = 100
+#: Largest lead of a stamp in simulated time [s]. An input may arrive before the /clock message of
+#: its own time, by up to the longest cycle of a node.
+SIMULATED_CLOCK_SKEW = 0.1
 
 
 class Gate:
@@ -65,8 +67,7 @@ class Gate:
         self._skew = SIMULATED_CLOCK_SKEW if simulated else CLOCK_SKEW
         #: Queued messages, each with the reason why it waits.
         self._waiting: deque[tuple[Any, str]] = deque(maxlen=MAX_QUEUED_MESSAGES)
-        subscribe = subscribe_each if every else subscribe_newest
-        self.subscription: Subscription = subscribe(node, kind, topic, self.receive)
+        self.subscription: Subscription = subscribe_newest(node, kind, topic, self.receive, every)
 
     def receive(self, message: Any) -> None:
         """

@@ -45,7 +45,6 @@ class ManagedNode(StoppableNode, LifecycleNode):
     exception it is unconfigured. The reason is in the log and in the diagnostics.
 
     :cvar awaited: topics and actions without which the active node cannot work, for the log.
-    :ivar robot: the robot; it is loaded before `configure`.
     :ivar inputs: `Inputs` that `configure` creates, whose ages are reported; None without inputs.
     :ivar configured: whether `configure` has succeeded and its entities exist.
     :ivar kept: entities that remain when the state of their creation ends.
@@ -56,7 +55,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
 
     awaited: ClassVar[tuple[str, ...]] = ()
     base_specs = (ROBOT, AUTOSTART)
-    robot: Robot
+    robot: Robot  #: the robot; it is loaded before `configure`
     inputs: Any = None
     configured = active = False
     _failure: Exception | None = None

@@ -35,21 +35,14 @@ class ParameterError(IsotrussError, ValueError):
 
 @dataclass(frozen=True)
 class Spec:
-    """
-    Declaration of a parameter.
+    """Declaration of a parameter."""
 
-    :ivar name: name of the parameter.
-    :ivar default: default value, which defines the type.
-    :ivar description: description for `ros2 param describe` and the documentation.
-    :ivar bounds: smallest and largest value of a number; None: no bounds.
-    :ivar read_only: whether the value can be set only at start, or while a managed node is
-        unconfigured.
-    """
-
-    name: str
-    default: Value
-    description: str
+    name: str  #: name of the parameter
+    default: Value  #: default value, which defines the type
+    description: str  #: description for `ros2 param describe` and the documentation
+    #: smallest and largest value of a number; None: no bounds
     bounds: tuple[float, float] | None = None
+    #: whether the value can be set only at start, or while a managed node is unconfigured
     read_only: bool = False
 
 

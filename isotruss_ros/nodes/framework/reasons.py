@@ -19,19 +19,13 @@ NUMBERS = re.compile(r'[-+]?[\d.]+(e[-+]?\d+)?')
 
 
 class Reason(NamedTuple):
-    """
-    Reason that persists.
+    """Reason that persists."""
 
-    :ivar text: logged text.
-    :ivar count: number of occurrences.
-    :ivar logged: time of the log entry [s].
-    :ivar given: time of the last occurrence [s].
-    """
-
-    text: str
+    text: str  #: logged text
+    #: number of occurrences
     count: int  # type: ignore[assignment]
-    logged: float
-    given: float
+    logged: float  #: time of the log entry [s]
+    given: float  #: time of the last occurrence [s]
 
 
 class ReasonLog:

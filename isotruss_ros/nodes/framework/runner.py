@@ -41,7 +41,6 @@ class StoppableNode(Node):
     :cvar specs: parameters of the node.
     :cvar base_specs: parameters of all nodes of the same kind.
     :cvar done: whether the node has finished its task; then the process ends.
-    :ivar cycle: control cycle; None without a cycle.
     :ivar values: values of the parameters as attributes.
     :param parameter_overrides: values of parameters that differ from the defaults.
     :raises IsotrussError: a parameter is invalid; the message names it and its valid range.
@@ -51,7 +50,7 @@ class StoppableNode(Node):
     specs: ClassVar[Sequence[Spec]]
     base_specs: ClassVar[Sequence[Spec]] = ()
     done = False
-    cycle: Cycle | None = None
+    cycle: Cycle | None = None  #: control cycle; None without a cycle
 
     def __init__(self, parameter_overrides: Sequence[Parameter] = ()) -> None:
         super().__init__(

@@ -13,7 +13,7 @@ import math
 from typing import Any
 
 from geometry_msgs.msg import PoseStamped
-from isotruss_msgs.msg import StateEstimate
+from isotruss_msgs.msg import HeldGrip, StateEstimate
 from isotruss_ros.core import Configuration, Robot
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.estimation.roller_parts import RollerParts
@@ -28,6 +28,7 @@ from isotruss_ros.core.inputs import (
 )
 from isotruss_ros.core.kinematics.configuration import ConfigurationTracker
 from isotruss_ros.nodes.conversions.estimate_messages import read_estimate
+from isotruss_ros.nodes.conversions.grip_messages import read_grip
 from isotruss_ros.nodes.conversions.joint_state_messages import (
     read_roller_part,
     read_tube_pressure,
@@ -41,6 +42,7 @@ from sensor_msgs.msg import FluidPressure, JointState, MultiDOFJointState
 
 #: Callback with an input.
 Take = Callable[[StampedInput], None]
+Receive = Callable[[StampedInput | RejectedInput], None]
 
 
 class Inputs:
@@ -50,19 +52,17 @@ class Inputs:
     Each message passes a `Gate`. It becomes a StampedInput, or a RejectedInput with the reason. A
     message without a header is stamped by the node's clock.
 
-    :ivar holder: object that has the inputs as attributes.
     :param node: subscribing node.
     :param robot: robot with the rollers, tubes and frame of the messages.
-    :param holder: object that has the inputs as attributes, the largest age of an input as
-        `timeout` [s], and that of pressures as `pressure_timeout` [s].
-    :param setting: name of the parameter with the timeout; empty without one.
+    :param holder: object that has the inputs as attributes.
+    :param oldest: largest age of an input [s]; None: the node's parameter `command_timeout`.
     """
 
     def __init__(
-        self, node: StoppableNode, robot: Robot, holder: Any, setting: str = 'command_timeout'
+        self, node: StoppableNode, robot: Robot, holder: Any, oldest: float | None = None
     ) -> None:
-        self._node, self._robot, self.holder = node, robot, holder
-        self._setting = setting
+        self._node, self._robot, self._holder = node, robot, holder
+        self._oldest = oldest
         self._gates: dict[str, Gate] = {}
         #: Descriptions of the inputs by attribute.
         self._words: dict[str, str] = {}
@@ -72,27 +72,13 @@ class Inputs:
         #: Last rejected pressure, and its time [s].
         self._bad_pressure: tuple[RejectedInput | None, float] = None, -math.inf
 
-    @property
-    def timeouts(self) -> Any:
-        """Return the object that has the largest ages of inputs."""
-        return self.holder
+    def _latest(self, name: str) -> Input:
+        """Return the latest value of an input."""
+        return getattr(self._holder, name)
 
-    def latest(self, name: str) -> Input:
-        """
-        Return the latest value of an input.
-
-        :param name: name of the holder's attribute.
-        """
-        return getattr(self.holder, name)
-
-    def store(self, name: str, given: Input) -> None:
-        """
-        Replace an input.
-
-        :param name: name of the holder's attribute.
-        :param given: the new value.
-        """
-        setattr(self.holder, name, given)
+    def _store(self, name: str, given: Input) -> None:
+        """Replace an input."""
+        setattr(self._holder, name, given)
 
     def keep(
         self,
@@ -118,43 +104,37 @@ class Inputs:
             otherwise the previous value remains valid.
         :param take: callback with each StampedInput in any order, not only with the newest; None:
             no callback.
-        :param oldest: largest age of the input [s]; None: `timeout` of the holder.
+        :param oldest: largest age of the input [s]; None: that of all inputs.
         """
-        words = words or topic.replace('_', ' ').replace('/', ' ')
+        words, oldest = words or topic.replace('_', ' ').replace('/', ' '), oldest or self._oldest
+        setting = 'pressure_timeout' if name == 'pressures' else 'command_timeout'
 
         def receive(received: StampedInput | RejectedInput) -> None:
             valid = isinstance(received, StampedInput)
             erased = stops and not valid and received.fault is InputFault.INVALID
-            kept = None if erased else self.latest(name)
-            self.store(name, keep_latest(kept, received, self._node.now()))
+            kept = None if erased else self._latest(name)
+            self._store(name, keep_latest(kept, received, self._node.now()))
             if valid and take is not None:
                 take(received)  # type: ignore[arg-type]
 
         def timeout() -> tuple[str, float]:
-            if name == 'pressures':
-                return 'pressure_timeout', self.timeouts.pressure_timeout
-            return ('', oldest) if oldest else (self._setting, self.timeouts.timeout)
+            return ('', oldest) if oldest else (setting, getattr(self._node.values, setting))
 
         self._words[name] = words
-        label, every = words.replace(' ', '_'), take is not None
-        if name == 'rollers':
-            receive, every = partial(self._merge, receive), True
-        elif name == 'pressures':
-            receive, every = partial(self._merge_pressures, receive), True
-        gate = Gate(self._node, kind, topic, label, read, receive, timeout, every)
+        merge = {'rollers': self._merge, 'pressures': self._merge_pressures}.get(name)
+        every = merge is not None or take is not None
+        taken = receive if merge is None else partial(merge, receive)
+        label = words.replace(' ', '_')
+        gate = Gate(self._node, kind, topic, label, read, taken, timeout, every)
         self._gates[name] = gate
         return gate.subscription
 
-    def _merge(
-        self,
-        receive: Callable[[StampedInput | RejectedInput], None],
-        received: StampedInput | RejectedInput,
-    ) -> None:
+    def _merge(self, receive: Receive, received: StampedInput | RejectedInput) -> None:
         """Merge partial states of the rollers, and add the estimated offsets."""
         if isinstance(received, StampedInput):
             self._parts.take(received.value, received.time, self._node.now())
             received = self._parts.merged()
-        estimate = self.latest('estimate') if 'estimate' in self._gates else None
+        estimate = self._latest('estimate') if 'estimate' in self._gates else None
         if isinstance(estimate, StampedInput):
             self._offsets = estimate.value.offsets
         if isinstance(received, StampedInput):
@@ -189,8 +169,7 @@ class Inputs:
 
         :param options: options of `keep`.
         """
-        frame = self.frame
-        self.keep(PoseStamped, 'object_pose', frame.read_pose, 'pose', **options)
+        self.keep(PoseStamped, 'object_pose', self._frame.read_pose, 'pose', **options)
 
     def keep_joint_markers(self, **options: Any) -> None:
         """
@@ -198,34 +177,32 @@ class Inputs:
 
         :param options: options of `keep`.
         """
-        read = self.frame.read_markers
+        read = self._frame.read_markers
         self.keep(MultiDOFJointState, 'joint_markers', read, 'markers', **options)
 
+    def keep_held_grip(self) -> None:
+        """Store the `GripRecord` of the loop from `manipulation/grip` as the input `held_grip`."""
+        read = partial(read_grip, robot=self._robot)
+        self.keep(HeldGrip, 'manipulation/grip', read, 'held_grip')
+
     @functools.cached_property
-    def frame(self) -> RobotFrame:
-        """Return the transformation to the robot frame by the node's transforms."""
+    def _frame(self) -> RobotFrame:
         return RobotFrame.heard_by(self._node, self._robot)
 
-    def keep_tube_pressures(self, ambient: Callable[[], float]) -> None:
+    def keep_tube_pressures(self) -> None:
         """
         Store gauge pressures (t,) [Pa] from `tube_pressures` as the input `pressures`.
 
         Each message has the pressure of one tube. The input is valid after each tube has sent one,
-        and it has the oldest stamp of them.
-
-        :param ambient: function that returns the ambient pressure [Pa]; 0 for gauge pressures.
+        and it has the oldest stamp of them. The parameter `ambient_pressure` is subtracted.
         """
 
         def read(message: FluidPressure) -> tuple[str, float]:
-            return read_tube_pressure(message, self._robot, ambient())
+            return read_tube_pressure(message, self._robot, self._node.values.ambient_pressure)
 
         self.keep(FluidPressure, 'tube_pressures', read, 'pressures')
 
-    def _merge_pressures(
-        self,
-        receive: Callable[[StampedInput | RejectedInput], None],
-        received: StampedInput | RejectedInput,
-    ) -> None:
+    def _merge_pressures(self, receive: Receive, received: StampedInput | RejectedInput) -> None:
         """Add the pressure of one tube to the pressures of all tubes."""
         now = self._node.now()
         if isinstance(received, RejectedInput):
@@ -255,17 +232,17 @@ class Inputs:
         self._pressures.clear()
         for name, gate in self._gates.items():
             gate.clear()
-            known = self.latest(name) is not None
-            self.store(name, None)
+            known = self._latest(name) is not None
+            self._store(name, None)
             if name == 'pressures' and known:  # not replaced by the pressures of the robot file
                 why = 'tube pressures: none since the clock jumped or stopped'
-                self.store(name, RejectedInput(why))
+                self._store(name, RejectedInput(why))
 
     def describe_ages(self) -> dict[str, object]:
         """Return the age of each input [s], or the reason why it is missing."""
         ages = {}
         for name, words in self._words.items():
-            given = self.latest(name)
+            given = self._latest(name)
             if isinstance(given, StampedInput):
                 age = f'{self._node.now() - given.time:.4f}'
             else:
@@ -279,7 +256,6 @@ class TrackedShape:
     Configuration of the robot, tracked from joint states.
 
     :ivar timeout: largest age of an input [s].
-    :ivar rollers: latest joint states, a StampedInput of a RollerState.
     :ivar estimate: input of the `EstimatedTravel` with the roller offsets; None without one.
     :param robot: the robot; home is the start of the first search.
     :param timeout: largest age of an input [s].
@@ -287,7 +263,7 @@ class TrackedShape:
 
     def __init__(self, robot: Robot, timeout: float) -> None:
         self.timeout = timeout
-        self.rollers: Input = None
+        self.rollers: Input = None  #: latest joint states, a StampedInput of a RollerState
         self.estimate: Input = None
         self._shapes = ConfigurationTracker(robot.home)
         self._tracked: Input = None

@@ -42,6 +42,7 @@ class SingleGoal:
     result with a stamp is stamped at the end of the goal.
 
     :ivar kind: type of the action.
+    :ivar client: watch of the supervising client; None if the goal is not supervised.
     :param node: node that offers the action until it is destroyed.
     :param kind: type of the action.
     :param name: relative name of the action.
@@ -81,7 +82,7 @@ class SingleGoal:
         self._feedback_time = -math.inf
         # Before the action: a client that has discovered the action has discovered the
         # subscription.
-        self._client = ClientWatch(node) if supervised else None
+        self.client = ClientWatch(node) if supervised else None
         ActionServer(
             node,
             kind,
@@ -112,15 +113,6 @@ class SingleGoal:
         if time.monotonic() - self._feedback_time >= FEEDBACK_PERIOD:
             self._feedback_time = time.monotonic()
             self._handle.publish_feedback(make())
-
-    def find_loss(self, timeout: float) -> str | None:
-        """
-        Return in words the loss of the client that supervises the goal; None without a loss.
-
-        :param timeout: longest time between the client's messages, by the steady clock [s].
-        :return: text of the loss, or None.
-        """
-        return self._client.find_loss(timeout)
 
     def end(self, ending: Ending, result: Any) -> None:
         """
@@ -161,8 +153,8 @@ class SingleGoal:
 
     def _set_active(self, handle: ServerGoalHandle | None) -> None:
         self._handle, self._feedback_time = handle, -math.inf
-        if self._client is not None:
-            self._client.goal = None if handle is None else _key(handle)
+        if self.client is not None:
+            self.client.goal = None if handle is None else _key(handle)
 
     def _stamp(self, result: Any) -> Any:
         """Return a result with the time of the goal's end, if it has a stamp."""

@@ -12,11 +12,10 @@ continues while a callback hangs.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 import time
 
 from action_msgs.msg import GoalInfo
-from isotruss_ros.nodes.framework.topics import RELIABLE, subscribe_newest
+from isotruss_ros.nodes.framework.topics import subscribe_newest
 from rclpy.lifecycle import LifecycleNode
 
 #: Topic on which a client names the goal that it supervises, before it sends the goal.
@@ -27,15 +26,6 @@ FEEDBACK_PERIOD = 0.05
 MIN_FEEDBACK_TIMEOUT = 2.0 * FEEDBACK_PERIOD
 #: Longest time from the start of a goal to its first feedback [s].
 START_TIMEOUT = 1.0
-
-
-def create_heartbeat(node: LifecycleNode) -> Callable[[GoalInfo], None]:
-    """
-    Return the function that publishes a client's heartbeat for a goal.
-
-    :param node: node that publishes while it is active.
-    """
-    return node.create_lifecycle_publisher(GoalInfo, TOPIC, RELIABLE).publish
 
 
 class ClientWatch:

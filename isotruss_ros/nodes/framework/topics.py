@@ -48,46 +48,25 @@ EVERY_LATCHED = QoSProfile(
 
 
 def subscribe_newest(
-    node: Node, kind: type, topic: str, callback: Callable[[Any], None]
+    node: Node, kind: type, topic: str, callback: Callable[[Any], None], every: bool = False
 ) -> Subscription:
     """
-    Subscribe to the newest messages of a topic; older queued ones are discarded.
+    Subscribe to the newest messages of a topic.
 
     :param node: subscribing node; its subscription is best-effort.
     :param kind: type of the messages.
     :param topic: relative name of the topic.
     :param callback: function of a message.
+    :param every: whether the callback receives all queued messages in order; in a flood, the
+        newest ones. Otherwise only the last one.
     """
-    return _subscribe(node, kind, topic, NEWEST, lambda messages: callback(messages[-1]))
-
-
-def subscribe_each(
-    node: Node, kind: type, topic: str, callback: Callable[[Any], None]
-) -> Subscription:
-    """
-    Subscribe to each message of a topic in order; in a flood, to the newest messages.
-
-    :param node: subscribing node; its subscription is best-effort.
-    :param kind: type of the messages.
-    :param topic: relative name of the topic.
-    :param callback: function of a message.
-    """
-
-    def take(messages: list[Any]) -> None:
-        for message in messages:
-            callback(message)
-
-    return _subscribe(node, kind, topic, EACH, take)
-
-
-def _subscribe(
-    node: Node, kind: type, topic: str, profile: QoSProfile, callback: Callable[[list[Any]], None]
-) -> Subscription:
-    """Subscribe with a callback that receives all queued messages."""
+    profile = EACH if every else NEWEST
 
     def take(message: Any) -> None:
         # rclpy takes one message per turn, too slow for fast publishers.
-        callback(take_waiting([message], subscription, 1 + profile.depth))
+        messages = take_waiting([message], subscription, 1 + profile.depth)
+        for each in messages if every else messages[-1:]:
+            callback(each)
 
     subscription = node.create_subscription(kind, topic, take, profile, event_callbacks=NO_EVENTS)
     return subscription

@@ -21,7 +21,7 @@ import numpy as np
 
 if TYPE_CHECKING:
     from isotruss_ros.core import Configuration, Pose, Robot
-    from isotruss_ros.nodes.conversions.contact_messages import ContactFrame
+    from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
     from isotruss_ros.nodes.framework.managed import ManagedNode
 
 try:
@@ -60,7 +60,7 @@ class TransformBroadcaster:
         self,
         config: Configuration,
         pose: Pose,
-        contacts: Mapping[str, ContactFrame],
+        contacts: Mapping[str, tuple[complex, complex]],
         time: float,
     ) -> None:
         """
@@ -68,7 +68,7 @@ class TransformBroadcaster:
 
         :param config: measured configuration of the robot.
         :param pose: pose of the object, robot frame.
-        :param contacts: contact frames by member.
+        :param contacts: contact frames by member, see `find_contact_frames`.
         :param time: time of the measurements [s].
         """
         if self._transforms is None:
@@ -77,9 +77,8 @@ class TransformBroadcaster:
         joints = points[topology.joint]
         rods = 0.5 * (points[topology.b] + points[topology.c]) - joints
         center, turn = complex(pose.x, pose.y), np.exp(1j * pose.angle)
-        touched = list(contacts.values())
-        origins = [center, center, *joints, *(contact.origin for contact in touched)]
-        directions = [turn, 1.0, *rods, *(contact.direction for contact in touched)]
+        origins = [center, center, *joints, *(origin for origin, _ in contacts.values())]
+        directions = [turn, 1.0, *rods, *(direction for _, direction in contacts.values())]
         frame = self._robot.frame
         names = [*self._names, *(name_contact_frame(frame, member) for member in contacts)]
         header = make_header(time, frame)
@@ -92,6 +91,28 @@ class TransformBroadcaster:
             rotation.z, rotation.w = math.sin(angle), math.cos(angle)
             stamped.append(each)
         self._transforms.publish(TFMessage(transforms=stamped))
+
+
+def find_contact_frames(
+    analysis: GraspAnalysis, robot: Robot
+) -> dict[str, tuple[complex, complex]]:
+    """
+    Return the contact frame of each member in contact, by member.
+
+    Its origin is the centre of pressure, x + iy [m]. Its x axis is normal to the object and into
+    it, a unit vector x + iy.
+
+    :param analysis: analysis of the grasp.
+    :param robot: robot with the members.
+    """
+    frames, forces = {}, analysis.normal_forces
+    for number in sorted(set(analysis.members[forces > 0.0].tolist())):
+        mine = forces * (analysis.members == number)
+        push = complex(-mine @ analysis.normals @ (1.0, 1.0j))
+        if push:
+            origin = complex(mine @ analysis.points @ (1.0, 1.0j)) / float(mine.sum())
+            frames[robot.member_names[number]] = origin, push / abs(push)
+    return frames
 
 
 def name_module_frames(robot: Robot) -> list[str]:

@@ -10,7 +10,6 @@ A result is valid for its inputs. It is discarded when an input is stale, missin
 from __future__ import annotations
 
 from collections.abc import Callable
-import contextlib
 from dataclasses import replace
 import time
 from typing import Any
@@ -26,6 +25,7 @@ from isotruss_ros.core.errors import (
 from isotruss_ros.core.holding.grip_record import GripRecord
 from isotruss_ros.core.holding.settle_grasp import assess_equilibrium, settle_grasp
 from isotruss_ros.core.inputs import (
+    find_fresh,
     fresh_pressures,
     Input,
     InputError,
@@ -63,14 +63,11 @@ class GraspMonitor:
 
     :ivar query: settings of the analysis; roller positions, pose, wrench and pressures are
         replaced by inputs.
-    :ivar rollers: input of the measured `RollerState`.
     :ivar estimate: input of the `EstimatedTravel` with the roller offsets; None without one.
-    :ivar pose: input of the measured `Pose` of the object, robot frame.
     :ivar held_grip: input of the `GripRecord` of the loop that holds the object; None without one.
     :ivar wrench: input of the external wrench (fx, fy, m) on the object [N, N m]; None: zero.
     :ivar pressures: input of the gauge pressures (t,) of the tubes in the order of the robot file
         [Pa]; None: the pressures of the file.
-    :ivar pressure_timeout: largest age of pressures [s].
     :param robot: the robot.
     :param query: settings of the analysis without roller positions.
     :param timeout: largest age of inputs [s].
@@ -78,13 +75,13 @@ class GraspMonitor:
 
     def __init__(self, robot: Robot, query: GraspQuery, timeout: float) -> None:
         self.robot, self.query, self.timeout = robot, query, timeout
-        self.rollers: Input = None
+        self.rollers: Input = None  #: input of the measured `RollerState`
         self.estimate: Input = None
-        self.pose: Input = None
+        self.pose: Input = None  #: input of the measured `Pose` of the object, robot frame
         self.held_grip: Input = None
         self.wrench: Input = None
         self.pressures: Input = None
-        self.pressure_timeout = PRESSURE_TIMEOUT
+        self.pressure_timeout = PRESSURE_TIMEOUT  #: largest age of pressures [s]
         self._tracker = ConfigurationTracker(robot.home)
         self._answered: GraspQuery | None = None
         self._record: GripRecord | None = None
@@ -116,9 +113,7 @@ class GraspMonitor:
             external_wrench=wrench[0].value if wrench else self.query.external_wrench,
             pressures=pressures,
         )
-        record = None
-        with contextlib.suppress(InputError):
-            record = require_fresh(now, self.timeout, held_grip=self.held_grip)[0].value
+        record = find_fresh(now, self.timeout, self.held_grip)
         if query != self._answered or not _alike(record, self._record):
             find = self._tracker.configuration
             self._report = _analyze(query, find, self._report.grasp, record)

@@ -45,59 +45,37 @@ class GraspCode(enum.IntEnum):
 
 #: Code of a report by the name and the fault of an input.
 INPUT_CODES = {
-    ('joint_states', InputFault.MISSING): GraspCode.NO_JOINT_STATES,
-    ('joint_states', InputFault.STALE): GraspCode.STALE_JOINT_STATES,
-    ('joint_states', InputFault.INVALID): GraspCode.INVALID_JOINT_STATES,
-    ('object_pose', InputFault.MISSING): GraspCode.NO_OBJECT_POSE,
-    ('object_pose', InputFault.STALE): GraspCode.STALE_OBJECT_POSE,
-    ('object_pose', InputFault.INVALID): GraspCode.INVALID_OBJECT_POSE,
-    ('external_wrench', InputFault.STALE): GraspCode.STALE_EXTERNAL_WRENCH,
-    ('external_wrench', InputFault.INVALID): GraspCode.INVALID_EXTERNAL_WRENCH,
-    ('tube_pressures', InputFault.STALE): GraspCode.STALE_TUBE_PRESSURES,
-    ('tube_pressures', InputFault.INVALID): GraspCode.INVALID_TUBE_PRESSURES,
+    (name, fault): GraspCode[code]
+    for name in ('joint_states', 'object_pose', 'external_wrench', 'tube_pressures')
+    for fault, prefix in zip(InputFault, ('NO', 'STALE', 'INVALID'), strict=True)
+    if (code := f'{prefix}_{name.upper()}') in GraspCode.__members__
 }
 
 
 class GraspQuery(NamedTuple):
-    """
-    Arguments of a grasp analysis.
+    """Arguments of a grasp analysis."""
 
-    :ivar roller_positions: (r,) roller travel since home [m].
-    :ivar body: the object at its measured pose.
-    :ivar friction: coefficient of friction between tube and object.
-    :ivar external_wrench: wrench (fx, fy, m) on the object about the origin of its frame [N, N m].
-    :ivar spacing: spacing of the contact points along the tubes [m].
-    :ivar paper_model: whether the paper's model is used, see `analyze_grasp`.
-    :ivar pressures: (t,) gauge pressures of the tubes in the order of the robot file [Pa]; None:
-        the pressures of the file.
-    """
-
-    roller_positions: tuple[float, ...]
-    body: ConvexObject
-    friction: float
+    roller_positions: tuple[float, ...]  #: (r,) roller travel since home [m]
+    body: ConvexObject  #: the object at its measured pose
+    friction: float  #: coefficient of friction between tube and object
+    #: wrench (fx, fy, m) on the object about the origin of its frame [N, N m]
     external_wrench: tuple[float, float, float]
-    spacing: float
-    paper_model: bool = False
+    spacing: float  #: spacing of the contact points along the tubes [m]
+    paper_model: bool = False  #: whether the paper's model is used, see `analyze_grasp`
+    #: (t,) gauge pressures of the tubes in the order of the robot file [Pa]; None: the pressures
+    #: of the file
     pressures: tuple[float, ...] | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class AnalyzedGrasp:
-    """
-    Inputs and results of a grasp analysis.
+    """Inputs and results of a grasp analysis."""
 
-    :ivar config: configuration of the robot.
-    :ivar body: the object.
-    :ivar analysis: analysis of the fixed object at the measured pose.
-    :ivar settled: equilibrium of the free object near the measured pose.
-    :ivar computing_time: computing time of configuration and analysis [s].
-    """
-
-    config: Configuration
-    body: ConvexObject
-    analysis: GraspAnalysis
-    settled: SettledGrasp
-    computing_time: float
+    config: Configuration  #: configuration of the robot
+    body: ConvexObject  #: the object
+    analysis: GraspAnalysis  #: analysis of the fixed object at the measured pose
+    settled: SettledGrasp  #: equilibrium of the free object near the measured pose
+    computing_time: float  #: computing time of configuration and analysis [s]
 
     @property
     def utilisation(self) -> dict[str, tuple[float, float]]:
@@ -118,20 +96,13 @@ class AnalyzedGrasp:
 
 @dataclass(frozen=True)
 class GraspReport:
-    """
-    Result of a grasp analysis, or the reason of its absence.
+    """Result of a grasp analysis, or the reason of its absence."""
 
-    :ivar code: OK for a result, WRINKLED for a result outside of the model, else the reason of its
-        absence.
-    :ivar message: warnings, or the reason of the absence of a result; may be empty.
-    :ivar time: time of the oldest input [s]; without a result, time of the call.
-    :ivar grasp: result; None without one.
-    """
-
+    #: OK for a result, WRINKLED for a result outside of the model, else the reason of its absence
     code: GraspCode
-    message: str
-    time: float
-    grasp: AnalyzedGrasp | None = None
+    message: str  #: warnings, or the reason of the absence of a result; may be empty
+    time: float  #: time of the oldest input [s]; without a result, time of the call
+    grasp: AnalyzedGrasp | None = None  #: result; None without one
 
     @property
     def held(self) -> bool:

@@ -82,7 +82,7 @@ class Manipulation(ManagedNode):
         self._twists = inputs.keep(kind, 'cmd_vel', read, 'twist', 'twist', stops=True)
         inputs.keep_joint_states()
         inputs.keep_object_pose()
-        inputs.keep_tube_pressures(lambda: self.values.ambient_pressure)
+        inputs.keep_tube_pressures()
         self.create_timer(TYPE_CHECK_PERIOD, self._check_twist_type)
 
     def prepare(self, settings: ServoSettings) -> ServoSettings:
@@ -111,7 +111,7 @@ class Manipulation(ManagedNode):
         self._trajectory.abort('the node was deactivated')
         self._commands.stop()
         if not self._wait_for_zero():
-            self.get_logger().warning('not every subscriber acknowledged the last command, zero')
+            self.get_logger().warning('not every subscriber has acknowledged the zero command')
 
     def cleanup(self) -> None:
         """Release the robot; the record of failed rollers remains."""
@@ -124,9 +124,9 @@ class Manipulation(ManagedNode):
             'moves': 'the object' if settings.joint is None else f'joint {settings.joint}',
             'grip': ', '.join(settings.grip.members),
         }
-        if self._trajectory.busy:
+        if (follower := self._trajectory.follower).busy:
             details['moves'] = 'the rollers along a trajectory'
-            details['time on the trajectory [s]'] = f'{self._trajectory.time:.3f}'
+            details['time on the trajectory [s]'] = f'{follower.time:.3f}'
         if servo.failed:
             details['failed rollers'] = ', '.join(sorted(servo.failed))
             details['reachable twists'] = describe_reachable_twists(servo)

@@ -110,17 +110,11 @@ SPECS = (
 
 
 def _make_grip(robot: Robot, values: Parameters, described: ConvexObject | None) -> Grip:
-    """
-    Return the grip by the parameters, with the object at an arbitrary pose.
-
-    :param robot: the robot.
-    :param values: parameters of a node.
-    :param described: object of the parameter `object`, see `read_described`; None for a disc.
-    """
+    """Return the grip by the parameters, with the object at an arbitrary pose."""
     body = described or ConvexObject(Disc(values.object_diameter))
     if values.object_mass:
         body = replace(body, mass=values.object_mass)
-    members = common.select_grip(robot, values.grip, values.grip_module)
+    members = common.select_grip(robot, values)
     return Grip(members, body, values.friction if body.friction is None else body.friction)
 
 
@@ -159,34 +153,17 @@ def make_settings(
 class ServoSubscriptions(Inputs):
     """`Inputs` that are stored in a `TwistServo` by its method `receive`."""
 
-    @property
-    def timeouts(self) -> ServoSettings:
-        """Return the settings of the servo; they contain the largest ages of inputs."""
-        return self.holder.settings
+    def _latest(self, name: str) -> Input:
+        return getattr(self._holder.inputs, name)
 
-    def latest(self, name: str) -> Input:
-        """
-        Return the latest value of an input.
-
-        :param name: field of `ServoInputs`.
-        """
-        return getattr(self.holder.inputs, name)
-
-    def store(self, name: str, given: Input) -> None:
-        """
-        Replace an input of the servo.
-
-        :param name: field of `ServoInputs`.
-        :param given: the new value.
-        """
-        self.holder.receive(**{name: given})
+    def _store(self, name: str, given: Input) -> None:
+        self._holder.receive(**{name: given})
 
 
 class StatusReport:
     """
     Publisher of the servo's decisions; created at each configuration.
 
-    :ivar status: status of the last cycle.
     :param node: publishing node.
     :param robot: the robot.
     """
@@ -198,7 +175,7 @@ class StatusReport:
         self._grips = node.create_lifecycle_publisher(HeldGrip, 'manipulation/grip', RELIABLE)
         self._robot, self._frame, self._node = robot, robot.frame, node
         self._told = 0.0
-        self.status = Status.OK
+        self.status = Status.OK  #: status of the last cycle
 
     def publish_grip(self, grasp: HeldEquilibrium | None, now: float) -> None:
         """

@@ -19,16 +19,17 @@ from isotruss_msgs.action import FollowRollerTrajectory
 from isotruss_ros.core import IsotrussError, Status, TwistServo
 from isotruss_ros.core.inputs import require_fresh, StampedInput
 from isotruss_ros.core.manipulation.status import RollerCommand
+from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.paths.roller_trajectory import RollerTrajectoryServo
 from isotruss_ros.core.servo.decision import Decision
-from isotruss_ros.nodes.conversions.messages import MessageError
-from isotruss_ros.nodes.conversions.path_messages import to_roller_feedback
+from isotruss_ros.nodes.conversions.messages import make_header, MessageError
+from isotruss_ros.nodes.conversions.path_messages import to_duration
 from isotruss_ros.nodes.conversions.trajectory_goals import read_roller_goal, RollerGoal
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.single_goal import Ending, SingleGoal
 from isotruss_ros.nodes.manipulation.sparse_messages import SparseMessages
 import numpy as np
-from trajectory_msgs.msg import JointTrajectory
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 TOPIC = 'joint_trajectory_controller/joint_trajectory'
 ACTION = 'follow_roller_trajectory'
@@ -47,25 +48,16 @@ class TrajectoryFollowing:
     the current one; trajectories do not resume. The result remains the status until the next
     twist.
 
+    :ivar follower: servo of the trajectory.
     :param node: subscribing node while active.
     :param servo: servo with the measured positions and the history of commands.
     """
 
     def __init__(self, node: ManagedNode, servo: TwistServo) -> None:
         self._node, self._servo = node, servo
-        self._follower = RollerTrajectoryServo(servo.robot, servo.settings.timeout)
+        self.follower = RollerTrajectoryServo(servo.robot, servo.settings.timeout)
         self._outcome: tuple[Status, str] | None = None
         self._goals = [self._offer(kind, name) for kind, name in _offered_actions()]
-
-    @property
-    def busy(self) -> bool:
-        """Return whether a trajectory is active."""
-        return self._follower.busy
-
-    @property
-    def time(self) -> float:
-        """Return the current trajectory time [s]."""
-        return self._follower.time
 
     def subscribe(self) -> None:
         """Accept trajectories from now on."""
@@ -78,16 +70,16 @@ class TrajectoryFollowing:
 
         :param now: time on the clock of the inputs [s].
         """
-        if self.busy:
+        if self.follower.busy:
             # A twist of this time would move the object right after the end of the trajectory.
             self._servo.receive(twist=None)
             for goal in self._goals:
-                if (loss := goal.find_loss(self._servo.settings.timeout)) is not None:
+                if (loss := goal.client.find_loss(self._servo.settings.timeout)) is not None:
                     self.abort(loss)
-        if not self.busy:
+        if not self.follower.busy:
             return self._add_outcome(self._servo.decide(now))
         self._update_follower()
-        step = self._follower.decide(now)
+        step = self.follower.decide(now)
         if step.failure:
             code = Result.GOAL_TOLERANCE_VIOLATED if step.at_goal else ABORTED_CODE
             self._end(Status.HALT_TRAJECTORY, f'trajectory aborted: {step.failure}', code)
@@ -110,9 +102,9 @@ class TrajectoryFollowing:
         :param why: reason of the abort.
         :return: whether a trajectory was active; then the rollers must be stopped.
         """
-        if not self.busy:
+        if not self.follower.busy:
             return False
-        self._follower.end()
+        self.follower.end()
         self._end(Status.HALT_TRAJECTORY, f'trajectory aborted: {why}', ABORTED_CODE)
         return True
 
@@ -125,7 +117,7 @@ class TrajectoryFollowing:
         try:
             self._begin(self._read(FollowRollerTrajectory.Goal(trajectory=message)))
         except IsotrussError as error:
-            self._follower.end()
+            self.follower.end()
             self._end(Status.HALT_TRAJECTORY, f'trajectory rejected: {error}', ABORTED_CODE)
 
     def _report_missing(self, why: str) -> None:
@@ -135,30 +127,30 @@ class TrajectoryFollowing:
 
     def _update_follower(self) -> None:
         """Pass the servo's joint states and their largest age to the follower."""
-        self._follower.rollers = self._servo.inputs.rollers
-        self._follower.timeout = self._servo.settings.timeout
+        self.follower.rollers = self._servo.inputs.rollers
+        self.follower.timeout = self._servo.settings.timeout
 
     def _read(self, goal: Any) -> RollerGoal:
         """Return the arguments of a goal; raise an error for an invalid goal."""
-        servo, follower, now = self._servo, self._follower, self._node.now()
+        servo, now = self._servo, self._node.now()
         if servo.inputs.halt is not None:
             raise MessageError(servo.inputs.halt[1])
         self._update_follower()
         timeout = servo.settings.timeout
         (rollers,) = require_fresh(now, timeout, joint_states=servo.inputs.rollers)
-        here = rollers.value.positions
-        asked = read_roller_goal(goal, servo.robot, here, now, timeout)
-        follower.check_start(asked.trajectory, now)
+        asked = read_roller_goal(goal, servo.robot, rollers.value.positions, now, timeout)
+        self.follower.check_start(asked.trajectory, now)
         return asked
 
     def _begin(self, asked: RollerGoal) -> None:
         """Start a trajectory."""
         now, (trajectory, start, _) = self._node.now(), asked
-        self._follower.begin(trajectory, now, start, asked.tolerances)
+        self.follower.begin(trajectory, now, start, asked.tolerances)
         self._outcome = None
         when = '' if start is None else f', in {start - now:.1f} s'
-        words = f'following a trajectory of {trajectory.duration:.1f} s{when}'
-        self._node.get_logger().info(words)
+        self._node.get_logger().info(
+            f'following a trajectory of {trajectory.duration:.1f} s{when}'
+        )
 
     def _offer(self, kind: Any, name: str) -> SingleGoal:
         """Offer an action whose goals are trajectories."""
@@ -170,26 +162,25 @@ class TrajectoryFollowing:
                 return None
             return kind.Result(error_code=code, error_string=f'trajectory rejected: {error}')
 
+        def begin(asked: RollerGoal) -> None:
+            self._end_goals(REPLACED_TEXT, spared=goal)
+            self._begin(asked)
+
         goal = SingleGoal(
             self._node,
             kind,
             name,
             self._read,
             refuse,
-            lambda asked: self._take_over(goal, asked),
+            begin,
             self._cancel,
             preempted=lambda: self._end_goals(REPLACED_TEXT),
             supervised=True,
         )
         return goal
 
-    def _take_over(self, goal: SingleGoal, asked: RollerGoal) -> None:
-        """Start the trajectory of a goal in place of the current one."""
-        self._end_goals(REPLACED_TEXT, spared=goal)
-        self._begin(asked)
-
     def _cancel(self) -> None:
-        self._follower.end()
+        self.follower.end()
         # No fault: without a twist the rollers are halted anyhow.
         words = 'trajectory cancelled by the client'
         self._end(Status.HALT_NO_TWIST, words, ABORTED_CODE, Ending.CANCELED)
@@ -197,13 +188,24 @@ class TrajectoryFollowing:
     def _publish_feedback(self) -> None:
         """Publish desired and measured states of the rollers to the goal's client."""
         goal = next((goal for goal in self._goals if goal.active), None)
-        wanted, measured = self._follower.wanted, self._servo.inputs.rollers
+        wanted, measured = self.follower.wanted, self._servo.inputs.rollers
         if goal is None or wanted is None or not isinstance(measured, StampedInput):
             return
-        robot, when, now = self._servo.robot, self._follower.time, self._node.now()
+        actual, robot = measured.value.positions, self._servo.robot
+
+        def point(positions: Array, **others: Any) -> JointTrajectoryPoint:
+            start = to_duration(self.follower.time)
+            return JointTrajectoryPoint(
+                positions=positions.tolist(), time_from_start=start, **others
+            )
+
         goal.publish_feedback(
-            lambda: to_roller_feedback(
-                goal.kind.Feedback, robot, wanted, measured.value, when, now
+            lambda: goal.kind.Feedback(
+                header=make_header(self._node.now(), robot.frame),
+                joint_names=list(robot.roller_names),
+                desired=point(wanted.positions, velocities=wanted.velocities.tolist()),
+                actual=point(actual),
+                error=point(wanted.positions - actual),
             )
         )
 

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
-import contextlib
 import math
 import time
 from typing import Any
 
+from action_msgs.msg import GoalInfo
 from geometry_msgs.msg import PoseStamped
 from isotruss_msgs.action import (
     FollowObjectPath,
@@ -23,26 +23,30 @@ from isotruss_msgs.action import (
 )
 from isotruss_msgs.msg import GraspState
 from isotruss_ros.core import IsotrussError, Pose, Robot
-from isotruss_ros.core.inputs import Input, InputError, require_fresh, StampedInput
+from isotruss_ros.core.inputs import find_fresh, Input, InputError, require_fresh, StampedInput
 from isotruss_ros.core.model.pose import pose_difference
-from isotruss_ros.core.paths.path_tracking import (
-    RETURN_SETTINGS,
-    RETURN_SPEED,
-    RETURN_TURN_RATE,
-)
+from isotruss_ros.core.paths.path_tracking import RETURN_SETTINGS, RETURN_SPEED, RETURN_TURN_RATE
 from isotruss_ros.core.planning.describe_plan import path_times
 from isotruss_ros.core.planning.release import plan_release, Release
 from isotruss_ros.core.planning.violations import export_violation, violation_in_words
 from isotruss_ros.nodes.conversions.messages import (
     make_header,
+    MessageError,
     read_pose,
     to_pose_message,
 )
-from isotruss_ros.nodes.conversions.path_messages import read_duration, to_trajectory_message
+from isotruss_ros.nodes.conversions.object_messages import to_object_message
+from isotruss_ros.nodes.conversions.path_messages import (
+    read_duration,
+    read_object_path,
+    to_trajectory_message,
+)
+from isotruss_ros.nodes.conversions.plan_messages import read_goal
 from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.sensors import TrackedShape
-from isotruss_ros.nodes.framework.supervision import create_heartbeat, MIN_FEEDBACK_TIMEOUT
+from isotruss_ros.nodes.framework.supervision import MIN_FEEDBACK_TIMEOUT, TOPIC
+from isotruss_ros.nodes.framework.topics import RELIABLE
 from isotruss_ros.nodes.pick_and_place.action_steps import (
     ActionStep,
     set_parameters,
@@ -50,7 +54,6 @@ from isotruss_ros.nodes.pick_and_place.action_steps import (
     StepOutcome,
     Steps,
 )
-from isotruss_ros.nodes.pick_and_place.sequence_goals import to_search_goal
 from nav_msgs.msg import Path
 import numpy as np
 from rcl_interfaces.srv import SetParameters
@@ -72,26 +75,22 @@ class GraspSequences(TrackedShape):
     """
     Sequences by the actions of planner, manipulation and path follower.
 
-    :ivar stage: current stage, a constant of the action's feedback.
-    :ivar pose: StampedInput of the object's `Pose`.
-    :ivar grasp: StampedInput of the `GraspState`.
-    :ivar held_grip: StampedInput of the `GripRecord` of the loop that holds the object.
     :param node: node that has the clients until it is destroyed.
     :param robot: the robot.
     """
 
-    held_grip: Input = None
+    held_grip: Input = None  #: StampedInput of the `GripRecord` of the loop that holds the object
 
     def __init__(self, node: ManagedNode, robot: Robot) -> None:
         super().__init__(robot, node.values.command_timeout)
         self._node, self._robot = node, robot
-        self.stage = 0
-        self.pose: Input = None
-        self.grasp: Input = None
+        self.stage = 0  #: current stage, a constant of the action's feedback
+        self.pose: Input = None  #: StampedInput of the object's `Pose`
+        self.grasp: Input = None  #: StampedInput of the `GraspState`
         self._described = common.read_described(node.values)
         # Before the actions: a server that has discovered their clients has discovered the
         # publisher.
-        alive = create_heartbeat(node)
+        alive = node.create_lifecycle_publisher(GoalInfo, TOPIC, RELIABLE).publish
         self._planner = ActionStep(node, PlanGrasp, 'plan_grasp', alive, lambda: PLANNER_TIMEOUT)
         self._trajectories, self._object = (
             ActionStep(node, kind, name, alive, lambda: max(self.timeout, MIN_FEEDBACK_TIMEOUT))
@@ -107,10 +106,55 @@ class GraspSequences(TrackedShape):
         """End the thread of the release planner."""
         self._thread.shutdown(wait=False, cancel_futures=True)
 
-    def here(self) -> Pose:
-        """Return the last measured pose of the object; the origin before the first."""
+    def check_pick(self, goal: PickObject.Goal) -> None:
+        """
+        Raise IsotrussError for a goal whose grasp search would be invalid at any pose.
+
+        :param goal: goal of the action.
+        :raises IsotrussError: see `read_goal`.
+        """
+        anywhere = PoseStamped(header=make_header(0.0, self._robot.frame))
+        read_goal(self._to_search_goal(goal, anywhere), self._robot, self._described)
+
+    def check_place(self, goal: PlaceObject.Goal) -> None:
+        """
+        Raise MessageError for an invalid clearance.
+
+        :param goal: goal of the action.
+        :raises MessageError: the clearance is not a positive number.
+        """
+        if not 0.0 < goal.clearance < math.inf:
+            raise MessageError(f'clearance {goal.clearance} m: must be a positive number')
+
+    def check_move(self, goal: MoveObject.Goal) -> None:
+        """
+        Raise IsotrussError for an invalid path.
+
+        :param goal: goal of the action.
+        :raises IsotrussError: see `read_object_path`.
+        """
         known = isinstance(self.pose, StampedInput)
-        return self.pose.value if known else Pose(0.0, 0.0, 0.0)
+        here = self.pose.value if known else Pose(0.0, 0.0, 0.0)
+        read_object_path(goal.path, goal.speed, goal.turn_rate, self._robot, False, here)
+
+    def _to_search_goal(self, goal: PickObject.Goal, lay: PoseStamped) -> PlanGrasp.Goal:
+        """Return the goal of the grasp search for an object to be picked at a pose."""
+        values, described = self._node.values, self._described
+        wanted = PlanGrasp.Goal(
+            object_pose=lay,
+            friction=values.friction,
+            module=goal.module,
+            members=goal.members,
+            squeeze=goal.squeeze,
+            min_slip_margin=goal.min_slip_margin,
+            time_limit=goal.time_limit,
+            count=1,
+        )
+        if described is None:
+            wanted.object_diameter = values.object_diameter
+        else:
+            wanted.object = to_object_message(described)
+        return wanted
 
     def measured_pose(self) -> PoseStamped | None:
         """Return the last measured pose of the object as a message; None before the first."""
@@ -177,12 +221,10 @@ class GraspSequences(TrackedShape):
 
     def _require_free(self) -> None:
         """Raise StepError if the object is already held."""
-        try:
-            (found,) = require_fresh(self._node.now(), self.timeout, grasp_state=self.grasp)
-        except InputError:
-            return  # the analysis may arrive only after the pick
-        if found.value.held:
-            members = ', '.join(found.value.grasping_members)
+        # The analysis may arrive only after the pick.
+        found = find_fresh(self._node.now(), self.timeout, self.grasp)
+        if found is not None and found.held:
+            members = ', '.join(found.grasping_members)
             raise StepError(
                 StepOutcome.BAD_GOAL,
                 f'the object is held already, by {members}: place it first',
@@ -190,8 +232,7 @@ class GraspSequences(TrackedShape):
 
     def _plan_grasp(self, goal: PickObject.Goal, lay: PoseStamped) -> Steps:
         """Return the planner's best grasp of the object at its pose."""
-        wanted = to_search_goal(goal, lay, self._node.values, self._described)
-        plan = yield from self._planner.run(wanted)
+        plan = yield from self._planner.run(self._to_search_goal(goal, lay))
         if plan.code != PlanGrasp.Result.FOUND:
             raise _plan_error(plan)
         (grasp,) = plan.grasps
@@ -210,10 +251,7 @@ class GraspSequences(TrackedShape):
         pose = self.pose.value  # type: ignore[union-attr]
         config = self.configuration(self._node.now())
         body = common.read_body(self._node.values).moved_to(pose)
-        record = None
-        with contextlib.suppress(InputError):
-            now = self._node.now()
-            record = require_fresh(now, self.timeout, held_grip=self.held_grip)[0].value
+        record = find_fresh(self._node.now(), self.timeout, self.held_grip)
         most = goal.max_rotation or MAX_ROTATION
         planned: Future[Release] = self._thread.submit(
             plan_release, config, body, state.grasping_members, goal.clearance, record, most

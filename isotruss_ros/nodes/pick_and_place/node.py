@@ -6,16 +6,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from isotruss_msgs.action import MoveObject, PickObject, PlaceObject
-from isotruss_msgs.msg import GraspState, HeldGrip
+from isotruss_msgs.msg import GraspState
 from isotruss_ros.core import IsotrussError
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.inputs import InputError
-from isotruss_ros.nodes.conversions.grip_messages import read_grip
 from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.managed import ManagedNode
@@ -28,7 +26,6 @@ from isotruss_ros.nodes.pick_and_place.action_steps import (
     Steps,
 )
 from isotruss_ros.nodes.pick_and_place.grasp_sequences import GraspSequences
-from isotruss_ros.nodes.pick_and_place.sequence_goals import check_move, check_pick, check_place
 
 SPECS = (*common.OBJECT_SPECS, common.COMMAND_TIMEOUT)
 #: Period of the ticks of a sequence [s].
@@ -59,25 +56,12 @@ class PickAndPlace(ManagedNode):
         self.inputs.keep_joint_states()
         self.inputs.keep_object_pose()
         self.inputs.keep(GraspState, 'grasp/state', lambda state: state, 'grasp')
-        read = partial(read_grip, robot=self.robot)
-        self.inputs.keep(HeldGrip, 'manipulation/grip', read, 'held_grip')
+        self.inputs.keep_held_grip()
         # Exists while the node is inactive as well, so that a goal that ends then gets its result.
-        robot, values = self.robot, self.values
-        described = common.read_described(values)
         self._actions = [
-            self._offer(
-                PickObject,
-                'pick_object',
-                lambda goal: check_pick(goal, robot, values, described),
-                sequences.pick,
-            ),
-            self._offer(PlaceObject, 'place_object', check_place, sequences.place),
-            self._offer(
-                MoveObject,
-                'move_object',
-                lambda goal: check_move(goal, robot, sequences.here()),
-                sequences.move,
-            ),
+            self._offer(PickObject, 'pick_object', sequences.check_pick, sequences.pick),
+            self._offer(PlaceObject, 'place_object', sequences.check_place, sequences.place),
+            self._offer(MoveObject, 'move_object', sequences.check_move, sequences.move),
         ]
 
     def activate(self) -> None:
@@ -109,11 +93,7 @@ class PickAndPlace(ManagedNode):
         self._sequences.timeout = self.values.command_timeout
 
     def _offer(
-        self,
-        kind: Any,
-        name: str,
-        check: Callable[[Any], None],
-        sequence: Callable[[Any], Steps],
+        self, kind: Any, name: str, check: Callable[[Any], None], sequence: Callable[[Any], Steps]
     ) -> SingleGoal:
         """Offer an action whose goals are checked and executed by a sequence."""
 

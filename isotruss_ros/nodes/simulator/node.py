@@ -25,6 +25,7 @@ from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.simulation.simulated_robot import SimulatedObject
 from isotruss_ros.mujoco_plant.driven_robot import DrivenRobot
+from isotruss_ros.mujoco_plant.options import PlantOptions
 from isotruss_ros.mujoco_plant.recording import PlantRecorder
 from isotruss_ros.nodes.conversions.grasp_messages import read_external_wrench
 from isotruss_ros.nodes.conversions.messages import check_frame, MessageError, read_pose
@@ -33,10 +34,6 @@ from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import FixedSpec, ParameterError
 from isotruss_ros.nodes.framework.topics import RELIABLE
-from isotruss_ros.nodes.simulator.mujoco_object import (
-    make_driven_robot,
-    MUJOCO_SPECS,
-)
 from isotruss_ros.nodes.simulator.simulated_object import place_at_start
 from isotruss_ros.nodes.simulator.simulated_object import SPECS as OBJECT_SPECS
 from isotruss_ros.nodes.simulator.simulated_sensors import SENSOR_SPECS, SimulatedSensors
@@ -46,6 +43,8 @@ from std_msgs.msg import Float64MultiArray
 
 #: Speed at which roller commands are clipped [m/s].
 SPEED_LIMIT = 1.0
+#: Longest simulated time of MuJoCo per cycle in wall time [s]; the remainder is reported as lag.
+MAX_CYCLE_STEP = 0.1
 KINEMATIC, ELASTIC, MUJOCO = 'kinematic', 'elastic', 'mujoco'
 SPECS = (
     *OBJECT_SPECS,
@@ -75,7 +74,7 @@ SPECS = (
     ),
     CLOCK_SPEED,
     *SENSOR_SPECS,
-    *MUJOCO_SPECS,
+    FixedSpec('recording', '', 'File of the states of MuJoCo for later rendering; none if empty'),
 )
 
 
@@ -95,7 +94,7 @@ class Simulator(ManagedNode):
         if path := self.values.recording:
             if self._driven is None:
                 raise ParameterError(
-                    f'parameter recording: {path!r}: must be empty but with plant mujoco'
+                    f'parameter recording: {path!r}: must be empty unless plant is mujoco'
                 )
             self._recorder = PlantRecorder(self._driven.plant, Path(path))
         self._sensors = SimulatedSensors(self, self.robot, self.values, self.values.seed)
@@ -146,12 +145,18 @@ class Simulator(ManagedNode):
         self._elastic = self._driven = None
         if values.plant == MUJOCO:
             sim_time = self.get_parameter('use_sim_time').value
-            self._driven = make_driven_robot(self.robot, body, values, faults, sim_time)
+            longest = float('inf') if sim_time else MAX_CYCLE_STEP
+            mass, ground = values.object_mass, values.ground_friction
+            options = PlantOptions(
+                friction=values.friction, object_mass=mass, ground_friction=ground
+            )
+            free, seed = values.object_is_free, values.seed
+            self._driven = DrivenRobot(self.robot, body, free, options, faults, seed, longest)
             return self._driven
         if values.plant == ELASTIC or values.object_is_free:
             simulated = self._put_object(body.pose)
         else:
-            members = common.select_grip(self.robot, values.grip, values.grip_module)
+            members = common.select_grip(self.robot, values)
             simulated = RigidObject.in_grip(RollingGrip.attach(home, Grip(members, body)))
         return SimulatedRobot(home, simulated, faults, values.seed)
 
@@ -161,10 +166,8 @@ class Simulator(ManagedNode):
         values, body = self.values, self._body.moved_to(pose)
         if values.plant == KINEMATIC:
             return RigidObject(body, values.friction)
-        self._elastic = ElasticObject(  # type: ignore[assignment]
-            body,
-            values.friction if body.friction is None else body.friction,
-        )
+        friction = values.friction if body.friction is None else body.friction
+        self._elastic = ElasticObject(body, friction)  # type: ignore[assignment]
         return self._elastic
 
     def _stop_on_clock_jump(self) -> None:

@@ -37,6 +37,13 @@ SPECS = (
         (-6.3, 6.3),
     ),
     replace(common.FRICTION, read_only=True),
+    FixedSpec('object_mass', 0.5, 'Mass of the object, mujoco only [kg]', (0.01, 1e3)),
+    FixedSpec(
+        'ground_friction',
+        0.0,
+        'Friction force of the object on the ground along x or y, mujoco only [N]',
+        (0.0, 1e3),
+    ),
 )
 
 
@@ -54,9 +61,9 @@ def place_at_start(robot: Robot, values: Parameters) -> ConvexObject:
     if values.object_is_free:
         return body.moved_to(Pose(values.object_x, values.object_y, angle))
     if described or common.named_members(values.grip):
-        members = common.select_grip(robot, values.grip, values.grip_module)
+        members = common.select_grip(robot, values)
         pose = place_between(robot.home, members, body.shape, angle, indentation).body.pose
         return body.moved_to(pose)
-    module = common.select_grip_module(robot, values.grip_module)
+    module = values.grip_module or robot.module_names[-1]
     center = tangent_center(robot.home, module, values.object_diameter, indentation)
     return body.moved_to(Pose(*center, angle))

@@ -8,12 +8,8 @@ from types import SimpleNamespace
 from grips import random_pressed
 from hypothesis import given, strategies
 from isotruss_ros.core import ConvexObject, Disc, Ellipse, load_robot, Polygon
-from isotruss_ros.core.contact.contact import relax_contact, solve_contact
-from isotruss_ros.core.contact.contact_points import (
-    ContactPoints,
-    find_contact_points,
-    SHORTEST_SHARE,
-)
+from isotruss_ros.core.contact.contact import solve_contact
+from isotruss_ros.core.contact.contact_points import find_contact_points, SHORTEST_SHARE
 from isotruss_ros.core.contact.surfaces import surface_of
 from isotruss_ros.core.errors import SolverError
 from isotruss_ros.core.numerics import qp
@@ -25,6 +21,20 @@ import robots
 from scipy.optimize import nnls
 from shapes import circle, dense_outline, random_shape_of
 import tubes
+
+
+def plane_compliance(contact_points):
+    """Return the displacements (c, 2) in the plane for unit forces (c, 2) on contact points."""
+    axis = contact_points.axis
+    turn = np.array([[axis.real, -axis.imag], [axis.imag, axis.real]])
+    return np.einsum(
+        'ikc,kcld,jld->cidj',
+        turn,
+        contact_points.compliance(np.arange(len(axis))),
+        turn,
+        optimize=True,
+    )
+
 
 #: Of a clamped tube [m].
 LENGTH = 0.762
@@ -159,12 +169,12 @@ def test_compliance_agrees_with_a_frame_with_nodes_at_the_candidates(robot, rng)
     some = np.sort(rng.permutation(len(found.points))[:8])
     frame = tubes.robot_with_nodes(structure_of(config), found.member[some], found.place[some])
     expected = tubes.node_compliance(frame, frame.nodes)
-    compliance = tubes.plane_compliance(found)[some][:, :, some]
+    compliance = plane_compliance(found)[some][:, :, some]
     assert compliance == pytest.approx(expected, rel=1e-6, abs=1e-8 * np.abs(expected).max())
     # What the parts give, the whole gives: along normals, and for forces.
     normals = np.exp(1j * rng.uniform(0.0, 2.0 * np.pi, len(found.points)))
     pairs = normals.view(float).reshape(-1, 2)
-    whole = tubes.plane_compliance(found)
+    whole = plane_compliance(found)
     assert found.normal_compliance(normals) == pytest.approx(
         np.einsum('ci,cidj,dj->cd', pairs, whole, pairs, optimize=True), abs=1e-12
     )
@@ -211,33 +221,9 @@ def test_grasps_of_robots_are_complementary(rng):
         assert warm.gaps == pytest.approx(state.gaps, abs=1e-7)
 
 
-def test_relaxation_finds_contacts_caused_by_forces_at_other_points():
-    places = np.array([0.0, 0.05])
-    line, alike = places.astype(complex), np.zeros(2, dtype=int)
-    see_saw = 1e-3 * np.array([[1.0, -0.5], [-0.5, 1.0]])
-    points = ContactPoints(
-        points=line,
-        skin=line,
-        member=alike,
-        place=places,
-        spacing=0.05,
-        axis=np.ones_like(line),
-        inside=np.zeros((2, 2, 2, 2)),
-        spread=np.zeros((2, 2, 0)),
-        ends=np.zeros((0, 0)),
-        dents=see_saw,
-    )
-    surface = circle(-0.999j, 1.0)
-    assert surface.nearest(line - surface.center).gaps[1] > 0.0
-    exact, relaxed = (solve(points, surface) for solve in (solve_contact, relax_contact))
-    assert exact.forces.min() > 0.1
-    assert relaxed.forces == pytest.approx(exact.forces, rel=1e-4)
-    assert relaxed.push == pytest.approx(relaxed.forces * relaxed.normals)
-
-
 # Objects where none should be
 
-SIZES = [1e-3, 1e-2, 0.05, 0.102, 0.2, 0.4, 1.0, 3.0, 9.8]
+SIZES = [1e-3, 0.05, 0.4, 9.8]
 
 
 @pytest.mark.parametrize('diameter', SIZES)

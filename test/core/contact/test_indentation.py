@@ -25,16 +25,6 @@ import tubes
 ROBOT = load_robot('nine_member')
 
 
-@pytest.mark.parametrize('diameter', [0.0254, 0.1, 0.3, 0.7])
-def test_interpolated_dents_agree_with_the_contact(diameter):
-    radius = 0.5 * diameter
-    table = skin_indentation(ROBOT, 0, radius)
-    for share in (0.005, 0.02, 0.1, 0.4, 0.75):
-        depth = share * min(radius, 0.051)
-        force = dents._press_disc(flattening_of(ROBOT), 0, radius, depth)[1].sum()
-        assert table(force)[0] == pytest.approx(depth, rel=0.02)
-
-
 @robots.examples(60)
 @given(robots.generators(), strategies.integers(1, 6), strategies.integers(2, 30))
 def test_dents_agree_with_the_cubic_spline_of_scipy(rng, count, size):
@@ -69,34 +59,6 @@ def test_dents_of_softer_tubes_are_those_of_larger_forces():
     expected = np.array([table(2.0 * force) for table, force in zip(tables, forces, strict=True)])
     assert depth == pytest.approx(expected[:, 0])
     assert slope == pytest.approx(2.0 * expected[:, 1])
-
-
-@pytest.mark.parametrize('cut', [0, 1, 2])
-def test_dents_are_independent_of_the_number_of_points_on_a_face(cut):
-    # Faces fall away from the point, each more steeply than the one before.
-    places = np.array([-0.3, -0.2, -0.02, 0.0, 0.03, 0.2, 0.3])
-    heights = np.array([0.5, 0.2, 0.005, 0.0, 0.004, 0.1, 0.3])
-    kept = slice(cut, 7 - cut)
-    places, heights = places[kept], heights[kept]
-    fine = np.unique(np.append(places, np.linspace(places[0], places[-1], 3000)))
-    forces = [
-        dents._press_corner(flattening_of(ROBOT), 0, *profile, np.array([np.inf, np.inf]), 0.01)[
-            1
-        ].sum()
-        for profile in ((places, heights), (fine, np.interp(fine, places, heights)))
-    ]
-    assert forces[0] == pytest.approx(forces[1], rel=1e-9)
-
-
-def test_dent_of_a_mirrored_profile_is_equal():
-    places = np.array([-0.3, -0.02, 0.0, 0.04, 0.3])
-    heights = np.array([0.5, 0.02, 0.0, 0.004, 0.3])
-    reach = np.array([0.05, 0.03])
-    forces = [
-        dents._press_corner(flattening_of(ROBOT), 0, *profile, 0.01)[1].sum()
-        for profile in ((places, heights, reach), (-places[::-1], heights[::-1], reach[::-1]))
-    ]
-    assert forces[0] == pytest.approx(forces[1], rel=1e-9)
 
 
 def test_dent_depends_on_the_pressure_of_its_tube():

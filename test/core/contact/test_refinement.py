@@ -3,7 +3,6 @@
 
 """Contact points as fine as the regions need: convergence, whatever the search began with."""
 
-from comparison.wedge import pressed_into
 from hypothesis import example, given, strategies
 from isotruss_ros.core import (
     analyze_grasp,
@@ -13,16 +12,11 @@ from isotruss_ros.core import (
     load_robot,
     tangent_center,
 )
-from isotruss_ros.core.contact.flattening import flattening_of
-from isotruss_ros.core.contact.refinement import DIVISIONS, refine_contact, REGION_POINTS
-from isotruss_ros.core.contact.sliding_contact import solve_sliding_contact
-from isotruss_ros.core.contact.surfaces import surface_of
+from isotruss_ros.core.contact.refinement import DIVISIONS, REGION_POINTS
 from isotruss_ros.core.errors import SolverError
-from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 import pytest
 import robots
-from shapes import circle, regular_polygon
 
 ROBOT = load_robot('nine_member')
 SPACING = 0.005
@@ -84,14 +78,6 @@ def test_all_figures_are_converged_at_the_default_spacing(seed):
         assert touching >= REGION_POINTS - 2 or step == pytest.approx(SPACING / DIVISIONS[-1])
 
 
-def test_object_without_contact_has_points_without_forces():
-    center = tangent_center(ROBOT.home, 'north/Z', 0.3, -0.001)
-    analysis = analyze_grasp(ROBOT.home, ConvexObject.disc(center, 0.3))
-    assert len(analysis.gaps) > 2
-    assert not analysis.normal_forces.any()
-    assert analysis.gaps.min() > 0.0
-
-
 def test_tubes_that_give_way_are_not_answered_by_straight_ones():
     document = robots.example()
     document['joints'] = {
@@ -129,37 +115,3 @@ def test_small_object_missed_by_the_final_points_is_refused():
     small = ConvexObject.disc((1.4295648734228052, -0.19796723469443755), 0.06603594342697769)
     with pytest.raises(SolverError, match='where contact is not modelled'):
         analyze_grasp(config, small)
-
-
-def test_points_of_a_corner_are_as_close_as_a_budget_allows():
-    home = ROBOT.home
-    held = pressed_into(home, 'south/P', regular_polygon(4, 0.2), 0.4, 0.02)
-    surface, structure = surface_of(held), structure_of(home)
-    kernel = flattening_of(ROBOT, structure.pressures)
-
-    def points(budget):
-        """Return points, before those without contact are left out."""
-        options = (surface, SPACING, kernel, solve_sliding_contact)
-        return refine_contact(structure, *options, budget=budget)[0]
-
-    count = len(points(0).points)
-    for share, division in ((0.9, 1), (1.7, 1), (2.3, 2), (3.5, 2), (4.5, 4), (100.0, 4)):
-        assert points(int(share * count)).spacing == pytest.approx(SPACING / division)
-
-
-def test_a_known_contact_is_solved_where_it_is_and_bent_at_most_twice():
-    config, cylinder = pressed(1)
-    structure, calls = structure_of(config), []
-
-    def solver(*arguments):
-        calls.append(arguments)
-        return solve_sliding_contact(*arguments)
-
-    surface = circle(cylinder.center, 0.5 * cylinder.shape.diameter)
-    given_to = (structure, surface, SPACING, flattening_of(ROBOT, structure.pressures), solver)
-    found = refine_contact(*given_to)
-    calls.clear()
-    again = refine_contact(*given_to, previous=found)
-    assert len(calls) <= 3
-    assert {points.spacing for points, *_ in calls} == {found.points.spacing}
-    assert again.points.place[again.kept] == pytest.approx(found.points.place[found.kept])

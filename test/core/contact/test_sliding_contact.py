@@ -7,7 +7,6 @@ from dataclasses import replace
 
 from comparison.wedge import pressed_into
 from isotruss_ros.core import Ellipse, load_robot, Polygon
-from isotruss_ros.core.contact import sliding_contact
 from isotruss_ros.core.contact.contact_points import find_contact_points
 from isotruss_ros.core.contact.flattening import flattening_of
 from isotruss_ros.core.contact.sliding_contact import (
@@ -61,14 +60,3 @@ def test_normals_are_limited_except_on_resolved_arcs(shape, angle, least):
         assert np.abs(normals) == pytest.approx(1.0)
     # Across the tubes they press as before.
     assert (turned.forces * np.cos(leans))[faces] == pytest.approx(sizes[faces], rel=1e-9)
-
-
-def test_normals_incline_by_at_most_75_degrees():
-    rng = np.random.default_rng(0)
-    bent, side = np.exp(1j * rng.uniform(0.0, 6.0, 200)), rng.choice([-1.0, 1.0], 200)
-    leans = np.deg2rad(rng.uniform(-100.0, 100.0, 200))
-    outward = 1j * side * bent
-    found, steep = sliding_contact._limit(outward * np.exp(1j * leans), bent, side)
-    most = np.deg2rad(75.0)
-    assert (steep == (np.abs(leans) > most)).all()
-    assert found == pytest.approx(outward * np.exp(1j * np.clip(leans, -most, most)))

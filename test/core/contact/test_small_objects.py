@@ -41,7 +41,7 @@ def touched(config, body, flattening):
 
 @pytest.mark.parametrize('flattening', [True, False])
 @pytest.mark.parametrize('shape', SHAPES, ids=repr)
-@pytest.mark.parametrize('share', np.linspace(0.1, 0.98, 8).tolist())
+@pytest.mark.parametrize('share', [0.1, 0.5, 0.98])
 def test_deep_objects_touch_or_are_refused_with_the_member(shape, share, flattening):
     reach = shape.reach
     for depth in np.linspace(0.2, 0.99, 6) * (RADIUS + reach):

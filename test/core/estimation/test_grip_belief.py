@@ -54,7 +54,7 @@ def carry(belief, duration, noise=0.0, speed=0.0, late=0.0, away=lambda t: np.ze
     ('noise', 'speed'), some_now([*product((1e-3, 2e-4), (1.0, 0.0)), (3e-3, 1.0), (3e-3, 0.0)])
 )
 def test_median_squared_innovation_fits_three_degrees_of_freedom(noise, speed):
-    found = carry(believed(), 12.0, noise, speed)
+    found = carry(believed(), 8.0, noise, speed)
     assert (0.7 if noise > 3e-4 else 0.1) < np.median(found[60:]) < 5.0
     assert found.max() < 25.0
 
@@ -72,10 +72,10 @@ def test_the_squeeze_of_zeros_that_are_off_is_within_its_stated_deviations():
 
 def test_the_delay_of_poses_is_estimated_where_the_speed_changes():
     belief = believed()
-    carry(belief, 8.0, 1e-4, 4.0, late=PERIOD)
+    carry(belief, 6.0, 1e-4, 4.0, late=PERIOD)
     assert belief.delay == pytest.approx(PERIOD, abs=0.015)
     belief = believed()
-    carry(belief, 4.0, 1e-4, 4.0)
+    carry(belief, 3.0, 1e-4, 4.0)
     assert belief.delay < 0.01
 
 

@@ -8,13 +8,8 @@ import itertools
 from types import SimpleNamespace
 
 from held_grips import BOX, held, HOME
-from isotruss_ros.core import Ellipse
-from isotruss_ros.core.holding.attach_grip import _choices, attach_grip
-from isotruss_ros.core.holding.contact_forces import (
-    ContactForces,
-    GripResponse,
-    PressedContacts,
-)
+from isotruss_ros.core.holding.attach_grip import attach_grip
+from isotruss_ros.core.holding.contact_forces import ContactForces, GripResponse
 from isotruss_ros.core.holding.held_grip import HeldGrip
 import numpy as np
 import pytest
@@ -73,46 +68,6 @@ def test_a_member_slips_by_the_sums_over_its_contacts():
     other_way = grip_of(normal, -friction, owners, response)
     assert HeldGrip.slip_margin(other_way, 0.5) == pytest.approx(0.8 / size)
     assert HeldGrip.weakest_direction(other_way, 0.5)[0] == pytest.approx(-direction[0])
-
-
-@pytest.mark.parametrize(
-    ('owners', 'forces', 'end', 'pulling'),
-    [
-        ([0, 0, 1], [0.05, 2.0, 3.0], None, None),
-        ([0, 0, 1], [-0.05, 2.0, 3.0], 0, 0),
-        ([0, 0, 1], [0.0, 2.0, 3.0], None, None),
-        # Of two members the only contacts, of three all.
-        ([0, 1], [-1.0, 2.0], None, None),
-        ([0, 0, 1], [1.0, 1.0, -1.0], None, None),
-        ([0, 1, 2], [1.0, -1.0, -0.5], None, 1),
-        ([0, 1, 2], [1.0, 0.05, 2.0], None, None),
-    ],
-)
-def test_negative_forces_of_face_ends_and_third_members_are_tension(owners, forces, end, pulling):
-    numbers = np.array(owners)
-    grip = SimpleNamespace(
-        contacts=PressedContacts(numbers, numbers, np.full((len(owners), 2), np.inf)),
-        state=SimpleNamespace(normal_forces=np.array(forces)),
-    )
-    grip._most_pulling = partial(HeldGrip._most_pulling, grip)
-    assert HeldGrip.pulling_end.fget(grip) == end
-    assert HeldGrip.pulling.fget(grip) == pulling
-
-
-def test_contact_hypotheses_begin_with_both_ends_of_faces():
-    cuts = np.tile([[np.inf, 0.1], [0.1, np.inf]], (2, 1))
-    contacts = PressedContacts(np.array([3, 3, 5, 5]), np.arange(4), cuts)
-    tried = [set(chosen.corners.tolist()) for chosen in _choices(contacts)]
-    assert tried[0] == {0, 1, 2, 3}
-    assert [len(corners) for corners in tried] == [4, 3, 3, 3, 3, 2, 2, 2, 2]
-    assert len({frozenset(corners) for corners in tried}) == 9
-    assert all(corners & {0, 1} and corners & {2, 3} for corners in tried)
-
-
-def test_angles_of_contacts_are_those_of_the_normals_in_the_objects_frame():
-    grip = held(Ellipse((0.25, 0.2)), 0.4)
-    own = grip.state.normals * grip.body.turn.conjugate()
-    assert np.exp(1j * grip.angles) == pytest.approx(own)
 
 
 def test_settling_on_a_face_is_idempotent():

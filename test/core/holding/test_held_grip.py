@@ -21,19 +21,11 @@ from isotruss_ros.core import (
     solve_twist,
 )
 from isotruss_ros.core.contact.dents import corner_dents
-from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.holding import roll_grip as roll_grip_module
 from isotruss_ros.core.holding.attach_grip import attach_grip, rest
-from isotruss_ros.core.holding.build_statics import build_statics, find_pressed
+from isotruss_ros.core.holding.build_statics import find_pressed
 from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.held_grip import NotHeldError
-from isotruss_ros.core.holding.roll_grip import (
-    _lay_down,
-    roll_contacts,
-    roll_grip,
-    stick,
-    with_pressures,
-)
+from isotruss_ros.core.holding.roll_grip import roll_grip, stick, with_pressures
 from isotruss_ros.core.kinematics.depths import member_depths
 import numpy as np
 import pytest
@@ -159,58 +151,6 @@ def test_a_polygon_of_many_sides_rolls_as_a_disc(farthest, steps, turned):
     assert np.array(grip.pose) == pytest.approx(np.array(disc.pose), abs=2e-5)
     assert grip.squeeze == pytest.approx(disc.squeeze, rel=2e-3)
     assert_balanced(grip, np.zeros(3))
-
-
-def rolled_over_corners():
-    """Return a polygon of many sides, cut off behind, before and after it rolls over corners."""
-    whole = regular_polygon(96, 0.15).corners
-    kept = whole[whole.imag > -0.1]
-    shape = Polygon(tuple(zip(kept.real, kept.imag, strict=True)))
-    polygon = ConvexObject(shape, (*CYLINDER.pose[:2], 0.1))
-    grip, held_there = attach_grip(CONFIG, polygon), Grip(CORNER, CYLINDER)
-    turning = solve_twist(CONFIG, held_there, (0.0, 0.0, 1.0), limits=()).roller_velocities
-    config = CONFIG.moved_to(CONFIG.roller_positions + 0.16 * turning)
-    contacts = grip.contacts
-    return grip, roll_contacts(grip, config, contacts, grip.anchors, grip.angles, grip.wrench)
-
-
-def test_changes_of_contacts_in_one_motion_are_bounded(monkeypatch):
-    before, rolled = rolled_over_corners()
-    calls = []
-
-    def counted(*arguments):
-        calls.append(arguments)
-        return roll_contacts(*arguments)
-
-    monkeypatch.setattr(roll_grip_module, 'roll_contacts', counted)
-    far = before.config.moved_to(
-        before.config.roller_positions
-        + 4.0 * (rolled.config.roller_positions - before.config.roller_positions)
-    )
-    roll_grip(before, far)
-    assert len(calls) <= roll_grip_module.MAX_SEARCH_STEPS + 2
-
-
-def test_sharp_corners_of_short_faces_follow_each_other_in_one_step():
-    # Five faces, which is as many as there may be.
-    before, rolled = rolled_over_corners()
-    grip = roll_grip(before, rolled.config)
-    assert (grip.contacts.corners != before.contacts.corners).all()
-    away = ((rolled.state.normals - grip.state.normals) * grip.state.normals.conj()).real
-    assert np.abs(away).max() < 0.1
-    assert_balanced(grip, np.zeros(3))
-
-
-def test_face_end_in_tension_stays_open(monkeypatch):
-    _, grip = rolled_over_corners()
-    tried = []
-
-    def not_found(*arguments):
-        tried.append(arguments)
-
-    monkeypatch.setattr(roll_grip_module, '_lay', not_found)
-    assert _lay_down(grip, iter(range(9))) is grip
-    assert tried
 
 
 def test_both_ends_of_a_face_use_equal_shares_of_friction():
@@ -378,23 +318,6 @@ def test_third_member_comes_into_contact_by_bending():
         assert back == pytest.approx(there, rel=1e-7, abs=1e-7)
 
 
-@pytest.mark.parametrize('angle', [0.3, -0.4])
-def test_dent_of_a_third_member_is_that_of_its_corner(angle):
-    def place(size):
-        shape = regular_polygon(7, size)
-        return place_between(HOME, LOOP[:2], shape, angle=angle, indentation=0.012).body
-
-    third = numbers(LOOP)[2]
-    size = brentq(lambda size: member_depths(HOME, place(size))[third] + 1e-3, 0.2, 0.4)
-    grip = roll_grip(attach_grip(HOME, place(size), numbers(LOOP[:2])), HOME)
-    assert grip.members[-1] == third
-    wanted = build_statics(HOME, grip.body, grip.contacts, normals=grip.state.normals)
-    for force in (1.0, 3.0):
-        forces = np.full(3, force)
-        dents = [statics.indentation(forces)[0][-1] for statics in (grip.statics, wanted)]
-        assert dents[0] == pytest.approx(dents[1], rel=1e-3)
-
-
 @pytest.mark.parametrize(('flattening', 'bound'), [(True, 0.09), (False, 0.004)])
 @pytest.mark.parametrize('shape', [Disc(0.65), Ellipse((0.33, 0.32)), TRIANGLE])
 def test_frictionless_forces_agree_with_analyze_grasp(shape, flattening, bound):
@@ -430,18 +353,6 @@ def test_a_face_dents_less_than_a_corner_and_a_disc_as_in_its_own_table():
     table = corner_dents(NINE, 0, Disc(0.3), 0.0, 0, both)
     depths, _ = grip.statics.indentation(np.array([10.0, 30.0]))
     assert [table(10.0)[0], table(30.0)[0]] == pytest.approx(depths, rel=0.02)
-
-
-def test_hold_status_names_the_violated_condition():
-    grip = place_between(HOME, APART, BOX, angle=0.2, indentation=0.01)
-    slips = settle_grasp(HOME, grip.body, 0.3)
-    assert slips.hold is HoldStatus.SLIPS
-    assert 'coefficient' in slips.reason
-    assert settle_grasp(HOME, grip.body, 1.5, members=APART).hold is HoldStatus.HELD
-    own = ConvexObject(BOX, grip.body.pose, friction=1.5)
-    assert settle_grasp(HOME, own, members=APART).hold is HoldStatus.HELD
-    with pytest.raises(GraspError, match='south/P-X'):
-        settle_grasp(HOME, grip.body, 0.5, members=('south/P-Q', 'south/P-X'))
 
 
 @pytest.mark.parametrize('grip', [attach_grip(CONFIG, CYLINDER), held(BOX, 0.2)])

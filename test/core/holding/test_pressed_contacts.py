@@ -37,23 +37,6 @@ def lain_on(length, tilt, side=1.0, depth=0.01):
     return ConvexObject(shape, (center.real, center.imag, np.angle(turn) + tilt))
 
 
-@pytest.mark.parametrize('side', [1.0, -1.0])
-@pytest.mark.parametrize('length', [1.02 * RADIUS, 0.2, 0.5])
-@pytest.mark.parametrize('way', [1.0, -1.0])
-def test_a_face_lies_on_a_tube_where_both_of_its_ends_are_in_it(length, side, way):
-    limit = np.arcsin(0.01 / length)
-    for share, count in ((0.98, 2), (1.02, 1)):
-        body = lain_on(length, way * share * limit, side)
-        found = find_pressed(HOME, body, np.array([NUMBER]))
-        assert found.members.tolist() == [NUMBER] * count
-        assert found.owners.tolist() == [0] * count
-        lower = 0 if way > 0.0 else 1
-        assert found.corners.tolist() == ([0, 1] if count == 2 else [lower])
-        half = 0.5 * length
-        cuts = [[np.inf, half], [half, np.inf]] if count == 2 else [[np.inf, np.inf]]
-        assert found.cuts == pytest.approx(np.array(cuts))
-
-
 def test_face_shorter_than_the_tube_radius_is_one_contact():
     found = find_pressed(HOME, lain_on(0.98 * RADIUS, 0.01), np.array([NUMBER]))
     assert found.corners.tolist() == [0]

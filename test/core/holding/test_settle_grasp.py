@@ -7,7 +7,6 @@ from collections import Counter
 from dataclasses import replace
 
 from grips import gripped
-from held_grips import APART, BOX, held
 from isotruss_ros.core import (
     analyze_grasp,
     ConvexObject,
@@ -18,14 +17,12 @@ from isotruss_ros.core import (
     settle_grasp,
     tangent_center,
 )
-from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding import attach_grip as attach_grip_module
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.roll_grip import roll_grip
 import numpy as np
 import pytest
-from robots import random_robot, random_state
 
 HOME = load_robot('nine_member').home
 CONFIG, CYLINDER = gripped(35.0, squeeze=0.08)
@@ -84,26 +81,6 @@ def test_settled_grasp_without_friction_agrees_with_analyze_grasp(
         assert np.diag(ratio) == pytest.approx(1.0, abs=0.1)
 
 
-def test_equilibrium_is_independent_of_the_given_pose_across_the_bisector():
-    quiet = settle_grasp(CONFIG, CYLINDER, FRICTION)
-    state = attach_grip(CONFIG, CYLINDER).state
-    across = complex(state.normals[0] - state.normals[1])
-    for shift in (-4e-3, 4e-3):
-        settled = settle_grasp(CONFIG, moved(CYLINDER, shift * across / abs(across)), FRICTION)
-        assert settled.pose == pytest.approx(quiet.pose, abs=1e-8)
-        assert settled.slip_margin == pytest.approx(quiet.slip_margin, rel=1e-6)
-
-
-@pytest.mark.parametrize('friction', [0.0, 0.3, 0.55])
-def test_wide_wedge_requires_more_friction_than_given(friction):
-    cylinder = ConvexObject.disc(tangent_center(HOME, 'north/Z', 0.3, 0.01), 0.3)
-    settled = settle_grasp(HOME, cylinder, friction)
-    assert settled.hold is HoldStatus.SLIPS
-    assert settled.slip_margin < 0.0
-    assert f'{friction:.3g}' in settled.reason
-    assert settle_grasp(HOME, cylinder, 1.1 * settled.required_friction).held
-
-
 @pytest.mark.parametrize('center', [(9.0, 9.0), (0.5, 0.2)])
 def test_object_with_one_contact_is_not_held(center):
     settled = settle_grasp(HOME, ConvexObject.disc(center, 0.1), FRICTION, (0.0, -5.0, 0.0))
@@ -112,66 +89,6 @@ def test_object_with_one_contact_is_not_held(center):
     assert settled.normal_forces == {}
     assert settled.required_friction == np.inf
     assert settled.slip_margin < -5.0
-
-
-def grasps(count):
-    """Return random robots in random states with objects somewhere in a corner, and loads."""
-    for seed in range(count // 20):
-        robot, rng = random_robot(seed), np.random.default_rng(seed)
-        config, diameters = random_state(robot, rng), rng.uniform(0.05, 0.5, 2)
-        found = 0
-        while found < 20:
-            if rng.random() < 0.1:
-                config = random_state(robot, rng)
-            module = robot.module_names[rng.integers(len(robot.module_names))]
-            diameter = rng.choice(diameters)
-            try:
-                center = tangent_center(config, module, diameter, rng.uniform(-0.002, 0.04))
-            except GraspError:
-                continue  # it does not fit there
-            found += 1
-            center = np.add(center, 3e-3 * rng.normal(size=2))
-            wrench = rng.normal(size=3) * [3.0, 3.0, 0.3] * rng.integers(0, 2)
-            yield config, ConvexObject.disc(tuple(center), diameter), rng.uniform(0.2, 1.5), wrench
-
-
-def test_random_grasps_are_balanced_or_name_the_violated_condition():
-    outcomes = Counter()
-    for config, cylinder, friction, wrench in grasps(160):
-        settled = settle_grasp(config, cylinder, friction, wrench)
-        outcomes[settled.hold] += 1
-        if not settled.normal_forces:
-            assert not settled.held
-            assert settled.reason
-            continue
-        state, radius = settled.equilibrium.state, 0.5 * cylinder.shape.diameter
-        normal = np.array(list(settled.normal_forces.values()))
-        rubbing = np.array(list(settled.friction_forces.values()))
-        assert normal == pytest.approx(state.normal_forces)
-        assert rubbing == pytest.approx(-state.friction_forces)
-        assert (normal > 0.0).all()
-        squeeze = normal.sum()
-        forces = (normal - 1j * rubbing) * state.normals
-        assert abs(forces.sum() - complex(*wrench[:2])) < 1e-8 * squeeze
-        assert radius * rubbing.sum() == pytest.approx(-wrench[2], abs=1e-8 * squeeze * radius)
-        ratio = np.abs(rubbing) / normal
-        assert settled.held == (settled.hold is HoldStatus.HELD)
-        assert settled.required_friction == pytest.approx(ratio.max())
-        if settled.held:
-            assert ratio.max() <= friction
-            assert settled.slip_margin >= 0.0
-    assert min(outcomes[HoldStatus.HELD], outcomes[HoldStatus.SLIPS]) > 15
-
-
-def test_measured_pressures_stiffen_the_tubes():
-    config, cylinder = gripped(35.0, squeeze=0.1)
-    file = config.robot.description.pressures
-    as_filed = settle_grasp(config, cylinder)
-    same = settle_grasp(config, cylinder, pressure=dict(file))
-    harder = settle_grasp(config, cylinder, pressure={tube: 2.0 * p for tube, p in file.items()})
-    for name, force in as_filed.normal_forces.items():
-        assert same.normal_forces[name] == pytest.approx(force, rel=1e-12)
-        assert 1.02 * force < harder.normal_forces[name] < 2.0 * force
 
 
 def test_warm_start_has_the_same_equilibrium(monkeypatch):
@@ -213,17 +130,6 @@ def test_warm_start_has_the_same_equilibrium(monkeypatch):
             previous = found
     assert begun[False, 0] > 4 * begun[False, 1]
     assert begun[True, 1] > 10
-
-
-def test_search_for_a_box_uses_the_warm_start(monkeypatch):
-    body, members = held(BOX, 0.2).body, APART
-    before = settle_grasp(HOME, body, 1.0, members=members)
-    config = HOME.moved_to(HOME.roller_positions + 1e-4)
-    expected = settle_grasp(config, body, 1.0, members=members)
-    monkeypatch.setattr(attach_grip_module, 'start_at', None)
-    found = settle_grasp(config, body, 1.0, members=members, previous=before)
-    assert found.displacement == pytest.approx(expected.displacement, abs=1e-9)
-    assert found.normal_forces == pytest.approx(expected.normal_forces, rel=1e-7)
 
 
 @pytest.mark.parametrize('change', [0.0, 1e-4, -1e-3, [0.0] * 5 + [2.5, 2.5] + [0.0] * 4])

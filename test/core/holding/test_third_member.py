@@ -7,8 +7,7 @@ from dataclasses import replace
 
 from held_grips import held, HOME, LOOP, numbers
 from isotruss_ros.core import Disc
-from isotruss_ros.core.holding import roll_grip as roll_grip_module
-from isotruss_ros.core.holding.roll_grip import _depth_in, _join
+from isotruss_ros.core.holding.roll_grip import _depth_in
 from isotruss_ros.core.model.convex_object import segment_gaps
 from isotruss_ros.core.statics.bent_tubes import BentTubes
 from isotruss_ros.core.statics.structure import structure_of
@@ -49,22 +48,3 @@ def test_gap_of_another_member_follows_the_structure(members, diameter, other):
         )
         deeper = _depth_in(replace(grip, body=body), number, 0.01) - 0.01
         assert deeper == pytest.approx(before - after, rel=0.1)
-
-
-@pytest.mark.parametrize('force', [None, -0.1])
-def test_third_member_without_compression_is_left_out(force, monkeypatch):
-    grip = held(Disc(0.65), 0.0, LOOP[:2], 0.012)
-    assert len(_join(grip).members) == 3
-    rolled = roll_grip_module.roll_contacts
-
-    def pulled(*arguments):
-        """Return no equilibrium, or one that would pull at all contacts."""
-        if force is None:
-            return None
-        found = rolled(*arguments)
-        unknowns = found.state.unknowns.copy()
-        unknowns[found.state.places.normal] = force
-        return replace(found, state=replace(found.state, unknowns=unknowns))
-
-    monkeypatch.setattr(roll_grip_module, 'roll_contacts', pulled)
-    assert _join(grip) is grip

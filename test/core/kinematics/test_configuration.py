@@ -178,14 +178,6 @@ def test_singular_configuration_has_no_node_jacobian():
         config.predict(np.array([1e-3, 0.0]))
 
 
-@pytest.mark.parametrize(('travel', 'exact'), [(2.95e-3, False), (3.05e-3, True)])
-def test_predictions_are_of_first_order_up_to_3_mm(travel, exact):
-    home = load_robot('triangle').home
-    assert home.predict(np.zeros(2)) is home
-    ahead = home.predict(np.array([travel, -0.5 * travel]))
-    assert (np.abs(ahead.residual()).max() < 1e-11) == exact
-
-
 def test_tracker_reuses_a_configuration_at_unchanged_travel():
     robot = load_robot('triangle')
     tracker = ConfigurationTracker(robot.home)
@@ -198,19 +190,6 @@ def test_tracker_reuses_a_configuration_at_unchanged_travel():
         tracker.configuration(np.array([2.0, 0.0]))
     # What cannot be leaves the tracker where it was.
     assert tracker.configuration(np.array([0.1, -0.05])) is moved
-
-
-def test_tracker_restarts_from_home_if_continuation_fails(monkeypatch):
-    robot = load_robot('triangle')
-    tracker = ConfigurationTracker(robot.home)
-    last = tracker.configuration(np.array([0.1, -0.05]))
-
-    def lost(*_):
-        raise ConfigurationError('no way from here')
-
-    monkeypatch.setattr(last, '_reached', lost)
-    found = tracker.configuration(np.array([0.05, 0.0]))
-    np.testing.assert_allclose(found.points, robot.configuration([0.05, 0.0]).points, atol=1e-11)
 
 
 @robots.examples(20)

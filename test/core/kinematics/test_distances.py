@@ -3,7 +3,7 @@
 
 """Distances of parts from each other and from an object: against points along the parts."""
 
-from hypothesis import assume, given
+from hypothesis import given
 from hypothesis import strategies as st
 from isotruss_ros.core import ConvexObject, Disc, Ellipse, load_robot, Polygon
 from isotruss_ros.core.kinematics.distances import collision_model, nearest_on_segment
@@ -90,36 +90,6 @@ def test_distances_are_those_of_points_along_the_parts(robot, rng):
     assert distances == pytest.approx(wanted, abs=3e-4)
     some = np.flatnonzero(rng.integers(2, size=len(distances)))
     assert (model.distances(config, some) == distances[some]).all()
-
-
-@robots.examples(25)
-@given(robots.robots(('arch', 'ring')), robots.generators())
-def test_pairs_bound_the_distances_of_members_and_rods(robot, rng):
-    """It is enough to measure their ends."""
-    config = robots.far_state(robot, rng, 0.2)
-    clearance = collision_model(robot).distances(config).min()
-    assume(clearance > 0.0)
-    parts = {
-        name: (points[::80], radius)
-        for name, (points, radius) in parts_of(robot, config).items()
-        if name.startswith(('member', 'rod'))
-    }
-    names = list(parts)
-    for i, one in enumerate(names):
-        for other in names[:i]:
-            ends = [set(name.split('/')[1].split('-')) for name in (one, other)]
-            if not ends[0] & ends[1] and not cross(parts[one][0], parts[other][0]):
-                assert gap(parts, one, other) >= clearance - 1e-9
-
-
-def cross(one, other):
-    """Tell whether two straight lines of points cross."""
-
-    def left(p, q, r):
-        return ((q - p).conjugate() * (r - p)).imag > 0.0
-
-    a, b, c, d = one[0], one[-1], other[0], other[-1]
-    return left(a, b, c) != left(a, b, d) and left(c, d, a) != left(c, d, b)
 
 
 @robots.examples(25)

@@ -10,13 +10,11 @@ from isotruss_ros.core import load_robot
 from isotruss_ros.core.errors import RobotFileError
 from isotruss_ros.core.kinematics.constraints import Constraints
 from isotruss_ros.core.kinematics.home import place_home
-from isotruss_ros.core.model.presets import config_directory
 from isotruss_ros.core.model.robot_file import describe_robot
 from isotruss_ros.core.model.topology import make_topology
 import numpy as np
 import pytest
 import robots
-from ruamel.yaml import YAML
 
 SEEDS = strategies.integers(0, 2**32 - 1)
 
@@ -43,14 +41,6 @@ def nodes_by_name(config):
 def signed_angle(a, b):
     """Return the angle from a to b."""
     return np.angle(b * np.conj(a))
-
-
-@pytest.mark.parametrize('name', robots.PRESETS)
-def test_presets_agree_with_their_files(name):
-    path = config_directory() / f'{name}.yaml'
-    document = YAML(typ='safe', pure=True).load(path)
-    check_names(load_robot(name), document)
-    check_home(load_robot(name), document)
 
 
 def check_names(robot, document):
@@ -112,13 +102,6 @@ def intersection(b, ahead, c, back):
     matrix = np.array([[ahead.real, -back.real], [ahead.imag, -back.imag]])
     t = np.linalg.solve(matrix, [(c - b).real, (c - b).imag])
     return b + t[0] * ahead
-
-
-@pytest.mark.parametrize('name', robots.PRESETS)
-def test_presets_have_the_tube_of_the_paper(name):
-    # Fig. 5: edges of 102 cm, 306 cm of tube in each triangle.
-    home = load_robot(name).home
-    assert home.member_lengths == pytest.approx(1.02, abs=1e-12)
 
 
 def pinched(opening, module):

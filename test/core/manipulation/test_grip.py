@@ -8,7 +8,6 @@ from isotruss_ros.core import (
     Configuration,
     ConvexObject,
     Disc,
-    Ellipse,
     Grip,
     load_robot,
     place_between,
@@ -44,15 +43,6 @@ BOX = Polygon([(0.0, 0.0), (0.2, 0.0), (0.2, 0.1), (0.0, 0.1)])
 def test_a_grip_has_two_or_three_different_members(members):
     with pytest.raises(GraspError, match='two or three different members'):
         Grip(members, DISC)
-
-
-def test_the_object_is_a_convex_object():
-    with pytest.raises(GraspError, match='must be a ConvexObject'):
-        Grip(['north/P-Z', 'north/Z-R'], Disc(0.3))
-    shape = Ellipse((0.2, 0.1))
-    grip = Grip(['north/P-Z', 'north/Z-R'], ConvexObject(shape, Pose(1.0, 2.0, 0.5)))
-    assert grip.center == 1.0 + 2.0j
-    assert grip.body.arm == pytest.approx(shape.perimeter / (2.0 * np.pi))
 
 
 def test_friction_is_the_given_one_or_else_that_of_the_object():
@@ -181,3 +171,8 @@ def test_of_four_places_between_crossing_members_it_is_the_one_nearest_to_their_
     away = 0.15 + 0.5 * TUBE
     wanted = center + complex(np.sign(aside.real), np.sign(aside.imag)) * away
     assert grip.center == pytest.approx(wanted, abs=1e-9)
+
+
+def test_the_object_is_a_convex_object():
+    with pytest.raises(GraspError, match='must be a ConvexObject'):
+        Grip(['north/P-Z', 'north/Z-R'], Disc(0.3))

@@ -4,13 +4,13 @@
 """How progress is traded against roller speed where limits bind: in closed form."""
 
 from grips import disc_grip
-from isotruss_ros.core import load_robot, solve_twist, Status
+from isotruss_ros.core import load_robot, solve_twist
 from isotruss_ros.core.manipulation.limit_handling import (
     LimitHandling,
     PROGRESS_WEIGHT,
     REFERENCE_PERIOD,
 )
-from isotruss_ros.core.manipulation.limits import MemberLengthLimit, RollerSpeedLimit
+from isotruss_ros.core.manipulation.limits import RollerSpeedLimit
 import numpy as np
 import pytest
 from walls import Wall
@@ -88,20 +88,3 @@ def test_sliding_trades_the_twist_against_roller_speed_in_loops_only():
     assert np.linalg.norm(slid(1e-2, 0.3)) < (1.0 - 1e-4) * np.linalg.norm(slid(0.0, 0.3))
     # Nothing is traded where the stop is on the other side.
     assert slid(1e-2, -0.3) == pytest.approx(free)
-
-
-def test_sliding_needs_no_limit_of_roller_speed():
-    """The direction is first kept within none, then within those of the lengths."""
-    grasp = disc_grip(NINE.home, 'north/Z', 0.3)
-    lengths = NINE.home.member_lengths
-    kept = MemberLengthLimit(lengths.min(), lengths.max())
-    twist = np.array([0.01, -0.02, 0.005])
-    alone, fast = (
-        solve_twist(
-            NINE.home, grasp, twist, limits=limits, handling=LimitHandling(slide_along_limits=True)
-        )
-        for limits in ([kept], [RollerSpeedLimit(1e3), kept])
-    )
-    assert alone.status is fast.status is Status.SLIDING
-    assert alone.scale == pytest.approx(fast.scale, abs=1e-9)
-    assert alone.roller_velocities == pytest.approx(fast.roller_velocities, abs=1e-9)

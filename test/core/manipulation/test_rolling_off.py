@@ -3,12 +3,9 @@
 
 """Faces that lie on members: kept, lifted at one end, on either member or on both."""
 
-import itertools
-
 from held_grips import APART, inclined_grip, NEAR, NINE, OFF, PENTAGON, sides
 from hypothesis import assume, given, strategies
 from isotruss_ros.core import (
-    Configuration,
     ConvexObject,
     Grip,
     Polygon,
@@ -18,7 +15,6 @@ from isotruss_ros.core import (
     solve_twist,
     Status,
 )
-from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.manipulation.grip import find_contacts
 from isotruss_ros.core.manipulation.grip_rows import contact_rows, grip_jacobian
 from isotruss_ros.core.manipulation.rolling_off import rolled_corners
@@ -98,14 +94,6 @@ def test_twists_that_a_face_admits_leave_it_on_its_member():
         assert np.abs(slip(GRIP, command)).max() < 1e-12
 
 
-def test_members_in_the_other_order_roll_the_object_alike():
-    for twist in ([0.0, 0.0, 0.02], [0.0, 0.0, -0.02], [0.01, -0.02, 0.03]):
-        one = solve_twist(NINE.home, GRIP, twist, FAILED)
-        other = solve_twist(NINE.home, Grip(APART[::-1], GRIP.body, 1.0), twist, FAILED)
-        assert other.status is one.status
-        assert other.roller_velocities == pytest.approx(one.roller_velocities, abs=1e-12)
-
-
 def test_a_face_lifts_as_the_object_rolls_over_its_end():
     start = RollingGrip.attach(NINE.home, GRIP)
     assert inclination(start) == pytest.approx(0.0, abs=1e-12)
@@ -149,37 +137,6 @@ def test_faces_on_both_members_keep_the_angle_between_them():
     assert jacobian[5] == pytest.approx(grip.body.arm * (second - first), abs=1e-10)
 
 
-def test_three_members_at_one_corner_do_not_hold_it():
-    """Their skins meet in a point, which a needle touches from the left."""
-    members = ('south/P-Q', 'east/Q-R', 'north/R-P')
-    place = {name: i for i, name in enumerate(NINE.node_names)}
-    points = NINE.home.points.copy()
-    for name, turn in zip(members, np.exp(1j * np.array([-0.6, 0.0, 0.6])), strict=True):
-        module, end = name.split('-')
-        skin = 0.5 * NINE.description.tube_diameter
-        points[place[f'{module}/B']] = turn * (skin - 0.5j)
-        points[place[f'{module.split("/")[0]}/{end}/C']] = turn * (skin + 0.5j)
-    config = Configuration(NINE, NINE.home.roller_positions, points)
-    needle = Polygon([(0.0, 0.0), (-0.3, 0.02), (-0.3, -0.02)])
-    grip = Grip(members, ConvexObject(needle, Pose(0.0, 0.0, 0.0)))
-    assert contacts_of(config, grip).points == pytest.approx(np.zeros(3), abs=1e-12)
-    with pytest.raises(GraspError, match='touch the object in one point'):
-        grip_jacobian(config, grip)
-
-
-@pytest.mark.parametrize('shift', [0.0, 0.08, -0.08])
-def test_corners_of_two_faces_are_rolled_over_where_there_is_a_balance(shift):
-    contacts = contacts_of(NINE.home, wedged_grip(shift, 0.05))
-    assert contacts.owners.tolist() == [0, 0, 1, 1]
-    choices = list(itertools.product(((0, 1), (0,), (1,)), ((2, 3), (2,), (3,))))[1:]
-    counts = set()
-    for friction in (0.1, 0.5, 0.8, 1.2):
-        wanted = [kept for k in choices if balance_exists(contacts, kept := sum(k, ()), friction)]
-        assert kept_corners(NINE.home, wedged_grip(shift, 0.05), friction) == wanted
-        counts.add(len(wanted))
-    assert len(counts) > 1
-
-
 def lifting(grip, command):
     """Return the speeds (k,) at which contacts move off their members [m/s]."""
     return (slip(grip, command) * -contacts_of(NINE.home, grip).normals.conj()).real
@@ -204,24 +161,6 @@ def test_a_face_lifts_at_one_end_where_forces_at_the_other_balance(friction, rol
     command = solve_twist(NINE.home, grip, [0.0, 0.0, -0.02], FAILED)
     assert command.status is Status.UNREACHABLE
     assert lifting(grip, command) == pytest.approx(0.0, abs=1e-9)
-
-
-def test_an_object_rolls_where_that_comes_a_little_closer_to_the_twist():
-    """All that can be reached is far from the twist, and 9 % less so where it rolls."""
-    grip, failed, twist = inclined_grip(0.0, 1.0), ('south/P', 'north/R', 'north/Z'), [0, 0, -0.02]
-    weights = np.array([1.0, 1.0, grip.body.arm])
-
-    def missed(directions):
-        """Return the share of the twist that is no combination of some twists (k, 3)."""
-        found = np.linalg.lstsq((weights * directions).T, weights * twist, rcond=None)[0]
-        return np.linalg.norm(weights * (twist - found @ directions)) / (0.02 * grip.body.arm)
-
-    stays = missed(reachable_twists(NINE.home, grip, failed))
-    command = solve_twist(NINE.home, grip, twist, failed)
-    rolls = missed(command.achieved_twist[None])
-    assert rolls == pytest.approx(0.911 * stays, rel=1e-3)
-    assert command.reachable_dof == 2
-    assert sorted(lifting(grip, command) > 1e-3) == [False, False, True]
 
 
 @pytest.mark.parametrize(('friction', 'rolls'), [(0.0, False), (1.0, True)])

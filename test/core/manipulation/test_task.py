@@ -30,17 +30,6 @@ def kernel(rows):
     return null_space(rows, rcond=1e-9) if rows.any() else np.eye(rows.shape[1])
 
 
-@pytest.mark.parametrize('size', [1e-3, 0.1, 1.0])
-def test_a_row_of_the_grip_is_kept_from_one_hundred_thousandth_on(size):
-    """Of the two rollers the second moves the object, and both change the grip."""
-    for change, held in ((0.9 * LOST / size, False), (1.1 * LOST / size, True)):
-        active = np.array([[0.0, 1.0], [0.0, 0.0], [0.0, 0.0], [0.0, size * change]])
-        reach = reach_of(active, 1.0)
-        assert len(reach.directions) == (not held)
-        assert len(reach.rows) == 1
-        assert len(reach.opening) == held
-
-
 @pytest.mark.parametrize('opens', [False, True])
 @pytest.mark.parametrize('dependent', [False, True])
 @robots.examples(25)

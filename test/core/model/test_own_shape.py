@@ -37,11 +37,6 @@ class Cam(Shape):
     offset: float = 0.0
 
     @property
-    def area(self):
-        """Return the area [m^2]."""
-        return np.pi * self.radius**2
-
-    @property
     def perimeter(self):
         """Return the length of the outline [m]."""
         return 2.0 * np.pi * self.radius
@@ -124,11 +119,3 @@ def test_one_line_lets_object_files_have_the_shape(monkeypatch):
     monkeypatch.setitem(object_file.SHAPES, 'cam', Cam)
     assert read_object('{shape: cam, radius: 0.15, offset: 0.05}').shape == CAM
     assert read_object('{shape: cam, radius: 0.15, mass: 2.0}').mass == 2.0
-
-
-def test_missing_methods_of_a_shape_are_named():
-    class Half(Shape):
-        """A shape that is not finished."""
-
-    with pytest.raises(TypeError, match='area'):
-        Half()

@@ -102,45 +102,30 @@ tubes.south.joints: [P, Q, W] -> tubes.south.joints: unknown joint 'W' | known a
 joints.W: [3.0, 3.0] -> joints.W: on no tube | let a tube visit it or take it out
 supports.W: [y] -> supports.W: unknown joint 'W' | known are P, Q, X
 supports.Q: [z] -> supports.Q.0: 'z' | must be x or y
-supports.Q: [] -> supports.Q: [] | grounded coordinates of this joint
 supports.Q: [y, y] -> supports.Q: ['y', 'y'] | [x], [y] or [x, y]
-supports.Q: y -> supports.Q: 'y' | [x, y]
 tubes.south.passive: W -> tubes.south.passive: 'W' is not a joint | must be one of P, Q, X
 tubes.south.passive -> tubes.south: key 'passive' is missing | no motor
 tubes.south.joints: [P, Q, P, X] -> tubes.south.joints: | three or more different joints
-tubes.south.joints: [P, X] -> tubes.south.joints: ['P', 'X'] | three or more different joints
-tubes.south.joints: [P, Q, 7] -> tubes.south.joints.2: 7 | must be the name of a joint
 joints.a/b: [3.0, 3.0] -> 'a/b' | letters, digits and underscores
 "joints.W\n": [3.0, 3.0] -> 'W\n' | letters, digits and underscores
-tubes: {} -> tubes: {} | one or more tubes
 joints.X -> joints: | three or more joints
 joints.X: [1.0, 0.0] -> joints.X: [1.0, 0.0] | joint Q is there too | must be apart
-joints.X: [1.0, 0.0, 0.0] -> joints.X: [1.0, 0.0, 0.0] | two finite numbers
 module.rod_lenght: 0.1 -> unknown key 'rod_lenght' | did you mean rod_length? | known are pinch_sep
 module.rod_length -> module: key 'rod_length' is missing | h, joint to the midpoint
 colour: red -> top level: unknown key 'colour' | known are name, frame, joints
 rollers -> top level: key 'rollers' is missing
 module: [1, 2] -> module: [1, 2]: must be the dimensions
 name: 5 -> name: 5: must be | non-empty string
-name: "" -> name: '' | non-empty string
-frame: false -> frame: False | non-empty string
 tube.stiffness: {model: spring} -> stiffness.model: 'spring' | inflatable_beam, power_law or
 tube.stiffness: {model: inflatable_beam, axial: 1.0} -> tube.stiffness: unknown key 'axial'
 tube.stiffness: {model: power_law, axial: {C: 1.0, a: 1.0}} -> stiffness.axial: key 'b' is missing
 tube.stiffness: {model: power_law, rotary: {C: -1.0, a: 1.0, b: -1.0}} -> stiffness.rotary.C: -1.0
 members: {min_length: 3.0, max_length: 0.25} -> min_length: 3.0 | be less than max_length, 0.25
 members.max_length: 0.7 -> members: south/P-Q is | must be from min_length 0.25 to max_length 0.7
-members.min_length: 1.2 -> members: south/P-Q is | must be from min_length 1.2 to max_length 3.0
 module.guide_ring_distance: 0.6 -> guide_ring_distance: 0.6 | south/P-Q | must be less than
 module.rod_length: 1.5 -> does not fit its corner | rod_length 1.5 | smaller module
 tube.diameter: 10.2 -> tube.diameter: 10.2: | from 0.02 to 0.5; in cm it would be 0.102 m
-tube.diameter: 102 -> tube.diameter: 102: | in mm it would be 0.102 m
 tube.pressure: 34.5 -> tube.pressure: 34.5: | in kPa it would be 34500 Pa
-tube.pressure: 5 -> tube.pressure: 5: | in psi it would be 34470 Pa
-tube.pressure: {south: 0.345} -> tube.pressure.south: 0.345: | in bar it would be 34500 Pa
-rollers.max_speed: 100 -> rollers.max_speed: 100: | in mm/s it would be 0.1 m/s
-module.mass: 1000 -> module.mass: 1000: | in g it would be 1 kg
-module.axial_rigidity: 5000 -> module.axial_rigidity: 5000: | in kN it would be 5e+06 N
 joints.Q: [1000.0, 0.0] -> joints.Q.0: 1000.0: | in mm it would be 1 m
 joints.X: [2.0, 0.0] -> module south/P does not fit its corner | between 1 and 179 degrees
 """
@@ -171,14 +156,6 @@ def test_overlapping_parts_at_home_are_refused(tmp_path):
     message = refusal(as_yaml(document), tmp_path)
     assert 'module east/R and module north/R overlap at home' in message
     assert 'their clearance is -0.040 m' in message
-
-
-def test_all_complaints_are_in_one_error(tmp_path):
-    document = robots.example()
-    document['rollers']['max_speed'] = -1
-    document['colour'] = 'red'
-    del document['tube']['pressure']
-    assert len(refusal(as_yaml(document), tmp_path).splitlines()) == 3
 
 
 @pytest.mark.parametrize(('mistakes', 'lines'), [(49, 49), (50, 50), (51, 51), (2_000, 51)])
@@ -212,40 +189,19 @@ NO_ROBOTS = {
         EXAMPLE.replace('P: [0', '1: [0'),
         "joints: 1 is not text; put quotes around it: '1'",
     ),
-    'boolean as a name': (
-        EXAMPLE.replace('P: [0', 'true: [0'),
-        "joints: True is not text; put quotes around it: 'True'",
-    ),
     'alias': ('name: x\nframe: *a\n', 'line 2: *a: anchors and aliases are not used'),
-    'alias of its own parent': ('a: &a [*a]\n', 'line 1: &a: anchors and aliases are not used'),
     # A warning of the YAML reader, once.
     'anchor twice': ('a: 1\nb: &a\nc: &a\n', 'line 2: &a: anchors and aliases are not used'),
     'bracket that does not close': ('{name: [}', 'line 1, column 9: not YAML 1.2'),
-    'tab': ('\tname: x', 'line 1, column 1: not YAML 1.2'),
-    'two documents': ('a: 1\n---\na: 1\n', 'line 2, column 1: not YAML 1.2'),
     'no day of any month': ('when: 2001-99-99\n', 'not YAML 1.2'),
-    'no boolean': ('name: !!bool maybe\n', 'not YAML 1.2'),
-    'no integer': ('name: !!int ""\n', 'not YAML 1.2'),
-    'no float': ('name: !!float ""\n', 'not YAML 1.2'),
     'object of Python': ('name: !!python/object:os.system x\n', 'not YAML 1.2'),
     'mapping as a key': ('? {a: 1}\n: 1\n', 'not YAML 1.2'),
     'very long integer': ('9' * 5000, "line 1: '99999999999999999999'... has 5000 characters"),
     # Python reads it, and then cannot print it.
     'very long number in base 16': ('name: 0x' + 'f' * 5000, 'must be at most 1000'),
-    'very long key in base 16': ('? 0x' + 'f' * 5000 + '\n: 1', 'must be at most 1000'),
     # The reader takes time in the square of the depth: hours for a file of brackets.
     'very deep': ('[\n' * 100_000, 'line 9: nested too deeply'),
     'empty': ('', 'top level: None: must be a robot: the keys name, joints'),
-    'only a comment': (
-        '# nothing\n',
-        'top level: None: must be a robot: the keys name, joints',
-    ),
-    'only words': (
-        'just words',
-        "top level: 'just words': must be a robot: the keys name, joints",
-    ),
-    'picture': (b'\x89PNG\r\n\x1a\n\x00\x00', 'byte 0: not UTF-8 text'),
-    'null byte': (b'name: \x00', 'not YAML 1.2'),
     'UTF-16': ('name: x'.encode('utf-16'), 'not UTF-8 text'),
     'too long': (b'#' * (MAX_FILE_SIZE + 1), f'at most {MAX_FILE_SIZE} bytes'),
 }
@@ -372,15 +328,6 @@ def complaint_about(document):
     with pytest.raises(RobotFileError) as caught:
         robots.load(document)
     return str(caught.value)
-
-
-def test_contradictory_laws_are_refused_with_the_length():
-    # 12 k_rotary / (k_transverse l^2) = 7.2 l^-0.5 falls below 4 at l = 3.24 m, ring to ring.
-    robot = robots.load(with_laws(laws(), max_length=3.39))
-    tube_stiffness(robot.description).section_stiffness([0.25, 1.0, 3.39], 34.5e3)
-    message = complaint_about(with_laws(laws(), max_length=3.41))
-    for part in ('each other above 3.24 m from ring to ring', '3.4 m from pinch', '34500 Pa'):
-        assert part in message, message
 
 
 def test_length_of_a_contradiction_is_the_limit_of_beams():

@@ -50,16 +50,3 @@ def test_gap_directions_are_independent_of_the_direction_of_lines(shape):
     assert found.gaps[inside] == pytest.approx(away - reach[inside], abs=1e-12)
     assert back.gaps == pytest.approx(found.gaps, abs=1e-12)
     assert back.normals == pytest.approx(found.normals, abs=1e-12)
-
-
-def test_lines_past_and_through_a_disc():
-    """Below its middle, above it, through it, and past the end of a segment."""
-    body = ConvexObject(Disc(0.3), (1.0, 2.0, 0.5))
-    starts = body.center + np.array([-0.3 - 0.2j, -0.3 + 0.05j, -0.4j, 0.23 + 0.1j])
-    ends = body.center + np.array([0.9 - 0.2j, 0.9 + 0.05j, 0.8j, 0.9 + 0.1j])
-    found = segment_gaps(body, starts, ends)
-    beside = abs(0.23 + 0.1j)
-    assert found.gaps == pytest.approx([0.05, -0.1, -0.15, beside - 0.15])
-    assert found.normals[[0, 1, 3]] == pytest.approx([-1j, 1j, (0.23 + 0.1j) / beside])
-    assert abs(found.normals[2].real) == pytest.approx(1.0)
-    assert found.shares == pytest.approx([0.25, 0.25, 1.0 / 3.0, 0.0])

@@ -60,13 +60,6 @@ def test_derivatives_agree_with_finite_differences():
     ahead, behind = (curve.surface_at(NONE, NORMALS * np.exp(1j * s)) for s in (step, -step))
     moved = (ahead[0] - behind[0]) / (2.0 * step)
     assert moved == pytest.approx(1j * radii * NORMALS, abs=1e-9)
-    rates = (ahead[1] - behind[1]) / (2.0 * step)
-    assert curve.radius_rates(NORMALS) == pytest.approx(rates, abs=1e-7)
-
-
-def test_curve_passes_through_the_corners():
-    polygon = sampled(ELLIPSES[1], 24, 0.3, AWAY)
-    assert polygon.smoothed(1.0).nearest(polygon.corners).gaps == pytest.approx(0.0, abs=1e-7)
 
 
 def test_curve_depends_on_no_first_corner_or_frame():

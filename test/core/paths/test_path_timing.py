@@ -111,36 +111,3 @@ def test_path_time_goes_on_between_cycles():
         moving.advance(elapsed, 1.0, 1.0, False)
         assert moving.time - before == pytest.approx(elapsed)
         assert moving.time_then(0.0, 0.0) == pytest.approx(before, abs=0.51 * PERIOD)
-
-
-def test_progress_is_counted_from_the_last_one():
-    moving = clock(1000.0, 0.0, 1.0, progress_timeout=20.0)
-    for _ in range(190):
-        moving.advance(PERIOD, 1.0, 1.0, False)
-    # Nearly a second of the path: less than a twentieth of the timeout.
-    assert moving.waited == pytest.approx(190 * PERIOD)
-    for _ in range(15):
-        moving.advance(PERIOD, 1.0, 1.0, False)
-    assert moving.waited == pytest.approx(4 * PERIOD, abs=1.1 * PERIOD)
-    for _ in range(10):
-        moving.advance(PERIOD, 1.0, 1.0, True)
-    assert moving.waited == pytest.approx(14 * PERIOD, abs=1.1 * PERIOD)
-
-
-def test_a_limit_that_slows_a_little_slows_the_clock():
-    moving = clock(100.0, 0.0, 1.0)
-    moving.advance(PERIOD, 1.0, 0.995, False)
-    assert moving.rate == pytest.approx(0.995)
-    moving.advance(PERIOD, 1.0, 1.0, False)
-    assert moving.rate == 1.0
-
-
-def test_path_time_stands_while_a_cycle_is_late():
-    moving = clock(100.0, 0.0, 1.0)
-    for _ in range(10):
-        moving.advance(PERIOD, 1.0, 1.0, False)
-    due = moving.time
-    moving.advance(3.0 * PERIOD, 1.0, 1.0, False)
-    assert moving.time_then(0.0, 0.0) == pytest.approx(due)
-    assert moving.time_then(0.0, PERIOD) == pytest.approx(due)
-    assert moving.time_then(0.0, 2.5 * PERIOD) == pytest.approx(due - 0.5 * PERIOD)

@@ -98,14 +98,6 @@ def test_speed_limit_tolerates_rounding():
     assert path.at(0.2).velocities == pytest.approx([MAX_SPEED] * N)
 
 
-def test_trajectory_copies_its_arrays():
-    positions, times = np.zeros((2, N)), np.array([0.0, 1.0])
-    path = RollerTrajectory(ROBOT, positions, times)
-    positions[:], times[:] = 7.0, 7.0
-    assert path.duration == 1.0
-    assert not path.at(1.0).positions.any()
-
-
 SHORT, LONG = [0.0] * (N - 1), [0.0] * (N + 1)
 BAD_POSITIONS = {
     'no point': ([], 'without a point'),
@@ -114,9 +106,7 @@ BAD_POSITIONS = {
     'too many': ([LONG, LONG], f'must be {N} finite numbers'),
     'of two lengths': ([ORIGIN, SHORT], f'must be {N} finite numbers'),
     'nan': ([ORIGIN, [np.nan] * N], 'nan'),
-    'inf': ([ORIGIN, [*SHORT, np.inf]], 'inf'),
     'too quick': ([ORIGIN, [*SHORT, -1.001 * MAX_SPEED]], '0.1001 m/s; must be at most 0.1'),
-    'a little too quick': ([ORIGIN, [*SHORT, 1.00001 * MAX_SPEED]], '0.100001 m/s; must be'),
     'without end': ([[1e308] * N, [-1e308] * N], 'inf m/s; must be at most 0.1'),
 }
 
@@ -130,13 +120,10 @@ def test_invalid_positions_are_refused(positions, words):
 
 BAD_TIMES = {
     'too few': ([0.0, 1.0], 'must be 3 finite numbers'),
-    'too many': ([0.0, 1.0, 2.0, 3.0], 'must be 3 finite numbers'),
     'nan': ([0.0, np.nan, 2.0], 'must be 3 finite numbers'),
-    'inf': ([0.0, 1.0, np.inf], 'must be 3 finite numbers'),
     'negative': ([-1e-9, 1.0, 2.0], 'time -1e-09 s of point 0'),
     'the same twice': ([0.0, 1.0, 1.0], 'time 1 s of point 2'),
     'back': ([0.0, 1.0, 0.5], 'time 0.5 s of point 2'),
-    'all at once': ([0.0, 0.0, 0.0], 'time 0 s of point 1'),
     'a day and more': ([0.0, 1.0, 24.0 * 3600.0 + 1.0], 'from 0 to 86400 s'),
 }
 
@@ -145,20 +132,6 @@ BAD_TIMES = {
 def test_invalid_times_are_refused(times, words):
     with pytest.raises(ConfigurationError, match=re.escape(words)):
         RollerTrajectory(ROBOT, [ORIGIN] * 3, times)
-
-
-@pytest.mark.filterwarnings('error')
-def test_segments_without_duration_are_refused_without_a_warning():
-    with pytest.raises(ConfigurationError, match='inf m/s'):
-        RollerTrajectory(ROBOT, [ORIGIN, [0.1] * N], [0.0, 5e-324])
-
-
-@pytest.mark.parametrize('times', [np.zeros(5000), np.full(5000, np.nan), np.arange(5000.0)])
-def test_reasons_are_short_however_long_the_path(times):
-    positions = np.random.default_rng(0).uniform(-9.0, 9.0, (5000, N))
-    with pytest.raises(ConfigurationError) as refused:
-        RollerTrajectory(ROBOT, positions, times)
-    assert len(str(refused.value)) < 300
 
 
 numbers = st.one_of(st.floats(-0.02, 0.02), st.floats(), st.sampled_from([0.0, 1e308, 5e-324]))

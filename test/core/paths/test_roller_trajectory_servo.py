@@ -29,12 +29,13 @@ from isotruss_ros.core.paths.roller_trajectory import (
     MAX_LAG,
     MAX_TIME_STEP,
     PROGRESS_TIMEOUT,
+    REST_TIME,
     RollerTrajectory,
     RollerTrajectoryServo,
+    START_TOLERANCE,
     TOLERANCE,
 )
 from isotruss_ros.core.planning.describe_plan import path_times
-from isotruss_ros.core.safety.roller_failure import SETTLING_TIME
 import numpy as np
 import pytest
 from robots import examples, generators
@@ -179,7 +180,7 @@ def test_duration_is_independent_of_late_cycles(longest):
         else:
             assert step.failure == ''
             assert run.away() <= TOLERANCE
-            assert PATH.duration < took < PATH.duration + 1.5 + SETTLING_TIME
+            assert PATH.duration < took < PATH.duration + 1.5 + REST_TIME
         check_speeds(run.commands)
 
 
@@ -229,18 +230,6 @@ def test_arrives_on_random_paths_from_near_their_beginning(rng):
     assert run.follow(path).failure == ''
     assert run.away(path) <= TOLERANCE
     check_speeds(run.commands)
-
-
-def test_rollers_that_have_arrived_rest_while_the_others_come():
-    begin = np.zeros(N)
-    begin[2] = 0.0045
-    run = Run(begin=begin)
-    run.follow(RollerTrajectory(ROBOT, [[0.0] * N], [0.0]))
-    commands = np.array(run.commands)
-    resting = int((commands[:, 2] == 0.0).argmax())
-    assert 50 < resting <= len(commands) - SETTLING_TIME / PERIOD
-    assert not commands[resting:].any()
-    assert not np.delete(commands, 2, axis=1).any()
 
 
 def test_rollers_that_pass_by_the_end_have_not_arrived():
@@ -313,39 +302,6 @@ def test_progress_timeout_restarts_with_each_lag():
     check_speeds(run.commands)
 
 
-@pytest.mark.parametrize('period', [0.05, 0.1, 0.15])
-def test_goes_on_after_a_wait_also_where_a_cycle_is_longer_than_a_roller_may_lag(period):
-    quick = RollerTrajectory(ROBOT, [[0.0] * N, [0.1] * N], [0.0, 0.1 / MAX_SPEED])
-    run = Run()
-    run.servo.begin(quick, run.now)
-    for _ in range(3):
-        run.cycle(period)
-    held = run.robot.roller_positions
-    for _ in range(round(1.0 / period)):  # something holds all rollers
-        assert not run.cycle(period).ended
-        run.robot.roller_positions = held
-        run.measure()
-    step = run.cycle(period)
-    while not step.ended:
-        step = run.cycle(period)
-    assert step.failure == ''
-    assert run.away(quick) <= TOLERANCE
-    check_speeds(run.commands)
-
-
-def test_a_new_trajectory_restarts_the_progress_timeout():
-    run = Run(RollerFaults(stuck=frozenset({'north/Z'})))
-    run.servo.begin(PATH, run.now)
-    began = run.now
-    while run.now < began + 0.9 * PROGRESS_TIMEOUT:
-        assert not run.cycle().ended
-    # Further away than a roller may lag: it waits from the first cycle on.
-    away = RollerTrajectory(ROBOT, [run.robot.roller_positions + 0.9 * MAX_LAG], [0.0])
-    began = run.now
-    assert 'north/Z' in run.follow(away).failure
-    assert run.now - began >= PROGRESS_TIMEOUT
-
-
 def at_end(run, off):
     """Tell the servo that all rollers are off the end of PATH by that much; return the step."""
     state = RollerState(PATH.at(PATH.duration).positions + off, np.zeros(N))
@@ -366,7 +322,7 @@ def near_its_end():
 
 def test_rollers_have_arrived_when_they_stay_there_without_interruption():
     run = near_its_end()
-    cycles = round(SETTLING_TIME / PERIOD)
+    cycles = round(REST_TIME / PERIOD)
     for _ in range(3):
         assert at_end(run, 1.1 * TOLERANCE).speeds.all()
         for _ in range(cycles - 1):
@@ -377,14 +333,6 @@ def test_rollers_have_arrived_when_they_stay_there_without_interruption():
     ended = [at_end(run, -0.9 * TOLERANCE).ended for _ in range(cycles + 2)]
     assert not any(ended[: cycles - 1])
     assert ended[-1]
-
-
-def test_arrival_at_the_timeout_is_a_success():
-    run = near_its_end()
-    for _ in range(round(PROGRESS_TIMEOUT / PERIOD) - 3):
-        assert not at_end(run, 5.0 * TOLERANCE).ended
-    steps = [at_end(run, 0.5 * TOLERANCE) for _ in range(round(SETTLING_TIME / PERIOD) + 2)]
-    assert next(step.failure for step in steps if step.ended) == ''
 
 
 def broken(run, how):
@@ -438,7 +386,7 @@ def test_ends_at_rest_without_joint_states(how):
 def test_begins_only_where_the_rollers_are(roller, side):
     for away in (0.99, 1.01):
         begin = np.zeros(N)
-        begin[roller] = side * away * MAX_LAG
+        begin[roller] = side * away * START_TOLERANCE
         run = Run(begin=begin)
         if away < 1.0:
             run.servo.begin(PATH, run.now)
@@ -446,34 +394,6 @@ def test_begins_only_where_the_rollers_are(roller, side):
         with pytest.raises(ConfigurationError, match=f'where roller {ROBOT.roller_names[roller]}'):
             run.servo.begin(PATH, run.now)
         assert not run.servo.busy
-
-
-def test_a_path_that_is_refused_leaves_the_one_before():
-    """Whoever commands the rollers still knows that they move, and can stop them."""
-    run = Run()
-    run.servo.begin(PATH, run.now)
-    for _ in range(10):
-        run.cycle()
-    time = run.servo.time
-    with pytest.raises(ConfigurationError):
-        run.servo.begin(RollerTrajectory(ROBOT, WAY + 0.1, TIMES), run.now)
-    assert run.servo.busy
-    assert run.servo.time == time
-
-
-def test_a_new_path_takes_over_from_where_the_rollers_are():
-    run = Run()
-    run.servo.begin(PATH, run.now)
-    for _ in range(30):
-        run.cycle()
-    assert run.servo.busy
-    here = run.robot.roller_positions
-    back = RollerTrajectory(ROBOT, [here, np.zeros(N)], [0.0, 0.5])
-    run.commands.clear()
-    assert run.follow(back).failure == ''
-    assert run.servo.time == back.duration
-    assert run.away(back) <= TOLERANCE
-    check_speeds(run.commands)
 
 
 values = st.one_of(st.floats(-0.05, 0.05), st.floats(-1e6, 1e6), st.sampled_from([1e6, -1e6]))

@@ -7,7 +7,6 @@ from dataclasses import replace
 import functools
 import itertools
 import math
-from unittest.mock import Mock
 
 import closings
 from isotruss_ros.core import (
@@ -20,9 +19,6 @@ from isotruss_ros.core import (
     settle_grasp,
     SimulatedRobot,
 )
-from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, NotHeldError
-from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.planning import motion_in_place
 from isotruss_ros.core.planning.approach import approach
 from isotruss_ros.core.planning.closing_in_place import close_in_place
 from isotruss_ros.core.planning.closing_step import press
@@ -129,35 +125,6 @@ def test_what_cannot_be_reached_says_what_is_violated(values, name):
         name = name.replace('force_closure', 'friction')
         assert violation.bound == values.get(name, violation.bound)
         assert (violation.value < violation.bound) == (name[:4] in ('min_', 'held'))
-
-
-@pytest.mark.parametrize(
-    ('place', 'name', 'given'),
-    [
-        (motion_in_place, 'attach_grip', {'side_effect': NotHeldError(HoldStatus.NO_BALANCE)}),
-        (HeldGrip, 'hold', {'return_value': HoldStatus.UNSTABLE}),
-    ],
-)
-def test_what_has_no_equilibrium_or_an_unstable_one_is_not_held(place, name, given, monkeypatch):
-    monkeypatch.setattr(place, name, Mock(**given))
-    _, closed, tally = close()
-    assert closed is None
-    violation = tally.closest
-    assert (violation.requirement, violation.value, violation.bound) == ('held', 0.0, 1.0)
-
-
-def test_work_is_counted(monkeypatch):
-    counted, move = [], Configuration.moved_to
-
-    def moved_to(config, positions):
-        counted.append(positions)
-        return move(config, positions)
-
-    opened()
-    monkeypatch.setattr(Configuration, 'moved_to', moved_to)
-    path, _, tally = close(squeeze=8.0)
-    assert tally.evaluations == len(counted) > 5
-    assert 1 <= tally.analyses < len(path)
 
 
 def test_the_shortest_path_is_the_best_where_the_travel_counts():

@@ -55,22 +55,13 @@ def test_no_directions_are_found_that_are_much_nearer(shape):
     firsts = np.exp(1j * firsts.ravel())
     others = -firsts * np.exp(1j * wedges.ravel())
     used = friction_angles(body, firsts, others, RADIUS)
-    for _ in range(20):
+    for _ in range(10):
         normals = np.exp(1j * rng.uniform(0.0, 2.0 * math.pi, 2))
         turned = np.abs(np.angle(firsts / normals[0])) + np.abs(np.angle(others / normals[1]))
         least = np.where(used <= angle, used + TURNING * turned, np.inf).min()
         found = find_facing(body, normals, angle, RADIUS, TURNING)
         # A step between two directions, and one between two angles of the members.
         assert price_of(body, found, normals, angle) < least + 0.1
-
-
-@pytest.mark.parametrize('angle', [0.0, 0.123, -1.0])
-def test_without_friction_members_are_to_lie_on_faces(angle):
-    body = box(angle=angle)
-    for own in (1.0, 1.0j, -1.0, -1.0j):
-        normals = own * body.turn * np.array([1.0, -1.0]) * np.exp([0.1j, -0.05j])
-        found = find_facing(body, normals, 1e-3, RADIUS, TURNING)
-        assert found == pytest.approx(own * body.turn * np.array([1.0, -1.0]), abs=1e-9)
 
 
 def test_an_ellipse_is_held_along_its_axes_without_friction():

@@ -1,20 +1,17 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The margin that a path leaves is foreseen, by the model and as MuJoCo has it."""
+"""The margin that a path leaves is foreseen."""
 
 from dataclasses import replace
 
-from carries import Carry, FRICTION, make_robot, place
+from carries import FRICTION, make_robot, place
 from held_grips import APART, inclined_grip, NINE, numbers
-from isotruss_ros.core import Status
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.grip_record import GripRecord
 from isotruss_ros.core.holding.held_grip import LEFT_MARGIN
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.planning.foresee_path import foresee_grip, foresee_path
-from mujoco_worlds import needs_mujoco
-from nightly import some_now
 import numpy as np
 import pytest
 
@@ -77,18 +74,3 @@ def test_a_path_beyond_the_reach_of_the_robot_ends_there():
     found = foresee(held('disc 0.2 m'), (3.0, 0.0, 0.0))
     assert 0.0 < found.share < 1.0
     assert found.why
-
-
-@needs_mujoco
-@pytest.mark.parametrize('turn', some_now([0.3, -0.3], 0))
-def test_what_is_foreseen_is_what_mujoco_carries(turn):
-    """The servo stands where the model foresees that the margin ends, or arrives."""
-    carry = Carry('brick')
-    carry.run(1.0)
-    grip, start = carry.control.grasp, np.array(carry.plant.object_pose())
-    found = foresee(grip, (0.0, 0.0, turn))
-    assert found.share < 1.0
-    carry.run(4.0, (0.0, 0.0, turn / 4.0))
-    turned = (carry.plant.object_pose()[2] - start[2]) / turn
-    assert Status.SLOWED_SLIP_MARGIN in carry.statuses
-    assert turned == pytest.approx(found.share, abs=0.12)

@@ -17,7 +17,6 @@ from isotruss_ros.core.planning.describe_plan import (
 from isotruss_ros.core.planning.grasp_plan import GraspPlan
 from isotruss_ros.core.planning.violations import (
     BOUNDS,
-    export_violation,
     SearchTally,
     SENTENCES_BY_REQUIREMENT,
     Violation,
@@ -88,15 +87,6 @@ def test_the_closest_violation_is_the_latest_one_and_of_bounds_the_nearest():
         for violation in several:
             tally.add(SearchTally(2, 1, violation))
         assert tally == SearchTally(14, 7, ordered[-1])
-
-
-def test_a_violation_has_a_name_a_value_and_a_bound():
-    assert export_violation(None) == {}
-    assert export_violation(Violation('min_margin', 0.2, 0.5)) == {
-        'violated_requirement': 'min_margin',
-        'violation_value': 0.2,
-        'violation_bound': 0.5,
-    }
 
 
 @pytest.mark.parametrize(

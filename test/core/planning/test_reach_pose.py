@@ -20,8 +20,6 @@ from isotruss_ros.core import (
     Status,
     tangent_center,
 )
-from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.planning import reach_pose as reach_pose_module
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
 import numpy as np
 import pytest
@@ -83,20 +81,6 @@ def test_motions_that_the_rollers_do_not_produce_are_told():
     assert (found.share, len(found.path)) == (0.0, 1)
 
 
-def test_a_way_that_takes_too_many_steps_is_told(monkeypatch):
-    monkeypatch.setattr(reach_pose_module, 'MAX_STEP_RATIO', 1)
-    robot = Robot(replace(ROBOT.description, max_speed=0.01))
-    found = reach_pose(robot.home, GRIP, np.add(GRIP.body.pose, (0.0, 0.02, 0.0)))
-    assert found.status is Status.SLOWED_OBJECT
-    assert 'too many steps' in found.why
-    assert 0.0 < found.share < 1.0
-
-
 def test_the_pose_of_now_takes_no_step():
     found = reach_pose(ROBOT.home, GRIP, GRIP.body.pose)
     assert (found.status, found.share, len(found.path)) == (Status.OK, 1.0, 1)
-
-
-def test_a_pose_that_is_none_is_refused():
-    with pytest.raises(GraspError, match='the pose to reach'):
-        reach_pose(ROBOT.home, GRIP, (0.0, np.nan, 0.0))

@@ -6,7 +6,6 @@ import math
 
 import closings
 from isotruss_ros.core import ConvexObject, GraspRequirements, load_robot
-from isotruss_ros.core.planning import seeds
 from isotruss_ros.core.planning.facing import friction_angles
 from isotruss_ros.core.planning.seeds import enclosing_members, find_seeds, SIGHT_LINES
 import numpy as np
@@ -85,19 +84,6 @@ def test_pairs_face_the_object_so_that_friction_holds_to_spare(seed):
                 assert used <= 0.75 * one.friction_angle + 1e-12
 
 
-@pytest.mark.parametrize('seed', [8, 18])
-def test_later_rounds_draw_cones_and_postures_in_lengths_of_the_members(seed, monkeypatch):
-    monkeypatch.setattr(seeds, 'MAX_SEEDS', 100)
-    config, body, _ = closings.scene(seed)
-    assert all(one.nominal_posture is None for one in find_seeds(config, body, ANY, 0, 0))
-    found = [one for number in range(1, 5) for one in find_seeds(config, body, ANY, 0, number)]
-    drawn = np.array([one.nominal_posture - config.roller_positions for one in found])
-    assert drawn.std() == pytest.approx(0.3 * config.member_lengths.mean(), rel=0.08)
-    cones = np.array([one.friction_angle / math.atan(ANY.friction) for one in found])
-    assert 0.5 <= cones.min() < 0.52
-    assert 0.98 < cones.max() <= 1.0
-
-
 def test_what_is_drawn_is_another_in_every_round_and_with_every_seed():
     drawn = [
         one.nominal_posture
@@ -108,28 +94,6 @@ def test_what_is_drawn_is_another_in_every_round_and_with_every_seed():
     assert len(np.unique(np.array(drawn).round(12), axis=0)) == len(drawn)
     again = find_seeds(HOME, BODY, ANY, 0, 1)
     assert all((a.nominal_posture == b).all() for a, b in zip(again, drawn, strict=False))
-
-
-@pytest.mark.parametrize('seed', [0, 8, 18])
-def test_pairs_come_first_and_the_easiest_of_them(seed, monkeypatch):
-    config, body, _ = closings.scene(seed)
-    monkeypatch.setattr(seeds, 'MAX_SEEDS', 100)
-    found = find_seeds(config, body, ANY, 0, 0)
-    radius = 0.5 * config.robot.description.tube_diameter
-    reaches = closings.gaps(config, body)[0] + radius
-    efforts = []
-    for one in found:
-        normals = one.normals(config)
-        facing = normals if one.facing is None else one.facing
-        turns = np.abs(np.angle(facing / normals)).sum()
-        reach = reaches[list(one.members)].sum()
-        effort = reach + 0.5 * config.member_lengths.mean() * turns
-        efforts.append((len(one.members), effort))
-    assert len(efforts) > 2
-    assert efforts == sorted(efforts)
-    monkeypatch.setattr(seeds, 'MAX_SEEDS', 1)
-    (easiest,) = find_seeds(config, body, ANY, 0, 0)
-    assert easiest.members == found[0].members
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from isotruss_ros.core.safety.barrier_law import (
     BarrierLimit,
     BarrierViolation,
 )
-from isotruss_ros.core.safety.shape_guard import SAFETY_STEP, Watch
+from isotruss_ros.core.safety.shape_guard import Watch
 import numpy as np
 import pytest
 import robots
@@ -64,22 +64,6 @@ def test_a_motion_ends_where_the_parabola_through_the_margins_meets_the_bound(rn
     assert min(left(share * found.share)[after < bound].min() for share in SHARES) > -1e-9
 
 
-@pytest.mark.parametrize(
-    ('size', 'margin', 'checked'),
-    [
-        (0.9 * SAFETY_STEP, 0.049, True),
-        (0.9 * SAFETY_STEP, 0.051, False),
-        (1.1 * SAFETY_STEP, 0.051, True),
-        (1.1 * SAFETY_STEP, 0.2, True),
-    ],
-)
-def test_short_steps_are_checked_where_little_is_left(size, margin, checked):
-    law = SimpleNamespace(safety_margin=0.1)
-    limit = SimpleNamespace(margins=np.array([0.3, margin]), barrier=SimpleNamespace(law=law))
-    watch = Watch(None, None, (), (limit,))
-    assert watch._within_reach(size) == ((limit,) if checked else ())
-
-
 @pytest.mark.parametrize('share', [0.02, 0.1, 0.5, 0.9, 1.0])
 def test_margins_fall_by_the_class_k_function(share):
     left = share * 0.2 - REST
@@ -87,32 +71,11 @@ def test_margins_fall_by_the_class_k_function(share):
     assert LAW.class_k_bound(np.array([share * 0.2])) == pytest.approx(expected, rel=1e-9)
 
 
-def test_slow_and_quick_bounds_of_a_sample():
-    margin = np.array([0.05])
-    # Twice what the class-K function allows, of the whole margin, in a short sample ...
-    whole = RATE * 0.05 / (1.0 - 0.05 / 0.2)
-    assert LAW.discrete_bound(margin, 0.01, 0.0) == pytest.approx(
-        0.05 - 2.0 * 0.01 * whole, rel=1e-9
-    )
-    # ... a tenth of it in a long one, and of the safety margin in any.
-    assert LAW.discrete_bound(margin, 10.0, 0.0) == pytest.approx(0.1 * 0.05, rel=1e-9)
-    low = np.array([0.15 * REST])
-    assert LAW.discrete_bound(low, 10.0, 0.0) == pytest.approx(0.1 * REST, rel=1e-9)
-    assert LAW.discrete_bound(np.array([1.0]), 0.01, 0.0) == pytest.approx(0.1, rel=1e-9)
-
-
 @pytest.mark.parametrize('travel', [0.0, 1e-4, 1e-3])
 def test_what_is_beyond_the_bound_may_lose_the_square_of_the_travel(travel):
     for margin in (0.09 * REST, 0.0, -0.1):
         left = LAW.discrete_bound(np.array([margin]), 0.01, travel)[0]
         assert margin - left == pytest.approx(1e-9 + 0.2 * (travel / 0.05) ** 2, rel=0.01)
-
-
-@pytest.mark.parametrize('margin', [0.09 * REST, 0.005 * REST])
-def test_no_such_loss_leads_across_the_bound(margin):
-    left = LAW.discrete_bound(np.array([margin]), 0.05, 0.02)[0]
-    assert left == pytest.approx(min(margin, 0.01 * REST), abs=2e-9)
-    assert left > 0.0
 
 
 def keep(speed, share_of, status=Status.OK):

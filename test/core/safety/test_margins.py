@@ -30,16 +30,6 @@ def test_rigidity_does_not_depend_on_the_size_of_the_robot():
     )
 
 
-@pytest.mark.parametrize(('name', 'clearance'), [('nine_member', 0.1299), ('triangle', 0.825)])
-def test_presets_are_well_inside_at_home(name, clearance):
-    robot = load_robot(name)
-    margins = shape_margins(robot.home)
-    assert margins.rigidity == pytest.approx(1.0)
-    assert margins.clearance == pytest.approx(clearance, abs=1e-3)
-    assert margins.object_clearance == np.inf
-    assert margins.nearest_to_object == ''
-
-
 def test_members_that_hold_an_object_are_those_of_the_robot():
     body = ConvexObject.disc((0.0, 0.0), 0.1)
     with pytest.raises(GraspError, match='no such members'):

@@ -96,19 +96,3 @@ def test_an_object_comes_to_rest_above_its_height_and_is_told_why(band):
     assert heights[-1] == pytest.approx(bound, abs=1e-3)
     assert command.status is Status.SLOWED_BARRIER
     assert command.limiting == ('the height of the object',)
-
-
-def test_rows_are_derivatives_of_the_height():
-    grip, barrier = disc_grip(ROBOT.home, 'north/Z'), HeightBarrier(0.0)
-    barrier = HeightBarrier(barrier.values(ROBOT.home, grip, ALL_VALUES)[0] - 0.01)
-    (row,) = barrier.active(ROBOT.home, grip).roller_rows
-    opening = grip_jacobian(ROBOT.home, grip)[3:]
-    way = np.linalg.pinv(opening) @ opening
-    held, step = RollingGrip.attach(ROBOT.home, grip), 1e-6
-    for move in np.eye(len(row)) - way:
-        after, before = (
-            held.moved_to(ROBOT.home.moved_to(ROBOT.home.roller_positions + sign * move)).grip
-            for sign in (step, -step)
-        )
-        change = barrier.values(None, after, ALL_VALUES) - barrier.values(None, before, ALL_VALUES)
-        assert change / (2.0 * step) == pytest.approx(row @ move, abs=1e-6)

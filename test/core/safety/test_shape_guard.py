@@ -120,7 +120,7 @@ def test_weak_shapes_are_named_and_not_entered():
     pytest.fail('no shape was weak')
 
 
-@pytest.mark.parametrize('seed', some_now(range(4), 2))
+@pytest.mark.parametrize('seed', some_now(range(4)))
 def test_leaving_is_always_allowed(seed):
     """From beyond all bounds at once the robot may move as long as nothing gets worse."""
     rng = np.random.default_rng(seed)
@@ -232,7 +232,7 @@ def test_guard_changes_nothing_where_nothing_is_near():
 def test_command_is_cut_where_it_would_lead_too_far(duration):
     """Whatever is commanded, and for how long, no bound is crossed at the end."""
     cut = 0
-    for seed in range(40):
+    for seed in range(20):
         rng = np.random.default_rng(seed)
         held = walks.begin(rng, walks.GRIPS[seed % len(walks.GRIPS)])
         watch = ShapeGuard(walks.ROBOT, ShapeBounds()).watch(held.config, held.grip)

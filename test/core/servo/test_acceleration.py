@@ -67,7 +67,7 @@ def test_speeds_do_not_jump_when_the_heading_turns_at_a_limit(module, first, sli
     for _ in range(600):  # in longer cycles to where the limit is near
         if robot.step(heading(first), 5.0 * PERIOD).scale < 0.5:
             break
-    for _ in range(1000):
+    for _ in range(400):
         command = robot.step(heading(first + 2.0 * turned))
         assert command.status < Status.HALT_NO_TWIST
         assert robot.change <= CHANGE * (1.0 + 1e-6)
@@ -75,10 +75,6 @@ def test_speeds_do_not_jump_when_the_heading_turns_at_a_limit(module, first, sli
         if turned > 100:
             return
     assert slide  # along limits the object goes on
-
-
-def test_the_twist_servo_slides_along_limits_by_default():
-    assert Driven('north/R').servo.settings.slide_along_limits
 
 
 def test_status_is_accelerating_until_the_twist_is_carried_out():
@@ -98,15 +94,6 @@ def test_a_twist_of_zero_brings_the_rollers_to_rest_within_the_acceleration():
         assert robot.change <= CHANGE * (1.0 + 1e-6)
     assert command.status is Status.IDLE
     assert not command.roller_velocities.any()
-
-
-def test_a_halt_is_immediate():
-    robot = Driven('north/R')
-    for _ in range(10):
-        robot.step(heading(30.0))
-    assert robot.velocities.any()
-    robot.servo.receive(halt=(Status.HALT_EMERGENCY_STOP, 'stopped'))
-    assert not robot.step(heading(30.0)).roller_velocities.any()
 
 
 def test_joints_reverse_within_the_acceleration():
@@ -133,9 +120,9 @@ def test_a_robot_of_little_acceleration_stops_before_its_limits():
     near = ROBOT.home.member_lengths.max() + 0.05
     slow = Robot(replace(ROBOT.description, max_acceleration=0.05, max_length=near))
     robot, file = Driven('north/R', slow), slow.description
-    for _ in range(250):
-        robot.step(heading(30.0), 2.0 * PERIOD)
-        assert robot.change <= 0.05 * 2.0 * PERIOD * (1.0 + 1e-6)
+    for _ in range(125):
+        robot.step(heading(30.0), 4.0 * PERIOD)
+        assert robot.change <= 0.05 * 4.0 * PERIOD * (1.0 + 1e-6)
         lengths = robot.held.config.member_lengths
         assert file.min_length <= lengths.min()
         assert lengths.max() <= file.max_length

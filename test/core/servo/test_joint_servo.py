@@ -44,11 +44,6 @@ def servo(joint, **settings):
     return made
 
 
-def place(config, joint):
-    """Return where a joint is [m]."""
-    return config.nodes[ROBOT.topology.joint_names.index(joint)]
-
-
 def drive(made, twist, cycles):
     """Return the statuses of a loop with perfect rollers, and where it ends."""
     period = made.settings.period
@@ -74,13 +69,6 @@ def test_the_joint_moves_as_solved_and_no_pose_is_needed(joint):
     assert decision.command.roller_velocities == pytest.approx(expected.roller_velocities)
     assert decision.command.achieved_twist == pytest.approx([*VELOCITY, 0.0], abs=1e-10)
     assert decision.command.reachable_dof == expected.reachable_dof == 2
-
-
-def test_the_joint_goes_straight_in_a_loop():
-    statuses, config = drive(servo('Z'), (*VELOCITY, 0.0), 400)
-    assert set(statuses) == {(Status.OK, 1.0)}
-    expected = place(ROBOT.home, 'Z') + 400 * PERIOD * np.array(VELOCITY)
-    assert place(config, 'Z') == pytest.approx(expected, abs=1e-5)
 
 
 @pytest.mark.parametrize(

@@ -15,11 +15,9 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.inputs import RollerState, StampedInput
-from isotruss_ros.core.manipulation.status import RollerCommand
 from isotruss_ros.core.servo.servo_settings import ServoSettings, SqueezeSettings
 import numpy as np
 import pytest
-from squeeze_loop import SqueezeLoop
 
 ROBOT = load_robot('nine_member')
 CENTER = tangent_center(ROBOT.home, 'north/Z', 0.3)
@@ -36,26 +34,6 @@ def test_corrected_offsets_are_no_roller_travel(monkeypatch):
     made.receive(rollers=StampedInput(state, NOW))
     made.decide(NOW)
     assert seen == [pytest.approx((0.02 + HOME).tolist())]
-
-
-@pytest.mark.parametrize('elapsed', [0.02, 0.2, 0.5])
-def test_the_correction_of_a_late_loop_takes_half_of_the_error_at_most(elapsed):
-    config, body = gripped(35.0, squeeze=0.1)
-    grip = Grip.at_module(config.robot, 'north/Z', body, 0.5)
-    loop = SqueezeLoop(config, grip, pose_gain=4.0)
-    loop.run((0.0, 0.0, 0.0), 0.1)
-    control, twists = loop.control, []
-    control.follow(loop.plant.config, grip.moved_to(loop.plant.object_pose), elapsed)
-    error = 1e-3
-    control.reference = control.reference + np.array([error, 0.0, 0.0])
-
-    def solve(twist, _opening):
-        twists.append(twist)
-        return RollerCommand(HOME, np.zeros(3), 1.0, Status.OK)
-
-    control.solve(np.zeros(3), 0.02, solve)
-    rate = min(4.0, 0.5 / elapsed)
-    assert twists[0][0] == pytest.approx(rate * error, abs=0.1 * rate * error)
 
 
 def held_servo():

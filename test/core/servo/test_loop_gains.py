@@ -3,7 +3,7 @@
 
 """The gains of the squeeze control against one mode behind its loop."""
 
-from isotruss_ros.core.servo.loop_gains import choose_gain, DEFAULT_GAIN, gains_of
+from isotruss_ros.core.servo.loop_gains import choose_gain, gains_of
 import numpy as np
 import pytest
 
@@ -26,13 +26,3 @@ def growth(gain, damping, frequency=1.0):
 def test_gain_is_stable_for_a_frequency_wrong_by_a_factor_of_two(damping, wrong):
     gain = choose_gain(10.0)
     assert growth(gain, damping, wrong * 10.0) < 0.0
-
-
-def test_all_gains_follow_from_one():
-    assert gains_of(4.0) == (4.0, 4.0, 2.0, 0.25)
-    assert gains_of(8.0) == (8.0, 5.0, 2.5, 0.125)
-    assert gains_of(0.6) == (0.6, 0.6, 0.3, 1.0 / 0.6)
-
-
-def test_an_unknown_frequency_gets_the_slow_gain():
-    assert choose_gain(None) == DEFAULT_GAIN

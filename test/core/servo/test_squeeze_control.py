@@ -14,7 +14,6 @@ from isotruss_ros.core import (
     HoldStatus,
     RollerFaults,
     SimulatedRobot,
-    solve_twist,
     Status,
     TwistServo,
 )
@@ -22,7 +21,6 @@ from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.inputs import RollerState, StampedInput
-from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.servo.servo_settings import ServoSettings, SqueezeSettings
 from isotruss_ros.core.servo.squeeze_control import SqueezeControl
 from nightly import some_now
@@ -47,11 +45,9 @@ Loop = partial(SqueezeLoop, CONFIG, measured_at(CYLINDER.pose))
 )
 @pytest.mark.parametrize(('period', 'bound'), [(PERIOD, 1e-4), (0.005, 1e-5)])
 def test_pose_and_squeeze_follow_their_references(twist, period, bound):
-    loop, rigid = Loop(period=period), Loop(regulated=False)
+    loop = Loop(period=period)
     loop.run(twist, 1.0 if period < PERIOD else 2.0)
-    rigid.run(twist, 2.0)
     assert max(loop.errors) < bound
-    assert max(loop.errors) < 0.1 * max(rigid.errors)
     assert loop.squeeze == pytest.approx(loop.target, rel=1e-3)
     assert np.degrees(abs(loop.error()[2])) < 0.02
 
@@ -76,32 +72,6 @@ def test_unknown_load_changes_the_squeeze_little_and_not_the_pose():
     assert loop.squeeze == pytest.approx(loop.target, rel=0.04)
     assert loop.errors[-1] < 1e-4
     assert loop.control.belief.pose == pytest.approx(loop.plant.object_pose, abs=1e-4)
-
-
-def load_after_a_push(expected):
-    """Return the load that a push of 3 N for 0.2 s is estimated as, by the expected load [N]."""
-    loop = Loop(load=expected)
-    loop.run((0.0, 0.0, 0.0), 0.3)
-    loop.object.external_wrench = (1.8, 2.4, 0.0)
-    loop.run((0.0, 0.0, 0.0), 0.2)
-    return float(np.hypot(*loop.control.belief.load[:2]))
-
-
-def test_larger_expected_load_attributes_more_of_a_push_to_load():
-    small, given, large = (load_after_a_push(load) for load in (0.2, 2.0, 20.0))
-    assert small < 0.17 * given < 0.1 * large
-    assert load_after_a_push(0.0) == given
-
-
-def test_reference_of_an_initially_loaded_object_is_its_pose():
-    loop = Loop()
-    loop.object.external_wrench = (1.2, 1.6, 0.0)
-    loop.plant.advance(0.0)
-    loaded = np.array(loop.plant.object_pose)
-    assert np.hypot(*(loaded - loop.reference)[:2]) > 2e-3
-    loop.reference = loaded
-    loop.run((0.0, 0.0, 0.0), 1.0)
-    assert max(loop.errors) < 5e-4
 
 
 @pytest.mark.parametrize(
@@ -154,13 +124,6 @@ def test_corrected_offsets_agree_with_attaching_again(size):
     assert belief.squeeze - before.squeeze == pytest.approx(change, rel=0.3, abs=0.2)
 
 
-def test_noise_of_the_measured_pose_is_not_followed():
-    loop = Loop(noise=5e-4)
-    loop.run((0.02, 0.0, 0.1), 2.0)
-    assert max(loop.errors) < 1e-3
-    assert loop.squeeze == pytest.approx(loop.target, rel=0.05)
-
-
 def test_commands_toward_the_utilisation_bound_are_slowed():
     loop = Loop(force=40.0, max_utilisation=1.0)
     loop.run((0.0, 0.0, 0.0), 2.5)
@@ -175,58 +138,6 @@ def test_commands_toward_the_utilisation_bound_are_slowed():
     loop.run((0.0, 0.0, 0.0), 1.5)
     assert Status.SLOWED_UTILISATION not in loop.statuses
     assert loop.squeeze == pytest.approx(20.0, rel=5e-3)
-
-
-def close_near_the_bound(bound, scale=1.0):
-    """Return what is commanded, and where, in the cycles in which a grip closes near a bound."""
-    control = SqueezeControl(SqueezeSettings(100.0, max_utilisation=bound, **MASSLESS))
-    config, object_of_plant, found = CONFIG, ElasticObject(CYLINDER, FRICTION), []
-    for _ in range(3):
-        object_of_plant.follow(config)
-        grip = measured_at(object_of_plant.pose(config))
-        control.follow(config, grip, PERIOD)
-
-        def solve(twist, opening_rate, config=config, grip=grip):
-            command = solve_twist(config, grip, twist, opening_rate=opening_rate)
-            return replace(command, scale=scale)
-
-        found.append((control.grasp, grip, control.solve(np.zeros(3), PERIOD, solve)))
-        travel = PERIOD * found[-1][2].roller_velocities
-        config = config.moved_to(config.roller_positions + travel)
-    return found
-
-
-def test_the_scale_of_a_slowed_command_is_that_of_limits_and_utilisation():
-    model = attach_grip(CONFIG, CYLINDER)
-    bound = 1.015 * model.sections.used.max()
-    whole, half = (close_near_the_bound(bound, scale)[1][2] for scale in (1.0, 0.5))
-    assert whole.status is Status.SLOWED_UTILISATION
-    assert whole.scale < 0.9
-    assert half.scale == pytest.approx(0.5 * whole.scale, rel=1e-2)
-
-
-def test_slowed_command_uses_its_share_of_the_remaining_utilisation():
-    model = attach_grip(CONFIG, CYLINDER)
-    bound = 1.015 * model.sections.used.max()
-    _, (before, grip, command), (after, _, _) = close_near_the_bound(bound)
-    assert command.status is Status.SLOWED_UTILISATION
-    rows = grip_jacobian(before.config, grip)[:3]
-    assert command.achieved_twist == pytest.approx(rows @ command.roller_velocities, abs=1e-9)
-    used, more = (grasp.sections.used.max() for grasp in (before, after))
-    # Five times in a second; by what the cycle before did, but for the curvature.
-    assert more - used == pytest.approx(5.0 * PERIOD * (bound - used), rel=0.15)
-
-
-def test_model_restarts_after_the_loss_of_the_object():
-    control = SqueezeControl(SqueezeSettings(10.0, zeros=1e-3))
-    here = measured_at(attach_grip(CONFIG, CYLINDER).pose)
-    away = measured_at((5.0, 5.0, 0.0))
-    assert control.follow(CONFIG, away, PERIOD) is HoldStatus.NO_CONTACT
-    assert control.grasp is None
-    assert control.follow(CONFIG, here, PERIOD) is HoldStatus.HELD
-    control.reset()
-    slippery = measured_at(here.body.pose, friction=0.1)
-    assert control.follow(CONFIG, slippery, PERIOD) is HoldStatus.SLIPS
 
 
 @pytest.mark.parametrize(('zeros', 'held'), [(1e-2, True), (1e-3, False)])
@@ -293,7 +204,7 @@ def test_servo_halts_without_an_equilibrium():
     assert plant.config is CONFIG
 
 
-@pytest.mark.parametrize('late', [1, 3])
+@pytest.mark.parametrize('late', some_now([3, 1]))
 def test_late_loop_moves_the_object_by_the_commanded_distance(late):
     _, plant, _, _ = servo_on_plant((0.0, 0.0, 0.0), 1, 24.0)
     x, y = plant.object_pose[:2]
@@ -324,11 +235,3 @@ def test_model_uses_measured_pressures_from_the_start_and_in_motion():
     assert control.grasp.tubes.pressure == softer
     # Softer, it presses less; its contacts stay.
     assert control.grasp.squeeze == pytest.approx(model.squeeze, rel=2e-3)
-
-
-def test_noise_of_the_pressures_does_not_move_the_model():
-    control = held_by((30e3, 30e3, 30e3))
-    grasp = control.grasp
-    held_by((30.3e3, 29.7e3, 30e3), control)
-    assert control.grasp.tubes == grasp.tubes
-    assert control.grasp.squeeze == pytest.approx(grasp.squeeze, rel=1e-9)

@@ -11,7 +11,6 @@ from isotruss_ros.core import (
     load_robot,
     Pose,
     RigidObject,
-    Robot,
     RollerFaults,
     RollingGrip,
     SimulatedRobot,
@@ -19,7 +18,6 @@ from isotruss_ros.core import (
     tangent_center,
     TwistServo,
 )
-from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.inputs import RejectedInput, RollerState, StampedInput
 from isotruss_ros.core.safety.roller_failure import FAILURE_TIME
 from isotruss_ros.core.servo.servo_settings import ServoSettings, SqueezeSettings
@@ -40,9 +38,6 @@ def at(positions, velocities=0.0 * HOME):
     return RollerState(np.asarray(positions), np.asarray(velocities))
 
 
-INPUTS = ('twist', 'rollers', 'pose')
-
-
 def servo(settings=None, **given):
     """Return a servo with good inputs at NOW, or those given."""
     settings = {'period': 0.005, 'timeout': 0.2, 'max_acceleration': np.inf} | (settings or {})
@@ -54,18 +49,6 @@ def servo(settings=None, **given):
     )
     made.receive(**given)
     return made
-
-
-def test_rollers_are_compared_every_20_ms_and_where_their_clock_runs_back(monkeypatch):
-    made, times = servo(), []
-    monkeypatch.setattr(
-        made.detector, 'update', lambda _, time, __: times.append(round(1e3 * (time - NOW)))
-    )
-    for stamp in (0, 5, 15, 19, 21, 30, 40, 42, 30, 49, 51):
-        now = NOW + 1e-3 * stamp
-        made.receive(rollers=StampedInput(at(HOME), now))
-        made.decide(now)
-    assert times == [0, 21, 42, 30, 51]
 
 
 def test_a_roller_that_fails_in_motion_is_commanded_zero_at_once():
@@ -111,23 +94,6 @@ def test_halts_with_the_status_of_each_input_fault(name, missing, stale, invalid
         assert decision.command.scale == 0.0
 
 
-@pytest.mark.parametrize('name', INPUTS)
-def test_an_input_is_good_until_the_timeout(name):
-    good = getattr(servo().inputs, name)
-    made = servo(**{name: good._replace(time=NOW - 0.199)})
-    assert made.decide(NOW).command.status is Status.OK
-
-
-def test_halts_without_a_grasp_and_where_no_configuration_is():
-    assert (
-        servo(pose=StampedInput(Pose(5.0, 5.0, 0.0), NOW)).decide(NOW).command.status
-        is Status.HALT_NO_GRASP
-    )
-    impossible = StampedInput(at([5.0, 0, 0, 0, 0, 0]), NOW)
-    decision = servo(rollers=impossible).decide(NOW)
-    assert decision.command.status is Status.HALT_KINEMATICS
-
-
 def test_decision_is_independent_of_earlier_states():
     """A servo that has been elsewhere decides as a new one does."""
     there = np.linspace(-0.1, 0.12, len(HOME))
@@ -159,22 +125,6 @@ def moved(positions):
 def close(late, exact):
     """Tell whether commands are the same, but for what is of second order in a way of a few mm."""
     return np.abs(late - exact).max() < 1e-5 * np.abs(exact).max()
-
-
-def test_looks_ahead_by_the_age_of_the_state_and_half_a_period():
-    """The command for an old state of a moving robot is that for where it is by now."""
-    speeds = servo().decide(NOW).command.roller_velocities
-    made = servo(
-        {'period': 0.02},
-        rollers=StampedInput(at(HOME, speeds), NOW - 0.05),
-        pose=StampedInput(POSE, NOW - 0.05),
-    )
-    late = made.decide(NOW).command.roller_velocities
-    lead = 0.05 + 0.01
-    # To first order in the way: 0.0012 m here, so 1e-6 m off in a robot of 1 m, and 1e-6 in speed.
-    exact = servo(**moved(lead * speeds)).decide(NOW).command.roller_velocities
-    assert close(late, exact)
-    assert not close(late, speeds)
 
 
 @pytest.mark.parametrize('measured', [0.0, -1.0, 3.0])
@@ -259,14 +209,6 @@ def test_idle_status_reports_the_mobility():
     assert made.decide(NOW).command.reachable_dof == 0
 
 
-def test_unknown_failed_rollers_are_refused_and_change_nothing():
-    made = servo()
-    made.receive(failed=['north/Z'])
-    with pytest.raises(GraspError, match=r"failed rollers: 'north/P': .* no such rollers"):
-        made.receive(failed=['north/P'])
-    assert made.failed == {'north/Z'}
-
-
 def run(made, robot, duration, twist=(0.0, 0.02, 0.1), begin=NOW):
     """Let a servo drive a simulated robot; return the decisions."""
     decisions, period = [], made.settings.period
@@ -318,25 +260,6 @@ def test_rollers_that_are_held_by_a_halt_are_not_flagged():
     assert not any(decision.failed for decision in run(made, robot, 2.0))
     made.receive(halt=None)
     assert run(made, robot, 2.0, begin=NOW + 2.0)[-1].failed
-
-
-def test_twists_slide_along_limits_only_if_enabled():
-    narrow = ROBOT.home.member_lengths.max() + 0.02
-    description = dataclasses.replace(ROBOT.description, max_length=narrow)
-    robot = Robot(description)
-    ends = []
-    for slide in (False, True):
-        made = TwistServo(robot, ServoSettings(GRIP, 0.01, 0.2, slide_along_limits=slide))
-        held = RollingGrip.attach(robot.home, GRIP)
-        moving = SimulatedRobot(robot.home, RigidObject.in_grip(held), RollerFaults())
-        decisions = run(made, moving, 4.0, twist=(0.02, 0.05, 0.0))
-        assert moving.config.member_lengths.max() <= narrow + 1e-9
-        statuses = {decision.command.status for decision in decisions}
-        assert (Status.SLIDING in statuses) == slide
-        assert (Status.SLOWED_MEMBER_LENGTH in statuses) == (not slide)
-        assert any('sliding with' in decision.message for decision in decisions) == slide
-        ends.append(np.hypot(*np.subtract(moving.object_pose[:2], CENTER)))
-    assert ends[1] > ends[0]
 
 
 def test_squeeze_control_without_fault_continues_with_another_force():

@@ -5,25 +5,18 @@
 
 from types import SimpleNamespace
 
-from boxes import box_between, SIDES
 from grips import backed_off, closed_to, gripped
+from held_grips import APART, box_between
 from isotruss_ros.core import (
     ConvexObject,
-    Disc,
-    load_robot,
-    place_between,
     Pose,
     RigidObject,
     RollerFaults,
-    RollingGrip,
     settle_grasp,
     SimulatedRobot,
-    solve_twist_ahead,
 )
-from isotruss_ros.core.errors import ConfigurationError, SolverError
 from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.manipulation.grip import find_contacts
-from isotruss_ros.core.simulation import rigid_object
 from isotruss_ros.core.simulation.rigid_object import pressing_members
 import numpy as np
 import pytest
@@ -143,58 +136,6 @@ def test_angle_is_kept_and_within_half_a_turn(plan, angle, kept):
     assert lying.pose(plan.config) == pytest.approx((*CYLINDER.pose[:2], kept), abs=0.01)
 
 
-def test_the_robot_looks_once_for_each_rest():
-    rests = []
-    counting = SimpleNamespace(come_to_rest=rests.append, follow=lambda _config: None)
-    robot = SimulatedRobot(ROBOT.home, counting, RollerFaults(stuck=frozenset({'south/P'})))
-    for _ in range(3):
-        robot.advance(0.1)
-    assert rests == [ROBOT.home]
-    for count, sort in enumerate((robot.stop, lambda: robot.command([0.1, 0, 0, 0, 0, 0])), 1):
-        robot.command([0.0, 0.01, 0.0, 0.0, 0.0, 0.0])
-        for _ in range(3):
-            robot.advance(0.1)
-            assert len(rests) == count
-        sort()  # a stuck roller that is told to move rests too
-        for _ in range(3):
-            robot.advance(0.0)
-        assert len(rests) == count + 1
-        assert rests[-1] is robot.config
-
-
-def test_another_object_takes_the_place_of_the_one_before():
-    robot = SimulatedRobot(CLOSED, RigidObject(CYLINDER, 0.5), RollerFaults())
-    robot.advance(0.1)
-    robot.replace_object(RigidObject(ConvexObject.disc((5.0, 4.0), 0.3), 1.0))
-    assert robot.object_pose == pytest.approx((5.0, 4.0, 0.0))
-    robot.advance(0.1)
-    # The robot has been at rest, and looks once more for what it holds.
-    again = RigidObject(CYLINDER, 0.5)
-    robot.replace_object(again)
-    assert again.members == ()
-    robot.advance(0.1)
-    assert set(again.members) == GRASPING
-    assert robot.config is CLOSED
-
-
-@pytest.mark.parametrize('held', [True, False])
-def test_forces_that_cannot_be_computed_let_no_disc_go_and_grip_none(monkeypatch, held):
-    def not_solved(*_arguments, **_options):
-        raise SolverError('not solved')
-
-    body = RigidObject(CYLINDER, FRICTION)
-    if held:
-        body.come_to_rest(CLOSED)
-    pose = body.pose(CLOSED)
-    with monkeypatch.context() as patch:
-        patch.setattr(rigid_object, 'settle_grasp', not_solved)
-        body.come_to_rest(CLOSED)
-    assert set(body.members) == (GRASPING if held else set())
-    assert body.pose(CLOSED) == pose
-    body.come_to_rest(CLOSED)
-    assert set(body.members) == GRASPING
-
-
 def lying(body, friction=1.0):
     """Return a robot at home that has come to rest, and its object."""
     free = RigidObject(body, friction)
@@ -205,12 +146,12 @@ def lying(body, friction=1.0):
 
 def test_names_the_members_that_press_deepest_first():
     grip = box_between()
-    assert set(pressing_members(ROBOT.home, grip.body)) == set(SIDES)
+    assert set(pressing_members(ROBOT.home, grip.body)) == set(APART)
     assert pressing_members(ROBOT.home, box_between(depth=-0.01).body) == ()
     x, y, angle = grip.body.pose
     toward = find_contacts(ROBOT.home, grip)[0].normal
     deeper = grip.body.moved_to((x + 0.002 * toward.real, y + 0.002 * toward.imag, angle))
-    assert pressing_members(ROBOT.home, deeper) == SIDES
+    assert pressing_members(ROBOT.home, deeper) == APART
 
 
 @pytest.mark.parametrize(
@@ -235,58 +176,10 @@ def test_is_held_by_sides_that_press_where_its_friction_is_enough(depth, own, fr
     body = box_between(depth=depth).body
     body = ConvexObject(body.shape, body.pose, friction=own)
     robot, free = lying(body, friction)
-    assert set(free.members) == (set(SIDES) if held else set())
+    assert set(free.members) == (set(APART) if held else set())
     went = np.hypot(*np.subtract(robot.object_pose, body.pose)[:2])
     assert (0.0 < went < 0.01) == held
     if not held:
         robot.command([0.0, 0.02, 0.0, 0.0, 0.0, 0.0])
         robot.advance(0.1)
         assert robot.object_pose == pytest.approx(body.pose)
-
-
-def test_three_members_hold_as_well():
-    triangle = load_robot('triangle')
-    names = triangle.member_names
-    disc = place_between(triangle.home, names, Disc(0.645))
-    free = RigidObject(disc.body, 0.3)
-    SimulatedRobot(triangle.home, free, RollerFaults()).advance(0.0)
-    assert sorted(free.members) == sorted(names)
-
-
-def simulated():
-    """Return a robot at home with a box between two of its sides, and the box."""
-    box = RigidObject.in_grip(RollingGrip.attach(ROBOT.home, box_between(angle=0.2)))
-    return SimulatedRobot(ROBOT.home, box, RollerFaults()), box
-
-
-def test_carries_and_turns_the_box_as_commanded():
-    robot, box = simulated()
-    start = np.array(robot.object_pose)
-    for _ in range(50):
-        command = solve_twist_ahead(robot.config, box.rolling.grip, [0.02, 0.01, 0.05], 0.01)
-        robot.command(command.roller_velocities)
-        robot.advance(0.02)
-    assert np.array(robot.object_pose) - start == pytest.approx([0.02, 0.01, 0.05], abs=1e-6)
-    assert box.pose(robot.config) == box.rolling.pose
-    assert box.rolling.config is robot.config
-    # Where it would be in another configuration; looking does not move it.
-    assert np.array(box.pose(ROBOT.home)) == pytest.approx(start, abs=1e-6)
-    assert box.rolling.config is robot.config
-
-
-def test_lies_where_the_members_left_it():
-    robot, box = simulated()
-    opening = np.array([0.1, 0.05, -0.1, 0.1, 0.1, -0.1])
-    for _ in range(40):
-        try:
-            robot.command(opening)
-            robot.advance(0.1)
-        except ConfigurationError:
-            break
-        if box.rolling is None:
-            break
-    assert box.rolling is None
-    lies = robot.object_pose
-    robot.command(-opening)
-    robot.advance(0.1)
-    assert robot.object_pose == lies

@@ -13,7 +13,7 @@ from isotruss_ros.core import (
     SimulatedRobot,
     tangent_center,
 )
-from isotruss_ros.core.errors import ConfigurationError, GraspError
+from isotruss_ros.core.errors import ConfigurationError
 import numpy as np
 import pytest
 
@@ -88,31 +88,9 @@ def test_slip_is_what_the_encoders_do_not_see():
     assert robot.config.roller_positions == pytest.approx(np.zeros(N), abs=1e-15)
 
 
-def test_slip_is_as_large_as_asked_for_over_many_robots():
-    way = 0.1
-    lost = []
-    for seed in range(200):
-        held = RigidObject.in_grip(RollingGrip.attach(ROBOT.home, GRASP))
-        robot = SimulatedRobot(ROBOT.home, held, RollerFaults(slip=0.06), seed)
-        robot.command(np.full(N, way))
-        robot.advance(0.01)
-        lost.append(1.0 - robot.config.roller_positions / robot.roller_positions)
-    # 1200 draws, even from 0.03 to 0.09: their mean is known to 0.0005; five of these.
-    assert np.mean(lost) == pytest.approx(0.06, abs=0.0025)
-    assert (np.min(lost), np.max(lost)) == pytest.approx((0.03, 0.09), rel=0.02)
-
-
-def test_noise_of_a_seed_does_not_depend_on_the_slip():
-    robots = [simulated(noise=0.004), simulated(noise=0.004, slip=0.1)]
-    for robot in robots:
-        robot.command(SPEEDS)
-        robot.advance(0.01)
-    assert np.array_equal(robots[0].roller_velocities, robots[1].roller_velocities)
-
-
-@pytest.mark.parametrize('slip', [-0.1, 0.6, np.nan])
+@pytest.mark.parametrize('slip', [-0.1, 1.0, np.nan])
 def test_slip_that_cannot_be_is_refused(slip):
-    with pytest.raises(ConfigurationError, match=r'must be from 0 to 0\.5$'):
+    with pytest.raises(ConfigurationError, match='to less than 1'):
         simulated(slip=slip)
 
 
@@ -135,8 +113,3 @@ def test_blocks_rather_than_leaving_the_shapes_it_can_take():
         robot.advance(1.0)
     assert robot.config is ROBOT.home
     assert not robot.roller_velocities.any()
-
-
-def test_unknown_stuck_rollers_are_named():
-    with pytest.raises(GraspError, match="'north/P'"):
-        simulated(stuck=frozenset({'north/P'}))

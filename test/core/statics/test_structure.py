@@ -131,17 +131,6 @@ def cases():
     )
 
 
-def displacements(deformation):
-    """Return how all nodes move, (n, 3)."""
-    names = deformation.structure.node_names
-    return np.array([deformation.displacement(name) for name in names])
-
-
-def size(deformation):
-    """Return the largest translation [m]."""
-    return np.abs(displacements(deformation)[:, :2]).max()
-
-
 # -- Against equation (4) --
 
 
@@ -237,11 +226,7 @@ def test_invalid_or_overflowing_loads_are_refused(force, complaint):
         deform(config, {'T': force})
 
 
-@pytest.mark.parametrize('node', ['W', 'main/T/A', 'main/T/b', None])
-def test_displacements_of_unknown_nodes_are_refused_by_name(node):
-    config = load_robot('triangle').configuration(np.zeros(2))
-    deformation = deform(config, {'T': (0.0, -1.0)})
-    with pytest.raises(StructureError) as caught:
-        deformation.displacement(node)
-    assert repr(node) in str(caught.value)
-    assert 't/j/D' in str(caught.value)
+def test_displacements_of_unknown_nodes_are_refused_by_name():
+    deformation = deform(load_robot('triangle').home, {'T': (0.0, -1.0)})
+    with pytest.raises(StructureError, match=r'main/T/b.*t/j/D'):
+        deformation.displacement('main/T/b')

@@ -52,12 +52,6 @@ lengths = strategies.floats(0.05, 5.0)
 pressures = strategies.floats(1e3, 1e5)
 
 
-def test_given_section_is_independent_of_length():
-    rigidities = model_of({'model': 'section', **SECTION}).section_stiffness(LENGTHS, PRESSURE)
-    for value, expected in zip(rigidities, SECTION.values(), strict=True):
-        assert value.tolist() == [expected] * 3
-
-
 def test_inflatable_beam_is_the_default_and_of_the_expected_order():
     model = model_of(None)
     assert model == model_of({'model': 'inflatable_beam'}) == InflatableBeam(RADIUS)
