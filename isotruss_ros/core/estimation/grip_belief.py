@@ -42,8 +42,6 @@ POSE_WALK, CONTACT_SLIP = 0.03, 0.02
 #: Prior standard deviations: of the unexplained pose beyond the effect of wrong offsets, and of
 #: shifts of contacts that friction does not limit [m].
 POSE_DEVIATION, ANY = 0.0005, 0.1
-#: Smallest remaining friction of a member's contacts, relative to the largest friction [-].
-LEAST_LEFT = 0.1
 #: Prior standard deviation of the poses' delay beyond their stamps [s].
 DELAY_DEVIATION = 0.03
 #: Number of poses after which the equilibrium is searched again [-].
@@ -53,10 +51,6 @@ SPEED_TIME = 0.05
 #: Innovations in standard deviations beyond which a pose is inconsistent, as one of 60000 valid
 #: poses is, and corrections and load beyond which contacts slip [-].
 MAX_DEVIATIONS = 5.0
-#: Corrections and load beyond which contacts of a supposed grip slip, in standard deviations [-].
-#: Nothing is gripped in many such starts: an object that lies still is reported after 9 to 16 mm
-#: of path, with `MAX_DEVIATIONS` after 24 mm.
-SUPPOSED_DEVIATIONS = 3.5
 #: Gauge pressure of each tube (t,) [Pa]; None: as in the robot file.
 Pressures = tuple[float, ...] | None
 #: Indices of load, unexplained pose and delay in the state, and first index of the contacts'
@@ -117,7 +111,9 @@ class GripBelief:
         supposed: bool = False,
     ) -> None:
         self.settings, self._given, self._friction = settings, grip, grip.friction
-        self._most = SUPPOSED_DEVIATIONS if supposed else MAX_DEVIATIONS
+        # Nothing is gripped in many supposed starts. An object that lies still is reported after
+        # 9 to 16 mm of path; by the whole deviations after 24 mm.
+        self._most = (0.7 if supposed else 1.0) * MAX_DEVIATIONS
         self._even = np.array([1.0, 1.0, grasp.arm])
         count, shifts = len(grasp.config.roller_positions), len(grasp.members)
         variances = np.zeros(SHIFTS + shifts)
@@ -384,7 +380,7 @@ class GripBelief:
         grasp, most = self.grasp, self._friction * self.grasp.squeeze
         members = np.eye(len(grasp.members))[grasp.contacts.owners]
         presses, rubs = (members.T @ f for f in np.split(grasp.state.forces, 2))
-        left = np.maximum(self._friction * presses - np.abs(rubs), LEAST_LEFT * most)
+        left = np.maximum(self._friction * presses - np.abs(rubs), 0.1 * most)
         rates = np.diag(members.T @ self._anchored[grasp.state.places.friction] @ members)
         return np.minimum(0.4 * left / np.maximum(np.abs(rates), left / ANY), ANY)
 

@@ -127,8 +127,11 @@ def lay_faces(found: HeldGrip, friction: float, gap: float) -> HeldGrip:
     """
     if found.required_friction <= friction:
         return found
-    for k, face in open_faces(found):
-        if is_short(found, face) or far_end_depth(found, k, face, gap) <= -gap:
+    for k, face in open_faces(found.statics):
+        if (
+            is_short(found.statics, face)
+            or far_end_depth(found.statics, found.state, k, face, gap) <= -gap
+        ):
             continue
         contacts, _ = with_far_end(found.contacts, k, face)
         statics = build_statics(found.config, found.statics.body, contacts, found.tubes)

@@ -8,71 +8,77 @@ from __future__ import annotations
 import cmath
 from dataclasses import replace
 
-from isotruss_ros.core.holding.contact_forces import PressedContacts
-from isotruss_ros.core.holding.held_grip import HeldGrip
+from isotruss_ros.core.holding.contact_forces import ANGLE, ContactForces, PressedContacts
+from isotruss_ros.core.holding.contact_statics import ContactStatics
 from isotruss_ros.core.model.shapes import Face
 from isotruss_ros.core.statics.bent_tubes import BentTubes
 import numpy as np
 
 
-def open_faces(grip: HeldGrip) -> list[tuple[int, Face]]:
+def open_faces(statics: ContactStatics) -> list[tuple[int, Face]]:
     """
     Return single contacts and each face whose near end they are; the face after the corner first.
 
-    :param grip: equilibrium of the object.
+    :param statics: equations of equilibrium of the object.
     """
-    owners, corners = grip.contacts.owners, grip.contacts.corners
+    owners, corners = statics.contacts.owners, statics.contacts.corners
     alone = np.flatnonzero(np.bincount(owners)[owners] == 1).tolist()
-    shape = grip.body.shape
+    shape = statics.body.shape
     return [(k, face) for k in alone for face in reversed(shape.faces_at(int(corners[k])))]
 
 
-def is_short(grip: HeldGrip, face: Face) -> bool:
+def is_short(statics: ContactStatics, face: Face) -> bool:
     """
     Return whether a face has one contact that changes from end to end.
 
-    :param grip: equilibrium of the object.
+    :param statics: equations of equilibrium of the object.
     :param face: face of the object.
     """
-    return face.length < grip.statics.tube_radius
+    return face.length < statics.tube_radius
 
 
-def far_end_depth(grip: HeldGrip, k: int, face: Face, gap: float = 0.0) -> float:
+def far_end_depth(
+    statics: ContactStatics, state: ContactForces, k: int, face: Face, gap: float = 0.0
+) -> float:
     """
     Return the penetration depth of a face's far end in the bent tube, negative if apart [m].
 
-    :param grip: equilibrium of the object.
+    :param statics: equations of equilibrium of the object.
+    :param state: solution of the equations.
     :param k: index of the contact at the near end.
     :param face: the face.
     :param gap: largest gap of interest [m]; beyond it the result is the depth in the straight
         tube, which is an upper bound.
     """
-    statics, bent = grip.statics, grip.statics.bent
-    normal, turn = complex(statics.straight_normals[k]), cmath.rect(1.0, grip.state.unknowns[2])
-    point = grip.state.center + turn * grip.body.shape.point_at(face.corner, normal / turn)
+    bent, turn = statics.bent, cmath.rect(1.0, state.unknowns[ANGLE])
+    normal = complex(statics.straight_normals[k])
+    point = state.center + turn * statics.body.shape.point_at(face.corner, normal / turn)
     place = (point - bent.start[k]) / bent.axis[k]
     if not 0.0 < place.real < bent.length[k]:
         return -np.inf
     depth = float(statics.tube_radius + statics.sides[k] * place.imag)
     if depth <= -gap:
         return depth
-    return depth - displacement_at(grip, int(bent.members[k]), place.real, normal)
+    return depth - displacement_at(statics, state, int(bent.members[k]), place.real, normal)
 
 
-def displacement_at(grip: HeldGrip, number: int, foot: float, normal: complex) -> float:
+def displacement_at(
+    statics: ContactStatics, state: ContactForces, number: int, foot: float, normal: complex
+) -> float:
     """
     Return the displacement of a member along a normal at a place without contact [m].
 
-    :param grip: equilibrium of the object.
+    :param statics: equations of equilibrium of the object.
+    :param state: solution of the equations.
     :param number: index of the member.
     :param foot: distance of the place from the member's start [m].
     :param normal: unit vector, x + iy.
     """
-    bent = grip.statics.bent
-    members, feet = np.append(bent.members, number), np.append(grip.state.feet, foot)
-    cut = BentTubes(bent.structure, members, feet, grip.tubes.stiffness_scale)
+    bent = statics.bent
+    members, feet = np.append(bent.members, number), np.append(state.feet, foot)
+    cut = BentTubes(bent.structure, members, feet, bent.stiffness)
     # The linear response to the loads is enough to tell whether the place is in contact.
-    along, across, _ = cut.respond(np.vstack([grip.state.loads, np.zeros(3)]), feet)[-1].tolist()
+    along, across, _ = cut.respond(np.vstack([state.loads, np.zeros(3)]), feet)[-1].tolist()
     return float((normal.conjugate() * complex(along, across) * cut.axis[-1]).real)
 
 

@@ -188,10 +188,12 @@ def _lay_down(grip: HeldGrip, changes: Iterator[int]) -> HeldGrip:
     """
     corners, done = grip.contacts.corners, NOTHING
     own = grip.state.normals * np.exp(-1j * grip.state.unknowns[2])
-    for k, face in open_faces(grip):
-        short = is_short(grip, face)
+    for k, face in open_faces(grip.statics):
+        short = is_short(grip.statics, face)
         rolled = face.step * (own[k] * face.normal.conjugate()).imag > 0.0
-        if k in done or not (rolled if short else far_end_depth(grip, k, face) > 0.0):
+        if k in done or not (
+            rolled if short else far_end_depth(grip.statics, grip.state, k, face) > 0.0
+        ):
             continue
         done = np.append(done, k)
         laid = None if next(changes, None) is None else _lay(grip, k, face)
@@ -225,7 +227,7 @@ def _join(grip: HeldGrip) -> HeldGrip:
 def _lay(grip: HeldGrip, k: int, face: Face) -> HeldGrip | None:
     """Return the equilibrium with the far end of a face, in place of the near end if short."""
     anchors, angles, wrench = grip.anchors, grip.angles, grip.wrench
-    if is_short(grip, face):
+    if is_short(grip.statics, face):
         turned = with_turned_corner(grip.contacts, k, face)
         return roll_contacts(grip, grip.config, turned, anchors, angles, wrench)
     laid, new = with_far_end(grip.contacts, k, face)
@@ -262,7 +264,9 @@ def _depth_in(grip: HeldGrip, number: int, depth: float) -> float:
     start, end = member_lines(grip.config)[[number]].T
     near = segment_gaps(grip.body, start, end)
     foot = float(near.shares[0]) * abs(end - start)
-    return depth - displacement_at(grip, number, foot, complex(near.normals[0]))
+    return depth - displacement_at(
+        grip.statics, grip.state, number, foot, complex(near.normals[0])
+    )
 
 
 def with_pressures(grip: HeldGrip, pressures: Pressure | None) -> HeldGrip:

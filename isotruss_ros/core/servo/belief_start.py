@@ -23,9 +23,6 @@ from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.servo.servo_settings import SqueezeSettings
 
 PRIOR = EstimatorSettings()
-#: Smallest ratio of a supposed squeeze to the desired one that corrects the depth [-], and largest
-#: depth in standard deviations of the roller offsets [-].
-LEAST_RATIO, DEEPEST = 0.25, 4.0
 
 
 class BeliefStart:
@@ -94,6 +91,6 @@ class BeliefStart:
         ratio = found.squeeze / settings.force
         if abs(ratio - 1.0) <= 2.0 * PRIOR.squeeze_error:
             return True
-        deeper = (self._depth or settings.zeros) / max(ratio, LEAST_RATIO)
-        self._depth = min(deeper, DEEPEST * settings.zeros)
+        deeper = (self._depth or settings.zeros) / max(ratio, 0.25)
+        self._depth = min(deeper, 4.0 * settings.zeros)
         return False

@@ -22,8 +22,10 @@ def test_a_face_closes_where_the_gap_of_its_far_end_does():
         command = solve_twist(grip.config, grip.touching(FRICTION), np.array([0.0, 0.0, 0.01]))
         travel = grip.config.roller_positions + command.roller_velocities
         grip = roll_grip(grip, grip.config.moved_to(travel))
-        faces = [(k, face) for k, face in open_faces(grip) if not is_short(grip, face)]
-        assert max(far_end_depth(grip, k, face) for k, face in faces) < 1e-6
+        faces = [
+            (k, face) for k, face in open_faces(grip.statics) if not is_short(grip.statics, face)
+        ]
+        assert max(far_end_depth(grip.statics, grip.state, k, face) for k, face in faces) < 1e-6
         counts.append(len(grip.contacts.members))
     assert {2, 3} == set(counts)
 
