@@ -36,9 +36,6 @@ class LinearRows(NamedTuple):
         return self.value, np.bincount(self.row, moved, minlength=self.count), self.pairs[0]
 
 
-NO_ROWS = LinearRows(0, np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp), np.zeros(0))
-
-
 def members(ends, axial, flexural, shear=np.inf, pins=()):
     """
     Return members between pairs of nodes; rigidities are one for all or one for each.
@@ -65,13 +62,9 @@ def frame(points, members_, held, rows=None, names=None):
     """Return the package's frame; nodes are called n0, n1, ... ."""
     names = [f'n{i}' for i in range(len(points))] if names is None else names
     points = np.asarray(points, dtype=complex)
-    return Frame(points, members_, held, names, NO_ROWS if rows is None else linear_rows(rows))
-
-
-def linear_rows(matrix):
-    """Return the rows of a matrix as constraints of a frame."""
-    matrix = coo_matrix(matrix)
-    return LinearRows(matrix.shape[0], matrix.row, matrix.col, matrix.data)
+    matrix = coo_matrix(np.zeros((0, held.size)) if rows is None else rows)
+    constraints = LinearRows(matrix.shape[0], matrix.row, matrix.col, matrix.data)
+    return Frame(points, members_, held, names, constraints)
 
 
 def random_frame(rng, shear=True, pins=0.3, spread=1.5):
