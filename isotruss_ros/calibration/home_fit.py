@@ -35,20 +35,14 @@ class Posture:
 
 
 class HomeFit(NamedTuple):
-    """
-    Result of a fit to measured joint positions.
+    """Result of a fit to measured joint positions."""
 
-    :ivar zeros: (r,) roller travel, from the home of the robot file, at which the encoders read
-        zero [m].
-    :ivar motion: transform (dx, dy, angle) from the tracker's frame to the robot's frame [m, rad].
-    :ivar residuals: (k, 2) measured minus fitted joint positions, posture after posture [m].
-    :ivar jacobian: (2k, p) Jacobian of the residuals.
-    """
-
+    #: (r,) roller travel, from the home of the robot file, at which the encoders read zero [m]
     zeros: Array
+    #: transform (dx, dy, angle) from the tracker's frame to the robot's frame [m, rad]
     motion: Array
-    residuals: Array
-    jacobian: Array
+    residuals: Array  #: (k, 2) measured minus fitted joint positions, posture after posture [m]
+    jacobian: Array  #: (2k, p) Jacobian of the residuals
 
     @property
     def errors(self) -> tuple[Array, Array]:

@@ -63,15 +63,12 @@ class PlantRecorder:
 
 @dataclass(frozen=True, eq=False)
 class PlantRecording:
-    """
-    Recorded states of a plant.
-
-    :ivar states: (n, k) states as rows; each has MuJoCo's coordinates, then the second component
-        of the size of each geom, then the first component of the position of each geom.
-    """
+    """Recorded states of a plant."""
 
     text: str  #: text of the model (MJCF)
     times: Array  #: (n,) times of the states, increasing [s]
+    #: (n, k) states as rows; each has MuJoCo's coordinates, then the second component of the size
+    #: of each geom, then the first component of the position of each geom
     states: Array
 
     def at(self, time: float) -> Array:

@@ -28,13 +28,10 @@ MAX_CORRECTION = 0.03
 
 
 class RefinedGrasp(NamedTuple):
-    """
-    Grasp corrected by measurements in a plant.
+    """Grasp corrected by measurements in a plant."""
 
-    :ivar grasp: planned grasp whose roller positions after the first contact are corrected;
-        everything else is as planned.
-    """
-
+    #: planned grasp whose roller positions after the first contact are corrected; everything else
+    #: is as planned
     grasp: PlannedGrasp
     measured: Array  #: (n, 2) squeeze and slip margin in each iteration [N]
     agrees: bool  #: whether the last measurement is within tolerance

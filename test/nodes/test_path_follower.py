@@ -356,18 +356,6 @@ def test_a_supervised_goal_ends_with_its_client():
         assert not client.moves()
 
 
-def test_diagnostics_report_the_state():
-    with world(node()) as w:
-        tell = fake(w)
-        w.until(lambda: w.report('path_follower').hardware_id == 'nine_member', tell)
-        assert w.nodes[1].describe()['following'] is False
-        begin(w, tell)
-        details = w.nodes[1].describe()
-        assert details['following'] is True
-        assert details['phase'] == 'FOLLOWING'
-        w.until(lambda: w.report('path_follower').message == 'following', tell)
-
-
 ROBOT, NOW = make_robot(), 10.0
 STILL = np.zeros(len(ROBOT.roller_names))
 BODY, _ = place(ROBOT, 'brick', 0.5)

@@ -285,9 +285,9 @@ def moved_part(left):
     return control.solve(np.array(twist), 0.02, solve_at_rest).scale
 
 
-def test_slip_margin_stays_above_four_percent_of_the_squeeze():
-    assert moved_part(0.03) == 0.0
-    one, two = moved_part(0.05), moved_part(0.06)
+def test_slip_margin_stays_above_a_hundredth_of_the_squeeze():
+    assert moved_part(0.005) == 0.0
+    one, two = moved_part(0.02), moved_part(0.03)
     assert 0.0 < one < 0.5
     # Twice as much is free then.
     assert two == pytest.approx(2.0 * one, rel=0.01)
