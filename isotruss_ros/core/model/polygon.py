@@ -36,7 +36,8 @@ class Polygon(Shape):
         without repetition of the first. They are stored counter-clockwise.
     :ivar corner_radius: radius of the arcs [m]: one number for all corners, or one number for each
         corner; 0 for a sharp corner.
-    :raises GraspError: the polygon is not convex, or an arc does not fit; names the vertex.
+    :raises GraspError: the polygon is not convex, or an arc does not fit; the message names the
+        vertex.
     """
 
     vertices: tuple[tuple[float, float], ...]
