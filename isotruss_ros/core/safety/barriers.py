@@ -231,5 +231,5 @@ class RigidityBarrier:
         return self._index.modes(config).values[indices]
 
     def names(self, indices: Indices) -> list[str]:
-        """Return the same name for every mode; see `Barrier.names`."""
+        """Return `the rigidity of the shape` for every mode; see `Barrier.names`."""
         return ['the rigidity of the shape'] * len(indices)
