@@ -109,16 +109,6 @@ def test_points_end_where_the_tube_wrinkles():
 # -- Fig. 5 --
 
 
-def test_triangles_are_stiffer_the_steeper_their_legs(results):
-    obtuse, equilateral, acute = (results['figure_5'][name] for name in EDGES)
-    assert obtuse.angle < equilateral.angle < acute.angle
-    # The explanation: two bars with the legs' axial stiffness are somewhat stiffer, and nearly all
-    # of the energy is axial.
-    for shape in (obtuse, equilateral, acute):
-        assert 0.85 * shape.truss < shape.stiffness < shape.truss
-        assert 0.9 < shape.stretching < 1.0
-
-
 @pytest.mark.parametrize('name', EDGES)
 def test_a_tube_bears_its_wrinkling_moment_at_the_onset(name, results):
     shape = results['figure_5'][name]
@@ -135,13 +125,6 @@ def test_a_tube_bears_its_wrinkling_moment_at_the_onset(name, results):
 
 
 # -- Fig. 6 --
-
-
-def test_tube_wrinkles_where_force_times_an_eighth_of_its_length_is_its_moment(results):
-    result = results['figure_6']
-    forces = result.wrinkling * [each.stiffness for each in result.middle[1]]
-    moments = forces * TUBE_LENGTH / 8
-    assert moments == pytest.approx(3 * [wrinkling_moment(PRESSURE, RADIUS)])
 
 
 def test_stiffness_is_that_of_membrane_elements(results):
