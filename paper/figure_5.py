@@ -12,9 +12,10 @@ import math
 from isotruss_ros.core import Configuration, load_robot, Robot
 from isotruss_ros.core.kinematics.depths import member_lines
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.core.statics.frame import Frame, Tangent
+from isotruss_ros.core.statics.frame import Frame
 from isotruss_ros.core.statics.load_path import follow_loads, LoadPath
 from isotruss_ros.core.statics.structure import Structure, structure_of
+from isotruss_ros.core.statics.tangent import Tangent
 from isotruss_ros.core.statics.tube_stiffness import tube_stiffness
 from isotruss_ros.core.statics.wrinkling import find_utilisation
 import numpy as np

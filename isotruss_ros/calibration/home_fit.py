@@ -35,19 +35,13 @@ class Posture:
 
 
 class HomeFit(NamedTuple):
-    """
-    Fit to measured joints.
+    """Fit to measured joints."""
 
-    :ivar zeros: (r,) roller travel since the file's home at zero encoder readings [m].
-    :ivar motion: transform (dx, dy, angle) from the tracker's frame to the robot's frame [m, rad].
-    :ivar residuals: (k, 2) measured minus fitted joint positions, by posture [m].
-    :ivar jacobian: (2k, p) Jacobian of the residuals.
-    """
-
-    zeros: Array
+    zeros: Array  #: (r,) roller travel since the file's home at zero encoder readings [m]
+    #: transform (dx, dy, angle) from the tracker's frame to the robot's frame [m, rad]
     motion: Array
-    residuals: Array
-    jacobian: Array
+    residuals: Array  #: (k, 2) measured minus fitted joint positions, by posture [m]
+    jacobian: Array  #: (2k, p) Jacobian of the residuals
 
     @property
     def errors(self) -> tuple[Array, Array]:

@@ -96,6 +96,7 @@ def _contact_points(
         )
         skin = points + 1j * kernel.radius
         dents = kernel.compliance(places, only, only, CONTACT_SPACING)
+    inside[1, :, 1] += dents
     return ContactPoints(
         points=points,
         skin=skin,

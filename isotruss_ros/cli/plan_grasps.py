@@ -15,12 +15,7 @@ import signal
 import sys
 from types import FrameType
 
-from isotruss_ros.cli.plan_options import (
-    add_requirements,
-    add_search,
-    duration,
-    requirements,
-)
+from isotruss_ros.cli.plan_options import add_requirements, add_search, duration, requirements
 from isotruss_ros.cli.plan_report import as_json, table
 from isotruss_ros.cli.progress_bar import show_progress
 from isotruss_ros.core import (

@@ -10,14 +10,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from isotruss_ros.core import (
-    analyze_grasp,
-    Configuration,
-    ConvexObject,
-    Pose,
-    Robot,
-    settle_grasp,
-)
+from isotruss_ros.core import analyze_grasp, Configuration, ConvexObject, Pose, Robot, settle_grasp
 from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
 from isotruss_ros.core.kinematics.depths import member_lines
 from isotruss_ros.core.numerics.arrays import Array

@@ -25,48 +25,38 @@ class Snapshot(NamedTuple):
 
 @dataclass
 class PhaseRecord:
-    """
-    Record of one phase.
+    """Record of one phase."""
 
-    :ivar name: name of the phase.
-    :ivar commanded: (dx, dy, dangle), integral of the published twists [m, rad].
-    :ivar accepted: (dx, dy, dangle), integral of the twists that the manipulation node reports to
-        execute, scaled by its limits [m, rad].
-    :ivar measured: (dx, dy, dangle), change of the measured pose with the angle unwrapped [m,
-        rad].
-    :ivar max_speed: largest commanded speed of the object, with rotations times 0.1 m [m/s].
-    :ivar pull: external wrench (fx, fy, m) on the object [N, N m]; None without one.
-    :ivar pulled: interval of the external wrench, ROS time [s].
-    :ivar max_shift: largest distance of the measured from the commanded position under the wrench
-        [m].
-    :ivar max_roller_speed: largest measured speed of any roller [m/s].
-    :ivar loop_rate: cycles of the manipulation node per second [Hz].
-    :ivar longest_cycle: longest time between two cycles of the manipulation node or of the
-        publishing client [s].
-    :ivar statuses: all statuses of the manipulation node.
-    :ivar snapshots: measured states in the order of time.
-    :ivar grasps: all results of the grasp analysis in the order of time.
-    :ivar squeezes: true mean normal forces of the members in the order of time [N], if received.
-    :ivar joints: true positions (j, 2) of the joints in the order of time [m], if received.
-    :ivar estimates: estimates of the state in the order of time, if the truth is recorded.
-    """
-
-    name: str
+    name: str  #: name of the phase
+    #: (dx, dy, dangle), integral of the published twists [m, rad]
     commanded: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    #: (dx, dy, dangle), integral of the twists that the manipulation node reports to execute,
+    #: scaled by its limits [m, rad]
     accepted: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    #: (dx, dy, dangle), change of the measured pose with the angle unwrapped [m, rad]
     measured: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    #: largest commanded speed of the object, with rotations times 0.1 m [m/s]
     max_speed: float = 0.0
+    #: external wrench (fx, fy, m) on the object [N, N m]; None without one
     pull: tuple[float, float, float] | None = None
+    #: interval of the external wrench, ROS time [s]
     pulled: tuple[float, float] = (math.inf, -math.inf)
+    #: largest distance of the measured from the commanded position under the wrench [m]
     max_shift: float = 0.0
-    max_roller_speed: float = 0.0
-    loop_rate: float = 0.0
+    max_roller_speed: float = 0.0  #: largest measured speed of any roller [m/s]
+    loop_rate: float = 0.0  #: cycles of the manipulation node per second [Hz]
+    #: longest time between two cycles of the manipulation node or of the publishing client [s]
     longest_cycle: float = 0.0
-    statuses: set[Status] = field(default_factory=set)
+    statuses: set[Status] = field(default_factory=set)  #: all statuses of the manipulation node
+    #: measured states in the order of time
     snapshots: list[Snapshot] = field(default_factory=list)
+    #: all results of the grasp analysis in the order of time
     grasps: list[GraspState] = field(default_factory=list)
+    #: true mean normal forces of the members in the order of time [N], if received
     squeezes: list[float] = field(default_factory=list)
+    #: true positions (j, 2) of the joints in the order of time [m], if received
     joints: list[np.ndarray] = field(default_factory=list)
+    #: estimates of the state in the order of time, if the truth is recorded
     estimates: list[StateEstimate] = field(default_factory=list)
 
     @property

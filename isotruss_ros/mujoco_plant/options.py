@@ -62,10 +62,6 @@ class PlantOptions:
     """
     Options of the MuJoCo model.
 
-    :ivar tube_relaxation: relaxation time of a massless tube in bending and shear, due to material
-        losses [s].
-    :ivar roller_force: largest force of a roller along the tube, torque over radius [N]. A roller
-        stops if its members pull against the motion with more.
     :raises PlantError: a value is invalid.
     """
 
@@ -75,11 +71,14 @@ class PlantOptions:
     time_step: float = 0.002  #: time step of the integrator [s]
     segments: int = 8  #: number of segments of a member; fewer reduce the squeeze
     joint_drag: float = 5.0  #: viscous drag of each joint of the robot [N s/m]
+    #: relaxation time of a massless tube in bending and shear, due to material losses [s]
     tube_relaxation: float = 0.1
     object_drag: float = 0.5  #: viscous drag of the ground on an object [N s/m]
     ground_friction: float = 0.0  #: friction force of the ground on an object [N]
     module_friction: float = 0.0  #: ground friction at each joint and its modules [N]
     roller_lag: float = 0.0  #: time constant of the rollers' speeds [s]
+    #: largest force of a roller along the tube, torque over radius [N]. A roller stops if its
+    #: members pull against the motion with more.
     roller_force: float = float('inf')
 
     def __post_init__(self) -> None:

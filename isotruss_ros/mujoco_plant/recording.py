@@ -63,15 +63,12 @@ class PlantRecorder:
 
 @dataclass(frozen=True, eq=False)
 class PlantRecording:
-    """
-    Recorded states of a plant.
-
-    :ivar states: (n, k) coordinates; then for each geom the second component of its size and the
-        first component of its position.
-    """
+    """Recorded states of a plant."""
 
     text: str  #: text of the model (MJCF)
     times: Array  #: (n,) times of the states, increasing [s]
+    #: (n, k) coordinates; then for each geom the second component of its size and the first
+    #: component of its position
     states: Array
 
     def at(self, time: float) -> Array:

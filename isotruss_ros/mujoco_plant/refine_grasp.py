@@ -28,13 +28,10 @@ MAX_CORRECTION = 0.03
 
 
 class RefinedGrasp(NamedTuple):
-    """
-    Grasp that measurements in a plant have corrected.
+    """Grasp that measurements in a plant have corrected."""
 
-    :ivar grasp: planned grasp with corrected roller positions after first contact; everything else
-        is as planned.
-    """
-
+    #: planned grasp with corrected roller positions after first contact; everything else is as
+    #: planned
     grasp: PlannedGrasp
     measured: Array  #: (n, 2) squeeze and slip margin by iteration [N]
     agrees: bool  #: whether the last measurement is within tolerance

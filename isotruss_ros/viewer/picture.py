@@ -55,23 +55,21 @@ class Picture:
     Displayed state of the robot, from the latest messages.
 
     :ivar config: configuration at the last joint states.
-    :ivar pose: pose of the object; None before the first pose.
-    :ivar goal: target (x, y) of a drag [m]; None without a drag.
-    :ivar lines: points (k, 3) [m] of the markers by namespace and id: lines, triangles of contact
-        regions, or ends of arrows.
-    :ivar samples: samples of the plots: time [s], mean normal force of the grasping members [N],
-        and distance of the object from its goal [m]; NaN if unknown.
     """
 
     robot: Robot  #: the robot
     diameter: float  #: diameter of the object [m]
     shape: Shape | None = None  #: shape of the object; None: disc with this diameter
-    pose: Pose | None = None
-    goal: tuple[float, float] | None = None
+    pose: Pose | None = None  #: pose of the object; None before the first pose
+    goal: tuple[float, float] | None = None  #: target (x, y) of a drag [m]; None without a drag
     goal_report: str = ''  #: state of the last goal in words; empty before the first goal
     state: Any = None  #: last message grasp/state; None before the first
     status: Any = None  #: last message manipulation/status; None before the first
+    #: points (k, 3) [m] of the markers by namespace and id: lines, triangles of contact regions,
+    #: or ends of arrows
     lines: dict[tuple[str, int], Array] = field(default_factory=dict)
+    #: samples of the plots: time [s], mean normal force of the grasping members [N], and distance
+    #: of the object from its goal [m]; NaN if unknown
     samples: deque[tuple[float, float, float]] = field(
         default_factory=lambda: deque(maxlen=MAX_SAMPLES)
     )

@@ -4,8 +4,7 @@
 """
 What the tests of the search for grasps share: random objects inside loops, and oracles.
 
-The oracles know nothing of the code under test: distances from ends and heights, the rigidity from
-a decomposition of the whole matrix, pairs of parts by their names.
+The oracles know nothing of the code under test: distances are from ends and heights.
 """
 
 import functools
@@ -25,18 +24,6 @@ def parts(config):
     return begin, end, np.array(middle)
 
 
-def disc(robot):
-    """Return the radius of a module's disc [m]."""
-    file = robot.description
-    return 0.5 * (file.module.pinch_separation + file.tube_diameter)
-
-
-def to_point(config, point):
-    """Return the distances of a point from all sides (m,) and all middles of modules (m,) [m]."""
-    begin, end, middle = parts(config)
-    return to_segments(point, begin, end), np.abs(middle - point)
-
-
 def to_segments(point, begin, end):
     """Return the distances of a point from straight segments (m,), by their ends and heights."""
     along, arm = end - begin, point - begin
@@ -48,19 +35,17 @@ def to_segments(point, begin, end):
 
 def gaps(config, body):
     """Return the distances of an object from members, modules, rods, (m,) each [m]."""
-    center, radius = body.center, body.arm
-    members, modules = to_point(config, center)
+    robot, file = config.robot, config.robot.description
+    place = dict(zip(robot.node_names, config.points, strict=True))
+    joints = np.array([place[name.split('/')[1]] for name in robot.module_names])
+    begin, end, middle = parts(config)
+    rods, disc = to_segments(body.center, joints, middle), 0.5 * file.module.pinch_separation
+    tube = 0.5 * file.tube_diameter
     return (
-        members - radius - 0.5 * config.robot.description.tube_diameter,
-        modules - radius - disc(config.robot),
-        to_segments(center, _joints(config), parts(config)[2]) - radius,
+        to_segments(body.center, begin, end) - body.arm - tube,
+        np.abs(middle - body.center) - body.arm - disc - tube,
+        rods - body.arm,
     )
-
-
-def _joints(config):
-    """Return the joint of each module (m,) [m]."""
-    place = dict(zip(config.robot.node_names, config.points, strict=True))
-    return np.array([place[name.split('/')[1]] for name in config.robot.module_names])
 
 
 def drive(robot, path, parts=30):

@@ -8,11 +8,32 @@ Random plane frames for the tests of statics, and other programs and models that
 pinned ends have rotations of their own, constraints are met by a basis of what they allow.
 """
 
+from typing import NamedTuple
+
 from isotruss_ros.core.statics.frame import Frame
-from isotruss_ros.core.statics.frame_pattern import LinearRows, Members, NO_ROWS
+from isotruss_ros.core.statics.frame_pattern import Members
 import numpy as np
 from scipy.linalg import null_space
 from scipy.sparse import coo_matrix
+
+
+class LinearRows(NamedTuple):
+    """Homogeneous linear constraints on displacements, in place of those on rotations."""
+
+    count: int
+    row: np.ndarray
+    column: np.ndarray
+    value: np.ndarray
+
+    @property
+    def pairs(self):
+        """Return no pairs, since the constraints are linear."""
+        return (np.zeros(0, dtype=np.intp),) * 2
+
+    def linearize(self, points, displacements, multipliers):
+        """Return entries, violations and no stiffness."""
+        moved = displacements.ravel()[self.column] * self.value
+        return self.value, np.bincount(self.row, moved, minlength=self.count), self.pairs[0]
 
 
 def members(ends, axial, flexural, shear=np.inf, pins=()):
@@ -41,13 +62,9 @@ def frame(points, members_, held, rows=None, names=None):
     """Return the package's frame; nodes are called n0, n1, ... ."""
     names = [f'n{i}' for i in range(len(points))] if names is None else names
     points = np.asarray(points, dtype=complex)
-    return Frame(points, members_, held, names, NO_ROWS if rows is None else linear_rows(rows))
-
-
-def linear_rows(matrix):
-    """Return the rows of a matrix as constraints of a frame."""
-    matrix = coo_matrix(matrix)
-    return LinearRows(matrix.shape[0], matrix.row, matrix.col, matrix.data)
+    matrix = coo_matrix(np.zeros((0, held.size)) if rows is None else rows)
+    constraints = LinearRows(matrix.shape[0], matrix.row, matrix.col, matrix.data)
+    return Frame(points, members_, held, names, constraints)
 
 
 def random_frame(rng, shear=True, pins=0.3, spread=1.5):

@@ -5,8 +5,8 @@
 
 from types import SimpleNamespace
 
+import frames
 from isotruss_ros.core.statics.cut_frame import CutFrame
-from isotruss_ros.core.statics.frame import Frame
 from isotruss_ros.core.statics.frame_pattern import Members
 import numpy as np
 
@@ -28,7 +28,7 @@ def bare(span, axial, flexural, shear):
         none,
     )
     held = np.array([[True] * 3] * 3 + [[False] * 3])
-    frame = Frame(np.array([0.0, span, 1e3, 1e3 + 1.0]), members, held, list('0123'))
+    frame = frames.frame([0.0, span, 1e3, 1e3 + 1.0], members, held)
     topology = SimpleNamespace(
         n_modules=1, b=one - 1, c=one, end=one, following=one - 1, previous=one - 1, tube=one - 1
     )

@@ -173,12 +173,12 @@ def test_an_oscillation_that_grows_is_stopped_before_the_object_is_lost(grasp, g
 
 
 @pytest.mark.parametrize('seed', some_now(range(20)))
-def test_noise_raises_no_alarm_on_a_path(seed):
+def test_noise_halts_no_object_on_a_path(seed):
     carry, rng = Carry('disc 0.3 m', noise=NOISE, seed=seed), np.random.default_rng(seed)
     for _ in range(1 if seed == 0 else 2):
         carry.run(3.0 if seed == 0 else 6.0, rng.uniform(-1.0, 1.0, 3) * (0.025, 0.025, 0.1))
     carry.run(1.0)
-    assert set(carry.statuses) == {Status.OK}
+    assert max(carry.statuses) < Status.HALT_NO_TWIST
     assert np.abs(carry.errors).max() < 8e-3
 
 

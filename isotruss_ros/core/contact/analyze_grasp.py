@@ -17,11 +17,7 @@ from isotruss_ros.core.contact.contact_regions import assess_members
 from isotruss_ros.core.contact.flattening import flattening_of
 from isotruss_ros.core.contact.friction_closure import balance_by_friction
 from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis, SolvedContact
-from isotruss_ros.core.contact.refinement import (
-    ContactSolver,
-    measure_contact,
-    refine_contact,
-)
+from isotruss_ros.core.contact.refinement import ContactSolver, measure_contact, refine_contact
 from isotruss_ros.core.contact.sliding_contact import solve_sliding_contact, turn_at_corners
 from isotruss_ros.core.contact.surfaces import Surface, surface_of
 from isotruss_ros.core.errors import GraspError, SolverError

@@ -90,11 +90,7 @@ def solve_contact(
 
 
 def _settle_normals(
-    contact_points: ContactPoints,
-    places: Indices,
-    normals: Points,
-    gaps: Array,
-    surface: Surface,
+    contact_points: ContactPoints, places: Indices, normals: Points, gaps: Array, surface: Surface
 ) -> Points:
     """Return the forces (a,), x + iy [N], that close the gaps (a,) at updated normals."""
     count = len(places)

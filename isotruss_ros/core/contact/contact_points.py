@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 
 from isotruss_ros.core.contact.flattening import Flattening
 from isotruss_ros.core.contact.surfaces import Surface
@@ -39,7 +38,7 @@ class ContactPoints:
     :ivar place: (c,) distance of each point from its member's start [m].
     :ivar spacing: length of tube that each point represents [m].
     :ivar axis: (c,) unit vector of the bent member at each point, normal to its section, x + iy.
-    :ivar inside: (2, c, 2, c) compliance of the points with fixed ends of the pieces, along and
+    :ivar inside: (2, c, 2, c) compliance of the skin with fixed ends of the pieces, along and
         across the tube [m/N].
     :ivar spread: (2, c, 6 p) displacements of the points along and across the tube, by
         displacements of the pieces' ends.
@@ -79,12 +78,7 @@ class ContactPoints:
         :param push: (c,) forces on the points, x + iy [N].
         """
         if id(push) not in self._moves:
-            tangent, frame = self.bent.tangent, self.bent.frame
-            loads = np.zeros((len(frame.points), 3))
-            loads[frame.nodes, 0], loads[frame.nodes, 1] = push.real, push.imag
-            left = (loads.ravel() - tangent.carried)[:, None]
-            moved, multipliers = tangent.respond(left, -tangent.gaps[:, None])
-            self._moves[id(push)] = push, (moved.reshape(-1, 3), multipliers[:, 0])
+            self._moves[id(push)] = push, _move(self.bent, push)
         return self._moves[id(push)][1]
 
     def distance(self, push: Points) -> float:
@@ -124,15 +118,15 @@ class ContactPoints:
             along and across the tubes is not computed again.
         """
         if push is None:
-            found = points_on_members(bent, self.spacing)
+            found = points_on_members(bent, self.spacing, self.dents)
         else:
-            found = replace(self, place=bent.cuts, bent=bent)
-            there, axis = _line(bent, found.move(push)[0])
-            found = replace(found, axis=axis)
+            there, axis = _line(bent, _move(bent, push)[0])
+            found = replace(self, place=bent.cuts, bent=bent, axis=axis)
             give = found.bend(found.displacements(push), push) - self.points
             found = replace(found, points=there - give)
-        skin = found.points + (self.skin - self.points) / self.axis * found.axis
-        return replace(found, skin=skin, dents=self.dents)
+        return replace(
+            found, skin=found.points + (self.skin - self.points) / self.axis * found.axis
+        )
 
     @property
     def motion_since_factored(self) -> float:
@@ -165,13 +159,6 @@ class ContactPoints:
         """
         return spacing == self.spacing and np.array_equal(bent.frame.whole, self.bent.frame.whole)
 
-    @cached_property
-    def _own(self) -> Array:
-        """Return the compliance (2, c, 2, c) of the skin with fixed ends of the pieces [m/N]."""
-        own = self.inside.copy()
-        own[1, :, 1] += self.dents
-        return own
-
     def normal_compliance(self, normals: Points) -> Array:
         """
         Return W = N^T (S^-1 + C) N of (8), the compliance of the skin along the normals.
@@ -183,7 +170,7 @@ class ContactPoints:
         along, across = local.real[:, None], local.imag[:, None]
         lever = along * self.spread[0] + across * self.spread[1]
         matrix = lever @ self.ends @ lever.T
-        own = self._own
+        own = self.inside
         matrix += along * (own[0, :, 0] * along.T + own[0, :, 1] * across.T)
         matrix += across * (own[1, :, 0] * along.T + own[1, :, 1] * across.T)
         return matrix
@@ -197,7 +184,7 @@ class ContactPoints:
         """
         local = (self.axis.conj() * forces).view(np.float64).reshape(-1, 2).T
         moved = self.spread @ (self.ends @ self.pushed(forces))
-        own = self._own.reshape(local.size, local.size)
+        own = self.inside.reshape(local.size, local.size)
         moved += (own @ local.ravel()).reshape(local.shape)
         return self.axis * (moved[0] + 1j * moved[1])
 
@@ -212,7 +199,7 @@ class ContactPoints:
             count, both = len(places), np.arange(2)
             spread = self.spread[:, places].reshape(2 * count, len(self.ends))
             matrix = (spread @ self.ends @ spread.T).reshape(2, count, 2, count)
-            matrix += self._own[np.ix_(both, places, both, places)]
+            matrix += self.inside[np.ix_(both, places, both, places)]
             self._kept[key] = matrix
         return self._kept[key]
 
@@ -292,13 +279,22 @@ def find_contact_points(
     if known is not None and known[0].lend(tubes) and known[0].is_parallel(tubes, spacing):
         points = known[0].about(tubes, known[1])
     else:
-        points = points_on_members(tubes, spacing)
         if flattening is None:
-            return points
+            return points_on_members(tubes, spacing)
         dents = flattening.compliance(place, member, topology.tube[member], spacing)
-        points = replace(points, dents=dents)
+        points = points_on_members(tubes, spacing, dents)
     toward = np.where(away.imag < 0.0, -1j, 1j)
     return replace(points, skin=points.points + width * toward[member] * points.axis)
+
+
+def _move(tubes: BentTubes, push: Points) -> tuple[Array, Array]:
+    """Return changes of displacements (n, 3) and multipliers (c,), see `ContactPoints.move`."""
+    tangent, frame = tubes.tangent, tubes.frame
+    loads = np.zeros((len(frame.points), 3))
+    loads[frame.nodes, 0], loads[frame.nodes, 1] = push.real, push.imag
+    left = (loads.ravel() - tangent.carried)[:, None]
+    moved, multipliers = tangent.respond(left, -tangent.gaps[:, None])
+    return moved.reshape(-1, 3), multipliers[:, 0]
 
 
 def _line(tubes: BentTubes, moved: Array) -> tuple[Points, Points]:
@@ -309,12 +305,15 @@ def _line(tubes: BentTubes, moved: Array) -> tuple[Points, Points]:
     return tubes.frame.points[nodes] + there @ (1.0, 1j), axis
 
 
-def points_on_members(tubes: BentTubes, spacing: float) -> ContactPoints:
+def points_on_members(
+    tubes: BentTubes, spacing: float, dents: Array | None = None
+) -> ContactPoints:
     """
     Return contact points on the centre lines at the places of the tubes.
 
     :param tubes: the linearised tubes at the places.
     :param spacing: length of tube that each place represents [m].
+    :param dents: (c, c) compliance of the skin relative to the centre line [m/N]; None: zero.
     """
     frame, tangent = tubes.frame, tubes.tangent
     nodes, count, chains = frame.nodes, len(frame.nodes), tangent.chains
@@ -340,6 +339,8 @@ def points_on_members(tubes: BentTubes, spacing: float) -> ContactPoints:
             moving = (own[::3] + 1j * own[1::3]) * back
             spread[0, at, columns], spread[1, at, columns] = moving.real, moving.imag
             begin += 6
+    dents = np.zeros((count, count)) if dents is None else dents
+    inside[1, :, 1] += dents
     return ContactPoints(
         points=points,
         skin=points,
@@ -350,7 +351,7 @@ def points_on_members(tubes: BentTubes, spacing: float) -> ContactPoints:
         inside=inside,
         spread=spread,
         ends=moved[ends, :-1],
-        dents=np.zeros((count, count)),
+        dents=dents,
         bent=tubes,
     )
 

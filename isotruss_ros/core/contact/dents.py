@@ -49,11 +49,7 @@ class SkinIndentation:
     """
 
     def __init__(
-        self,
-        depths: Array,
-        presses: Sequence[tuple[float, Array]],
-        kernel: Flattening,
-        tube: int,
+        self, depths: Array, presses: Sequence[tuple[float, Array]], kernel: Flattening, tube: int
     ) -> None:
         places = np.append(
             0.0, np.array([forces.sum() for _, forces in presses]) ** DEPTH_EXPONENT

@@ -41,11 +41,7 @@ class FrictionClosure:
 
 
 def balance_by_friction(
-    tangents: Array,
-    normal_forces: Array,
-    load: Array,
-    friction: float,
-    levers: Array,
+    tangents: Array, normal_forces: Array, load: Array, friction: float, levers: Array
 ) -> FrictionClosure:
     """
     Balance a load by friction forces with |F_i| <= mu N_i, equation (10).

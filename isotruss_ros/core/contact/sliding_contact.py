@@ -131,11 +131,7 @@ def _iterate(
 
 
 def _slide(
-    contact_points: ContactPoints,
-    places: Indices,
-    normals: Points,
-    push: Points,
-    still: Array,
+    contact_points: ContactPoints, places: Indices, normals: Points, push: Points, still: Array
 ) -> Array | None:
     """Return the forces (c,) that close the gaps of sliding tubes; None if one is negative."""
     count, inward = len(places), contact_points.axis[places].conj()

@@ -7,13 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from isotruss_ros.core.inputs import (
-    InputFault,
-    RejectedInput,
-    RollerState,
-    StampedInput,
-    Timeline,
-)
+from isotruss_ros.core.inputs import InputFault, RejectedInput, RollerState, StampedInput, Timeline
 import numpy as np
 
 

@@ -268,7 +268,7 @@ class StateEstimator:
         self._config = self._config.moved_to(self._readings.last[1] + zeros.offsets)
         grip = self._grip.moved_to(pose)
         try:
-            found = attach_model(self._config, grip, self._pressures)
+            found = attach_model(self._config, grip, self._pressures, self.settings.zeros)
             if found.hold(math.inf) is not HoldStatus.HELD:
                 return None
             belief = GripBelief(found, grip, self.settings, zeros.covariance, deviations)

@@ -35,6 +35,12 @@ from isotruss_ros.core.holding.contact_statics import (
     SOFTNESS,
     TubeModel,
 )
+from isotruss_ros.core.holding.face_ends import (
+    far_end_depth,
+    is_short,
+    open_faces,
+    with_far_end,
+)
 from isotruss_ros.core.holding.held_grip import (
     HeldGrip,
     HoldStatus,
@@ -106,6 +112,32 @@ def attach_grip(
     found = _find_pressing(find, find_pressed(config, body, members), body.middle, sets)
     if found is None:
         raise NotHeldError(HoldStatus.NO_BALANCE)
+    return found
+
+
+def lay_faces(found: HeldGrip, friction: float, gap: float) -> HeldGrip:
+    """
+    Return the equilibrium on a face if friction carries only that; else the given one.
+
+    Wrong roller offsets incline the tubes, so that a face of the object seems to gape.
+
+    :param found: equilibrium near the measured pose, see `attach_grip`.
+    :param friction: coefficient of friction between tubes and object.
+    :param gap: largest gap at the far end of the face that the offsets explain [m].
+    """
+    if found.required_friction <= friction:
+        return found
+    for k, face in open_faces(found.statics):
+        if (
+            is_short(found.statics, face)
+            or far_end_depth(found.statics, found.state, k, face, gap) <= -gap
+        ):
+            continue
+        contacts, _ = with_far_end(found.contacts, k, face)
+        statics = build_statics(found.config, found.statics.body, contacts, found.tubes)
+        laid = _find_rest(found.config, statics, found.wrench, found.tubes, None, MAX_SEARCH_STEPS)
+        if laid is not None and laid.pulling_end is None and laid.required_friction <= friction:
+            return laid
     return found
 
 

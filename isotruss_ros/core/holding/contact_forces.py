@@ -154,12 +154,17 @@ class GripResponse:
     :ivar arm: characteristic radius, see `ConvexObject.arm` [m].
     :ivar squeeze_stiffness: derivative of the mean normal force by the opening of the members, see
         `HeldGrip.squeeze_stiffness` [N/m].
+    :ivar ends: (e,) contacts that are an end of a face.
+    :ivar opening: (e, 2k) change of normal and friction forces as an end opens, relative to its
+        tension [-].
     """
 
     change: Array
     squeeze: Array
     arm: float
     squeeze_stiffness: float
+    ends: Indices
+    opening: Array
 
     @property
     def pose(self) -> Array:
@@ -188,14 +193,14 @@ class GripResponse:
 
 def slip_conditions(owners: Indices, friction: float) -> Array:
     """
-    Return the matrix from contact forces to the margins against slip and opening.
+    Return the matrix from contact forces to the margins against slip.
 
     :param owners: (k,) number of each contact's member within the grip.
     :param friction: coefficient of friction mu.
-    :return: (2m + k, 2k) matrix. Its columns are the normal forces N and friction forces T of k
-        contacts. Its rows are mu N - T of m members, mu N + T of m members, and N of each contact.
+    :return: (2m, 2k) matrix. Its columns are the normal forces N and friction forces T of k
+        contacts. Its rows are mu N - T of m members and mu N + T of m members, of the sums over
+        each member's contacts.
     """
     members = np.eye(int(owners[-1]) + 1)[owners].T
-    presses, alone = friction * members, np.eye(len(owners), 2 * len(owners))
-    slips = np.hstack([presses, -members]), np.hstack([presses, members])
-    return np.concatenate([*slips, alone])
+    presses = friction * members
+    return np.concatenate([np.hstack([presses, -members]), np.hstack([presses, members])])

@@ -16,7 +16,6 @@ from dataclasses import dataclass, replace
 import functools
 
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.holding.contact_forces import slip_conditions
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.holding.loaded_tubes import GraspParameters, LoadedTubes
 from isotruss_ros.core.holding.settled_grasp import SettledGrasp
@@ -247,8 +246,8 @@ def _slip_margin_rates(
 ) -> tuple[Array, tuple[str, ...]]:
     """Return the derivatives (t, p) of the slip margin [N], and the critical members."""
     grip = settled.equilibrium
-    owners, response, begin = grip.contacts.owners, grip.response, grip.state.places.normal.start
-    rows = slip_conditions(owners, settled.friction)
+    response, begin = grip.response, grip.state.places.normal.start
+    rows, presses = grip.slip_rows(settled.friction)  # and their derivative by friction
     reserve, slope, size = grip.slip_reserves(settled.friction)
     nearest, turn = _find_largest(-reserve / size), grip.about_middle
     # By wrenches about the middle of the object, which moves around the origin as it turns.
@@ -258,11 +257,10 @@ def _slip_margin_rates(
     swung = -slope[:, 2] * (x * ways[:, 0] + y * ways[:, 1])
     left = rows @ change[begin:]
     longer = np.einsum('ta,apw,tw->tp', rows, answer[begin:], along) + np.outer(swung, change[2])
-    # With friction the conditions change, but not those of contacts that let go.
-    presses = (slip_conditions(owners, 1.0) - slip_conditions(owners, 0.0))[nearest]
+    presses = presses[nearest]
     left[:, parameters.friction] += presses @ grip.state.forces
     longer[:, parameters.friction] += (presses @ response.forces * along).sum(axis=1)
-    names = [*2 * grip.member_names, *(grip.member_names[i] for i in owners)]
+    names = (len(reserve) // len(grip.member_names)) * grip.member_names
     margins = reserve[nearest, None] / size[:, None]
     rates = (left - margins * longer) / size[:, None]
     return rates, tuple(dict.fromkeys(names[i] for i in nearest))

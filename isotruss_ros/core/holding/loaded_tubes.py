@@ -222,7 +222,7 @@ class LoadedTubes:
         give = give / axis - contacts.feet
         slope = bent.inclination_changes(by_loads + by_places.nodes) + by_places.inclined
         slope += inclined - self.spins
-        changed, _ = frame.force_changes(tangent, nodes)
+        changed, _ = tangent.force_changes(nodes)
         share = bent.share
         return TubeRates(give / share, slope / share, nodes, changed + rates + by_places.forces)
 

@@ -26,6 +26,14 @@ from isotruss_ros.core.holding.contact_statics import (
     SOFTNESS,
     unwrapped,
 )
+from isotruss_ros.core.holding.face_ends import (
+    displacement_at,
+    far_end_depth,
+    is_short,
+    open_faces,
+    with_far_end,
+    with_turned_corner,
+)
 from isotruss_ros.core.holding.held_grip import (
     HeldGrip,
     MAX_DISPLACEMENT,
@@ -39,7 +47,7 @@ from isotruss_ros.core.model.convex_object import segment_gaps
 from isotruss_ros.core.model.shapes import Face
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.numerics.tolerances import MAX_SEARCH_STEPS
-from isotruss_ros.core.statics.bent_tubes import BentTubes, FOLLOWED_MOTION
+from isotruss_ros.core.statics.bent_tubes import FOLLOWED_MOTION
 from isotruss_ros.core.statics.section import Pressure
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
@@ -173,24 +181,26 @@ def _lift_ends(grip: HeldGrip, changes: Iterator[int]) -> HeldGrip | None:
 
 def _lay_down(grip: HeldGrip, changes: Iterator[int]) -> HeldGrip:
     """
-    Return the grip with the far end of a face in contact, after rolling onto the face.
+    Return the grip with the far end of a face in contact, if it penetrates the bent tube.
 
-    The far end of a short face replaces the near one; several short faces may follow each other.
+    The far end of a short face replaces the near one, after rolling over it; several short faces
+    may follow each other.
     """
-    owners, corners = grip.contacts.owners, grip.contacts.corners
-    alone = np.flatnonzero(np.bincount(owners)[owners] == 1)
+    corners, done = grip.contacts.corners, NOTHING
     own = grip.state.normals * np.exp(-1j * grip.state.unknowns[2])
-    for k in alone.tolist():
-        for face in reversed(grip.body.shape.faces_at(int(corners[k]))):
-            if face.step * (own[k] * face.normal.conjugate()).imag <= 0.0:
-                continue
-            short = face.length < grip.statics.tube_radius
-            laid = None if next(changes, None) is None else _lay(grip, k, face, short)
-            # In a longer motion the object rolls over the face, and this end lifts again.
-            laid = None if laid is None else _lift_ends(laid, changes)
-            if laid is not None and not np.array_equal(laid.contacts.corners, corners):
-                return _lay_down(laid, changes) if short else laid
-            break
+    for k, face in open_faces(grip.statics):
+        short = is_short(grip.statics, face)
+        rolled = face.step * (own[k] * face.normal.conjugate()).imag > 0.0
+        if k in done or not (
+            rolled if short else far_end_depth(grip.statics, grip.state, k, face) > 0.0
+        ):
+            continue
+        done = np.append(done, k)
+        laid = None if next(changes, None) is None else _lay(grip, k, face)
+        # In a longer motion the object rolls over the face, and this end lifts again.
+        laid = None if laid is None else _lift_ends(laid, changes)
+        if laid is not None and not np.array_equal(laid.contacts.corners, corners):
+            return _lay_down(laid, changes) if short else laid
     return grip
 
 
@@ -214,18 +224,15 @@ def _join(grip: HeldGrip) -> HeldGrip:
     return found if presses else grip
 
 
-def _lay(grip: HeldGrip, k: int, face: Face, short: bool) -> HeldGrip | None:
+def _lay(grip: HeldGrip, k: int, face: Face) -> HeldGrip | None:
     """Return the equilibrium with the far end of a face, in place of the near end if short."""
-    contacts, half = grip.contacts, 0.5 * face.length
-    if short:
-        corners = contacts.corners.copy()
-        corners[k] = face.corner
-        turned = replace(contacts, corners=corners)
-        return roll_contacts(grip, grip.config, turned, grip.anchors, grip.angles, grip.wrench)
-    cuts = contacts.cuts.copy()
-    cuts[k], cut = ((np.inf, half), (half, np.inf))[:: face.step]
-    other = PressedContacts(contacts.members[[k]], np.array([face.corner]), np.array([cut]))
-    return _add(grip, replace(contacts, cuts=cuts), other, grip.angles[[k]], 0.5 * face.step)
+    anchors, angles, wrench = grip.anchors, grip.angles, grip.wrench
+    if is_short(grip.statics, face):
+        turned = with_turned_corner(grip.contacts, k, face)
+        return roll_contacts(grip, grip.config, turned, anchors, angles, wrench)
+    laid, new = with_far_end(grip.contacts, k, face)
+    anchors, angles = np.insert(anchors, new, 0.0), np.insert(angles, new, angles[k])
+    return roll_contacts(grip, grip.config, laid, anchors, angles, wrench, np.array([new]))
 
 
 def _add(
@@ -233,10 +240,9 @@ def _add(
     contacts: PressedContacts,
     others: PressedContacts,
     angles: Array,
-    after: float = 0.0,
 ) -> HeldGrip | None:
-    """Return the equilibrium with additional contacts, ordered behind those of the same member."""
-    order = np.argsort(np.append(contacts.members, others.members + after), kind='stable')
+    """Return the equilibrium with the contacts of another member."""
+    order = np.argsort(np.append(contacts.members, others.members), kind='stable')
     pairs = (
         (contacts.members, others.members),
         (contacts.corners, others.corners),
@@ -256,15 +262,11 @@ def _add(
 def _depth_in(grip: HeldGrip, number: int, depth: float) -> float:
     """Return the penetration depth of the object in another member, whose tube is linear [m]."""
     start, end = member_lines(grip.config)[[number]].T
-    near, statics = segment_gaps(grip.body, start, end), grip.statics
-    members = np.append(grip.contacts.members, number)
-    feet = np.append(grip.state.feet, near.shares * abs(end - start))
-    bent = BentTubes(statics.bent.structure, members, feet, grip.tubes.stiffness_scale)
-    # The linear response to the loads is enough to tell whether another member touches.
-    loads = np.vstack([grip.state.loads, np.zeros(3)])
-    along, across, _ = bent.respond(loads, feet)[-1].tolist()
-    moved = complex(along, across) * bent.axis[-1]
-    return depth - float((near.normals[0].conjugate() * moved).real)
+    near = segment_gaps(grip.body, start, end)
+    foot = float(near.shares[0]) * abs(end - start)
+    return depth - displacement_at(
+        grip.statics, grip.state, number, foot, complex(near.normals[0])
+    )
 
 
 def with_pressures(grip: HeldGrip, pressures: Pressure | None) -> HeldGrip:

@@ -97,8 +97,9 @@ class SettledGrasp(
         """
         Return the smallest further wrench at which a member slips or opens [N].
 
-        Moments are divided by the characteristic radius, d/2 of a disc. Each end of a face contact
-        may open. The margin is negative after slip; without an equilibrium see `LostContact`.
+        Moments are divided by the characteristic radius, d/2 of a disc. An end of a face may open
+        before; that is no slip. The margin is negative after slip; without an equilibrium see
+        `LostContact`.
         """
         if self.lost is not None:
             return self.lost.slip_margin

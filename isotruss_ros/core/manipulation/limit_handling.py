@@ -56,11 +56,7 @@ class LimitHandling:
 
 
 def apply_limits(
-    config: Configuration,
-    task: Task,
-    limits: Sequence[Limit],
-    rows: Rows,
-    handling: LimitHandling,
+    config: Configuration, task: Task, limits: Sequence[Limit], rows: Rows, handling: LimitHandling
 ) -> tuple[Array, float, Status, tuple[str, ...]]:
     """
     Return the command that executes a task under the limits.

@@ -17,12 +17,7 @@ from isotruss_ros.core.manipulation.limits import default_limits, Limit, stack_r
 from isotruss_ros.core.manipulation.rolling_grip import roll_object
 from isotruss_ros.core.manipulation.rolling_off import roll_off_faces
 from isotruss_ros.core.manipulation.status import RollerCommand
-from isotruss_ros.core.manipulation.task import (
-    find_task,
-    Reach,
-    working_rollers,
-    WorkingRollers,
-)
+from isotruss_ros.core.manipulation.task import find_task, Reach, working_rollers, WorkingRollers
 from isotruss_ros.core.numerics.arrays import Array, finite_array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 import numpy as np

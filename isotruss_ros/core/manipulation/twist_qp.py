@@ -74,12 +74,7 @@ def maximize_progress(
 
 
 def project_target(
-    cost: Array,
-    equality: Array,
-    target: Array,
-    rank: int,
-    limited: Rows,
-    regularization: float,
+    cost: Array, equality: Array, target: Array, rank: int, limited: Rows, regularization: float
 ) -> Array:
     """
     Return the speeds u of least cost with the smallest distance of J u from a target.

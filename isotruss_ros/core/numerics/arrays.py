@@ -22,11 +22,7 @@ MAX_ENTRIES = 1000
 
 
 def finite_array(
-    values: ArrayLike,
-    count: int,
-    what: str,
-    error: type[IsotrussError],
-    most: float = np.inf,
+    values: ArrayLike, count: int, what: str, error: type[IsotrussError], most: float = np.inf
 ) -> NDArray[np.float64]:
     """
     Return a copy of `count` finite real numbers as an array (count,).
@@ -42,11 +38,7 @@ def finite_array(
 
 
 def finite_rows(
-    values: ArrayLike,
-    columns: int,
-    what: str,
-    error: type[IsotrussError],
-    most: float = np.inf,
+    values: ArrayLike, columns: int, what: str, error: type[IsotrussError], most: float = np.inf
 ) -> NDArray[np.float64]:
     """
     Return a copy of rows of finite real numbers as an array (n, columns).
@@ -63,11 +55,7 @@ def finite_rows(
 
 
 def _finite(
-    values: ArrayLike,
-    shape: tuple[int, ...],
-    what: str,
-    error: type[IsotrussError],
-    most: float,
+    values: ArrayLike, shape: tuple[int, ...], what: str, error: type[IsotrussError], most: float
 ) -> NDArray[np.float64]:
     """Return finite numbers as an array of any shape; see `finite_array`."""
     try:

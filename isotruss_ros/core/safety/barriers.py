@@ -87,10 +87,7 @@ class NeighborList:
         self._listed: Measured | None = None
 
     def find_close(
-        self,
-        config: Configuration,
-        grip: Grip | None,
-        measure: Callable[[Selection], Array],
+        self, config: Configuration, grip: Grip | None, measure: Callable[[Selection], Array]
     ) -> tuple[Indices, Array]:
         """
         Return the indices of the close pairs and their distances [m].

@@ -80,10 +80,7 @@ class ShapeGuard:
     """
 
     def __init__(
-        self,
-        robot: Mechanism,
-        bounds: ShapeBounds | None = None,
-        barriers: Sequence[Barrier] = (),
+        self, robot: Mechanism, bounds: ShapeBounds | None = None, barriers: Sequence[Barrier] = ()
     ) -> None:
         bounds = ShapeBounds() if bounds is None else bounds
         self.bounds, self.own = bounds, tuple(barriers)

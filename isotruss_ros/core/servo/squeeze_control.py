@@ -17,22 +17,16 @@ from dataclasses import replace
 import math
 
 from isotruss_ros.core.estimation.contact_walk import JUMP_LENGTH
-from isotruss_ros.core.estimation.grip_belief import attach_model, GripBelief
-from isotruss_ros.core.estimation.state_estimate import EstimatorSettings
-from isotruss_ros.core.holding.held_grip import (
-    HeldGrip,
-    HoldStatus,
-    LEFT_MARGIN,
-    NotHeldError,
-)
+from isotruss_ros.core.estimation.grip_belief import GripBelief
+from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, LEFT_MARGIN
 from isotruss_ros.core.holding.loaded_frame import lowest_frequency
 from isotruss_ros.core.inputs import steady_pressures
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip
-from isotruss_ros.core.manipulation.grip_placing import place_between
 from isotruss_ros.core.manipulation.status import RollerCommand, Status
 from isotruss_ros.core.model.pose import Pose, pose_difference
 from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.servo.belief_start import BeliefStart
 from isotruss_ros.core.servo.decision import describe_squeeze
 from isotruss_ros.core.servo.grip_faults import GripFault, SwingWatch
 from isotruss_ros.core.servo.loop_gains import choose_gain, DEFAULT_GAIN, gains_of, LoopGains
@@ -45,7 +39,6 @@ REST_TIME = 1.0
 MAX_FORCE_RATE = 10.0
 #: Largest difference of stamps of the same pose [s].
 STAMP_TOLERANCE = 1e-3
-PRIOR = EstimatorSettings()
 
 #: Solver of the program for a twist (3,) and an opening rate of the grip [m/s].
 Solve = Callable[[Array, float], RollerCommand]
@@ -89,8 +82,7 @@ class SqueezeControl:
         self._swings, self._rest = SwingWatch(), 0.0
         self._velocity, self._elapsed, self._slipped = np.zeros(3), 0.0, 0.0
         self._stamp = -math.inf
-        self._missed = self._supposing = False  # whether searches for an equilibrium failed
-        self._depth = self.settings.zeros
+        self._start = BeliefStart()
 
     def rest(self) -> None:
         """Discard the reference; it restarts from the object's pose at the next motion."""
@@ -180,11 +172,7 @@ class SqueezeControl:
         if self.reference is not None:
             self.reference = self.reference + elapsed * self._velocity
         if belief is None:
-            hold = self._start(config, grip, gripped)
-            if self._lost is not None and hold is not HoldStatus.HELD and self.fault is None:
-                self._fail(GripFault.NOT_HELD, f'not held: {self._lost.value}')
-            self._lost = None
-            return hold
+            return self._begin(config, grip, gripped)
         hold = belief.follow(config, elapsed, self._pressures)
         if hold is not HoldStatus.HELD:
             self.belief, self._lost = None, hold
@@ -213,8 +201,8 @@ class SqueezeControl:
             still = np.zeros(len(belief.grasp.config.roller_positions))
             return RollerCommand(still, np.zeros(3), 0.0, self.fault.value)
         missing = self.gains.squeeze * (self.settings.force - belief.regulated_squeeze)
-        rate = max(-MAX_FORCE_RATE, min(missing, MAX_FORCE_RATE))
-        opening = (rate - belief.drift[3]) / belief.slope
+        rate = max(-MAX_FORCE_RATE, min(missing - belief.drift[3], MAX_FORCE_RATE))
+        opening = rate / belief.slope
         if self.fault is not None:
             held = solve(np.zeros(3), opening)
             return replace(held, scale=0.0, status=self.fault.value)
@@ -253,42 +241,20 @@ class SqueezeControl:
         gain = min(self.gains.pose, 0.5 / max(period, self._elapsed))
         return gain * pose_difference(self.reference, here) - belief.drift[:3]
 
-    def _start(self, config: Configuration, grip: Grip, gripped: bool) -> HoldStatus:
-        """Start the belief at the equilibrium near the measured pose; return its hold status."""
-        wanted = gripped and self._missed and self.fault is None
-        self._supposing = wanted and not self._supposing
-        try:
-            near = self._suppose(config, grip) if self._supposing else grip
-            found = attach_model(config, near, self._pressures)
-        except NotHeldError as error:
-            self._missed = True
-            return error.hold
-        if self._supposing and not self._is_desired(found):
-            return HoldStatus.NO_BALANCE
-        settings = replace(PRIOR, load=self.settings.load or PRIOR.load, zeros=self.settings.zeros)
-        belief = GripBelief(found, grip, settings, self._zeros)
-        self._choose_gains(belief)
-        hold = belief.grasp.hold(belief.largest_friction)
-        self._missed = hold is HoldStatus.NO_CONTACT
-        if self._supposing and not belief.explains(grip.body.pose):
-            return HoldStatus.FAR
-        if hold is HoldStatus.HELD:
-            self.belief, self._swings = belief, SwingWatch(self.frequency)
+    def _begin(self, config: Configuration, grip: Grip, gripped: bool) -> HoldStatus:
+        """Start the belief; return its hold status."""
+        gripped = gripped and self.fault is None
+        hold = self._start.search(
+            config, grip, self.settings, gripped, self._pressures, self._zeros
+        )
+        if self._start.belief is not None:
+            self.belief = self._start.belief
+            self._choose_gains(self.belief)
+            self._swings = SwingWatch(self.frequency)
+        if self._lost is not None and hold is not HoldStatus.HELD and self.fault is None:
+            self._fail(GripFault.NOT_HELD, f'not held: {self._lost.value}')
+        self._lost = None
         return hold
-
-    def _suppose(self, config: Configuration, grip: Grip) -> Grip:
-        """Return the grip with the object at equal depths in the members."""
-        angle = grip.body.pose.angle
-        placed = place_between(config, grip.members, grip.body.shape, angle, self._depth)
-        return grip.moved_to(placed.body.pose)
-
-    def _is_desired(self, found: HeldGrip) -> bool:
-        """Return whether a supposed squeeze is the desired one; else correct the depth."""
-        share = found.squeeze / self.settings.force
-        if abs(share - 1.0) <= 2.0 * PRIOR.squeeze_error:
-            return True
-        self._depth = min(self._depth / max(share, 0.25), 4.0 * self.settings.zeros)
-        return False
 
     def _observe(self, belief: GripBelief, pose: Pose, age: float, elapsed: float) -> None:
         """Update the belief by a new pose, and test for slip."""

@@ -22,7 +22,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from isotruss_ros.core.numerics.arrays import Array, Flags
-from isotruss_ros.core.numerics.tolerances import EPSILON
 import numpy as np
 
 #: Matrix from the displacements of a member's ends to the motions along and across its chord and
@@ -42,8 +41,6 @@ class EndForces(NamedTuple):
     :ivar stressed: (k,) N and (k,) M1 + M2 for the geometric stiffness. They are the values before
         the step of Newton's method that makes the energy stationary in N.
     :ivar gap: (k,) missing elongations before this step, which the forces include [m].
-    :ivar rates: (k, 3) derivatives of N, M1 and M2 by the rest lengths with fixed ends; None
-        unless `BeamColumns` is `rated`.
     """
 
     pull: Array
@@ -51,7 +48,6 @@ class EndForces(NamedTuple):
     stiffness: Array
     stressed: tuple[Array, Array]
     gap: Array
-    rates: Array | None = None
 
 
 class BeamColumns:
@@ -68,7 +64,6 @@ class BeamColumns:
     :param shear: (k,) GA [N], infinite for no shear deformation.
     :param pinned_start: (k,) whether the start transmits no moment.
     :param pinned_end: (k,) whether the end transmits no moment.
-    :param rated: whether `EndForces.rates` are computed.
     """
 
     def __init__(
@@ -79,11 +74,7 @@ class BeamColumns:
         shear: Array,
         pinned_start: Flags,
         pinned_end: Flags,
-        rated: bool = False,
     ) -> None:
-        # Derivatives along the imaginary axis, which have no rounding of differences.
-        self._step = 1j * EPSILON if rated else 0.0
-        length = length + self._step
         self.length, self.stretch = length, length / axial
         bar = (flexural == 0.0) | (pinned_start & pinned_end)
         bend = np.where(bar, 1.0, flexural) / length
@@ -111,7 +102,7 @@ class BeamColumns:
             stationary energy. Newton's method takes N as an unknown, because N of stiff members
             has large errors in short steps.
         """
-        longer, rotary, turns = longer - self._step, self.rotary, turns.T
+        rotary, turns = self.rotary, turns.T
         straight, first, second = by_power = rotary[:, :2] * turns[0] + rotary[:, 1:] * turns[1]
         _, bowed, hardened = (by_power * turns).sum(axis=1)
         soft = 1.0 / (self.stretch - hardened)
@@ -129,37 +120,7 @@ class BeamColumns:
         stressed, gap = (pull, moments.sum(axis=0)), (nearest - pull) / soft
         if known is not None:
             pull, moments = nearest, moments + slope * (nearest - pull)
-        if not self._step:
-            return EndForces(pull, moments.T, stiffness.T, stressed, gap)
-        rates = np.array([pull, *moments]).imag / EPSILON
-        real = pull.real, moments.T.real, stiffness.T.real, tuple(each.real for each in stressed)
-        return EndForces(*real, gap.real, rates.T)
-
-
-def evaluate_rates(
-    values: tuple[Array, ...],
-    pins: tuple[Flags, Flags],
-    changes: Array,
-    turns: Array,
-    chord: Array,
-) -> Array:
-    """
-    Return the changes (k, 3) of the forces (N, M1, M2) of members with fixed ends.
-
-    The derivatives are taken by complex steps, which have no rounding error of differences.
-
-    :param values: (k,) each: rest length l0 [m], EA [N], EI [N m^2], GA [N].
-    :param pins: (k,) masks of pinned starts and ends.
-    :param changes: (4, k) changes of the four values.
-    :param turns: (k, 2) rotations of the ends relative to the chord [rad].
-    :param chord: (k,) elongations l - l0 [m].
-    """
-    length, axial, flexural, shear = (
-        value + 1j * EPSILON * change for value, change in zip(values, changes, strict=True)
-    )
-    columns = BeamColumns(length, axial, flexural, shear, *pins)
-    found = columns.evaluate(chord - 1j * EPSILON * changes[0], turns)
-    return np.column_stack([found.pull, found.moments]).imag / EPSILON
+        return EndForces(pull, moments.T, stiffness.T, stressed, gap)
 
 
 def _reciprocal(series: Array) -> Array:

@@ -18,8 +18,9 @@ from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.numerics.tolerances import MAX_SEARCH_STEPS, NEGLIGIBLE_SHARE, ROUNDING
 from isotruss_ros.core.statics.cut_frame import CutFrame, keep_apart
-from isotruss_ros.core.statics.frame import end_forces, Frame, Tangent
+from isotruss_ros.core.statics.frame import Frame
 from isotruss_ros.core.statics.structure import Structure
+from isotruss_ros.core.statics.tangent import end_forces, Tangent
 import numpy as np
 
 #: Largest motion of a node [m] without a new linearisation while a motion is followed; in
@@ -227,15 +228,18 @@ class BentTubes:
         parts, end = self._parts
         # The part before a place becomes longer as this moves, the one behind it shorter.
         ways = np.append(self._cut[1], -self._cut[1])[:, None, None]
-        rates = tangent.forces.rates[parts, :, None] * ways
-        forces, own = frame.nodal_forces(tangent, parts, rates)[..., 0], np.arange(count)[:, None]
+        lengthened = np.zeros((4, 2 * count, 1))
+        lengthened[0] = 1.0
+        by_length = tangent.force_rates(parts, lengthened)
+        rates = by_length * ways
+        forces, own = tangent.nodal_forces(parts, rates)[..., 0], np.arange(count)[:, None]
         carried[frame.places[frame.before], own] = forces[:count]
         carried[frame.places[frame.behind], own] += forces[count:]
         # A part between two places of one member has both at its ends.
         longer = (parts[:, None] == frame.before) * self._cut[1]
         longer -= (parts[:, None] == frame.behind) * self._cut[1]
-        changes = tangent.forces.rates[parts, :, None] * longer[:, None]
-        inclined = self._mean(frame.slope_rates(tangent, parts, end, changes, 0.0))
+        changes = by_length * longer[:, None]
+        inclined = self._mean(tangent.slope_rates(parts, end, changes, 0.0))
         return carried, inclined, rates[..., 0]
 
     @cached_property
@@ -258,7 +262,7 @@ class BentTubes:
         there = (own[:, 0] + 1j * own[:, 1]) * back
         nodes = moved[frame.nodes]
         along = (nodes[:, 0] + 1j * nodes[:, 1]) * back[:, None]
-        slope = self._mean(frame.slopes(tangent, *self._parts))
+        slope = self._mean(tangent.slopes(*self._parts))
         inclined = self.inclination_changes(moved)
         return (
             np.stack([there.real, there.imag, slope], axis=1),
@@ -399,7 +403,7 @@ class BentTubes:
 
         :param moved: (n, 3, p) displacements ux, uy [m], theta [rad].
         """
-        return self._mean(self.frame.slope_changes(self.tangent, *self._parts, moved))
+        return self._mean(self.tangent.slope_changes(*self._parts, moved))
 
     def node_changes(self, loads: Array) -> Array:
         """
@@ -439,7 +443,7 @@ class BentTubes:
 
     def _force_changes(self, ways: Array, nodes: Array) -> tuple[Array, Array]:
         """Return changes of N, M1 and M2 (c, 3) and of the chord lengths (c,) of the members."""
-        changes, longer = self.frame.force_changes(self.tangent, nodes[..., None])
+        changes, longer = self.tangent.force_changes(nodes[..., None])
         changes, slid = changes[..., 0], np.tile(ways[self._moving], 2)
         np.add.at(changes, self._parts[0], self._place_rates[2] * slid[:, None])
         return changes, longer[:, 0]
@@ -457,11 +461,11 @@ class BentTubes:
         frame, tangent = self.frame, self.tangent
         every = np.arange(len(frame.length))
         units = np.broadcast_to(np.eye(4)[:, None], (4, len(every), 4))
-        rates = np.einsum('cfi,icp->cfp', frame.force_rates(tangent, every, units), changes)
+        rates = np.einsum('cfi,icp->cfp', tangent.force_rates(every, units), changes)
         carried = np.zeros((3 * len(frame.points), changes.shape[2]))
-        np.subtract.at(carried, frame.places, frame.nodal_forces(tangent, every, rates))
+        np.subtract.at(carried, frame.places, tangent.nodal_forces(every, rates))
         moved, _ = tangent.respond(carried)
         moved, (parts, end) = moved.reshape(-1, 3, changes.shape[2]), self._parts
         shear = changes[3, parts] / frame.members.shear[parts, None]
-        inclined = self._mean(frame.slope_rates(tangent, parts, end, rates[parts], shear))
+        inclined = self._mean(tangent.slope_rates(parts, end, rates[parts], shear))
         return moved, inclined + self.inclination_changes(moved), rates

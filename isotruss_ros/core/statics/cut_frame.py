@@ -9,7 +9,8 @@ from functools import cached_property
 from itertools import pairwise
 
 from isotruss_ros.core.numerics.arrays import Array, Indices
-from isotruss_ros.core.statics.frame import Frame, Tangent
+from isotruss_ros.core.statics.frame import Frame
+from isotruss_ros.core.statics.tangent import Tangent
 import numpy as np
 
 
@@ -36,7 +37,6 @@ class CutFrame(Frame):
             frame.names,
             frame.rows,
             frame.pattern,
-            rated=True,
         )
         self.nodes, self.before, self.behind = cut.nodes, cut.before, cut.behind
         self.whole, self.chains, self.places = cut.whole, cut.chains, cut.places

@@ -186,7 +186,7 @@ def _bend(frame: Frame, loads: Array) -> FrameState:
         moved = found.displacements
         left = moved - found.respond(loads.reshape(-1, 1))[0].reshape(-1, 3)
         near = np.abs(left[:, :2]).max() <= MAX_UNLOADED_SHARE * np.abs(moved[:, :2]).max()
-        if near and frame.is_stable(found):
+        if near and found.is_stable:
             return frame.state(found, loads)
     path = follow_loads(frame, loads, 1.0)
     if path.factors[-1] < 1.0:

@@ -12,34 +12,6 @@ from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
 import numpy as np
 
 
-class LinearRows(NamedTuple):
-    """
-    Homogeneous linear constraints on the displacements (ux0, uy0, theta0, ux1, ...).
-
-    :ivar count: number of rows.
-    :ivar row: (e,) row of each entry.
-    :ivar column: (e,) column of each entry.
-    :ivar value: (e,) entries; entries with equal row and column are summed.
-    """
-
-    count: int  # type: ignore[assignment]
-    row: Indices
-    column: Indices
-    value: Array
-
-    @property
-    def pairs(self) -> tuple[Indices, Indices]:
-        """Return no pairs, since the constraints are linear; see `TurnRows`."""
-        return NO_PAIRS
-
-    def linearize(
-        self, points: Points, displacements: Array, multipliers: Array
-    ) -> tuple[Array, Array, Array]:
-        """Return entries (e,), violations (c,) and no stiffness; see `TurnRows.linearize`."""
-        moved = displacements.ravel()[self.column] * self.value
-        return self.value, np.bincount(self.row, moved, minlength=self.count), NO_PAIRS[0]
-
-
 class TurnRows(NamedTuple):
     """
     Constraints on rotations of spans: the weighted sum of the rotations in a row is zero.
@@ -119,10 +91,6 @@ class TurnRows(NamedTuple):
         )
 
 
-NO_PAIRS = np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp)
-NO_ROWS = LinearRows(0, np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp), np.zeros(0))
-
-
 class Members(NamedTuple):
     """
     Straight members between nodes, arrays of one length k.
@@ -167,7 +135,7 @@ class FramePattern:
     :ivar flat_places: (e + 2 w + h,) index of each of these entries in the flattened dense matrix.
     """
 
-    def __init__(self, members: Members, held: Flags, rows: LinearRows | TurnRows) -> None:
+    def __init__(self, members: Members, held: Flags, rows: TurnRows) -> None:
         self._rows = rows
         self.count = len(members.start)
         ends = np.stack([members.start, members.end], axis=1)

@@ -14,7 +14,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.core.statics.frame import Frame, Tangent
+from isotruss_ros.core.statics.frame import Frame
+from isotruss_ros.core.statics.tangent import Tangent
 import numpy as np
 
 #: Largest linear displacement of a node in a load step [m].
@@ -71,4 +72,4 @@ def follow_loads(frame: Frame, loads: Array, most: float, farthest: float = np.i
 def _step(frame: Frame, tangent: Tangent, loads: Array) -> Tangent | None:
     """Return the next stable equilibrium on a path; None if no near one exists."""
     found = frame.bend(loads, tangent)
-    return found if found is not None and frame.is_stable(found) else None
+    return found if found is not None and found.is_stable else None

@@ -11,13 +11,7 @@ from typing import NamedTuple
 from isotruss_ros.calibration.home_fit import Posture
 from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.core import Robot
-from isotruss_ros.core.inputs import (
-    Input,
-    InputError,
-    require_fresh,
-    StampedInput,
-    Timeline,
-)
+from isotruss_ros.core.inputs import Input, InputError, require_fresh, StampedInput, Timeline
 from isotruss_ros.nodes.framework.parameters import Spec
 from isotruss_ros.nodes.framework.runner import StoppableNode
 from isotruss_ros.nodes.framework.sensors import Inputs

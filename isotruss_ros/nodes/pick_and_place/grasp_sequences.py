@@ -25,11 +25,7 @@ from isotruss_msgs.msg import GraspState
 from isotruss_ros.core import IsotrussError, Pose, Robot
 from isotruss_ros.core.inputs import find_fresh, Input, InputError, require_fresh, StampedInput
 from isotruss_ros.core.model.pose import pose_difference
-from isotruss_ros.core.paths.path_tracking import (
-    RETURN_SETTINGS,
-    RETURN_SPEED,
-    RETURN_TURN_RATE,
-)
+from isotruss_ros.core.paths.path_tracking import RETURN_SETTINGS, RETURN_SPEED, RETURN_TURN_RATE
 from isotruss_ros.core.planning.describe_plan import path_times
 from isotruss_ros.core.planning.release import plan_release, Release
 from isotruss_ros.core.planning.violations import export_violation, violation_in_words

@@ -93,11 +93,7 @@ class PickAndPlace(ManagedNode):
         self._sequences.timeout = self.values.command_timeout
 
     def _offer(
-        self,
-        kind: Any,
-        name: str,
-        check: Callable[[Any], None],
-        sequence: Callable[[Any], Steps],
+        self, kind: Any, name: str, check: Callable[[Any], None], sequence: Callable[[Any], Steps]
     ) -> SingleGoal:
         """Offer an action whose goals are checked and executed by a sequence."""
 

@@ -12,10 +12,7 @@ from isotruss_ros.core import Pose, Robot
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.nodes.conversions.grasp_messages import to_contact_wrench
 from isotruss_ros.nodes.conversions.marker_messages import to_joint_markers
-from isotruss_ros.nodes.conversions.messages import (
-    make_header,
-    to_pose_message,
-)
+from isotruss_ros.nodes.conversions.messages import make_header, to_pose_message
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import FixedSpec, ParameterError

@@ -29,12 +29,7 @@ from isotruss_ros.nodes.framework.parameters import FixedSpec, ROBOT, Spec
 from isotruss_ros.nodes.framework.robot_frame import RobotFrame
 from isotruss_ros.nodes.framework.runner import StoppableNode
 from isotruss_ros.nodes.framework.topics import LATCHED, RELIABLE, subscribe_newest
-from isotruss_ros.nodes.viewer.view_requests import (
-    Calls,
-    make_calls,
-    NodeRestart,
-    ObjectGoals,
-)
+from isotruss_ros.nodes.viewer.view_requests import Calls, make_calls, NodeRestart, ObjectGoals
 from isotruss_ros.viewer.control import ZERO
 from isotruss_ros.viewer.drag import LEVER_LENGTH, PATIENCE, place_on_circle
 from isotruss_ros.viewer.message_checks import PictureError

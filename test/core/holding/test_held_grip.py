@@ -236,10 +236,13 @@ def test_squeeze_stiffness_agrees_with_opening_members(shape, angle, members):
     assert gained < 0.0
 
 
-@pytest.mark.parametrize('kind', ['slips', 'lets go'])
-def test_member_slips_or_opens_at_the_slip_margin(kind):
-    shape, friction = (BOX, 0.8) if kind == 'slips' else (Disc(0.4), 5.0)
-    grip = held(shape, 1.0 if kind == 'slips' else 0.4)
+@pytest.mark.parametrize(
+    ('shape', 'angle', 'friction'),
+    [(BOX, 1.0, 0.8), (Disc(0.4), 0.4, 5.0), (BOX, 0.0, 0.8), (BOX, 0.0, 5.0)],
+    ids=['slips', 'lets go', 'on a face', 'an end of a face opens first'],
+)
+def test_member_slips_or_opens_at_the_slip_margin(shape, angle, friction):
+    grip = held(shape, angle)
     assert grip.hold(friction) is HoldStatus.HELD
     margin = grip.slip_margin(friction)
     assert margin > 0.0

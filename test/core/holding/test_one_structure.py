@@ -61,3 +61,20 @@ def test_structure_under_contact_forces_agrees_with_tube_loads_of_deform(shape, 
     assert np.abs(centre_lines - place).max() < 1e-6 * np.abs(expected[nodes, :2]).max()
     used = list(bent.utilisation.values())
     assert list(analysis.utilisation.values()) == pytest.approx(used, abs=1e-6)
+
+
+@pytest.mark.parametrize(('shape', 'depth'), [(Disc(0.3), 0.035), (BOX, 0.04)])
+def test_contact_forces_near_wrinkling_bend_a_finer_mesh_alike(shape, depth):
+    analysis = analyze_grasp(ROBOT.home, placed(shape, depth))
+    assert 0.8 < max(analysis.utilisation.values()) < 1.0
+    points, contact, *_ = analysis.solved
+    own, shares = np.arange(len(ROBOT.member_names)), np.arange(1, 8) / 8
+    member = np.append(points.member, np.repeat(own, len(shares)))
+    place = np.append(points.place, np.outer(ROBOT.home.member_lengths, shares))
+    push = np.pad(contact.push, (0, len(place) - len(points.place)))
+    order = np.argsort(member, kind='stable')
+    mesh = deform_by(member[order], place[order], push[order], np.zeros(len(place)))
+    nodes = mesh.frame.nodes[np.argsort(order)[: len(points.place)]]
+    expected = mesh.state.displacements[nodes] @ (1.0, 1j, 0.0)
+    moved = points.bend(contact.displacements, contact.push) - mesh.frame.points[nodes]
+    assert np.abs(moved - expected).max() < 1e-3 * np.abs(expected).max()

@@ -8,7 +8,6 @@ import math
 
 from grips import gripped, MASSLESS
 from isotruss_ros.core import Grip, HoldStatus, Pose, solve_twist, Status
-from isotruss_ros.core.estimation import grip_belief
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
@@ -227,18 +226,6 @@ def test_a_start_without_a_balance_is_not_held_until_there_is_one():
     assert control.follow(CONFIG, AT_REST, 0.02) is HoldStatus.HELD
 
 
-def test_a_cycle_makes_one_search_at_most_until_a_loss_is_a_fault(monkeypatch):
-    control, searches = at_rest(), []
-    search = grip_belief.attach_grip
-    monkeypatch.setattr(
-        grip_belief, 'attach_grip', lambda *a, **b: searches.append(1) or search(*a, **b)
-    )
-    for count in (1, 2):
-        assert control.follow(opened(), AT_REST, 0.02) is not HoldStatus.HELD
-        assert len(searches) == count
-    assert control.fault is GripFault.NOT_HELD
-
-
 def test_limits_slow_the_twist_before_the_squeeze():
     control, speed = at_rest(1.0), 0.03
     opening = 5.0 / MODEL.squeeze_stiffness()
@@ -285,9 +272,9 @@ def moved_part(left):
     return control.solve(np.array(twist), 0.02, solve_at_rest).scale
 
 
-def test_slip_margin_stays_above_four_percent_of_the_squeeze():
-    assert moved_part(0.03) == 0.0
-    one, two = moved_part(0.05), moved_part(0.06)
+def test_slip_margin_stays_above_a_hundredth_of_the_squeeze():
+    assert moved_part(0.005) == 0.0
+    one, two = moved_part(0.02), moved_part(0.03)
     assert 0.0 < one < 0.5
     # Twice as much is free then.
     assert two == pytest.approx(2.0 * one, rel=0.01)

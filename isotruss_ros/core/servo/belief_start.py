@@ -1,0 +1,96 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Start of the belief of a grip: equilibrium near the measured pose, or a supposed equilibrium.
+
+A measured pose outside of the grip has no equilibrium. If the client commands the object as
+gripped, wrong roller offsets may explain the pose. Then the squeeze is supposed to be the desired
+one, and its deviation says that it is unknown.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from isotruss_ros.core.estimation.grip_belief import attach_model, GripBelief
+from isotruss_ros.core.estimation.state_estimate import EstimatorSettings
+from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, NotHeldError
+from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.manipulation.grip import Grip
+from isotruss_ros.core.manipulation.grip_placing import place_between
+from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.servo.servo_settings import SqueezeSettings
+
+PRIOR = EstimatorSettings()
+
+
+class BeliefStart:
+    """
+    Search for the first equilibrium of a grip, at most one in each call.
+
+    After a search without an equilibrium at the measured pose, every second call supposes one.
+
+    :ivar belief: the belief that the last call found; None before an equilibrium is held.
+    """
+
+    def __init__(self) -> None:
+        self.belief: GripBelief | None = None
+        self._missed = self._supposing = False  # whether there was none, and one is supposed
+        self._depth: float | None = None  # of the supposed object in the members [m]
+
+    def search(
+        self,
+        config: Configuration,
+        grip: Grip,
+        settings: SqueezeSettings,
+        gripped: bool,
+        pressures: tuple[float, ...] | None,
+        zeros: Array | None,
+    ) -> HoldStatus:
+        """
+        Search the equilibrium near the measured pose or a supposed one; return its hold status.
+
+        :param config: configuration of the robot.
+        :param grip: grip with the object at its measured pose.
+        :param settings: desired squeeze.
+        :param gripped: the client commands the object as gripped, so that one may be supposed.
+        :param pressures: (t,) gauge pressure of each tube [Pa]; None: as in the robot file.
+        :param zeros: (r, r) covariance of the roller offsets [m^2]; None: by the settings.
+        :raises GraspError: see `attach_model`.
+        :raises StructureError: see `structure_of`.
+        """
+        self.belief = None
+        self._supposing = gripped and self._missed and not self._supposing
+        try:
+            near = self._suppose(config, grip, settings.zeros) if self._supposing else grip
+            found = attach_model(config, near, pressures, settings.zeros)
+        except NotHeldError as error:
+            self._missed = True
+            return error.hold
+        if self._supposing and not self._is_desired(found, settings):
+            return HoldStatus.NO_BALANCE
+        prior = replace(PRIOR, load=settings.load or PRIOR.load, zeros=settings.zeros)
+        belief = GripBelief(found, grip, prior, zeros, supposed=self._supposing)
+        hold = belief.grasp.hold(belief.largest_friction)
+        self._missed = hold is HoldStatus.NO_CONTACT
+        if self._supposing and not belief.explains(grip.body.pose):
+            return HoldStatus.FAR
+        if hold is HoldStatus.HELD:
+            self.belief = belief
+        return hold
+
+    def _suppose(self, config: Configuration, grip: Grip, zeros: float) -> Grip:
+        """Return the grip with the object at equal depths in the members, at first `zeros`."""
+        angle, depth = grip.body.pose.angle, self._depth or zeros
+        placed = place_between(config, grip.members, grip.body.shape, angle, depth)
+        return grip.moved_to(placed.body.pose)
+
+    def _is_desired(self, found: HeldGrip, settings: SqueezeSettings) -> bool:
+        """Return whether a supposed squeeze is the desired one; else correct the depth."""
+        ratio = found.squeeze / settings.force
+        if abs(ratio - 1.0) <= 2.0 * PRIOR.squeeze_error:
+            return True
+        deeper = (self._depth or settings.zeros) / max(ratio, 0.25)
+        self._depth = min(deeper, 4.0 * settings.zeros)
+        return False

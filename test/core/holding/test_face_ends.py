@@ -1,0 +1,42 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Far ends of faces: they close where their gap does, and wrong offsets do not open them."""
+
+from held_grips import BOX, held, HOME
+from isotruss_ros.core import Grip, solve_twist
+from isotruss_ros.core.estimation.grip_belief import attach_model
+from isotruss_ros.core.holding.face_ends import far_end_depth, is_short, open_faces
+from isotruss_ros.core.holding.roll_grip import roll_grip
+import numpy as np
+import pytest
+
+FRICTION = 0.8
+#: Roller offsets that incline the tubes by half a degree against the face.
+OFFSETS = 0.01 * np.random.default_rng(0).normal(size=(7, 6))[[5, 6]]
+
+
+def test_a_face_closes_where_the_gap_of_its_far_end_does():
+    grip, counts = held(BOX, -0.12), []
+    for _ in range(20):
+        command = solve_twist(grip.config, grip.touching(FRICTION), np.array([0.0, 0.0, 0.01]))
+        travel = grip.config.roller_positions + command.roller_velocities
+        grip = roll_grip(grip, grip.config.moved_to(travel))
+        faces = [
+            (k, face) for k, face in open_faces(grip.statics) if not is_short(grip.statics, face)
+        ]
+        assert max(far_end_depth(grip.statics, grip.state, k, face) for k, face in faces) < 1e-6
+        counts.append(len(grip.contacts.members))
+    assert {2, 3} == set(counts)
+
+
+@pytest.mark.parametrize('offsets', OFFSETS)
+def test_wrong_offsets_do_not_lift_a_box_off_its_face(offsets):
+    held_box = held(BOX, 0.0)
+    assert len(held_box.contacts.members) == 3
+    grip = Grip(held_box.member_names, held_box.body, FRICTION)
+    config = HOME.moved_to(offsets)
+    exact, unsure = attach_model(config, grip), attach_model(config, grip, None, 0.01)
+    assert exact.required_friction > FRICTION > unsure.required_friction
+    assert len(unsure.contacts.members) == 3
+    assert abs(unsure.pose.angle - grip.body.pose.angle) < np.radians(1.0)

@@ -1,0 +1,80 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Start of the belief of an object outside of the grip, and its end without an object."""
+
+from functools import partial
+
+from isotruss_ros.core import Disc, Grip, HoldStatus, load_robot, place_between, Pose, solve_twist
+from isotruss_ros.core.estimation.grip_belief import attach_model
+from isotruss_ros.core.holding.attach_grip import attach_grip
+from isotruss_ros.core.servo.belief_start import BeliefStart
+from isotruss_ros.core.servo.servo_settings import SqueezeSettings
+from isotruss_ros.core.servo.squeeze_control import SqueezeControl
+import numpy as np
+import pytest
+
+HOME = load_robot('nine_member').home
+MEMBERS = ('north/P-Z', 'north/Z-R')
+BODY = place_between(HOME, MEMBERS, Disc(0.2), indentation=0.01).body
+MODEL = attach_grip(HOME, BODY)
+SETTINGS = SqueezeSettings(MODEL.squeeze)
+OUTSIDE = [np.array([0.0, -0.03]), np.array([0.0, 0.03])]
+PERIOD, SPEED = 0.02, 0.03
+
+
+def measured(away):
+    """Return the grip with the object at a distance from its equilibrium."""
+    x, y, angle = MODEL.pose
+    return Grip(MEMBERS, BODY.moved_to(Pose(x + away[0], y + away[1], angle)), 0.8)
+
+
+def _solve(config, grip, twist, rate):
+    return solve_twist(config, grip, twist, opening_rate=rate)
+
+
+@pytest.mark.parametrize('away', OUTSIDE)
+def test_each_call_searches_at_most_one_equilibrium(away, monkeypatch):
+    calls = []
+    monkeypatch.setattr(
+        'isotruss_ros.core.servo.belief_start.attach_model',
+        lambda *given: calls.append(given) or attach_model(*given),
+    )
+    start = BeliefStart()
+    for number in range(1, 5):
+        start.search(HOME, measured(away), SETTINGS, True, None, None)
+        assert len(calls) == number
+        if start.belief is not None:
+            break
+    assert start.belief is not None
+
+
+@pytest.mark.parametrize('away', OUTSIDE)
+def test_only_an_object_commanded_as_gripped_has_a_supposed_equilibrium(away):
+    start = BeliefStart()
+    for _ in range(6):
+        assert (
+            start.search(HOME, measured(away), SETTINGS, False, None, None) is not HoldStatus.HELD
+        )
+    assert start.belief is None
+
+
+@pytest.mark.parametrize('away', OUTSIDE)
+@pytest.mark.parametrize('direction', [(1.0, 0.0), (0.0, 1.0), (0.0, -1.0)])
+def test_an_object_that_does_not_follow_is_reported_within_20_mm(away, direction):
+    control, config, path = SqueezeControl(SETTINGS), HOME, 0.0
+    lying, twist = measured(away), SPEED * np.array([*direction, 0.0])
+    started = False
+    while control.fault is None:
+        assert path <= 0.02
+        hold = control.follow(config, lying, PERIOD, gripped=True)
+        if hold is not HoldStatus.HELD:
+            continue
+        started = True
+        solve = partial(_solve, config, control.belief.grip)
+        command = control.solve(twist, PERIOD, solve)
+        control.advance(twist, command)
+        path += command.scale * SPEED * PERIOD
+        config = config.moved_to(config.roller_positions + PERIOD * command.roller_velocities)
+    assert started
+    print('PATH', away, direction, path)
