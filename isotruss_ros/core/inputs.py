@@ -129,8 +129,8 @@ def keep_latest(kept: Input, received: StampedInput | RejectedInput, now: float)
 
     :param kept: the previous input.
     :param received: the new input.
-    :param now: time on the clock of the stamps [s]. If the previous input is later, the clock was
-        set back; then it is dropped.
+    :param now: time on the clock of the stamps [s]. If the previous input has a later stamp, the
+        clock was set back, and the previous input is dropped.
     """
     if not isinstance(kept, StampedInput) or kept.time > now + CLOCK_SKEW:
         return received
@@ -252,7 +252,7 @@ class Timeline:
 
     def discard_before(self, time: float) -> None:
         """
-        Remove the values that do not affect the function from a time on.
+        Remove the values that do not affect the function at and after a time.
 
         :param time: the time [s].
         """
@@ -291,7 +291,9 @@ class CommandHistory:
 
     def discard_old(self, now: float, span: float) -> None:
         """
-        Remove commands before a time span; all if the clock ran back or no command is in it.
+        Remove the commands that are older than a time span.
+
+        All commands are removed if the clock was set back, or if no command is within the span.
 
         :param now: time on the clock of the commands [s].
         :param span: length of the time span, which ends now [s].
@@ -305,7 +307,7 @@ class CommandHistory:
         Return the time since the last command [s].
 
         :param now: time on the clock of the commands [s].
-        :param default: result without commands [s].
+        :param default: result if there are no commands [s].
         """
         return default if self.last is None else now - self._travel.last[0]
 

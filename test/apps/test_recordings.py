@@ -201,12 +201,6 @@ def test_messages_that_are_no_joint_states_are_not_shown_as_such(tmp_path, capsy
 
 
 @few_examples
-@given(st.binary(max_size=200))
-def test_bytes_behind_the_beginning_of_a_file_raise_nothing_raw(tmp_path_factory, tail):
-    read(MAGIC + HEADER + tail, tmp_path_factory.getbasetemp())
-
-
-@few_examples
 @given(st.binary(max_size=100))
 def test_a_message_of_any_bytes_raises_nothing_raw(tmp_path_factory, record):
     from isotruss_ros.viewer.recording import read_recording, RecordingError, show_message

@@ -64,11 +64,6 @@ def test_a_drag_that_creeps_is_stuck_after_its_patience():
     assert drag_along(Drag((3.0, 4.0), 0.0), 0.5 * PROGRESS) == pytest.approx(PATIENCE, abs=0.06)
 
 
-@pytest.mark.parametrize('target', [(3.0, 4.0), (0.02, 0.0)])
-def test_a_slow_drag_goes_on_and_stays_where_it_arrived(target):
-    assert drag_along(Drag(target, 0.0), 2.0 * PROGRESS) == pytest.approx(10.0, abs=0.06)
-
-
 def test_a_drag_of_what_is_not_seen_is_stuck_after_its_patience():
     drag = Drag((1.0, 0.0), 5.0)
     assert not drag.is_stuck(5.0 + 0.9 * PATIENCE)

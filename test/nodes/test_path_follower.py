@@ -392,7 +392,7 @@ def test_a_path_is_followed_where_only_the_history_of_the_contacts_uses_the_marg
     numbers = np.array([ROBOT.member_names.index(name) for name in members])
     held = attach_grip(ROBOT.home, body, numbers)
     # It has slipped on both members, which turned it and left little of its margin.
-    slipped = roll_grip(replace(held, anchors=held.anchors - 0.014), ROBOT.home)
+    slipped = roll_grip(replace(held, anchors=held.anchors - 0.017), ROBOT.home)
     path = np.array([slipped.pose, np.add(slipped.pose, (0.0, -0.05, 0.0))])
     assert foresee_path(slipped, FRICTION, path).why
     check((0.0, -0.05, 0.0), record=GripRecord.of(slipped))

@@ -109,7 +109,7 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
             ) from error
 
     def residual(self) -> Array:
-        """Return the residual of the constraints [m]; of the bisection rows [rad]."""
+        """Return the residual of the constraints: bisection rows in [rad], other rows in [m]."""
         return self.robot.constraints.residual(
             self.points, _targets(self.robot, self.roller_positions)
         )
@@ -118,7 +118,7 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
     @single_threaded
     def node_jacobian(self) -> Array:
         """
-        Return the Jacobian (2n, r) of the nodes (x0, y0, x1, y1, ...) by the rollers, from (12).
+        Return the Jacobian (2n, r) of node positions (x0, y0, ...) by roller travel, from (12).
 
         :raises ConfigurationError: the configuration is singular.
         """
@@ -133,10 +133,11 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
         Return the configuration at other roller travel on the same branch of solutions.
 
         :param roller_positions: (r,) roller travel since home [m].
-        :param nearby: factorised matrix of a nearby configuration, for first step and result.
-        :raises ConfigurationError: wrong shape or not finite; a member would have no length; or
-            the straight line in roller travel passes a singular configuration or takes more than
-            `MAX_NEWTON_ITERATIONS` steps.
+        :param nearby: factorised matrix of a nearby configuration, for the first step of the
+            continuation, and for predictions from the result.
+        :raises ConfigurationError: the roller travel has a wrong shape or is not finite; a member
+            would have no length; or the straight line in roller travel passes a singular
+            configuration or takes more than `MAX_NEWTON_ITERATIONS` steps.
         """
         return self._reached(roller_positions, nearby)
 
@@ -202,7 +203,7 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
 
     def predict(self, travel: Array) -> Configuration:
         """
-        Return the configuration after some roller travel; to first order if the travel is short.
+        Return the configuration after further roller travel, to first order if it is short.
 
         The first-order prediction is much faster than `moved_to`. It violates the constraints by
         about travel^2 over the length of a member, so it is not suitable as a start of `moved_to`.
@@ -219,7 +220,7 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
         return Configuration(self.robot, self.roller_positions + travel, points)
 
     def _lengthened(self, lengths: Array) -> Points:
-        """Return the nodes (n,) for longer members (m,), by xdot = R^-1 (Ldot, 0) of (12) [m]."""
+        """Return the nodes (n,) after members lengthen by (m,), to first order, from (12) [m]."""
         right = np.zeros(self.robot.constraints.n_rows)
         right[: self.robot.topology.n_modules] = lengths
         return self.points + (self._nearby or self.factor).solve(right).view(np.complex128)
@@ -280,7 +281,8 @@ class ConfigurationTracker:
         """
         Return the configuration at measured travel, and the prediction after further travel.
 
-        The next call reuses the factorised matrix of the prediction: one factorisation a cycle.
+        The next call reuses the factorised matrix of the prediction, so a cycle needs only one
+        factorisation.
 
         :param roller_positions: (r,) measured roller travel since home [m].
         :param travel: (r,) further roller travel [m].

@@ -31,7 +31,8 @@ MAX_REUSE_CONTRACTION = 0.1
 class Targets:
     """Right-hand sides of the constraints."""
 
-    lengths: Array  #: (4m,) lengths of members, AB, AC and BC, m of each [m]
+    #: (4m,) lengths of the m members, then of the m sides AB, m sides AC and m sides BC [m]
+    lengths: Array
     ground: Array  #: (g,) grounded coordinates [m]
 
 
@@ -104,7 +105,7 @@ class Constraints:
 
     def spans(self, points: Points) -> Points:
         """
-        Return the vectors (4m,) of members, AB, AC and BC from start to end, x + iy [m].
+        Return the vectors (4m,) along members and sides AB, AC, BC, from start to end [m].
 
         :param points: (n,) nodes [m].
         """
@@ -121,11 +122,12 @@ class Constraints:
 
     def gradients(self, points: Points) -> Points:
         """
-        Return the entries of the matrix: gradients of rows by nodes as complex numbers.
+        Return the entries of the matrix; each is the gradient of a row by a node, x + iy.
 
         :param points: (n,) nodes [m].
-        :return: (13m,) entries: 4m by the lengths of members, AB, AC and BC [-], their negatives,
-            and 5m of the bisection rows [1/m].
+        :return: (13m,) entries: first those of the 4m lengths (see `Targets`) by the end nodes
+            [-], then their negatives, for the start nodes, and last the 5m entries of the
+            bisection rows [1/m].
         """
         m = self._topology.n_modules
         spans = self.spans(points).reshape(4, m)

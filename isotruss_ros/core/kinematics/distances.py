@@ -38,11 +38,12 @@ def nearest_on_segment(point: Points, start: Points, end: Points) -> tuple[Array
     """
     Return the distances (k,) of points from straight segments [m], and the nearest points.
 
-    :param point: (k,) points, or one for all segments, x + iy [m].
+    :param point: (k,) points, or a single point for all segments, x + iy [m].
     :param start: (k,) start points of the segments [m].
     :param end: (k,) end points [m]; they may equal the start points.
-    :return: distances (k,) [m]; unit vectors (k,) from the segments to the points, normal to a
-        segment that contains its point; positions (k,) of the nearest points, 0 to 1.
+    :return: distances (k,) [m]; unit vectors (k,) from the segments to the points (if a point is
+        on its segment, the vector is normal to the segment); positions (k,) of the nearest points
+        along the segments, 0 at the start to 1 at the end.
     """
     arm, along = point - start, end - start
     squares = np.maximum(along.real**2 + along.imag**2, COINCIDENCE**2)
@@ -110,7 +111,7 @@ class CollisionModel:
         return [f'{points[self._first[i]]} and {segments[self._second[i]]}' for i in pairs]
 
     def part_names(self) -> list[str]:
-        """Return the names (3m,) of the parts: members, modules, rods."""
+        """Return the names (3m,) of the parts: first members, then modules, then rods."""
         return [
             *(f'member {name}' for name in self._robot.member_names),
             *(f'module {name}' for name in self._robot.module_names),
@@ -147,9 +148,11 @@ class CollisionModel:
 
         :param config: configuration of the robot.
         :param body: the object at its pose.
-        :param parts: (k,) indices of parts: members, modules, rods, m of each; default all.
+        :param parts: (k,) indices of parts; by default, all parts. Parts are numbered: first the m
+            members, then the m modules, then the m rods.
         :return: (k,) distances [m], negative for an overlap; (k, 2n) rows on the node velocities
-            [-]; (k, 3) rows on the object's twist vx, vy [-], omega [m] in the robot frame.
+            [-]; (k, 3) rows on the object's twist vx, vy [-], omega [m] in the robot frame. The
+            rows give the rates of the distances.
         """
         starts, ends = self.part_ends(config, parts)
         found = segment_gaps(body, starts, ends)
@@ -188,7 +191,7 @@ class CollisionModel:
 
         :param config: configuration of the robot.
         :param parts: (k,) indices of parts.
-        :param shares: (k,) positions of the nearest points on their segments, 0 to 1.
+        :param shares: (k,) positions of the nearest points along their segments, 0 to 1.
         :param normals: (k,) unit vectors from the nearest points to the fixed points, x + iy.
         :return: (k, n) rows on the node velocities as complex numbers [-].
         """
@@ -199,7 +202,7 @@ class CollisionModel:
 
 
 def _measured(robot: Mechanism) -> Array:
-    """Return the mask (m + j, 3m) of the pairs of points (modules, joints) and segments."""
+    """Return the mask (m + j, 3m) of point-segment pairs; points are modules, then joints."""
     topology = robot.topology
     m = topology.n_modules
     joint = np.concatenate([topology.joint, np.arange(len(topology.joint_names))])

@@ -67,7 +67,7 @@ def place_home(
 def _corners(
     description: RobotDescription, topology: Topology, joints: Points
 ) -> tuple[Points, Array]:
-    """Return the inward direction at each corner, and 1 if its next side is on the left."""
+    """Return each corner's inward direction, and +1 if its next side is on the left, else -1."""
     here = joints[topology.joint]
     ahead = joints[topology.joint[topology.following]] - here
     back = joints[topology.joint[topology.previous]] - here
@@ -207,7 +207,7 @@ def require_determinate(source: str, topology: Topology, matrix: Array | csc_mat
 
 
 def _what_moves(topology: Topology, matrix: Array | csc_matrix) -> list[str]:
-    """Return the joints that move in the mechanisms of the structure."""
+    """Return the names of the joints that can move while the rollers are locked."""
     dense = matrix if isinstance(matrix, np.ndarray) else matrix.toarray()
     _, values, vectors = np.linalg.svd(dense)
     rank = int((values > values[0] / MAX_CONDITION).sum())

@@ -46,7 +46,7 @@ class Mechanism:
 
         :param values: (r,) numbers in the order of `roller_names`.
         :param what: name of the numbers, for the error message.
-        :raises ConfigurationError: not (r,) finite numbers.
+        :raises ConfigurationError: the values are not (r,) finite numbers.
         """
         names = self.roller_names
         what = f'{what} for {", ".join(names)}'

@@ -26,7 +26,8 @@ import numpy as np
 #: Number of vectors in the block [-]. The error falls by (s_1 / s_5)^2 per iteration, typically to
 #: 1/20.
 BLOCK_SIZE = 4
-#: Number of inverse iterations on M^T M [-]; the decomposition of the block counts as a half.
+#: Number of inverse iterations on M^T M [-]; the singular value decomposition of the block counts
+#: as half an iteration.
 ITERATIONS = 3
 
 
@@ -75,7 +76,9 @@ class RigidityIndex:
 
     def gradients(self, config: Configuration, modes: Modes) -> Array:
         """
-        Return the gradients of the singular values by the nodes, u^T dM v over the value at home.
+        Return the gradients of the scaled singular values by the nodes, u^T dM v / s_home.
+
+        s_home is the smallest singular value at home.
 
         :param config: configuration of the robot.
         :param modes: all or the first modes in this configuration.

@@ -69,8 +69,9 @@ class Robot(
         Continuation along the straight line of roller travel from `near` selects the branch.
 
         :param roller_positions: (r,) travel of the tube through each roller since home [m].
-        :param near: start of the continuation; None: home. A close one saves time.
-        :raises ConfigurationError: wrong shape, not finite, or no such configuration.
+        :param near: start of the continuation; None: home. A close start saves time.
+        :raises ConfigurationError: the roller travel has a wrong shape or is not finite, or no
+            configuration exists at it.
         """
         return (near or self.home).moved_to(roller_positions)
 

@@ -4,9 +4,9 @@
 """
 Limit of the roller accelerations from one control cycle to the next.
 
-The command lies on the straight line from the previous to the desired command. It is as close to
-the desired one as the largest change of a roller's speed admits. Both ends of the line fulfil the
-linear constraints of contacts and limits, so every point of it does.
+The command is on the straight line from the previous to the desired command, as close to the
+desired command as the largest change of a roller's speed admits. Both ends of the line fulfil the
+linear constraints of contacts and limits, so every point of the line fulfils them.
 """
 
 from __future__ import annotations
@@ -24,9 +24,10 @@ def limit_acceleration(
     command: RollerCommand, previous: Array, change: float, find_rows: Callable[[], Rows]
 ) -> RollerCommand:
     """
-    Return the closest command to a desired one within the largest change of roller speeds.
+    Return the command closest to a desired one, with limited change of the roller speeds.
 
-    If limits of the configuration require a faster stop, the deceleration is the largest possible.
+    If limits of the configuration require a faster stop than `change` admits, the rollers
+    decelerate by `change`.
 
     :param command: desired command.
     :param previous: (r,) roller speeds of the previous cycle [m/s].
@@ -54,7 +55,7 @@ def limit_acceleration(
 
 def limit_change(speeds: Array, previous: Array, change: float) -> Array:
     """
-    Return the speeds (r,) closest to desired ones on the line from the previous speeds [m/s].
+    Return speeds (r,) on the line from previous to desired ones, as far as `change` admits [m/s].
 
     :param speeds: (r,) desired speeds [m/s].
     :param previous: (r,) speeds of the previous cycle [m/s].
@@ -82,11 +83,11 @@ def _brake(speeds: Array, rows: Rows) -> Array:
 
 def _largest_share(away: Array, step: Array, change: float) -> float:
     """
-    Return the largest share of a step, 0 to 1, at which all components keep a bound.
+    Return the largest share of a step, 0 to 1, at which all values are within a bound.
 
     :param away: (r,) values without the step.
     :param step: (r,) change of the values by the whole step.
-    :param change: bound of their magnitudes, positive.
+    :param change: bound of the magnitudes of the values, positive.
     """
     moving = step != 0.0
     shares = (np.copysign(change, step[moving]) - away[moving]) / step[moving]

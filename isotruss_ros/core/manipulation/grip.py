@@ -44,8 +44,8 @@ class Grip:
     #: coefficient of friction between tubes and object; by default the object's own, or
     #: `DEFAULT_FRICTION`
     friction: float = None  # type: ignore[assignment]  # a number from the start on
-    #: by member, indices of the corners in contact: one, or both ends of a face. None: the
-    #: contacts of the planned indentation, see `Shape.contact_patch`.
+    #: for each member, the indices of the corners in contact: one corner, or the corners at both
+    #: ends of a face. None: the contacts at the planned indentation, see `Shape.contact_patch`.
     corners: tuple[tuple[int, ...], ...] | None = None
 
     def __post_init__(self) -> None:
@@ -68,7 +68,7 @@ class Grip:
 
     @property
     def center(self) -> complex:
-        """Return the origin of the object's frame, the point of its twist, x + iy [m]."""
+        """Return the origin of the object's frame, reference point of its twist, x + iy [m]."""
         return self.body.center
 
     def moved_to(self, pose: ArrayLike) -> Grip:
@@ -106,7 +106,7 @@ class Grip:
         :param module: name `t/j` of the module.
         :param body: the object at its pose in the robot frame.
         :param friction: coefficient between tubes and object; see `Grip`.
-        :raises GraspError: the robot has no such module, or see `Grip`.
+        :raises GraspError: the robot has no such module, or a value is invalid, see `Grip`.
         """
         return cls(members_at(robot, module), body, friction)  # type: ignore[arg-type]
 
@@ -133,9 +133,11 @@ class MemberNodes(NamedTuple):
 
     members: Indices  #: (k,) indices of the members, equal to those of the modules at their starts
     lines: Indices  #: (k, 2) nodes B at the members' starts, and C at their ends
-    driven: Indices  #: (d,) positions, among the k, of members that start at a roller
-    rollers: Indices  #: (d,) indices of these rollers
-    entries: Indices  #: (4 k,) flat indices of the entries of `member_rows` in (3 k, n)
+    driven: Indices  #: (d,) positions in `members` of those that start at a driven module
+    rollers: Indices  #: (d,) indices of the rollers of these modules
+    #: (4 k,) flat indices of the nonzero entries of an array (3 k, n), three rows of gradients by
+    #: the nodes for each member; for `member_rows`
+    entries: Indices
 
 
 def find_members(robot: Mechanism, names: tuple[str, ...]) -> MemberNodes:
@@ -192,8 +194,8 @@ def find_contacts(config: Configuration, grip: Grip) -> list[GripContact]:
     :param config: configuration of the robot.
     :param grip: the grip.
     :return: contacts in the order of the members: one for each, two for a member along a face.
-    :raises GraspError: no such member; or a member does not touch the object between its ends,
-        with a gap or penetration of at most one tube diameter.
+    :raises GraspError: the robot has no such member; or a member is not in contact with the object
+        between its ends; a gap or penetration of at most one tube diameter counts as contact.
     """
     nodes = find_members(config.robot, grip.members)
     tube = config.robot.description.tube_diameter

@@ -4,11 +4,11 @@
 """
 Grip Jacobian: the grasp constraint J_h(q) qdot = G^T nu, solved for the twist nu.
 
-J_h qdot is the velocity of the tubes' material at the contacts, G^T nu that of the object's
-surface; they are equal, because contacts roll. The tube is inextensible, so the material of a
-straight member moves as a rigid body. Along the member it has the speed of the roller at the
-member's start; by (12), the roller at its end gives the same. For a cylinder between the two
-members of one module, the rows are (14) to (18).
+J_h qdot is the velocity of the tubes' material at the contacts, and G^T nu is the velocity of the
+object's surface there; they are equal, because contacts roll. The tube is inextensible, so the
+material of a straight member moves as a rigid body. Along the member it has the speed of the
+roller at the member's start; by (12), the roller at the member's end gives the same speed. For a
+cylinder between the two members of one module, the rows are (14) to (18).
 """
 
 from __future__ import annotations

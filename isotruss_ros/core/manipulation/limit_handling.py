@@ -29,15 +29,15 @@ from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.numerics.tolerances import NEGLIGIBLE_SHARE, ROUNDING
 import numpy as np
 
-#: Largest number of rollers with all rows at once; beyond it, active rows are faster
-#: (benchmarks/scaling.py) [-].
+#: Largest number of rollers for which a program is solved with all rows at once [-]; for more
+#: rollers, the search for the active rows is faster (benchmarks/scaling.py).
 MAX_ROLLERS_WITH_ALL_ROWS = 60
 #: Initial number of active rows, and smallest number of rows added at a time [-].
 ROW_BATCH = 16
 #: Weight of progress against roller speed [-]. Full roller speed is used if the object's surface
-#: moves along the twist at 2 / `PROGRESS_WEIGHT` of it or more. When sliding, the inverse is the
-#: weight of roller speeds against the twist's error. In loops slower than `REFERENCE_PERIOD` [s],
-#: the weight decreases with the period.
+#: moves along the twist at 2 / `PROGRESS_WEIGHT` of the roller speed or faster. When sliding, the
+#: inverse of the weight is the weight of roller speeds against the twist's error. In loops slower
+#: than `REFERENCE_PERIOD` [s], the weight decreases with the period.
 PROGRESS_WEIGHT, REFERENCE_PERIOD = 100.0, 1e-2
 
 #: Solver: function from cost, task and rows to speeds (n,) and progress.
@@ -66,7 +66,8 @@ def apply_limits(
     :param limits: the limits.
     :param rows: rows of the limits, see `stack_rows`.
     :param handling: behaviour at binding limits.
-    :return: roller velocities (r,) [m/s], scale, status, and names of the binding limits.
+    :return: roller velocities (r,) [m/s], scale (see `RollerCommand`), status, and names of the
+        rollers and members whose limits bind.
     :raises SolverError: a quadratic program was not solved.
     """
     reach, max_speed = task.reach, config.robot.description.max_speed
@@ -123,7 +124,7 @@ def apply_limits(
 
 def _solve(task: Task, solve: Solver, rows: Rows, guess: Array | None) -> tuple[Array, float]:
     """
-    Solve a quadratic program with all rows; on a large robot, with the active rows.
+    Solve a quadratic program with all rows, or for a large robot with its active rows only.
 
     Without a guess all rows are used, because many rows bind without regularisation.
     """

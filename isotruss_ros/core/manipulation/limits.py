@@ -20,8 +20,8 @@ from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices
 import numpy as np
 
-#: Largest decay rate of the distance of a member length from its bound [1/s]; loops are as fast or
-#: faster.
+#: Largest decay rate of the distance of a member length from its bound [1/s]; control loops run at
+#: this frequency or faster.
 APPROACH_RATE = 10.0
 
 

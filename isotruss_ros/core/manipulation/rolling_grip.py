@@ -5,13 +5,13 @@
 Rolling of an object in a grip: its pose is a function of the configuration, without drift.
 
 A rolling contact has two invariants: the gap of the object from the member, and the anchor, which
-is the touched place of the tube's material minus the unrolled arc of the object:
+is the position of the contact on the tube's material minus the unrolled arc of the object:
 
     Im(conj(e) (p - B)) = gap,   Re(conj(e) (p - B)) - phi - arc = anchor
 
 with the start B of the member, its direction e, the point of contact p, and the travel phi of the
-tube into the member. Their derivative is the constraint J_h(q) qdot = G^T nu. Gaps are positive
-toward the object, arcs along the member.
+tube into the member. The time derivative of the invariants is the constraint J_h(q) qdot = G^T nu.
+Gaps are positive toward the object, arcs are positive along the member.
 """
 
 from __future__ import annotations
@@ -46,8 +46,8 @@ class RollingGrip:
     kept: Array  #: (2, k) invariants: gaps from the centre lines, and anchors along the tubes [m]
     sides: Array  #: (m,) +1 for an object on the left of the member, -1 on the right
     shape: Shape  #: shape of the object for contacts, see `Shape.smoothed`
-    #: largest deviation from the invariants [m]: members have come closer, moved apart or slipped,
-    #: because the rollers did not keep the contacts
+    #: largest deviation from the invariants [m]; it is not zero if members have come closer, moved
+    #: apart or slipped, because the rollers did not keep the contacts
     misfit: float = 0.0
 
     @classmethod
@@ -86,7 +86,8 @@ class RollingGrip:
         deviation.
 
         :param config: configuration nearby; the object rotates by less than half a turn.
-        :raises GraspError: no such pose exists; or a member does not touch the object any more.
+        :raises GraspError: no pose of the object is found; or a member does not touch the object
+            any more.
         """
         rolled = self._rolled(config)
         if rolled.misfit <= ROUNDING or len(self.owners) == len(self.sides):

@@ -5,8 +5,8 @@
 Rolling of a polygon over its corners, for twists that are not admissible with face contacts.
 
 Contacts at both ends of a face do not admit all twists. For other twists the object may roll over
-one end of the face while the other end lifts. This needs a balance of forces with the force at
-that end only. Two members balance if their forces act along one line in both friction cones.
+one end of the face while the other end lifts. Then the forces must balance without a force at the
+lifted end. Two members balance if their forces act along one line in both friction cones.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ import numpy as np
 
 def roll_off_faces(config: Configuration, grip: Grip, reach: Reach, twist: Array) -> Reach:
     """
-    Return the reachable twists of the subset of contacts with the smallest residual twist.
+    Return the reachable twists of that subset of contacts which comes closest to a twist.
 
     :param config: configuration of the robot.
     :param grip: the grip.
-    :param reach: reachable twists with all contacts; the result if no subset is closer.
+    :param reach: reachable twists with all contacts; the result if no subset comes closer.
     :param twist: (3,) twist of the object, not zero [m/s, rad/s].
     :raises ConfigurationError: the configuration is singular.
     """
@@ -91,7 +91,7 @@ def _balances(other: list[GripContact], one: list[GripContact], angle: float) ->
     """
     Return whether a line through the contacts of two members is in both friction cones.
 
-    The first member has one contact, the second one or two.
+    The first member has one contact, the second member has one or two contacts.
     """
     point, normal = other[0].point, one[0].normal
     # Directions of the force at `other`: in its own cone, and against one in the cone of `one`.

@@ -75,8 +75,8 @@ def solve_joint_velocity(
     :param failed: names of failed rollers, which stand still.
     :param limits: limits instead of those of the robot file; None: those of the file.
     :param handling: behaviour at binding limits.
-    :raises GraspError: no such joint or roller, no velocities, or one that is not two finite
-        numbers.
+    :raises GraspError: the robot has no such joint or roller, no velocity is given, or a velocity
+        is not two finite numbers.
     :raises ConfigurationError: the configuration is singular.
     :raises SolverError: a quadratic program was not solved.
     """

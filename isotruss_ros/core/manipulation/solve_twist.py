@@ -56,8 +56,8 @@ def solve_twist(
     :param handling: behaviour at binding limits.
     :param opening_rate: rate of the distance between the contacts of two members, or twice the
         speed of each of three members away from the object [m/s]. It is the right-hand side of the
-        fourth row of (19). It is scaled with the twist; when sliding, by roller speed limits only,
-        and it is zero if the other limits do not admit it.
+        fourth row of (19). It is scaled with the twist. With `slide_along_limits` it is scaled by
+        roller speed limits only, and it is zero if the other limits do not admit it.
     :param cost: (r, r) positive definite matrix J of (11) by roller speeds; None: the paper's
         cost, the squared change of the member lengths. A cost W of the node velocities is `rows.T
         @ W @ rows` with `rows = config.roller_rows(np.eye(len(W)))`.

@@ -22,8 +22,8 @@ class Status(enum.IntEnum):
 
     OK = 0  #: the commanded twist is executed
     IDLE = 1  #: the twist is zero, and so is the command
-    FOLLOWING_TRAJECTORY = 2  #: a trajectory of the rollers is followed; twists do not count
-    ARRIVED = 3  #: a trajectory is finished; no twist since
+    FOLLOWING_TRAJECTORY = 2  #: a trajectory of the rollers is followed; twists are ignored
+    ARRIVED = 3  #: a trajectory is finished, and no twist was received since
     ACCELERATING = 4  #: the acceleration limit binds
     SLOWED_ROLLER_SPEED = 10  #: scaled twist: a roller is at its largest speed
     SLOWED_MEMBER_LENGTH = 11  #: scaled twist: a member is near its length limit
@@ -33,9 +33,9 @@ class Status(enum.IntEnum):
     SLOWED_UTILISATION = 15  #: scaled twist: a tube is near its wrinkling moment
     SLOWED_BARRIER = 16  #: scaled twist: a user-defined barrier or limit binds
     SLOWED_SLIP_MARGIN = 17  #: scaled twist: the slip margin is near its bound
-    UNREACHABLE = 20  #: the closest reachable twist, possibly scaled
-    SLIDING = 21  #: the closest twist that limits admit, with `slide_along_limits`
-    HALT_NO_TWIST = 30  #: no twist yet, or the last one is too old
+    UNREACHABLE = 20  #: the closest reachable twist is executed, possibly scaled
+    SLIDING = 21  #: the closest twist within limits is executed, with `slide_along_limits`
+    HALT_NO_TWIST = 30  #: no twist was received yet, or the last twist is too old
     HALT_INVALID_TWIST = 31
     HALT_NO_JOINT_STATES = 32
     HALT_STALE_JOINT_STATES = 33
@@ -49,9 +49,9 @@ class Status(enum.IntEnum):
     HALT_CLOCK = 41  #: simulated time is stopped
     HALT_INVALID_FAILED_ROLLERS = 42
     HALT_NOT_HELD = 43  #: the squeezed object has no equilibrium
-    HALT_TRAJECTORY = 44  #: a trajectory was rejected or aborted; no twist since
+    HALT_TRAJECTORY = 44  #: a trajectory was rejected or aborted, and no twist was received since
     HALT_OTHER_COMMANDS = 45  #: another node also commands the rollers
-    HALT_SLIPPED = 46  #: the object slipped or its pose is inconsistent; squeeze regulated
+    HALT_SLIPPED = 46  #: the object slipped or its pose is inconsistent; the squeeze is controlled
     HALT_OSCILLATES = 48  #: the oscillation of the object grows: the rollers stop
     HALT_STALE_TUBE_PRESSURES = 50
     HALT_INVALID_TUBE_PRESSURES = 51
@@ -71,8 +71,8 @@ class RollerCommand(
     #: (3,) vx, vy [m/s], omega [rad/s] of the object in the robot frame, computed from
     #: `roller_velocities`
     achieved_twist: Array
-    #: factor on the twist, or on the closest reachable one, by limits, 0 to 1; when sliding, the
-    #: relative component along it
+    #: factor by which limits reduced the twist, or the closest reachable twist, 0 to 1; when
+    #: sliding, the executed component along this twist, relative to its norm
     scale: float
     status: Status  #: status code
     limiting: tuple[str, ...] = ()  #: names of the rollers, members and parts whose limits bind

@@ -119,7 +119,9 @@ class Reach(NamedTuple):
     """
 
     working: WorkingRollers  #: the working rollers
-    motion: Array  #: (3, r) twist by the speeds of all rollers; for joints, (k, r) velocities
+    #: (3, r) Jacobian of the twist by the speeds of all rollers; for joints, (k, r) Jacobian of
+    #: their velocities
+    motion: Array
     #: (k + g, w) rows of (20) on the speeds of the working rollers [-]: components of the twist
     #: along the directions, then the contact constraints that the rollers can violate
     rows: Array
@@ -140,9 +142,10 @@ class Reach(NamedTuple):
     @classmethod
     def of(cls, jacobian: Array, working: WorkingRollers, weights: Array) -> Reach:
         """
-        Return the reachable twists of a grip Jacobian.
+        Return the twists that the working rollers can produce, from the Jacobian of a grip.
 
-        :param jacobian: (3 + g, r) grip Jacobian, see `grip_jacobian`; for joints (k, r).
+        :param jacobian: (3 + g, r) grip Jacobian, see `grip_jacobian`; for joints, the (k, r)
+            Jacobian of their velocities.
         :param working: the working rollers.
         :param weights: (3,) factors, see `Reach`; for joints, (k,) ones.
         """
@@ -175,7 +178,7 @@ class Task(NamedTuple):
     direction: Array  #: (k + g,) unit vector of the closest reachable twist, in the rows of (20)
     speed: float  #: norm of the closest reachable twist [m/s]
     status: Status  #: `OK` for the commanded twist, else `UNREACHABLE`; `IDLE` without a command
-    free: Array  #: (w,) least-cost roller speeds for the norm 1 m/s, without limits
+    free: Array  #: (w,) least-cost speeds for a twist of norm 1 m/s along `direction`, no limits
     #: (r,) least-cost speeds of all rollers for the closest reachable twist [m/s]
     velocities: Array
 

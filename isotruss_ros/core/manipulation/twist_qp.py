@@ -21,8 +21,9 @@ from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.qp import QuadraticProgram, solve_qp
 import numpy as np
 
-#: Penalties rho relative to |C u|^2 with |u| of order 1, tried one after another [-]. The first is
-#: exact to rounding; at degenerate vertices smaller ones sacrifice progress.
+#: Penalties rho relative to |C u|^2 with |u| of order 1, tried one after another [-]. The first
+#: penalty is exact up to rounding. The smaller penalties are for degenerate vertices; they
+#: sacrifice progress.
 PENALTIES = (1e8, 1e6, 1e4, 1e2, 1.0)
 NO_SOLUTION = (
     'the quadratic program of the manipulation has no solution; '
@@ -79,8 +80,8 @@ def project_target(
     Return the speeds u of least cost with the smallest distance of J u from a target.
 
     It minimises 1/2 |J u - target|^2 + regularization/2 |C u|^2 over the first `rank` rows of J.
-    The other rows are equalities; if the bounds do not admit their targets, J u = 0. All
-    quantities are dimensionless, |u| is O(1).
+    The other rows are equalities; if the bounds do not admit their targets, their targets are
+    replaced by 0. All quantities are dimensionless, |u| is O(1).
 
     :param cost: (r, r) matrix C^T C, positive definite.
     :param equality: (k, r) matrix J.

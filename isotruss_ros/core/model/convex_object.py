@@ -35,10 +35,10 @@ class ConvexObject:
     shape: Shape  #: a `Disc`, `Polygon` or `Ellipse`, in the object's frame
     pose: Pose = ORIGIN  #: pose of the object's frame in the robot frame (x, y, angle) [m, rad]
     mass: float | None = None  #: mass of the object [kg]; None if unknown
-    #: (x, y) in the object's frame [m]; None: the centroid of the area
+    #: centre of mass (x, y) in the object's frame [m]; None: the centroid of the area
     center_of_mass: tuple[float, float] | None = None
-    #: coefficient of friction between this object and the tubes [-]; None: the coefficient of the
-    #: grasp
+    #: coefficient of friction between this object and the tubes [-]; None: the coefficient that is
+    #: given for the grasp
     friction: float | None = None
     #: origin of the object's frame in the robot frame, x + iy [m]
     center: complex = field(init=False, repr=False, compare=False)
@@ -89,7 +89,7 @@ class ConvexObject:
         :param center: (x, y) in the robot frame [m].
         :param diameter: diameter d of the object [m].
         :param friction: coefficient of friction between object and tubes [-]; None: the
-            coefficient of the grasp.
+            coefficient that is given for the grasp.
         :raises GraspError: a number is not finite or not within its range.
         """
         x, y = finite_array(center, 2, "the object's centre [m]", GraspError)
@@ -97,9 +97,10 @@ class ConvexObject:
 
     def friction_or(self, given: float | None) -> float:
         """
-        Return the coefficient of friction: a given one, the object's own or the default.
+        Return a given coefficient of friction, or without one the object's own or the default.
 
-        :param given: coefficient of the grasp [-]; None: the object's own, or `DEFAULT_FRICTION`.
+        :param given: coefficient for the grasp [-]; None: the object's own coefficient, or
+            `DEFAULT_FRICTION` if that is unknown.
         """
         if given is not None:
             return given
@@ -120,9 +121,9 @@ class ConvexObject:
 
     def smoothed(self, length: float) -> ConvexObject:
         """
-        Return the object with its corners replaced by the smooth outline that they sample.
+        Return the object with the smooth outline that its corners sample, see `Shape.smoothed`.
 
-        :param length: length of the shortest face that is not a sample, see `Shape.smoothed` [m].
+        :param length: length [m]; only shorter faces are taken for chords of a smooth outline.
         """
         shape = self.shape.smoothed(length)
         if shape is self.shape:
@@ -180,7 +181,8 @@ class SegmentGaps(NamedTuple):
 
     gaps: Array  #: (k,) distances from the surface, negative if the segment penetrates it [m]
     normals: Points  #: (k,) unit vectors from the object toward the segments, robot frame
-    shares: Array  #: (k,) position of the nearest point on each segment, 0 to 1
+    #: (k,) position of the nearest point along each segment, 0 at its start to 1 at its end
+    shares: Array
 
 
 def segment_gaps(body: ConvexObject, starts: Points, ends: Points) -> SegmentGaps:

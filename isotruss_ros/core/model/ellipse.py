@@ -62,7 +62,7 @@ class Ellipse(Shape):
         return max(self.semi_axes)
 
     def support_points(self, normals: Points) -> Points:
-        """Return points of the surface on tangents; see `Shape.support_points`."""
+        """Return the points where tangents touch the surface; see `Shape.support_points`."""
         a, b = self.semi_axes
         x, y = a * normals.real, b * normals.imag
         return (a * x + 1j * b * y) / np.hypot(x, y)

@@ -55,7 +55,8 @@ def make_object(content: Any, source: str) -> ConvexObject:
 
     :param content: content of a file, or of a message.
     :param source: name of the file or message, for errors.
-    :raises ObjectFileError: the content does not describe an object; names key and range.
+    :raises ObjectFileError: the content does not describe an object; the message names key and
+        range.
     """
     if not isinstance(content, Mapping):
         raise ObjectFileError(

@@ -19,8 +19,9 @@ from isotruss_ros.core.model.smooth_outline import SmoothOutline
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 import numpy as np
 
-#: Largest turning angle at corners that sample a smooth outline [rad]. Regular polygons with 13 or
-#: more corners do, and 24 corners on an ellipse with an aspect ratio below 1.9.
+#: Largest turning angle of corners that are taken for samples of a smooth outline [rad]. The
+#: corners of regular polygons with 13 or more corners turn by less, and so do 24 corners on an
+#: ellipse with an aspect ratio below 1.9.
 MAX_SAMPLE_TURN = 0.5
 
 
@@ -33,8 +34,10 @@ class Polygon(Shape):
 
     :ivar vertices: (x, y) of three or more vertices in the object's frame [m], in either sense,
         without repetition of the first. They are stored counter-clockwise.
-    :ivar corner_radius: radius of the arcs [m]: one for all corners or one for each; 0 if sharp.
-    :raises GraspError: the polygon is not convex, or an arc does not fit; names the vertex.
+    :ivar corner_radius: radius of the arcs [m]: one number for all corners, or one number for each
+        corner; 0 for a sharp corner.
+    :raises GraspError: the polygon is not convex, or an arc does not fit; the message names the
+        vertex.
     """
 
     vertices: tuple[tuple[float, float], ...]
@@ -150,7 +153,7 @@ class Polygon(Shape):
         return self.normals.conj().tolist(), self._directions.tolist(), list(arcs)
 
     def support_points(self, normals: Points) -> Points:
-        """Return points of the surface on tangents; see `Shape.support_points`."""
+        """Return the points where tangents touch the surface; see `Shape.support_points`."""
         at = self._corner_of(normals)
         return self.arc_centers[at] + self.radii[at] * normals
 
@@ -199,7 +202,7 @@ class Polygon(Shape):
 
     @cached_property
     def _unrolled_corners(self) -> tuple[Array, Array]:
-        """Return the angles (k,) of the corners' middle normals, and the arc lengths to them."""
+        """Return the angles (k,) of the corners' middle normals, and the arc lengths at them."""
         turns, along = self.turns, 1j * self.normals
         middles = np.angle(self.normals[0]) - 0.5 * turns[0]
         middles = middles + np.append(0.0, np.cumsum(0.5 * (turns[1:] + turns[:-1])))
@@ -235,7 +238,7 @@ class Polygon(Shape):
 
     @cached_property
     def _facing(self) -> tuple[Points, Points]:
-        """Return the conjugate normals (k,) of the sides before, and after, the vertices."""
+        """Return the conjugate normals (k,) of the sides after, and before, each vertex."""
         begins = self.normals.conj()
         return begins, np.roll(begins, 1)
 
@@ -253,19 +256,19 @@ class Polygon(Shape):
 
     def smoothed(self, length: float) -> Shape:
         """
-        Return the smooth curve through the corners; the polygon itself if it is not a sample.
+        Return the smooth curve that the corners sample, or the polygon if they sample none.
 
-        It is a sample if all corners turn by less than `MAX_SAMPLE_TURN`, all faces are shorter
-        than the length, and a convex curve through the corners exists.
+        The corners sample a smooth curve if all corners turn by less than `MAX_SAMPLE_TURN`, all
+        faces are shorter than `length`, and a convex curve through the corners exists.
 
-        :param length: length of the shortest face that is not a sample [m].
+        :param length: length [m]; only shorter faces are taken for chords of a smooth curve.
         """
         longest = np.abs(np.roll(self.arc_centers, -1) - self.arc_centers).max()
         return self if self._curve is None or longest >= length else self._curve
 
     @cached_property
     def _curve(self) -> SmoothOutline | None:
-        """Return the smooth curve through the farthest points of the corners, if it exists."""
+        """Return the smooth convex curve through the corners; None if it does not exist."""
         if self.turns.max() >= MAX_SAMPLE_TURN:
             return None
         outward = self.normals + np.roll(self.normals, 1)

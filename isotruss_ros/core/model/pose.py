@@ -13,11 +13,11 @@ from isotruss_ros.core.numerics.tolerances import ROUNDING
 import numpy as np
 from numpy.typing import ArrayLike
 
-#: Smallest size of an object [m]; smaller ones are rounding errors.
+#: Smallest size of an object [m]; smaller sizes are rounding errors.
 MIN_DIAMETER = ROUNDING
 #: Largest size [m] and mass [kg] of an object, several times what a robot of a few metres holds. A
-#: tenth would refuse objects of the examples; with ten times, centimetres would be taken for
-#: metres.
+#: tenth of these limits would refuse objects of the examples; ten times these limits would accept
+#: a size in centimetres as one in metres.
 MAX_SIZE, MAX_MASS = 10.0, 100.0
 
 

@@ -17,7 +17,7 @@ from isotruss_ros.core.model.safe_yaml import parse_yaml, read_text
 from isotruss_ros.core.model.stiffness_law import find_contradictions, read_laws
 
 DEFAULT_FRAME = 'truss'
-#: Time from rest to the largest roller speed, if the file has no acceleration [s].
+#: Time from rest to the largest roller speed, if the file gives no largest acceleration [s].
 DEFAULT_RISE_TIME = 0.1
 #: Optional keys of the block `tube`, with the names of their fields in the description.
 TUBE_KEYS = {
@@ -118,7 +118,7 @@ def _cross_check(
     limits: Mapping[str, float],
     pressure: float | Mapping[str, float],
 ) -> Iterator[str]:
-    """Yield wrong references between names of a robot file, which the schema cannot express."""
+    """Yield faults that the schema cannot express, such as names of joints that do not exist."""
     known = ', '.join(joints)
     used = {joint for tube in tubes for joint in tube.joints}
     for tube in tubes:

@@ -27,7 +27,7 @@ def read_text(path: Path, kind: str, error: type[IsotrussError]) -> str:
     :param path: path of the file.
     :param kind: kind of file with its article, for error messages.
     :param error: class of the exception to raise.
-    :raises IsotrussError: the file is missing, too long or not UTF-8; of the given class.
+    :raises IsotrussError: the file is missing, too long or not UTF-8; its class is `error`.
     """
     try:
         with path.open('rb') as file:
@@ -51,7 +51,8 @@ def parse_yaml(source: object, text: str, kind: str, refusal: type[IsotrussError
     :param text: YAML text.
     :param kind: kind of texts in the plural, for error messages.
     :param refusal: class of the exception to raise.
-    :raises IsotrussError: the text is not YAML, or is of another type; of the given class.
+    :raises IsotrussError: the text is not YAML 1.2, is nested too deeply, or has anchors or too
+        long values; its class is `refusal`.
     """
     try:
         depth = 0

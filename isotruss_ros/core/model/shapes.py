@@ -30,10 +30,12 @@ PLANNED_DEPTH = 0.02
 
 
 class SurfacePoints(NamedTuple):
-    """Surface points nearest to given points: for each point, `point - gap * normal`."""
+    """Surface points nearest to given points; each of them is `point - gap * normal`."""
 
     gaps: Array  #: (c,) distances of the points from the surface, negative inside [m]
-    normals: Points  #: (c,) outward unit normals at the nearest points, x + iy; any at a corner
+    #: (c,) unit vectors x + iy, the outward normals at the nearest points; at a sharp corner, any
+    #: vector in its normal cone
+    normals: Points
     radii: Array  #: (c,) radii of curvature [m]: 0 at a sharp corner, infinite on a face
 
 
@@ -102,7 +104,9 @@ class Shape(ABC):
     @abstractmethod
     def support_points(self, normals: Points) -> Points:
         """
-        Return the points on tangents, (c,) x + iy [m]; on a tangent along a face, one of its ends.
+        Return the points (c,) x + iy where given tangents touch the surface [m].
+
+        On a tangent along a face, the point is one end of the face.
 
         :param normals: (c,) outward unit normals of the tangents, x + iy, or a single normal.
         """
@@ -191,8 +195,8 @@ class Shape(ABC):
         Return the arc lengths (k,) from a fixed point of the surface to given normals [m].
 
         A shape that rolls on a line touches it at the point whose normal is normal to the line. A
-        rotation unrolls the arc between two contact points, and a face at once. A full rotation
-        unrolls the perimeter.
+        rotation unrolls the arc between two contact points. A face unrolls at a single angle, that
+        of its normal. A full rotation unrolls the perimeter.
 
         :param angles: (k,) unwrapped angles of the outward normals [rad].
         :param corners: (k,) indices of the corners in contact, see `corner_at`.
@@ -216,9 +220,11 @@ class Shape(ABC):
 
     def smoothed(self, length: float) -> Shape:
         """
-        Return the smooth shape that this shape samples; of a polygon, a curve through its corners.
+        Return the smooth shape that this shape samples, or the shape if it samples none.
 
-        :param length: length of the shortest face that is not a sample [m].
+        A polygon with many corners samples a smooth curve through them.
+
+        :param length: length [m]; only shorter faces are taken for chords of a smooth curve.
         """
         return self
 
@@ -277,7 +283,7 @@ class Disc(Shape):
         return 0.5 * self.diameter
 
     def support_points(self, normals: Points) -> Points:
-        """Return points of the surface on tangents; see `Shape.support_points`."""
+        """Return the points where tangents touch the surface; see `Shape.support_points`."""
         return 0.5 * self.diameter * normals
 
     def surface_at(self, corners: Indices, normals: Points) -> tuple[Points, Array]:

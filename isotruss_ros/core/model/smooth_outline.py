@@ -73,7 +73,7 @@ class SmoothOutline(Shape):
 
     @cached_property
     def _angles(self) -> Array:
-        """Return the angles (n + 1,) of the normals at the corners, with the first again [rad]."""
+        """Return the angles (n + 1,) of normals at all corners, and again at the first [rad]."""
         tangents = _conic_tangents(self.corners)
         turns = np.angle(np.roll(tangents, -1) / tangents)
         return float(np.angle(-1j * tangents[0])) + np.append(0.0, np.cumsum(turns))
@@ -101,7 +101,7 @@ class SmoothOutline(Shape):
 
     @cached_property
     def _sampled(self) -> Array:
-        """Return angles (SAMPLES n,) of normals all around, including all corners [rad]."""
+        """Return angles (SAMPLES n,) of normals at the corners and between them [rad]."""
         shares = np.arange(SAMPLES) / SAMPLES
         return (self._angles[:-1, None] + np.diff(self._angles)[:, None] * shares).ravel()
 
@@ -115,7 +115,7 @@ class SmoothOutline(Shape):
         return bool((found[1] + found[3]).min() > 0.0)
 
     def _around(self, angles: Array) -> Array:
-        """Return the integral of h from the first corner, h and its derivatives, (4, k)."""
+        """Return the integral of h from the first corner, h, h' and h'' at angles (k,), (4, k)."""
         angles = self._angles[0] + (angles - self._angles[0]) % (2.0 * np.pi)
         pieces = self._angles[1:-1].searchsorted(angles, 'right')
         return self._at(pieces, angles)
@@ -127,7 +127,7 @@ class SmoothOutline(Shape):
         return np.einsum('dpk,pk->dk', self._pieces[:, :, pieces], powers)
 
     def support_points(self, normals: Points) -> Points:
-        """Return points of the surface on tangents; see `Shape.support_points`."""
+        """Return the points where tangents touch the surface; see `Shape.support_points`."""
         found = self._around(np.angle(np.atleast_1d(normals))).reshape(4, *np.shape(normals))
         return self.centroid + (found[1] + 1j * found[2]) * normals
 

@@ -28,7 +28,7 @@ class Law(NamedTuple):
 
     def stiffness(self, length: Array, pressure: Array) -> Array:
         """
-        Return the stiffness k; zero or infinite on underflow or overflow.
+        Return the stiffness k; zero after underflow, infinite after overflow.
 
         :param length: (k,) lengths L [m]: pinch point to pinch point for an axial law, else guide
             ring to guide ring.
@@ -41,9 +41,10 @@ class Law(NamedTuple):
 
 def read_laws(block: Mapping[str, Any]) -> dict[str, Law]:
     """
-    Return the power laws of a block `stiffness` by mode.
+    Return the power law of each mode (axial, transverse, rotary) from a block `stiffness`.
 
-    :param block: block of a robot file with the model `power_law`, whose form is checked.
+    :param block: block `stiffness` of a robot file, for the model `power_law`; its form must have
+        been checked by the schema.
     """
     modes = ('axial', 'transverse', 'rotary')
     # As floats: YAML also has integers, which overflow differently.
@@ -57,7 +58,7 @@ def find_contradictions(
     ring: float,
 ) -> Iterator[str]:
     """
-    Yield lengths and pressures at which the laws have no stiffness, or no beam fulfils them.
+    Yield lengths and pressures at which a stiffness is out of range, or no beam fulfils the laws.
 
     A beam has the ratio 12 k_rotary / (k_transverse L^2) = 4 + 12 EI / (GA L^2), at least 4. For
     two power laws the ratio is a power law. So if it is at least 4 at both ends of a range of

@@ -13,11 +13,11 @@ Array = NDArray[np.float64]
 Points = NDArray[np.complex128]
 Indices = NDArray[np.intp]
 Flags = NDArray[np.bool_]
-#: Largest magnitude of a number from outside, and inverted the smallest positive one, in SI units;
-#: numbers beyond are mistakes, and their products overflow.
+#: Largest magnitude of a number from outside, in SI units; its inverse is the smallest positive
+#: number. Numbers out of this range are mistakes, and their products overflow.
 MAX_MAGNITUDE = 1e12
-#: Largest number of entries of a list, and of characters of a text, from outside [-]; more are
-#: mistakes. Python does not print integers that are longer.
+#: Largest number of entries of a list, and of characters of a text, from outside [-]; longer input
+#: is a mistake. Python does not print integers that are longer.
 MAX_ENTRIES = 1000
 
 
@@ -32,7 +32,7 @@ def finite_array(
     :param what: name of the values, for the error message.
     :param error: class of the exception to raise.
     :param most: largest allowed magnitude.
-    :raises IsotrussError: the values are invalid; names the input and the requirement.
+    :raises IsotrussError: the values are invalid; the message names them and the requirement.
     """
     return _finite(values, (count,), what, error, most)
 
@@ -48,7 +48,7 @@ def finite_rows(
     :param what: name of the rows, for the error message.
     :param error: class of the exception to raise.
     :param most: largest allowed magnitude.
-    :raises IsotrussError: the rows are invalid; names the input and the requirement.
+    :raises IsotrussError: the rows are invalid; the message names them and the requirement.
     """
     rows = np.shape(values)[:1] if hasattr(values, 'shape') else (len(values),)
     return _finite(values, (*rows, columns), what, error, most)

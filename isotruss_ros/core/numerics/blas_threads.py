@@ -7,7 +7,7 @@ Linear algebra of this package on one BLAS thread.
 The matrices of a robot have some hundred rows. OpenBLAS distributes their products over all cores;
 the busy waiting of its threads then takes longer than the product. The number of threads is a
 setting of the process. It is set at the begin of a solve and restored at its end; in the meantime
-it applies to all threads of the user. Other BLAS libraries are not changed.
+it applies to all threads of the user's process. Other BLAS libraries are not changed.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def _find_libraries() -> list[tuple[Callable[[], int], Callable[[int], None]]]:
 
 
 class _OneThread:
-    """One BLAS thread; of overlapping contexts, the last to end restores the number."""
+    """Context with one BLAS thread; the last of overlapping contexts restores the number."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()

@@ -122,7 +122,8 @@ def factorize_with_condition(matrix: Array | csc_matrix) -> tuple[Factor | None,
     return factor, condition if np.isfinite(condition) else float('inf')
 
 
-#: Largest number of rows plus one of matrices that are inverted together [-].
+#: Number of rows from which matrices are inverted one by one [-]; smaller matrices are inverted
+#: together.
 FEW_ROWS = 13
 
 

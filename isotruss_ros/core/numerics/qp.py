@@ -64,7 +64,7 @@ def solve_qp(problem: QuadraticProgram) -> Array | None:
     Return the solution of a quadratic program.
 
     :param problem: quadratic program.
-    :return: (n,) optimal point; None if there is none, or P is not positive definite.
+    :return: (n,) optimal point; None if none is found, or P is not positive definite.
     """
     rows, bounds = _inequalities(problem)
     free, start = _free_space(problem)
@@ -149,7 +149,7 @@ def find_nearest(columns: Array, room: Array, size: float, relaxation: float) ->
     :param size: estimate of |y|, not negative.
     :param relaxation: perturbation of the bounds in the active-set search relative to the size,
         zero or small [-].
-    :return: nearest point; None if there is none, or rounding disturbed the search.
+    :return: nearest point; None if the polyhedron is empty, or rounding disturbed the search.
     """
     lengths = np.sqrt(np.einsum('fl,fl->l', columns, columns))
     lengths[lengths <= COINCIDENCE * lengths.max(initial=0.0)] = np.inf

@@ -18,7 +18,7 @@ COINCIDENCE = 1e-12
 #: balance, weight of a regularisation that makes a solution unique.
 NEGLIGIBLE_SHARE = 1e-6
 #: Largest condition number of a structure [-]; beyond it the structure is a mechanism in double
-#: precision. A hundredth of it refuses structures that give by some metres for a newton.
+#: precision. A hundredth of it refuses structures that deflect by some metres per newton.
 MAX_CONDITION = 1e12
 #: Largest number of iterations of Newton's method and of continuation [-]. Of 400 random calls
 #: none took more than 29, most about five; a third of it misses one equilibrium in thirty.

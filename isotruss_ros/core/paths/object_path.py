@@ -4,11 +4,11 @@
 """
 Path of the object: interpolated poses as a function of time.
 
-Position and angle are interpolated linearly between poses, the angle in the shorter direction. The
-duration of a segment is the larger one of the centre's translation at `speed` and the rotation at
-`turn_rate`. A smooth path is a centripetal Catmull-Rom spline through the poses, sampled in short
-segments; it has no cusps or loops between two poses (Yuksel, Schaefer and Keyser, Computer-Aided
-Design 2011).
+Position and angle are interpolated linearly between poses, the angle in the shorter direction. A
+segment lasts as long as the centre's translation at `speed` or the rotation at `turn_rate`,
+whichever takes longer. A smooth path is a centripetal Catmull-Rom spline through the poses,
+sampled in short segments; it has no cusps or loops between two poses (Yuksel, Schaefer and Keyser,
+Computer-Aided Design 2011).
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ import scipy
 
 #: Largest number of poses [-] and longest duration [s] of a valid path.
 MAX_POSES, MAX_DURATION = 10_000, 86_400.0
-#: Approximate length [m] and rotation [rad] of a segment of a smooth path; longer where they would
-#: be more than `MAX_POSES`.
+#: Approximate length [m] and rotation [rad] of a segment of a smooth path; segments are longer if
+#: there would be more than `MAX_POSES`.
 PIECE, PIECE_TURN = 0.005, 0.02
 
 

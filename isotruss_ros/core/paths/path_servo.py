@@ -59,7 +59,7 @@ class Step(NamedTuple):
     tracking: Tracking | None  #: state of the tracking; None if unknown
 
 
-#: Result of path following by final phase.
+#: For each final phase, the result of path following.
 OUTCOMES = {
     PathPhase.REACHED: PathOutcome.REACHED,
     PathPhase.OFF_PATH: PathOutcome.OFF_PATH,
@@ -125,7 +125,7 @@ class PathServo:
 
     def decide(self, now: float) -> Step:
         """
-        Return the output of the current cycle; an invalid input raises no error.
+        Return the output of the current cycle; an invalid input ends the path and raises no error.
 
         :param now: time on the clock of the inputs [s].
         """

@@ -9,7 +9,7 @@ import math
 
 from isotruss_ros.core.inputs import HISTORY_DURATION, Timeline
 
-#: Smallest rate while limits slow the robot [-]; the next part of the path may be free of them.
+#: Smallest rate while limits slow the robot [-]; so the path can reach a part without limits.
 MIN_LIMITED_RATE = 0.1
 
 
@@ -58,7 +58,7 @@ class PathClock:
         Return the path time at a past moment [s].
 
         :param elapsed: time since the last call of `advance` [s].
-        :param age: age of the moment [s].
+        :param age: time since that moment [s].
         """
         return self._known.at(self._now + elapsed - age)
 
@@ -75,9 +75,10 @@ class PathClock:
         Advance path time by one cycle.
 
         :param elapsed: time since the last call [s].
-        :param room: bound of the rate by the robot's lag, 0 to 1; it applies at once.
-        :param scale: scale of the last twist by limits of the robot, 0 to 1; it applies along the
-            ramp, because the feedback is some cycles late.
+        :param room: largest rate that the robot's lag admits, 0 to 1; the rate is reduced to it at
+            once.
+        :param scale: factor by which the robot's limits reduced the last twist, 0 to 1; the rate
+            follows it along a ramp, because this feedback is some cycles late.
         :param held: whether the robot is stopped.
         """
         self._now += max(elapsed, 0.0)

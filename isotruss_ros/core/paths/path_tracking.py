@@ -48,8 +48,10 @@ class PathPhase(enum.Enum):
     HELD = enum.auto()  #: the robot and path time are stopped
     SETTLING = enum.auto()  #: path time is at the end, the object not yet within tolerance
     REACHED = enum.auto()  #: the object is within tolerance of the end
-    OFF_PATH = enum.auto()  #: beyond the tolerance of the path, or too long of its end
-    STUCK = enum.auto()  #: without progress for too long
+    #: the object is farther from the path than the tolerance, or it has not come within the
+    #: tolerance of the end in time
+    OFF_PATH = enum.auto()
+    STUCK = enum.auto()  #: path time has made no progress for too long
 
 
 #: Final phases of path following.
@@ -142,12 +144,12 @@ class PathTracker:
         self, measured: Pose, age: float, elapsed: float, scale: float = 1.0, held: bool = False
     ) -> Tracking:
         """
-        Return the output of the tracking for the next cycle.
+        Advance path time by one cycle, and return the twist and the state of the tracking.
 
         :param measured: measured pose of the object.
         :param age: age of the pose [s].
-        :param elapsed: time since the last cycle, clipped to two periods [s].
-        :param scale: scale of the last twist by limits of the robot, 0 to 1.
+        :param elapsed: time since the last cycle [s]; path time advances by at most two periods.
+        :param scale: factor by which the robot's limits reduced the last twist, 0 to 1.
         :param held: whether the robot is stopped.
         :raises PathError: the measured pose is not three finite numbers within range.
         """

@@ -24,8 +24,8 @@ from numpy.typing import ArrayLike
 
 #: Decay rate of errors of the roller positions [1/s].
 POSITION_GAIN = 5.0
-#: End tolerance of the rollers, and larger end tolerance for
-#: imprecise drives or encoders of low resolution [m].
+#: End tolerance of the rollers, and larger end tolerance for imprecise drives or encoders of low
+#: resolution [m].
 TOLERANCE, NEAR_TOLERANCE = 2e-5, 5e-4
 #: Largest distance of the measured positions from the start of the trajectory [m].
 START_TOLERANCE = 0.01
@@ -35,7 +35,7 @@ MAX_LAG = 5e-3
 REST_TIME = 0.1
 #: Largest time without progress [s].
 PROGRESS_TIMEOUT = 3.0
-#: Largest advance of trajectory time in a cycle [s]; larger ones would cut corners.
+#: Largest advance of trajectory time in a cycle [s]; larger advances would cut corners.
 MAX_TIME_STEP = 0.2
 
 
@@ -44,7 +44,7 @@ class RollerTrajectory:
     Waypoints of the rollers with times, connected by straight lines.
 
     Start, corners and end have parabolic blends with the largest acceleration, centred on the
-    waypoint. The first blend extends the duration by half of its own.
+    waypoint. The duration is extended by half of the first blend.
 
     :ivar duration: duration of the trajectory [s].
     :param robot: the robot.
@@ -101,7 +101,9 @@ class RollerTrajectory:
 
     def at(self, time: float) -> RollerState:
         """
-        Return the desired roller positions and velocities at a time; at rest before and after.
+        Return the desired roller positions and velocities at a time.
+
+        Before the start and after the end the rollers are at rest.
 
         :param time: time since the start [s].
         """
@@ -209,7 +211,7 @@ class RollerTrajectoryServo:
 
     def decide(self, now: float) -> RollerStep:
         """
-        Return the output of the current cycle; an invalid input raises no error.
+        Return the output of the current cycle; an invalid input ends the trajectory as a failure.
 
         :param now: time on the clock of the inputs [s].
         """
@@ -245,7 +247,7 @@ class RollerTrajectoryServo:
         now: float,
         elapsed: float,
     ) -> RollerStep:
-        """Advance trajectory time, stop it if a roller lags, or end at rest."""
+        """Advance trajectory time unless a roller lags; end it on arrival or after a timeout."""
         ahead, positions = min(self.time + elapsed, trajectory.duration), state.positions
         behind = trajectory.at(self.time).positions - positions
         error = trajectory.at(ahead).positions - positions

@@ -46,7 +46,7 @@ class Tolerance(NamedTuple):
 class TrajectoryTolerances(NamedTuple):
     """Tolerances of a trajectory goal."""
 
-    #: tolerance along the trajectory; None: no bound, trajectory time waits for the rollers
+    #: tolerance along the trajectory; None: no bound, trajectory time stops while a roller lags
     path: Tolerance | None = None
     goal: Tolerance | None = None  #: tolerance at the end; None: the default of the servo
     #: largest delay of the end [s], infinite for no bound; None: the servo's default

@@ -21,7 +21,8 @@ from isotruss_ros.core.planning.facing import balances, CONE_SHARE, find_facing,
 from isotruss_ros.core.planning.violations import RequirementError
 import numpy as np
 
-#: Gap of the grasping members at the end, and its tolerance, in tube diameters [-].
+#: Gap between the grasping members and the object at the end of the approach, and its tolerance,
+#: in tube diameters [-].
 STANDOFF, STANDOFF_TOLERANCE = 0.06, 0.02
 #: Tolerance of the members' rotation at the end of the approach [rad].
 TURN_TOLERANCE = 1e-3
@@ -29,7 +30,7 @@ TURN_TOLERANCE = 1e-3
 
 def approach(config: Configuration, closing: Closing) -> Iterator[Configuration]:
     """
-    Yield the path of the grasping members toward the object, in directions of force closure.
+    Yield the path on which grasping members approach the object in directions with force closure.
 
     The path begins at the current configuration and is piecewise linear in roller travel.
 
@@ -61,7 +62,7 @@ def approach(config: Configuration, closing: Closing) -> Iterator[Configuration]
 
 def _find_turn(config: Configuration, closing: Closing) -> tuple[float, Closing]:
     """
-    Return the missing rotation of the grasping members [rad], and the closing motion with it.
+    Return the rotation that force closure still requires [rad], and the closing motion for it.
 
     Directions of force closure need no rotation. Otherwise two members are rotated to the nearest
     directions of force closure.

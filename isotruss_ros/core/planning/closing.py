@@ -30,13 +30,16 @@ class Closing:
 
     body: ConvexObject  #: the object at rest
     members: tuple[int, ...]  #: indices of the grasping members
-    limits: tuple[Limit, ...]  #: limits of a step as a motion in 1 s
+    limits: tuple[Limit, ...]  #: limits of a step, which is treated as a motion of 1 s
     min_rigidity: float  #: smallest rigidity index, 1 at home [-]
     friction_angle: float = 0.0  #: half angle of the usable friction cones [rad]
-    nominal_posture: Array | None = None  #: (r,) nominal roller positions [m]; None without
-    facing: Points | None = None  #: (s,) desired unit normals, x + iy; None: no rotation
+    #: (r,) roller positions to which free motions of the rollers tend [m]; None: no such posture
+    nominal_posture: Array | None = None
+    #: (s,) desired unit vectors from the object to the members, x + iy; None: no desired rotation
+    facing: Points | None = None
     tubes: TubeModel = AS_MODELLED  #: model of the tubes
-    tally: SearchTally = field(default_factory=SearchTally)  #: tally of the search
+    #: counts of the search, and its closest violation
+    tally: SearchTally = field(default_factory=SearchTally)
 
     def normals(self, config: Configuration) -> Points:
         """
@@ -49,10 +52,11 @@ class Closing:
 
 @dataclass(frozen=True, eq=False)
 class SearchState:
-    """Configuration with the quantities that bounds of a closing step limit."""
+    """Configuration with the quantities that are bounded in a closing step."""
 
     config: Configuration  #: the configuration
-    gaps: Array  #: (3m,) gaps of members, modules and rods [m]; negative if indented
+    #: (3m,) gaps between the object and the members, modules and rods [m]; negative if indented
+    gaps: Array
     gaps_by_nodes: Array  #: (3m, 2n) derivatives of the gaps by the node coordinates [-]
     modes: Modes  #: modes of the smallest singular values; the first is the rigidity index
     distances: Array  #: (p,) distances of the pairs of `CollisionModel` [m]
@@ -71,9 +75,9 @@ class SearchState:
         """
         Raise RequirementError if the configuration violates a bound.
 
-        :param rigidity: smallest rigidity index.
-        :param clearance: smallest distance of the pairs of `CollisionModel` [m].
-        :param gaps: (3m,) smallest gaps [m].
+        :param rigidity: smallest allowed rigidity index.
+        :param clearance: smallest allowed distance of the pairs of `CollisionModel` [m].
+        :param gaps: (3m,) smallest allowed gaps [m].
         :raises RequirementError: a bound is violated.
         """
         low = int((self.gaps - gaps).argmin())

@@ -33,11 +33,12 @@ from isotruss_ros.core.planning.requirements import GraspRequirements
 from isotruss_ros.core.planning.violations import RequirementError
 import numpy as np
 
-#: First indentation of a face contact with both ends, in tube diameters [-].
+#: First indentation of a face that is in contact at both ends, in tube diameters [-].
 FACE_INDENTATION = 0.01
 #: Increment of the indentation of two members between waypoints, in tube diameters [-].
 CLOSING_STEP = 0.12
-#: Largest increment of the squeeze of three members between waypoints [N]; it doubles at most.
+#: Largest increment of the squeeze of three members between waypoints [N]; the squeeze at most
+#: doubles from one waypoint to the next.
 MAX_SQUEEZE_STEP = 4.0
 #: Displacement below which the object is at rest, with rotations times the characteristic radius
 #: [m].

@@ -37,7 +37,8 @@ MOTION_WEIGHT = 1e-4
 TURNING_ARM = 0.3
 #: Smallest gap between the object and other parts, in tube diameters [-].
 CLEARANCE = 0.1
-#: Smallest distance of parts, and largest constrained distance, in mean member lengths [-].
+#: Smallest distance between parts of the robot, and distance below which it is a constraint of the
+#: step, in mean member lengths [-].
 SELF_CLEARANCE, NEAR = 0.01, 0.15
 #: Largest overshoot of a grasping member, in tube diameters [-].
 MAX_OVERSHOOT = 0.015
@@ -71,7 +72,7 @@ def take_closing_step(
 
     :param state: state at the start of the step.
     :param closing: closing motion with members and object.
-    :param targets: (s,) gaps of the grasping members [m].
+    :param targets: (s,) desired gaps of the grasping members [m].
     :param share: length of the step relative to the longest step: first 1, then the result of the
         previous step.
     :return: state at the end of the step, and share for the next step.
@@ -107,7 +108,7 @@ def solve_step(state: SearchState, closing: Closing, targets: Array, share: floa
 
     :param state: state at the start of the step.
     :param closing: closing motion with members and object.
-    :param targets: (s,) gaps of the grasping members [m].
+    :param targets: (s,) desired gaps of the grasping members [m].
     :param share: length of the step relative to the longest step.
     :raises SolverError: the quadratic program was not solved.
     """
@@ -149,8 +150,8 @@ def _bound_rows(state: SearchState, closing: Closing, targets: Array) -> tuple[A
     """
     Return the bounds of a step u as rows (k, r) and bounds (k,): rows u >= bounds.
 
-    They bound the gaps of grasping members (by targets (s,) [m]) and of other parts (by the
-    clearance), the rigidity, the distances of near parts, and the limits.
+    The rows bound the gaps of grasping members (by targets (s,) [m]), the gaps of other parts (by
+    the clearance), the rigidity, and the distances of near parts; the last rows are the limits.
     """
     config, members, robot = state.config, list(closing.members), state.config.robot
     collisions, length = collision_model(robot), robot.home.member_lengths.mean()

@@ -37,9 +37,10 @@ def export_figures(grasp: PlannedGrasp) -> dict[str, Any]:
 
 def export_path(grasp: PlannedGrasp) -> dict[str, Any]:
     """
-    Return the path to a grasp: `path` (k, r) [m], `times` (k,) [s] and the row `touch`.
+    Return the path to a grasp: `path` (k, r) [m], `times` (k,) [s], and its row `touch`.
 
-    The rollers have their largest speed, and `NEAR_SPEED_SHARE` of it near the touch.
+    All grasping members are in contact from the row `touch` on. The rollers move at their largest
+    speed, and at `NEAR_SPEED_SHARE` of it near this row.
 
     :param grasp: planned grasp.
     """
@@ -53,7 +54,7 @@ def path_times(path: Array, limits: RobotDescription, near: Array) -> Array:
     Return the times of the waypoints of a piecewise linear path.
 
     :param path: (k, r) roller positions [m].
-    :param limits: largest speed and acceleration of the rollers.
+    :param limits: description of the robot, with largest speed and acceleration of the rollers.
     :param near: (k - 1,) mask of the segments with `NEAR_SPEED_SHARE` of the speed.
     :return: (k,) times of the waypoints, from 0 [s].
     """
@@ -75,7 +76,9 @@ def path_times(path: Array, limits: RobotDescription, near: Array) -> Array:
 
 def plan_in_words(plan: GraspPlan) -> str:
     """
-    Return a plan in words: the best grasp, or the closest violation without a grasp.
+    Return a plan in words: its best grasp, or the violated requirement if it has no grasp.
+
+    This is the requirement violated by the candidate nearest to an admissible grasp.
 
     :param plan: the plan.
     """

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Directions of members toward an object with force closure.
+Directions of members around an object that have force closure.
 
 Two balanced forces act along one line. The required friction is the tangent of the angle between
 this line and the normals, for the best line through the contacts. A face can have contact at any
@@ -30,7 +30,7 @@ TURN_WEIGHT = 0.3
 
 def contact_ends(body: ConvexObject, normals: Points, tube_radius: float) -> tuple[Points, Points]:
     """
-    Return both ends of each contact with straight members, the more clockwise ends first.
+    Return both ends of each contact with straight members, first the ends on the clockwise side.
 
     :param body: the object at its pose.
     :param normals: (s,) unit vectors from the object toward the members, robot frame.
@@ -127,7 +127,8 @@ def find_facing(
     :param angle: half angle of the usable friction cones [rad].
     :param tube_radius: radius of the members [m].
     :param turning: weight of the members' rotation relative to the friction angle [-].
-    :return: (2,) unit vectors from the object toward the members, or None.
+    :return: (2,) unit vectors from the object toward the members; None if no such directions exist
+        nearby.
     """
     # Directions in the object's frame, so that the contacts of one search serve the next.
     firsts = np.exp(2j * np.pi * np.arange(72) / 72)

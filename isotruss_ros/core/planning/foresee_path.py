@@ -26,7 +26,7 @@ import numpy as np
 #: Length of a step, with rotations times the characteristic radius [m], and largest number of
 #: steps [-]; long paths have longer steps.
 STEP, MAX_STEPS = 0.005, 400
-#: Smallest scale of a step by limits [-]; a smaller one ends the path.
+#: Smallest factor by which limits may scale a step [-]; a smaller factor ends the path.
 MIN_STEP_SCALE = 0.5
 
 
@@ -55,8 +55,9 @@ def foresee_grip(
     :param body: the object at its pose in the grip.
     :param friction: coefficient of friction between tubes and object.
     :param poses: poses of the path, see `foresee_path`.
-    :param record: grip of the loop that holds the object. None, or if its contacts would slip on
-        the path: the equilibrium with unknown contact history.
+    :param record: grip, from the control loop that holds the object. If it is None, or its
+        prediction ends before the end of the path, the equilibrium with unknown contact history
+        is used.
     :param tubes: model of the tubes.
     :return: predicted motion; None if no members hold the object.
     :raises IsotrussError: see `foresee_path`.

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Evaluation of a grasp candidate from its seed to the planned grasp, in any process."""
+"""Evaluation of one grasp candidate: approach, closing, and planned grasp."""
 
 from __future__ import annotations
 
@@ -28,12 +28,13 @@ def judge_candidate(
     config: Configuration, closing: Closing, needs: GraspRequirements
 ) -> tuple[PlannedGrasp | None, SearchTally]:
     """
-    Return the grasp of a seed after approach and closing, and the tally of the search.
+    Return the planned grasp of a candidate after approach and closing, and the search's counts.
 
     :param config: configuration of the robot.
-    :param closing: closing motion of the seed.
+    :param closing: closing motion from which the candidate starts, see `find_seeds`.
     :param needs: requirements of the grasp.
-    :return: planned grasp, or None; and the tally with the closest violation.
+    :return: planned grasp, or None if it violates a requirement; and the counts, with the
+        violation closest to an admissible grasp.
     """
     grasp, tally = None, closing.tally
     try:
@@ -61,7 +62,7 @@ def close_grip(
     :param opened: configuration with the members near the object.
     :param closing: closing motion with members and object.
     :param needs: requirements of the grasp.
-    :return: path and grip; None if no grip is admissible, then the tally has a violation.
+    :return: path and grip; None if no grip is admissible (then `closing.tally` has a violation).
     :raises SolverError: a quadratic program, or the contact, was not solved.
     :raises StructureError: see `structure_of`.
     """

@@ -29,9 +29,9 @@ class ClosedGrip(NamedTuple):
     config: Configuration  #: configuration of the robot
     body: ConvexObject  #: the object at its pose after closing
     analysis: GraspAnalysis  #: analysis of the fixed object
-    loads: dict[str, float]  #: loads, see `GraspRequirements.find_loads`
+    loads: dict[str, float]  #: loads by requirement, see `GraspRequirements.find_loads`
     squeeze: float  #: mean normal force of the grasping members [N]
-    slip_margin: float | None  #: slip margin of the free object [N], see above
+    slip_margin: float | None  #: slip margin of the free object [N]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -41,8 +41,8 @@ class PlannedGrasp(
     """
     Grasp that fulfils the requirements, with the path to it.
 
-    The path is linear between its rows. Closure by friction (10) concerns a fixed object; a held
-    object may have none.
+    The path is linear between its rows. Friction closure (10) is computed for a fixed object; an
+    object that is held may be without closure.
     """
 
     grip: Grip  #: grasping members, and the object at its pose after closing
@@ -55,7 +55,7 @@ class PlannedGrasp(
     closure_margin: float  #: closure margin of the fixed object [N]; negative without closure
     required_friction: float  #: required friction of the fixed object [-]
     max_contact_force: float  #: largest normal force on the fixed or the free object [N]
-    total_force: float  #: sum of normal forces on the fixed or the free object, the larger one [N]
+    total_force: float  #: larger one of the sums of normal forces on fixed and free object [N]
     utilisation: float  #: largest utilisation of a member [-]; above 1, outside of the model
     nonlinearity: float  #: nonlinearity of the contact forces, see `GraspAnalysis` [-]
     travel: float  #: largest travel of a roller along the path [m]
@@ -91,7 +91,8 @@ class GraspPlan(
 
     grasps: tuple[PlannedGrasp, ...]  #: distinct grasps, best first
     complete: bool  #: whether the search was completed; false if it was stopped
-    closest_violation: Violation | None  #: violation of the closest candidate if there is no grasp
+    #: violation of the candidate closest to an admissible grasp; None if there is a grasp
+    closest_violation: Violation | None
     evaluations: int  #: number of evaluated configurations
     analyses: int  #: number of static analyses
     computing_time: float  #: computing time [s]
@@ -123,5 +124,5 @@ class Progress:
     evaluations: int  #: number of evaluated configurations so far
     found: int  #: number of grasps so far
     best: float | None  #: score of the best grasp; None without one
-    share: float  #: computed candidates relative to those of all rounds, 0 to 1
+    share: float  #: computed share of the candidates of all rounds begun so far, 0 to 1
     time_left: float | None  #: estimated remaining time [s]; None without an estimate

@@ -131,7 +131,7 @@ def squeeze_in_place(grasp: HeldGrip, force: float, closing: Closing) -> HeldGri
 
 
 def _missing(grasp: HeldGrip, force: float, body: ConvexObject) -> Array:
-    """Return the errors of squeeze [N], pose [m, rad] and, for three members, of their forces."""
+    """Return the errors of squeeze [N] and pose [m, rad], and of the forces of three members."""
     missing = np.append(force - grasp.squeeze, pose_difference(body.pose, grasp.pose))
     owners = grasp.contacts.owners
     if owners[-1] < 2:

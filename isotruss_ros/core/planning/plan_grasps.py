@@ -4,10 +4,10 @@
 """
 Search for grasps: approach by kinematics, then closing by statics.
 
-Each round has a number of seeds. A seed has grasping members, their directions toward the object,
-and a nominal posture for the remaining freedom. Kinematics moves each seed to an open grip or
-rejects it; statics closes the grip. The first round has promising seeds; the following rounds have
-random postures.
+The search runs in rounds. Each round has a number of seeds, from which candidates start. A seed
+consists of grasping members, their directions toward the object, and a nominal posture for the
+remaining freedom. Kinematics moves each candidate to an open grip or rejects it; statics closes
+the grip. The first round has promising seeds; the following rounds have random postures.
 """
 
 from __future__ import annotations
@@ -32,7 +32,8 @@ from isotruss_ros.core.safety.margins import object_distances
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 
-#: Largest roller difference of equal grasps with equal members, in mean member lengths [-].
+#: Largest difference of roller positions at which two grasps by the same members count as equal,
+#: in mean member lengths [-].
 EQUALITY_SHARE = 0.02
 #: Period of the check for a stop while an executor computes [s].
 POLL_INTERVAL = 0.05
@@ -55,7 +56,7 @@ def plan_grasps(
 
     Candidates are all pairs and triples of members around the object, unless the requirements name
     a module or members. Grasps are ranked by slip margin, unless the requirements name another
-    measure. The plan depends on the seed, but not on the number of cores.
+    measure. The plan depends on `seed`, but not on the number of cores.
 
     :param config: configuration of the robot.
     :param body: the object; its own coefficient of friction has precedence over the required one.
@@ -65,9 +66,11 @@ def plan_grasps(
         Dask client; None: this process.
     :param on_progress: callback at the start of each round and after each candidate.
     :param should_stop: function that is called before each candidate, and with an executor every
-        `POLL_INTERVAL`. If it returns true, the search stops with the grasps so far.
-    :param thorough: whether a round computes all candidates, or ends with enough grasps.
-    :param max_rounds: largest number of rounds; a round is the last if enough grasps are found.
+        `POLL_INTERVAL`. If it returns true, the search stops with the grasps found so far.
+    :param thorough: whether a round computes all candidates; otherwise it ends when enough grasps
+        are found.
+    :param max_rounds: largest number of rounds; no further round begins after enough grasps are
+        found.
     :raises GraspError: unknown module or members, or an invalid seed.
     :raises StructureError: the robot cannot be analysed.
     """
@@ -113,7 +116,7 @@ class _Search:
         self.stopped, self.tally = False, SearchTally()
 
     def judge(self, closings: list[Closing], thorough: bool) -> None:
-        """Compute the grasps of seeds: of all seeds, or until enough grasps are found."""
+        """Compute the grasps of all seeds, or unless `thorough` until enough grasps are found."""
         self._known += len(closings)
         self._report()
         for grasp, tally in self._judge_each(closings):

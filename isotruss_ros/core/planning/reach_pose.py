@@ -27,10 +27,10 @@ from numpy.typing import ArrayLike
 
 #: Length of a step of the object, with rotations times the characteristic radius [m].
 STEP = 2e-3
-#: Speed of the twists, low enough for limits of the configuration not to slow early [m/s].
+#: Speed of the twists [m/s], so low that limits of the configuration do not slow the object early.
 STEP_SPEED = 0.02
-#: Smallest scale of a step by limits [-]; a smaller scale ends the motion, which bounds the number
-#: of steps.
+#: Smallest factor by which limits may scale a step [-]; a smaller factor ends the motion, so the
+#: number of steps is bounded.
 MIN_STEP_SCALE = 0.05
 
 
@@ -95,7 +95,7 @@ def reach_pose(
 def _take_step(
     rolling: RollingGrip, step: Array, guard: ShapeGuard
 ) -> tuple[RollingGrip | None, Status, str]:
-    """Return the grip after a displacement (3,), the status and a reason; None if it ended."""
+    """Return the grip after a displacement (3,), or None if a limit ends it; status and reason."""
     config, grip = rolling.config, rolling.grip
     duration = STEP / STEP_SPEED
     watch = guard.watch(config, grip)

@@ -67,8 +67,8 @@ def plan_release(
     :param body: the object at its measured pose.
     :param members: names `t/j-k` of the two or three members that hold the object.
     :param clearance: gap of these members at the end [m], at most the sum of all lengths.
-    :param record: grip of the loop that holds the object. None, or without an equilibrium: the
-        equilibrium with unknown contact history.
+    :param record: grip, from the control loop that holds the object. If it is None or has no
+        equilibrium, the equilibrium with unknown contact history is used.
     :param max_turn: largest predicted rotation of the object [rad].
     :raises GraspError: no such members, or a clearance out of range.
     :raises ConfigurationError: the configuration at the opening is singular.
@@ -107,7 +107,8 @@ def _unload(
     """
     Return the path of decreasing squeeze, and the closing motion at its end.
 
-    Without contact forces the path has only its start. With few rollers the object moves a little.
+    Without contact forces the path has only its start. A robot with few rollers cannot avoid to
+    move the object a little.
     """
     path, diameter = [config], config.robot.description.tube_diameter
     if float(member_depths(config, closing.body).max()) <= FIRST_INDENTATION * diameter:

@@ -43,7 +43,8 @@ class GraspRequirements:
     """
 
     friction: float = DEFAULT_FRICTION  #: coefficient of friction, not negative [-]
-    external_wrench: tuple[float, float, float] = (0.0, 0.0, 0.0)  #: on the object [N, N m]
+    #: external wrench (fx, fy, m) on the object [N, N m]
+    external_wrench: tuple[float, float, float] = (0.0, 0.0, 0.0)
     module: str | None = None  #: module `t/j` at which the grasping members meet; None: any
     members: tuple[str, ...] | None = None  #: names of the two or three grasping members
     squeeze: float | None = None  #: normal force of each member [N]; None: the best force
@@ -56,8 +57,10 @@ class GraspRequirements:
     min_length: float | None = None  #: shortest member [m]; None: that of the robot file
     max_length: float | None = None  #: longest member [m]; None: that of the robot file
     measure: Measure = Measure.SLIP_MARGIN  #: criterion of the ranking
-    direction: tuple[float, float, float] = (0.0, 1.0, 0.0)  #: direction of `STIFFNESS` [m, rad]
-    carry: tuple[tuple[float, float, float], ...] = ()  #: path of poses [m, rad]
+    #: displacement (x, y, angle) along which `STIFFNESS` is the stiffness [m, rad]
+    direction: tuple[float, float, float] = (0.0, 1.0, 0.0)
+    #: poses (x, y, angle) along which the object is carried after the grasp [m, rad]
+    carry: tuple[tuple[float, float, float], ...] = ()
     paper_model: bool = False  #: see `analyze_grasp`
     count: int = 3  #: number of distinct grasps, at least 1
 
@@ -94,7 +97,7 @@ class GraspRequirements:
         self, analysis: GraspAnalysis, normal_forces: Iterable[float], utilisation: Iterable[float]
     ) -> dict[str, float]:
         """
-        Return the loads of a grasp by requirement, the larger one of fixed and free object.
+        Return the loads of a grasp by requirement, each the larger of fixed and free object.
 
         :param analysis: analysis of the fixed object.
         :param normal_forces: normal forces of the members on the free object [N].

@@ -87,7 +87,7 @@ class Searcher:
         time_limit: float = 0.0,
     ) -> None:
         """
-        Start a search if none is running.
+        Start a search; no other search may be running.
 
         :param config: configuration of the robot, see `plan_grasps`.
         :param body: the object.
@@ -105,7 +105,7 @@ class Searcher:
         return None if self._search is None else self._progress
 
     def cancel(self) -> None:
-        """Stop the search soon; its result has the grasps so far."""
+        """Stop the search soon; its result has the grasps found so far."""
         self._stop.requested = True
 
     def answer(self) -> Answer | None:

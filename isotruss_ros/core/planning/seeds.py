@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Seeds of the search: pairs and triples of members around an object."""
+"""Seeds of the grasp search, which are closing motions of two or three members on an object."""
 
 from __future__ import annotations
 
@@ -34,16 +34,18 @@ def find_seeds(
     config: Configuration, body: ConvexObject, needs: GraspRequirements, seed: int, number: int
 ) -> list[Closing]:
     """
-    Return the seeds of one round, pairs first, in the order of expected success.
+    Return the closing motions from which one round of the search starts, most promising first.
+
+    Pairs of members come before triples.
 
     :param config: configuration of the robot.
     :param body: the object.
-    :param needs: requirements of the grasp. Only a required module or required members are
-        grasping members.
+    :param needs: requirements of the grasp. If they name a module or members, only these members
+        are grasping members.
     :param seed: seed of the random numbers.
     :param number: index of the round, from 0. Later rounds have random friction cones and
         postures, and repeat members if there are few.
-    :raises RequirementError: no seeds exist.
+    :raises RequirementError: no members around the object are suitable.
     :raises GraspError: unknown required module or members.
     """
     around, file = enclosing_members(config, body.middle), config.robot.description
@@ -91,7 +93,7 @@ def find_seeds(
 
 def required_members(robot: Mechanism, needs: GraspRequirements) -> frozenset[int]:
     """
-    Return the indices of the members that may be grasping members; None for any members.
+    Return the indices of the required grasping members; empty if no members are required.
 
     :param robot: the robot.
     :param needs: requirements of a grasp.

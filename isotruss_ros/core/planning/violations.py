@@ -13,8 +13,8 @@ from typing import Any
 
 from isotruss_ros.core.errors import IsotrussError
 
-#: Sentences by requirement, in the order of the search; a violation of a later one is closer to a
-#: grasp.
+#: Sentences by requirement, in the order of the search; a candidate that violates a later
+#: requirement is closer to a grasp.
 SENTENCES_BY_REQUIREMENT = {
     'free': 'the robot touches the object already: the gap between them is {value:.4g} m',
     'enclosed': 'no members enclose the object',
@@ -31,7 +31,8 @@ SENTENCES_BY_REQUIREMENT = {
     'squeeze': 'limits end the closing at {value:.4g} N of each member; must be {bound:.4g} N',
     'held': 'no pose near the object balances the forces of the members',
 }
-#: Sentences by requirement of the last stage; their violations are compared by relative size.
+#: Sentences by requirement for the last stage of the search; violations of these requirements are
+#: compared by their relative size.
 BOUNDS = {
     'min_slip_margin': 'the slip margin is {value:.4g} N, and must be {bound:.4g} N',
     'force_closure': 'the required friction coefficient is {value:.4g}; must be {bound:.4g}',
@@ -69,15 +70,16 @@ class RequirementError(IsotrussError):
 
 @dataclass
 class SearchTally:
-    """Tally of a search: numbers of evaluations, and the closest violation."""
+    """Counts of a search, and the violation of the candidate closest to an admissible grasp."""
 
     evaluations: int = 0  #: number of computed configurations
     analyses: int = 0  #: number of calls of `analyze_grasp`
-    closest: Violation | None = None  #: closest violation; the first of equal ones
+    #: violation of the candidate closest to an admissible grasp; the first one of several
+    closest: Violation | None = None
 
     def record(self, violation: Violation) -> None:
         """
-        Store a violation if it is closer than the stored one.
+        Store a violation if it is closer to an admissible grasp than the stored one.
 
         :param violation: violation of a candidate.
         """
@@ -86,7 +88,7 @@ class SearchTally:
 
     @contextlib.contextmanager
     def recording(self) -> Iterator[None]:
-        """Record a RequirementError of this block as a violation."""
+        """Catch a RequirementError of the block, and record its violation."""
         try:
             yield
         except RequirementError as error:
@@ -94,9 +96,9 @@ class SearchTally:
 
     def add(self, other: SearchTally) -> None:
         """
-        Add the numbers and the violation of another tally.
+        Add the counts of another candidate, and record its violation.
 
-        :param other: the other tally.
+        :param other: counts and violation of the other candidate.
         """
         self.evaluations += other.evaluations
         self.analyses += other.analyses

@@ -37,8 +37,8 @@ class WorkerPool(contextlib.AbstractContextManager):
     """
     Pool of processes, which start with the first task and end at `close` or with this process.
 
-    They are spawned, because forking a process with threads is unsafe. On two cores, two search
-    1.6 times as fast as one.
+    They are spawned, because forking a process with threads is unsafe. On two cores, two processes
+    search 1.6 times as fast as one process.
 
     :ivar executor: executor for `plan_grasps`. It is broken after the death of a worker; then
         close the pool and make another.

@@ -33,14 +33,14 @@ SAFETY_MARGIN_SHARE = 0.01
 #: Smallest share of a margin, and of the safety margin, that remains after a sample of any length
 #: [-].
 LEFT_MARGIN = 0.1
-#: Roller travel in which effects of second order are as large as the band [m]; they grow with its
-#: square.
+#: Roller travel at which effects of second order are as large as the band [m]; the effects grow
+#: with the square of the travel.
 SECOND_ORDER_LENGTH = 0.05
 
 
 @dataclass(frozen=True)
 class BarrierLaw:
-    """Lower bound of values, and bound of the rate at which they approach it."""
+    """Lower bound of a barrier's values, and bound of the rate at which they approach it."""
 
     bound: float  #: smallest allowed value
     band: float  #: margin above which the rate is unbounded, in the unit of the value
@@ -58,7 +58,7 @@ class BarrierLaw:
 
     def class_k_bound(self, margins: Array) -> Array:
         """
-        Return the largest decrease rates (k,) of margins [1/s]; infinite above the band.
+        Return the largest rates of decrease (k,) of margins, per second; infinite above the band.
 
         :param margins: (k,) margins.
         """
@@ -98,12 +98,12 @@ ALL_VALUES = slice(None)
 
 
 class ActiveValues(NamedTuple):
-    """Values of a barrier that are within its band in one configuration."""
+    """Values of a barrier that are so near to its bound that their rate is limited."""
 
     indices: Indices  #: (k,) indices of the values
     values: Array  #: (k,) values
     node_rows: Array  #: (k, 2n) derivatives by the node coordinates
-    #: (k, r) further derivatives by the travel of the rollers; None: zero
+    #: (k, r) derivatives by roller travel that are added to those by the nodes; None: zero
     roller_rows: Array | None = None
 
 
@@ -122,7 +122,7 @@ class Barrier(Protocol):
         """
         Return whether the values depend on the object.
 
-        Such a barrier applies while an object is held, which the guard moves with the robot.
+        Such a barrier applies only while an object is held; the guard predicts the object's pose.
         """
 
     @property
@@ -131,7 +131,7 @@ class Barrier(Protocol):
 
     def active(self, config: Configuration, grip: Grip | None) -> ActiveValues:
         """
-        Return the values within the band of the law.
+        Return the barrier values so near to their bound that the law limits their rate.
 
         :param config: configuration of the robot.
         :param grip: the grip; None without an object.
@@ -139,7 +139,7 @@ class Barrier(Protocol):
 
     def values(self, config: Configuration, grip: Grip | None, indices: Selection) -> Array:
         """
-        Return values by index in one configuration.
+        Return the values with given indices in one configuration.
 
         :param config: configuration of the robot.
         :param grip: the grip; None without an object.
@@ -148,7 +148,7 @@ class Barrier(Protocol):
 
     def names(self, indices: Indices) -> list[str]:
         """
-        Return the names of values by index.
+        Return the names of the values with given indices, one name for each value.
 
         :param indices: indices of the values.
         """
@@ -159,17 +159,17 @@ class BarrierViolation(NamedTuple):
 
     share: float  #: admissible share of the motion
     status: Status  #: status of a command that the barrier reduces
-    names: tuple[str, ...]  #: names of the value's parts
+    names: tuple[str, ...]  #: names of the violated values, such as two parts of the robot
 
 
 class BarrierLimit:
     """
-    Active values of one barrier in one configuration, as a limit on the rollers.
+    Values of one barrier near its bound in one configuration, as a limit on the rollers.
 
     :ivar barrier: the barrier.
     :ivar indices: (k,) indices of the values.
     :ivar matrix: (k, r) derivatives by roller travel.
-    :param active: values within the band.
+    :param active: values near the bound, see `Barrier.active`.
     """
 
     can_slide = True
@@ -226,7 +226,8 @@ def _admissible_share(room: Array, slope: Array, change: Array) -> Array:
     """
     Return the share of a motion at which the decrease of a margin reaches its bound.
 
-    The margin is a parabola in the share, by its slope at the start and its value at the end.
+    The margin is approximated by a parabola in the share, from its slope at the start and its
+    value at the end.
 
     :param room: largest decrease, not negative.
     :param slope: derivative of the margin by the share at the start.

@@ -38,7 +38,7 @@ class Measured(NamedTuple):
 
     config: Configuration  #: configuration of the robot
     grip: Grip | None  #: grip; None if the distances do not depend on it
-    spare: float  #: smallest distance minus the bound for close pairs [m]
+    spare: float  #: smallest distance minus the distance below which pairs are close [m]
 
     def holds(self, config: Configuration, grip: Grip | None) -> bool:
         """
@@ -71,11 +71,12 @@ class NeighborList:
     Pairs of parts that may be close, evaluated only if necessary.
 
     The results are exact, because the distance of two parts changes at most by the displacements
-    of both. Near pairs are in a list. All pairs are evaluated if one may have entered the list;
-    the pairs of the list are evaluated if one may be close.
+    of both. A list contains the near pairs. All pairs are evaluated if a pair outside of the list
+    may have become near; the pairs of the list are evaluated if one of them may have become close.
 
-    :ivar listed_below: distance below which pairs are in the list, half a band beyond [m].
-    :param law: law of the distances; those within its band are close.
+    :ivar listed_below: distance below which pairs are near and in the list [m]: half a band more
+        than the distance below which pairs are close.
+    :param law: law of the distances; pairs are close if it limits the rate of their distance.
     """
 
     def __init__(self, law: BarrierLaw) -> None:
@@ -171,7 +172,7 @@ class ObjectBarrier:
         return ActiveValues(parts, distances, *grip_gradients(config, grip, parts))
 
     def values(self, config: Configuration, grip: Grip, indices: Selection) -> Array:
-        """Return the distances of parts [m], infinite for the grip's; see `Barrier.values`."""
+        """Return distances to parts [m]; infinite to parts of the grip; see `Barrier.values`."""
         far = self._neighbors.listed_below
         return object_distances(config, grip.body, grip.members, far, indices)
 
@@ -200,7 +201,7 @@ class RigidityBarrier:
         self._far: tuple[Configuration, float] | None = None
 
     def active(self, config: Configuration, grip: Grip | None) -> ActiveValues:
-        """Return the modes of the smallest indices; see `Barrier.active`."""
+        """Return the smallest rigidity indices, near the bound; see `Barrier.active`."""
         if self._far is not None and self.change(config, self._far[0]) < self._far[1]:
             return NO_ACTIVE_VALUES
         modes = self._index.modes(config)
@@ -227,5 +228,5 @@ class RigidityBarrier:
         return self._index.modes(config).values[indices]
 
     def names(self, indices: Indices) -> list[str]:
-        """Return one name for all modes; see `Barrier.names`."""
+        """Return `the rigidity of the shape` for every mode; see `Barrier.names`."""
         return ['the rigidity of the shape'] * len(indices)

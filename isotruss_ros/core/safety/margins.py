@@ -31,8 +31,10 @@ class ShapeMargins(NamedTuple):
     #: smallest distance between the object and the parts outside of the grip [m]; infinite without
     #: an object
     object_clearance: float
-    nearest: str  #: names of the two parts with this clearance
-    nearest_to_object: str  #: name of the part with this object clearance; empty without an object
+    nearest: str  #: names of the two parts whose distance is `clearance`
+    #: name of the part whose distance from the object is `object_clearance`; empty without an
+    #: object
+    nearest_to_object: str
 
 
 @single_threaded
@@ -78,8 +80,9 @@ def object_distances(
     :param body: the object at its pose.
     :param members: names of the grasping members; empty for a free object. These members are
         excluded, and a module at which two of them meet, with the rods at its joint.
-    :param far: distance beyond which a lower bound is returned [m].
-    :param parts: indices of parts: members, modules, rods, m of each; by default, all parts.
+    :param far: distance beyond which a lower bound of the distance may be returned [m].
+    :param parts: indices of parts; by default, all parts. Parts are numbered: first the m members,
+        then the m modules, then the m rods.
     :return: (k,) distances; infinite for excluded parts.
     :raises GraspError: no such members.
     """
@@ -114,7 +117,7 @@ def grip_gradients(config: Configuration, grip: Grip, parts: Indices) -> tuple[A
 
 @functools.lru_cache(maxsize=64)
 def _left_out(robot: Robot, members: tuple[str, ...]) -> Array:
-    """Return the mask (3m,) of grasping members, and of the modules and rods between two."""
+    """Return the mask (3m,) of grasping members, and modules and rods where two of them meet."""
     topology, own = robot.topology, find_members(robot, members).members
     held = np.zeros((3, topology.n_modules), dtype=bool)
     held[0, own] = True

@@ -54,7 +54,7 @@ class FailureDetector:
     at zero speed cannot prove that it works.
 
     :ivar failure_time: time without motion under a command after which a roller has failed [s];
-        may change at any time.
+        the caller may change it at any time.
     :param names: names of the rollers.
     :param failure_time: initial value of the attribute [s].
     """
@@ -120,7 +120,7 @@ class FailureDetector:
             self._begin(timed, positions)
 
     def _flag(self, long: Flags, sent: Array, moved: Array, time: float) -> Flags:
-        """Flag timed rollers that have failed; return the rollers whose timing restarts."""
+        """Flag failed rollers; return the mask of the judged rollers, whose timing restarts."""
         # Drives need not follow oscillations faster than they settle.
         swing = 0.5 * SETTLING_TIME * self._path
         far = (sent >= MIN_SPEED * FAILURE_TIME) & (sent * self._commanded >= swing)

@@ -47,7 +47,7 @@ class ShapeBounds:
 
     min_rigidity: float = 0.2  #: smallest rigidity index, 1 at home; see `rigidity_index`
     min_clearance: float = 0.02  #: smallest distance between parts of the robot [m]
-    min_object_clearance: float = 0.02  #: smallest distance of the object from parts [m]
+    min_object_clearance: float = 0.02  #: smallest distance between object and robot [m]
     rigidity_band: float = 0.2  #: margin of the rigidity index below which the robot is slowed
     clearance_band: float = 0.1  #: margin of the distances below which the robot is slowed [m]
     rate: float = 5.0  #: largest decay rate of a small margin [1/s]
@@ -96,7 +96,7 @@ class ShapeGuard:
 
     def watch(self, config: Configuration, grip: Grip | None) -> Watch:
         """
-        Return the values within the barriers' bands in one configuration.
+        Return the barrier values near their bounds in one configuration, as limits on a command.
 
         :param config: predicted configuration at the midpoint of a command's sample.
         :param grip: grip at that time; None without an object.
@@ -122,7 +122,7 @@ class ShapeGuard:
 
 class Watch:
     """
-    Values within the barriers' bands in one configuration, as limits on a command.
+    Barrier values near their bounds in one configuration, as limits on a command.
 
     :ivar limits: limits for `solve_twist`.
     :param config: predicted configuration at the midpoint of the command's sample.
@@ -143,7 +143,7 @@ class Watch:
 
     def keep(self, command: RollerCommand, velocities: Array, duration: float) -> RollerCommand:
         """
-        Return a command; scaled down if it violates a discrete-time bound.
+        Return a command, scaled down if it violates a discrete-time bound.
 
         :param command: command for the sample.
         :param velocities: (r,) roller velocities assumed in the prediction [m/s].

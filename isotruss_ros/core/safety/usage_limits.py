@@ -14,7 +14,8 @@ from isotruss_ros.core.manipulation.status import RollerCommand, Status
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 
-#: Largest decay rates of the distance from the largest utilisation, and of the slip margin [1/s].
+#: Largest decay rates of the distance of the utilisation from its bound, and of the slip margin
+#: [1/s].
 UTILISATION_RATE, MARGIN_RATE = 5.0, 2.0
 #: Regularisation of the normalised least mean squares [m]; shorter travel has less weight.
 LMS_REGULARIZATION = 1e-4
@@ -60,7 +61,7 @@ class UsageLimits:
         self, command: RollerCommand, period: float, most: float
     ) -> RollerCommand:
         """
-        Return a command; scaled if the predicted utilisation approaches its bound too fast.
+        Return a command, scaled if the predicted utilisation approaches its bound too fast.
 
         :param command: the command.
         :param period: duration of the command [s].
@@ -73,7 +74,7 @@ class UsageLimits:
         return command.slowed(share, Status.SLOWED_UTILISATION, (self._member,))
 
     def _share(self, quantity: int, command: RollerCommand, left: float, period: float) -> float:
-        """Return the largest share of a command that uses at most what is left of a quantity."""
+        """Return the largest share of a command that uses at most `left` of a quantity, 0 to 1."""
         more = float(self._rates[quantity] @ (period * command.roller_velocities))
         return 1.0 if more <= max(left, 0.0) else max(left, 0.0) / more
 

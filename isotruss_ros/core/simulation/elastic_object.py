@@ -33,7 +33,7 @@ class ElasticObject:
     and external wrench, without inertia. Without sufficient friction or without an equilibrium it
     is lost: the members push it out of the grip, and it is free.
 
-    :ivar dropped: reason of the last loss; None if held or never held.
+    :ivar dropped: reason why the grip lost the object; None if it holds or has never held it.
     :param body: the object at its initial pose.
     :param friction: coefficient of friction between tube and object in this plant, not negative.
     :param stiffness_scale: ratio of the stiffness in this plant to the model's, positive [-].
@@ -64,7 +64,7 @@ class ElasticObject:
 
     @property
     def external_wrench(self) -> Array:
-        """Return the external wrench (fx, fy, m) about its centre [N, N m]."""
+        """Return the external wrench (fx, fy, m) on the object about its centre [N, N m]."""
         return self._wrench
 
     @external_wrench.setter
@@ -79,7 +79,7 @@ class ElasticObject:
 
     @property
     def slip_margin(self) -> float:
-        """Return the smallest further wrench at which a contact slips [N]; zero if free."""
+        """Return the smallest additional wrench at which a contact slips [N]; zero if free."""
         return 0.0 if self._grasp is None else self._grasp.slip_margin(self._friction)
 
     def joints(self, config: Configuration) -> Array:

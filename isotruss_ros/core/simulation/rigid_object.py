@@ -20,12 +20,12 @@ import numpy as np
 
 class RigidObject:
     """
-    Object at rest that rolls in a grip after friction can hold it.
+    Object that is at rest until friction can hold it, and then rolls in its grip.
 
-    When the rollers stop, it is checked whether the object is held. A held object moves to its
-    equilibrium between the two or three members in contact, and rolls with them afterwards. A free
-    object is fixed to the ground; members do not push it. A held object becomes free if a contact
-    leaves its member, or if a member has no contact when the rollers stop.
+    When the rollers stop, it is checked whether friction holds the object. A held object moves to
+    its equilibrium between the two or three members in contact, and rolls with them afterwards. A
+    free object is fixed to the ground; members do not push it. A held object becomes free if a
+    contact leaves its member, or if a member has no contact when the rollers stop.
 
     :param body: the object at its initial pose.
     :param friction: coefficient of friction; the object's own has precedence.
@@ -107,9 +107,9 @@ class RigidObject:
 
 def pressing_members(config: Configuration, body: ConvexObject) -> tuple[str, ...]:
     """
-    Return the names of the members that an object indents, the deepest first.
+    Return the names of the members that an object indents, the deepest indentation first.
 
-    Tubes with an indentation above their diameter are excluded; they are above the object.
+    Tubes with an indentation above their diameter are excluded; such tubes pass above the object.
 
     :param config: configuration of the robot.
     :param body: the object at its pose.

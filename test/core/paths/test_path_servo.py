@@ -46,15 +46,6 @@ def run(servo, seconds, start=10.0, answer=OBEYS, follows=True):
     return steps
 
 
-def test_reaches_the_end():
-    steps = run(begun(), 3.0)
-    assert steps[-1].outcome is PathOutcome.REACHED
-    assert 'off the end of the path' in steps[-1].message
-    assert not steps[-1].twist.any()
-    assert steps[-1].tracking.position_error < 1e-9
-    assert max(step.twist[0] for step in steps) == pytest.approx(PATH.speed)
-
-
 def test_age_of_the_pose_is_that_of_its_stamp():
     servo, pose, past, errors = begun(), np.zeros(3), [], []
     for cycle in range(80):

@@ -8,7 +8,6 @@ import math
 
 from grips import gripped, MASSLESS
 from isotruss_ros.core import Grip, HoldStatus, Pose, solve_twist, Status
-from isotruss_ros.core.estimation import grip_belief
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
@@ -225,18 +224,6 @@ def test_a_start_without_a_balance_is_not_held_until_there_is_one():
         assert control.follow(opened(), AT_REST, 0.02) is HoldStatus.NO_BALANCE
     assert control.belief is control.fault is None
     assert control.follow(CONFIG, AT_REST, 0.02) is HoldStatus.HELD
-
-
-def test_a_cycle_makes_one_search_at_most_until_a_loss_is_a_fault(monkeypatch):
-    control, searches = at_rest(), []
-    search = grip_belief.attach_grip
-    monkeypatch.setattr(
-        grip_belief, 'attach_grip', lambda *a, **b: searches.append(1) or search(*a, **b)
-    )
-    for count in (1, 2):
-        assert control.follow(opened(), AT_REST, 0.02) is not HoldStatus.HELD
-        assert len(searches) == count
-    assert control.fault is GripFault.NOT_HELD
 
 
 def test_limits_slow_the_twist_before_the_squeeze():
