@@ -4,9 +4,9 @@
 """
 Executables of the package, run by `isotruss NAME` or `ros2 run isotruss_ros NAME`.
 
-setup.py runs this module for its tables before the installation, so it imports no other module.
-The import of a node takes about a second. A signal in this time ends the process at once, because
-no roller moves yet.
+setup.py reads the tables of this module before the package is installed, so the module imports no
+other one. The import of a node takes about a second. A signal during the import ends the process
+at once, because no roller moves yet.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ NODES = (
     'check_rollers',
     'preflight',
 )
-#: Purpose and function of each program that is not a node.
+#: Purpose, and function as `module:name`, of each program that is not a node.
 PROGRAMS = {
     'demo': ('plan a grasp, grip an object, carry and hold it', 'isotruss_ros.demo.__main__:main'),
     'view': ('drag a simulated robot in the browser', 'isotruss_ros.demo.view:main'),
@@ -56,7 +56,7 @@ PROGRAMS = {
     ),
     'export_mujoco': ('write a robot as a MuJoCo model', 'isotruss_ros.cli.export_mujoco:main'),
 }
-#: Names of the requests to the running nodes.
+#: Names of the commands that send a request to the running nodes.
 REQUESTS = ('pick', 'move', 'place', 'stop', 'release')
 
 
@@ -95,7 +95,7 @@ def _messages_missing() -> bool:
 
 def isotruss() -> int:
     """
-    Run the executable that the first argument of the process names, with the other arguments.
+    Run the executable named by the first argument of the process with the other arguments.
 
     :return: exit code of the process.
     """

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Analysis of measurements of a tube: slopes, beam constants, local stiffness, power laws."""
+"""Fits to measurements of a tube: slopes, beam constants, local stiffness, power laws."""
 
 from __future__ import annotations
 
@@ -23,8 +23,9 @@ from isotruss_ros.calibration.outliers import outlying_points
 from isotruss_ros.core.numerics.arrays import Array, Indices
 import numpy as np
 
-#: Ranges of the constants of tubes: E t and G t from rubber film to metal foil [N/m], and c [-].
-#: Displacements in mm reduce E t and G t by 1000, pressures in kPa increase c by 1000.
+#: Plausible ranges of the constants of a tube: E t and G t from rubber film to metal foil [N/m],
+#: and c [-]. They detect wrong units: displacements in mm reduce E t and G t by the factor 1000,
+#: pressures in kPa increase c by the factor 1000.
 PLAUSIBLE_RANGES = {
     'membrane_modulus': (1e3, 1e7),
     'membrane_shear_modulus': (3e2, 1e7),
@@ -38,18 +39,18 @@ DEFAULT_DIAMETER = 0.102
 class Analysis:
     """Results of the fits to the measurements of a tube."""
 
-    slopes: Mapping[str, Sequence[Slope]]  #: slopes of the groups, by mode
+    slopes: Mapping[str, Sequence[Slope]]  #: slope of each group of points, by mode
     fitted: FittedBeam | None  #: beam fitted to the slopes of all modes; None without a fit
-    refusal: str  #: reason why there is no beam; else empty
+    refusal: str  #: reason why no beam was fitted; else empty
     local: FittedLocalStiffness | None  #: local stiffness; None without a fit
-    local_refusal: str  #: reason why there is no local stiffness; else empty
+    local_refusal: str  #: reason why no local stiffness was fitted; else empty
     laws: Mapping[str, FittedLaw]  #: power laws by mode, as in Table I
-    missing: Mapping[str, str]  #: reasons of missing power laws, by mode
+    missing: Mapping[str, str]  #: reasons why power laws were not fitted, by mode
     unused: Mapping[str, Sequence[int]]  #: line numbers of unused rows, by reason
 
     def points(self, mode: str) -> int:
         """
-        Return the number of measured points of the slopes of a mode.
+        Return the number of measured points in the groups of a mode.
 
         :param mode: mode: axial, transverse or rotary.
         """
@@ -63,13 +64,14 @@ def analyse(
     max_displacements: Mapping[str, float] | None = None,
 ) -> Analysis:
     """
-    Fit slopes, a beam, the local stiffness and power laws to measurements.
+    Fit the slopes, an inflatable beam, the local stiffness and power laws to measurements.
 
     :param measurements: groups of points; lengths are pinch point to pinch point in the axial
         mode, and guide ring to guide ring in the other modes [m].
     :param diameter: diameter of the tube [m].
     :param tolerance: tolerance of the linear range, see `linear_range.TOLERANCE` [-].
-    :param max_displacements: linear range by mode, in place of the test [m, rad].
+    :param max_displacements: largest displacement of the linear range by mode [m, rad]; it
+        replaces the statistical test of linearity.
     """
     ranges = max_displacements or {}
     slopes: dict[str, list[Slope]] = {mode: [] for mode in MODES}
@@ -105,7 +107,7 @@ def analyse(
 
 
 def _without_outliers(group: Group, unused: dict[str, list[int]]) -> Group:
-    """Return a group without the outliers of its line, and store their rows as unused."""
+    """Return a group without outliers from its regression line; add their rows to `unused`."""
     out, off = outlying_points(group)
     unit = 'N m' if group.mode == 'rotary' else 'N'
     for i in np.flatnonzero(out):
@@ -117,7 +119,7 @@ def _without_outliers(group: Group, unused: dict[str, list[int]]) -> Group:
 def _without_outlying_groups(
     slopes: Mapping[str, list[Slope]], radius: float, unused: dict[str, list[int]]
 ) -> dict[str, list[Slope]]:
-    """Return slopes without the outliers of the fitted beam, and store their rows as unused."""
+    """Return the slopes without outliers from the fitted beam; add their rows to `unused`."""
     found = [slope for mode in MODES for slope in slopes[mode]]
     ratios = outlying_ratios(*_measured(found), radius)
     for slope, ratio in zip(found, ratios, strict=True):
@@ -129,7 +131,7 @@ def _without_outlying_groups(
 
 
 def _require_plausible(fitted: FittedBeam) -> None:
-    """Raise MeasurementError if constants that the points determine are implausible."""
+    """Raise MeasurementError if a constant is implausible although the points determine it."""
     for name, (low, high) in PLAUSIBLE_RANGES.items():
         value = getattr(fitted.constants, name)
         known = getattr(fitted.high, name) < np.inf
@@ -141,7 +143,7 @@ def _require_plausible(fitted: FittedBeam) -> None:
 
 
 def _measured(slopes: Sequence[Slope]) -> tuple[Indices, Array, Array, Array]:
-    """Return modes, lengths, pressures and stiffnesses of slopes, (n,) each."""
+    """Return arrays (n,) of the modes, lengths, pressures and stiffnesses of slopes."""
     return (
         np.array([MODES.index(slope.group.mode) for slope in slopes], dtype=np.intp),
         np.array([slope.group.length for slope in slopes]),

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Fit of the three constants of an inflatable beam to the stiffnesses of all modes.
+Fit of the three constants of an inflatable beam to the end stiffnesses of all modes.
 
 The constants are E t and G t of the fabric and the softening c of the pinched ends. They determine
 all end stiffnesses at any length and pressure, see `InflatableBeam`. The logarithms of the
@@ -24,16 +24,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import least_squares
 
-#: Largest factor between the constants and their estimate in the search [-]; constants outside
-#: have no effect.
+#: Largest factor by which the search changes the constants from their initial estimate [-]; beyond
+#: it the stiffnesses do not depend on a constant.
 SEARCH_FACTOR = 1e6
-#: Deviation of ln(stiffness) between trials of one tube, and smallest deviation of an outlier [-].
-#: A third of the latter removes groups of tubes that are no such beam; three times keeps errors by
-#: a factor of 8.
+#: Usual deviation of ln(stiffness) between trials of one tube, and smallest deviation of an
+#: outlier [-]. With a third of the latter, correct groups of tubes that do not behave like this
+#: beam are removed; with three times of it, groups that are wrong by a factor of 8 are kept.
 COMMON_MISFIT, LEAST_MISFIT = 0.1, 0.7
 #: Largest share of outlying groups [-]; if more are outlying, the model does not apply.
 MAX_OUTLIER_SHARE = 0.2
-#: Smallest relative singular value of a determined combination of constants [-].
+#: Smallest singular value, relative to the largest, at which a combination of constants counts as
+#: determined [-].
 MIN_SINGULAR_RATIO = 1e-4
 
 
@@ -47,12 +48,12 @@ class BeamConstants(NamedTuple):
 
 @dataclass(frozen=True)
 class FittedBeam:
-    """Inflatable beam with confidence intervals of its constants."""
+    """Inflatable beam with 95 % confidence intervals of its constants."""
 
     radius: float  #: tube radius R [m]
     constants: BeamConstants  #: least-squares estimate
-    low: BeamConstants  #: lower ends of the confidence intervals of single constants
-    high: BeamConstants  #: upper ends; infinite if the points do not bound a constant
+    low: BeamConstants  #: lower end of the confidence interval of each constant
+    high: BeamConstants  #: upper ends; infinite if the points do not bound the constant
     misfits: Mapping[str, float]  #: root mean square of ln(measured / fitted stiffness) by mode
 
     @property
@@ -136,7 +137,7 @@ def outlying_ratios(
     modes: Indices, lengths: Array, pressures: Array, stiffnesses: Array, radius: float
 ) -> Array:
     """
-    Return the factors between stiffnesses and a beam that fits the other stiffnesses.
+    Return for each outlier the ratio of its stiffness to a beam fitted robustly to all points.
 
     The beam is fitted with a Cauchy loss.
 
@@ -145,8 +146,8 @@ def outlying_ratios(
     :param pressures: (n,) gauge pressures [Pa].
     :param stiffnesses: (n,) end stiffnesses [N/m]; of the rotary mode [N m/rad].
     :param radius: tube radius R [m].
-    :return: (n,) factors of outliers, 1 for other stiffnesses; all 1 if there are too many
-        outliers.
+    :return: (n,) ratios of the outliers, 1 for the other stiffnesses; all are 1 if there are more
+        outliers than the share `MAX_OUTLIER_SHARE`.
     :raises MeasurementError: the points do not determine the constants.
     """
     _require_modes(modes)

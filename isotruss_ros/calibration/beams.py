@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Displacements of sections inside straight beams.
+Displacements of cross sections inside straight beams.
 
 The beams have the section stiffness EA, EI and GA (Timoshenko; with infinite GA, Euler-Bernoulli).
 The displacements are exact.

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Calibration of the roller offsets from measured joints of the empty robot."""
+"""Calibration of the roller offsets from measured joint positions of the robot without object."""
 
 from __future__ import annotations
 
@@ -20,9 +20,10 @@ from isotruss_ros.core.numerics.arrays import Array, finite_rows, MAX_MAGNITUDE
 from isotruss_ros.core.numerics.records import Record
 import numpy as np
 
-#: Smallest number of measured joints.
+#: Smallest number of measured joint positions [-].
 MIN_JOINTS = 3
-#: Smallest relative singular value of a determined combination of offsets [-].
+#: Smallest singular value, relative to the largest, at which a combination of offsets counts as
+#: determined [-].
 MIN_SINGULAR_RATIO = 1e-2
 
 
@@ -30,10 +31,11 @@ MIN_SINGULAR_RATIO = 1e-2
 class HomeCalibration(Record, headline=('zeros', 'deviations', 'residuals')):
     """Fitted roller offsets, and the robot whose home is at zero encoder readings."""
 
-    zeros: Array  #: (r,) roller travel since the file's home at zero encoder readings [m]
+    #: (r,) roller travel, from the home of the robot file, at which the encoders read zero [m]
+    zeros: Array
     deviations: Array  #: (r,) standard deviations of `zeros` [m]
-    residuals: Array  #: (k, 2) measured minus fitted joint positions, by posture [m]
-    description: RobotDescription  #: the robot with the fitted home
+    residuals: Array  #: (k, 2) measured minus fitted joint positions, posture after posture [m]
+    description: RobotDescription  #: the robot with the fitted home, where the encoders read zero
 
 
 def calibrate_home(
@@ -45,12 +47,12 @@ def calibrate_home(
     The Jacobian follows from (12). The fit has no prior.
 
     :param robot: robot of the robot file.
-    :param postures: measured postures of the empty robot without loads.
-    :param deviation: standard deviation of a measured coordinate, positive [m]; if the joints
-        scatter more, their scatter determines `HomeCalibration.deviations`.
+    :param postures: measured postures of the robot without object and without external loads.
+    :param deviation: standard deviation of a measured coordinate, positive [m]; if the residuals
+        scatter more, their scatter replaces it in `HomeCalibration.deviations`.
     :raises GraspError: a joint is unknown.
-    :raises MeasurementError: too few joints; joints that do not determine the offsets; or a joint
-        that does not fit, which the message names.
+    :raises MeasurementError: too few joints were measured, the joints do not determine the
+        offsets, or a joint does not fit; the message names the joint.
     """
     joints = [place for posture in postures for place in posture.joints.values()]
     finite_rows(joints, 2, 'measured joints (x, y) [m]', MeasurementError, MAX_MAGNITUDE)
@@ -84,7 +86,7 @@ def calibrate_home(
 
 
 def _require_determined(robot: Robot, known: Sequence[str], jacobian: Array) -> None:
-    """Raise MeasurementError for undetermined offsets; name joints that determine them."""
+    """Raise MeasurementError for undetermined offsets; it names joints whose measurement helps."""
     values, modes = np.linalg.svd(jacobian)[1:]
     if len(values) == jacobian.shape[1] and values[-1] >= MIN_SINGULAR_RATIO * values[0]:
         return
@@ -100,7 +102,7 @@ def _require_determined(robot: Robot, known: Sequence[str], jacobian: Array) -> 
 def _refuse_misfit(
     robot: Robot, postures: Sequence[Posture], found: HomeFit, deviation: float
 ) -> None:
-    """Raise MeasurementError for joints whose residuals exceed the measurement noise by far."""
+    """Raise MeasurementError if the residual of a joint far exceeds the measurement noise."""
     worst = found.worst(deviation)
     if worst is None:
         return

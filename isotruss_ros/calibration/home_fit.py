@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Least-squares fit of roller offsets and tracker frame to measured joints."""
+"""Least-squares fit of roller offsets and tracker frame to measured joint positions."""
 
 from __future__ import annotations
 
@@ -16,39 +16,41 @@ from isotruss_ros.core.numerics.arrays import Array, Indices
 import numpy as np
 import scipy
 
-#: Largest residual of a joint in standard deviations [-].
+#: Largest residual of a consistent joint in standard deviations [-].
 GATE_SIGMAS = 5.0
 #: Largest number of iterations of a fit [-]; five to ten are usual from the home of the robot
 #: file.
 MAX_ITERATIONS = 100
-#: Smallest share of a coordinate's error that is in its residual, if the error can be detected
-#: [-]. The share is sqrt(1 - leverage).
+#: Smallest ratio of a coordinate's residual to its error at which the error can be detected [-];
+#: the ratio is sqrt(1 - leverage).
 MIN_RESIDUAL_SHARE = 0.1
 
 
 @dataclass(frozen=True)
 class Posture:
-    """Measured joints of the empty robot at one encoder reading."""
+    """Measured joint positions of the robot without object at one set of encoder readings."""
 
     roller_positions: Array  #: (r,) encoder readings [m]
     joints: Mapping[str, tuple[float, float]]  #: (x, y) by joint, robot frame [m]
 
 
 class HomeFit(NamedTuple):
-    """Fit to measured joints."""
+    """Result of a fit to measured joint positions."""
 
-    zeros: Array  #: (r,) roller travel since the file's home at zero encoder readings [m]
+    #: (r,) roller travel, from the home of the robot file, at which the encoders read zero [m]
+    zeros: Array
     #: transform (dx, dy, angle) from the tracker's frame to the robot's frame [m, rad]
     motion: Array
-    residuals: Array  #: (k, 2) measured minus fitted joint positions, by posture [m]
+    residuals: Array  #: (k, 2) measured minus fitted joint positions, posture after posture [m]
     jacobian: Array  #: (2k, p) Jacobian of the residuals
 
     @property
     def errors(self) -> tuple[Array, Array]:
         """
-        Return estimates of the coordinates' errors and of their shares in residuals, (k, 2) [m].
+        Return the estimated errors of the measured coordinates, and their shares in the residuals.
 
-        :return: |residual| / share, and share = sqrt(1 - leverage) [-].
+        :return: errors |residual| / share (k, 2) [m]; and share (k, 2) of each error that appears
+            in its residual, sqrt(1 - leverage) [-].
         """
         basis = np.linalg.qr(self.jacobian)[0]
         left = np.sqrt(np.clip(1.0 - (basis**2).sum(axis=1), 1e-6, 1.0)).reshape(-1, 2)
@@ -56,7 +58,7 @@ class HomeFit(NamedTuple):
 
     def worst(self, deviation: float) -> tuple[int, float] | None:
         """
-        Return index and error [m] of the joint with the largest error; None if all are consistent.
+        Return the index and error [m] of the most inconsistent joint; None if all are consistent.
 
         :param deviation: standard deviation of a measured coordinate [m].
         """
@@ -107,7 +109,7 @@ def fit_home(robot: Robot, postures: Sequence[Posture], moved: bool = False) -> 
 
 def home_jacobian(robot: Robot, postures: Sequence[Posture]) -> Array:
     """
-    Return the Jacobian (2k, r) of the measured joints by the offsets, at zero offsets.
+    Return the derivatives (2k, r) of the joint positions by the roller offsets at zero offsets.
 
     :param robot: robot of the robot file.
     :param postures: postures of the empty robot.

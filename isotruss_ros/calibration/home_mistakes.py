@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Diagnosis of inconsistent joints: wrong units, names, signs, or tracker frame."""
+"""Diagnosis of inconsistent measured joints: wrong units, names, signs or tracker frame."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 
-#: Sizes of units that are confused with metres [m].
+#: Size of each unit that is often confused with the metre [m].
 UNITS = {'mm': 1e-3, 'cm': 1e-2}
 
 
 def find_mistake(robot: Robot, postures: Sequence[Posture], deviation: float) -> str:
     """
-    Return the single mistake that explains the joints best; empty if none does.
+    Return in words the mistake that best explains the joints; empty if none explains them.
 
     :param robot: robot of the robot file.
     :param postures: inconsistent postures.
     :param deviation: standard deviation of a measured coordinate [m].
-    :return: mistake and its correction in words.
+    :return: the mistake and its correction.
     """
     found = {}
     for text, corrected in _corrections(robot, postures):
@@ -46,7 +46,7 @@ def _tells(jacobian: Array) -> bool:
 
 
 def _corrections(robot: Robot, postures: Sequence[Posture]) -> Iterator[tuple[str, list[Posture]]]:
-    """Yield possible mistakes, each with the corrected postures."""
+    """Yield possible mistakes in words, each with the postures corrected for it."""
     for unit, size in UNITS.items():
         text = f'the markers are in {unit}: give them in m'
         yield text, [_scaled(each, size) for each in postures]
@@ -83,7 +83,7 @@ def _with_names(posture: Posture, names: Mapping[str, str]) -> Posture:
 
 
 def _moved_frame(robot: Robot, postures: Sequence[Posture], deviation: float) -> str:
-    """Return the transform of the tracker's frame in words, if it explains the joints."""
+    """Return the tracker frame's transform in words if it explains the joints; else empty."""
     if 2 * sum(len(each.joints) for each in postures) < len(robot.roller_names) + 3:
         return ''
     try:

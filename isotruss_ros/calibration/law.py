@@ -13,7 +13,7 @@ from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 from scipy.stats import t as student_t
 
-#: Largest variation of logarithms that counts as rounding [-].
+#: Largest difference between logarithms that is attributed to rounding [-].
 VARIATION_TOLERANCE = 1e-12
 
 
@@ -22,7 +22,7 @@ class FittedLaw:
     """Power law of a stiffness with confidence intervals."""
 
     law: Law  #: the law k = C p^a L^b in SI units
-    low: Law  #: lower ends of the confidence intervals of single C, a and b
+    low: Law  #: lower end of the confidence interval of each of C, a and b
     high: Law  #: upper ends of the confidence intervals
     r_squared: float  #: coefficient of determination of ln k; NaN if k is constant
     misfit: float  #: root mean square of ln(measured / fitted stiffness)
@@ -30,7 +30,7 @@ class FittedLaw:
 
 def half_widths(matrix: Array, rest: Array) -> Array:
     """
-    Return half of the widths of the estimates' 95 % confidence intervals, (k,).
+    Return the half widths (k,) of the 95 % confidence intervals of least-squares estimates.
 
     :param matrix: (n, k) Jacobian at the least-squares solution.
     :param rest: (n,) residuals.
@@ -78,7 +78,7 @@ def _law(logarithmic: Array) -> Law:
 
 
 def _missing(pressures: Array, lengths: Array, logs: Array, n: int) -> list[str]:
-    """Return in words the measurements that a fit needs besides the given ones."""
+    """Return in words the further measurements that a fit needs."""
     missing = []
     for name, symbol, values, unit in (
         ('pressure', 'a', pressures, 'Pa'),

@@ -5,8 +5,8 @@
 Stiffness of a group of points: slope of load over displacement in the linear range.
 
 Tubes soften or stiffen under large deformation. The linear range of a group is the largest range
-|displacement| <= d in which a cubic does not fit better than a line. In the search, d decreases
-from the largest displacement in steps of 5 %.
+|displacement| <= d in which a cubic does not fit the points better than a line. The search
+decreases d from the largest displacement in steps of 5 %.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from scipy.stats import f as f_distribution
 TOLERANCE = 0.02
 #: Significance level of the F test for the cubic [-].
 SIGNIFICANCE = 0.01
-#: Ranges d that are tried, relative to the largest displacement [-].
+#: Values of d that the search tries, relative to the largest displacement [-].
 RANGES = np.linspace(1.0, 0.1, 19)
 
 ALONE = 'the only displacement of its trial in the linear range; a slope needs two'
@@ -35,10 +35,10 @@ class Slope:
 
     group: Group  #: measured points
     stiffness: float  #: slope [N/m], rotary [N m/rad]; NaN if undetermined
-    offsets: Array  #: (n,) load at zero displacement in each point's trial
+    offsets: Array  #: (n,) fitted load at zero displacement in the trial of each point
     limit: float  #: largest |displacement| of the linear range [m, rad]
     used: Flags  #: (n,) mask of the points in the fit
-    reasons: tuple[str, ...]  #: (n,) reason why a point is unused; else empty
+    reasons: tuple[str, ...]  #: (n,) reason why each point is unused; empty for used points
 
 
 def fit_slope(
@@ -50,7 +50,8 @@ def fit_slope(
     :param group: points of one mode, pressure and length.
     :param tolerance: largest deviation of a cubic from the line, relative to the rise of the line
         [-].
-    :param max_displacement: linear range in place of the test [m, rad]; None: by the test.
+    :param max_displacement: largest displacement of the linear range [m, rad]; None: the F test
+        determines the linear range.
     """
     size = np.abs(group.displacements)
     if max_displacement is not None:
@@ -92,7 +93,7 @@ def _no_slope(group: Group, reason: str) -> Slope:
 
 
 def _spread(group: Group, inside: Flags) -> Flags:
-    """Return the mask (n,) of points whose trial has two different displacements in the range."""
+    """Return the mask (n,) of points whose trial has two or more displacements in the range."""
     count = group.trials.max() + 1
     low, high = np.full(count, np.inf), np.full(count, -np.inf)
     np.minimum.at(low, group.trials[inside], group.displacements[inside])
@@ -122,8 +123,8 @@ def _fit(group: Group, used: Flags, degree: int) -> tuple[float, Array, Array, i
     """
     Fit a polynomial with an offset for each trial.
 
-    :return: slope at zero; offsets (t,) of the trials, zero without points; residuals of the used
-        points; degrees of freedom.
+    :return: slope at zero displacement; offsets (t,) of the trials, zero for a trial without used
+        points; residuals of the used points; degrees of freedom.
     """
     x, y, trials = group.displacements[used], group.loads[used], group.trials
     unit = np.abs(x).max()

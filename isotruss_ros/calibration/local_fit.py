@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Fit of the local stiffness of a tube to tests with pressed cylinders.
+Fit of the local stiffness of a tube to tests in which a cylinder is pressed into the tube.
 
-The beam is known from the fit to the other modes. The only unknown is a factor on the stiffness of
-`flattening`; it is the same for all pressures, cylinders and depths.
+The fit to the other modes gives the constants of the beam. The only unknown is a factor on the
+local stiffness of module `flattening`; it is the same for all pressures, cylinders and depths.
 """
 
 from __future__ import annotations
@@ -21,14 +21,15 @@ import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 from scipy.stats import t as student_t
 
-#: Largest factor between the local stiffness and its theoretical value in the search [-].
+#: Largest ratio of the local stiffness to its theoretical value, or of the latter to the former,
+#: in the search [-].
 SEARCH_FACTOR = 100.0
-#: Rounding tolerances of the logarithms of the factor, and of the load [-].
+#: Rounding tolerances of the logarithm of the factor, and of the logarithm of the load [-].
 TOLERANCE, EXACT = 1e-8, 1e-9
-#: Tolerance of the logarithms of the confidence limits [-].
+#: Numerical tolerance of the logarithms of the confidence limits [-].
 LIMIT_TOLERANCE = 1e-4
-#: Smallest relative change of a load by 10 % of the factor, so that the load determines the factor
-#: [-].
+#: Smallest relative change of a load due to a change of the factor by 10 %, at which the load
+#: determines the factor [-].
 MIN_LOAD_CHANGE = 1e-3
 
 
@@ -37,8 +38,9 @@ class FittedLocalStiffness:
     """Ratio of the local stiffness to the theoretical one, with its confidence interval."""
 
     value: float  #: ratio to the theoretical stiffness [-]
-    low: float  #: lower end of the 95 % confidence interval, by the profile of squares
-    high: float  #: upper end of the interval
+    #: lower end of the 95 % confidence interval, from the profile of the sum of squares
+    low: float
+    high: float  #: upper end of the 95 % confidence interval
     misfit: float  #: root mean square of ln(measured / fitted load)
     count: int  #: number of points
 

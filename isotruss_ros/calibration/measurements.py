@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Measured points from a CSV file, in groups, with the unused rows."""
+"""Measured points from a CSV file, in groups, and reasons why rows are unused."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ DIAMETER = 'diameter'
 NUMBER_COLUMNS = ('pressure', 'length', 'displacement', 'load')
 COLUMNS = ('mode', *NUMBER_COLUMNS)
 TRIAL = 'trial'
-#: Ranges of the values of a row: pressures as in a robot file [Pa], diameters of tubes from a hand
-#: to a house [m], lengths of bars [m].
+#: Valid ranges of the values of a row: pressure as in a robot file [Pa], diameter from hand-sized
+#: to house-sized tubes [m], length [m].
 RANGES = {
     'pressure': (1e3, 3e5, 'Pa'),
     'length': (0.02, 10.0, 'm'),
@@ -49,7 +49,7 @@ class Group:
 
     mode: str  #: mode: axial, transverse or rotary
     pressure: float  #: gauge pressure [Pa]
-    length: float  #: length without load, between pinch points (axial) or guide rings [m]
+    length: float  #: unloaded length between pinch points (axial) or guide rings (others) [m]
     lines: Indices  #: (n,) line numbers in the file
     trials: Indices  #: (n,) index of each point's trial, 0 ... t - 1
     displacements: Array  #: (n,) displacements [m], rotary [rad]
@@ -57,7 +57,7 @@ class Group:
 
     def only(self, chosen: Flags) -> Group:
         """
-        Return a subset of the group with the same indices of trials.
+        Return a subset of the group; its trials keep their indices.
 
         :param chosen: (n,) mask of the points.
         """
@@ -72,7 +72,7 @@ class Group:
 
 @dataclass(frozen=True, eq=False)
 class Presses:
-    """Tests in which a cylinder presses into the middle of a clamped tube, with one point each."""
+    """Tests in which a cylinder is pressed into the middle of a clamped tube, a point per test."""
 
     pressures: Array  #: (n,) gauge pressures [Pa]
     lengths: Array  #: (n,) lengths of the tube between the clamps [m]
@@ -85,7 +85,8 @@ class Presses:
 class Measurements:
     """Content of a file of measured points."""
 
-    groups: tuple[Group, ...]  #: groups of a beam by mode, pressure and length
+    #: points of the modes of a beam, grouped by mode, pressure and length
+    groups: tuple[Group, ...]
     presses: Presses  #: points of the mode interference
     unused: Mapping[str, list[int]]  #: line numbers of unused rows, by reason
     rows: int  #: number of rows in the file without the header
@@ -162,12 +163,12 @@ def _check_header(path: Path, header: Sequence[str]) -> tuple[str, ...]:
 
 
 def _complaints(header: Sequence[str], cells: Sequence[str]) -> list[str]:
-    """Return the faults of the single numbers of a row."""
+    """Return the faults of the numbers of a row, each number judged alone."""
     return list(_find_complaints(header, cells))
 
 
 def _too_far(header: Sequence[str], cells: Sequence[str]) -> Iterator[str]:
-    """Yield an error for an implausibly large displacement of a tube's end."""
+    """Yield a fault in words if the displacement of a tube's end is implausibly large."""
     values = dict(zip(header, cells, strict=True))
     moved = abs(float(values['displacement']))
     if values['mode'] == 'rotary' and moved > MAX_ANGLE:

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Fit of frequency and damping ratio of one oscillation to measured poses."""
+"""Fit of the frequency and damping ratio of an oscillation to measured poses."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ import scipy
 
 #: Smallest number of poses for a fit [-].
 MIN_POSES = 20
-#: Largest residual of an oscillation relative to the motion [-].
+#: Largest valid residual of the fitted oscillation relative to the motion [-].
 MAX_RESIDUAL_SHARE = 0.5
 #: Largest damping ratio at which the frequency can be identified [-].
 MAX_DAMPING_RATIO = 0.7
@@ -38,9 +38,10 @@ def fit_oscillation(times: ArrayLike, poses: ArrayLike, arm: float) -> Oscillati
 
     :param times: (n,) times of the poses, ascending [s].
     :param poses: (n, 3) x, y [m] and angle [rad].
-    :param arm: characteristic radius of the object, the factor on rotations [m].
-    :raises MeasurementError: numbers that are not finite, too few poses, or poses without one
-        damped oscillation.
+    :param arm: characteristic radius of the object, by which rotations are multiplied to obtain
+        lengths [m].
+    :raises MeasurementError: a number is not finite, the poses are too few, or no single damped
+        oscillation fits them.
     """
     moved = finite_rows(poses, 3, 'poses (x, y, angle) [m, rad]', MeasurementError, MAX_MAGNITUDE)
     at = finite_array(times, len(moved), 'times [s]', MeasurementError)
@@ -52,7 +53,7 @@ def fit_oscillation(times: ArrayLike, poses: ArrayLike, arm: float) -> Oscillati
     at, moved = at - at[0], (moved - moved.mean(axis=0)) * (1.0, 1.0, arm)
 
     def split(shape: Array) -> tuple[Array, Array]:
-        """Return the fitted motion, including its rest position, and the residual."""
+        """Return the fitted coordinates, including the rest position, and the residuals."""
         damped, frequency = np.exp(-shape[0] * at), shape[1]
         basis = damped * np.array([np.cos(frequency * at), np.sin(frequency * at)])
         columns = np.column_stack([*basis, np.ones_like(at)])
@@ -86,7 +87,7 @@ def fit_oscillation(times: ArrayLike, poses: ArrayLike, arm: float) -> Oscillati
 
 
 def _strongest_frequency(at: Array, moved: Array) -> float:
-    """Return the strongest frequency of a motion with uniform samples [rad/s]."""
+    """Return the frequency with the largest amplitude in uniformly sampled motion [rad/s]."""
     even = np.linspace(0.0, at[-1], len(at))
     spread = np.array([np.interp(even, at, each) for each in moved.T])
     power = (np.abs(np.fft.rfft(spread)) ** 2).sum(axis=0)

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Outliers of the line through a group of points, for example typing errors."""
+"""Detection of outliers from the regression line of a group of points, such as typing errors."""
 
 from __future__ import annotations
 
@@ -10,10 +10,11 @@ from isotruss_ros.core.numerics.arrays import Array, Flags
 import numpy as np
 from scipy.stats import t as student_t
 
-#: Probability of a false outlier in a group [-].
+#: Probability that a group without outliers has a detected outlier [-].
 FALSE_OUTLIER_PROBABILITY = 1e-5
-#: Smallest deviation of an outlier relative to the rise of the line [-]. A third removes points of
-#: softening tubes; three times keeps typing errors of half the load.
+#: Smallest deviation of an outlier relative to the rise of the line [-]. With a third of it,
+#: correct points of softening tubes are removed; with three times of it, typing errors of half the
+#: load are kept.
 MIN_DEVIATION_SHARE = 0.2
 #: Largest share of outliers in a group [-].
 MAX_OUTLIER_SHARE = 0.2
@@ -21,14 +22,14 @@ MAX_OUTLIER_SHARE = 0.2
 
 def outlying_points(group: Group) -> tuple[Flags, Array]:
     """
-    Return the outliers of the line through a group of points.
+    Return the outliers from the regression line of a group of points.
 
-    The test uses externally studentised residuals of a line with an offset for each trial, the
-    largest first.
+    The line has an offset for each trial. The test compares the largest externally studentised
+    residual with its bound, removes the point, and repeats this for the others.
 
     :param group: points of one mode, pressure and length.
-    :return: mask (n,) of the outliers, and deviations (n,) from the line through the other points
-        [N or N m].
+    :return: mask (n,) of the outliers, and deviation (n,) of each outlier from the line through
+        the other points, zero for points that are no outliers [N or N m].
     """
     off, out = np.zeros(len(group.loads)), np.zeros(len(group.loads), dtype=bool)
     for _ in range(int(MAX_OUTLIER_SHARE * len(out))):
@@ -49,7 +50,7 @@ def _deleted(group: Group, used: Flags) -> tuple[Array, Array, Array]:
     """
     Return deleted residuals (n,), and scale and rise of the line through the other points.
 
-    The residual is zero for an unused point, and if the other points do not determine a line.
+    A residual is zero if the point is unused, or if the other points do not determine a line.
     """
     n, x, y = len(used), group.displacements, group.loads
     trials = group.trials[:, None] == np.arange(group.trials.max() + 1)

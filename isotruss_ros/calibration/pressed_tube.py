@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Clamped tube with a cylinder pressed into its side, as in the test of Fig. 6."""
+"""Clamped tube with a cylinder pressed into its side, as in the paper's Fig. 6."""
 
 from __future__ import annotations
 
@@ -36,10 +36,10 @@ class ClampedTube:
 
 @dataclass(frozen=True)
 class Pressed:
-    """Response of a tube to a pressed cylinder."""
+    """Response of a tube to a cylinder pressed into its side."""
 
     stiffness: float  #: transverse force divided by depth [N/m]
-    contact: float  #: length of tube in contact [m]
+    contact: float  #: length of the contact region along the tube [m]
 
 
 def press(

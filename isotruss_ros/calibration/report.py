@@ -23,13 +23,13 @@ SYMBOLS = {
     'end_softening': 'c',
 }
 
-#: Smallest reported misfit of the beam in a mode [-].
+#: Smallest misfit of the beam in a mode that the report mentions [-].
 REPORTED_MISFIT = 0.05
 
 
 def unused_rows(unused: Mapping[str, Sequence[int]], rows: int) -> Iterator[str]:
     """
-    Yield lines with the reasons and numbers of unused rows.
+    Yield for each reason a text line with the line numbers of the rows unused for that reason.
 
     :param unused: line numbers by reason.
     :param rows: number of rows in the file.
@@ -74,7 +74,7 @@ def beam_table(fitted: FittedBeam) -> Table:
 
 def local_line(analysis: Analysis) -> str:
     """
-    Return the local stiffness in words, or the reason of its absence; empty without points of it.
+    Return in words the local stiffness, or why it is missing; empty if it was not measured.
 
     :param analysis: results of the fits.
     """
@@ -129,10 +129,10 @@ def law_table(analysis: Analysis) -> Table:
 
 def missed_modes(analysis: Analysis) -> Iterator[str]:
     """
-    Yield a line for each mode in which the beam does not fit.
+    Yield a text line for each mode in which the beam does not fit.
 
-    A power law has three constants for one mode; the beam has three for all modes. If the law fits
-    and the beam does not, the theory causes the misfit, not scatter.
+    A power law has three constants for one mode; the beam has three constants for all modes. If
+    the power law fits and the beam does not, the cause is the beam's theory, not scatter.
 
     :param analysis: results of the fits.
     """

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Measured joints of the empty robot in CSV files, and calibrated robot files."""
+"""Reading of measured joint positions from CSV files, and writing of calibrated robot files."""
 
 from __future__ import annotations
 
@@ -25,9 +25,10 @@ COLUMNS = ('posture', 'joint', 'x', 'y')
 
 def read_postures(path: Path, robot: Robot) -> list[Posture]:
     """
-    Read measured joints from a CSV file, with all encoder readings in each row.
+    Read measured joint positions from a CSV file; each row has one joint and all encoder readings.
 
-    :param path: path of the file, whose columns are `COLUMNS` and the names of the rollers [m].
+    :param path: path of the file; its columns are `COLUMNS` and one column per roller, named after
+        the roller. All lengths are in metres.
     :param robot: the robot.
     :raises MeasurementError: a value is invalid; the message names the line, the value and the
         valid range.
@@ -102,7 +103,7 @@ def write_robot_file(
 
 def write_checked_rollers(robot: Robot, path: Path, names: Sequence[str]) -> None:
     """
-    Write a copy of the robot file with the names of the checked rollers.
+    Write a copy of the robot file with the names of the rollers whose motion was checked.
 
     :param robot: robot of the robot file.
     :param path: path of the new file, which may be the old one.
@@ -115,7 +116,7 @@ def write_checked_rollers(robot: Robot, path: Path, names: Sequence[str]) -> Non
 
 @contextlib.contextmanager
 def _changing(robot: Robot, path: Path) -> Iterator[CommentedMap]:
-    """Read the file of a robot, yield its content for changes, and write it to another file."""
+    """Read a robot file, yield its content to be changed, and write the result to another file."""
     yaml = YAML()
     yaml.preserve_quotes = True  # type: ignore[assignment]
     yaml.width = 200  # type: ignore[assignment]

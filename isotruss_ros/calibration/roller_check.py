@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Check of a commanded roller: identification of the moved roller from the joints."""
+"""Check that a commanded roller moves: the moved roller is identified from measured joints."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from isotruss_ros.core.manipulation.solve_joint_velocity import check_joint
 from isotruss_ros.core.numerics.arrays import finite_array, finite_rows, MAX_MAGNITUDE
 import numpy as np
 
-#: Largest relative error of the travel of a correct roller [-].
+#: Largest relative error of the measured travel of a roller without fault [-].
 MAX_TRAVEL_ERROR = 0.2
 
 
@@ -58,7 +58,7 @@ def _identify_roller(
     config: Configuration, moved: Mapping[str, tuple[float, float]]
 ) -> tuple[str, float, float]:
     """
-    Return the single roller that explains the joint motion to first order by (12).
+    Return the roller whose motion alone best explains the motion of the joints by (12).
 
     :return: name of the roller, its travel [m], and the root mean square residual of the
         displacements [m].

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Calibration of the tube stiffness from a known pull at the empty robot."""
+"""Calibration of the tube stiffness from known forces on joints of the robot without object."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ import numpy as np
 
 #: Largest relative standard deviation of a valid scale [-].
 MAX_RELATIVE_DEVIATION = 0.3
-#: Number of fixed-point iterations [-]. Without wrinkling each reduces the error at least to a
-#: twentieth.
+#: Number of fixed-point iterations [-]. Each iteration reduces the error to a twentieth or less,
+#: unless tubes wrinkle.
 ITERATIONS = 5
 #: Largest valid pull [N].
 MAX_PULL = 1e6
@@ -40,11 +40,11 @@ def calibrate_stiffness(
     deviation: float = 1e-3,
 ) -> StiffnessCalibration:
     """
-    Fit one factor to the displacements of joints under a known pull (least squares).
+    Fit one stiffness factor to the displacements of joints under known forces by least squares.
 
-    A robot that is softer by a factor deforms like its model under a load that is larger by this
-    factor. The robot must be empty: with a held object, a common factor on loads, stiffness and
-    contact forces does not change the geometry, so it cannot be measured.
+    A robot that is softer than its model by a factor deforms like the model under a load that is
+    larger by this factor. The robot must hold no object: with one, a common factor on loads,
+    stiffness and contact forces does not change the geometry, so displacements do not show it.
 
     :param config: configuration of the robot, with the rollers at rest.
     :param pull: (fx, fy) by joint, robot frame [N].

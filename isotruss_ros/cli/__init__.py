@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Commands, of which `operate` alone needs ROS.
+Commands for the terminal; only `operate` needs ROS.
 
 Entry points: `main` of each module, listed in setup.py.
 Imports `core`, `calibration`, `mujoco_plant`, `plotting` and `viewer`.

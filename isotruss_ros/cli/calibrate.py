@@ -4,7 +4,8 @@
 """
 Executables `calibrate_home` and `calibrate_stiffness`.
 
-They fit parameters to measured joints of the empty robot, and write them to a robot file.
+They fit parameters to measured joint positions of the robot without object, and write the
+parameters to a robot file.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ import numpy as np
 
 def home(arguments: Sequence[str] | None = None) -> int:
     """
-    Print the roller offsets, and write the robot file with the corrected home.
+    Fit and print the roller offsets, and write the robot file with the corrected home.
 
     :param arguments: arguments of the command line; None: those of the process.
     :return: exit code, 1 if the joints do not determine the result.
@@ -37,7 +38,7 @@ def home(arguments: Sequence[str] | None = None) -> int:
 
 def stiffness(arguments: Sequence[str] | None = None) -> int:
     """
-    Print the scale of the tube stiffness, and write it to the robot file.
+    Fit and print the scale of the tube stiffness, and write it to the robot file.
 
     :param arguments: arguments of the command line; None: those of the process.
     :return: exit code, 1 if the joints do not determine the result.

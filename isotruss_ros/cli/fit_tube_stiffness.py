@@ -34,10 +34,10 @@ from rich.console import Console
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """
-    Read the points, print tables and the block for the robot file, and draw the figure.
+    Fit a tube's stiffness to measured points; print tables and a block for the robot file.
 
     :param arguments: arguments of the command line; None: those of the process.
-    :return: exit code, 1 without a block for the robot file.
+    :return: exit code, 1 if no block for the robot file could be computed.
     """
     options = _parser().parse_args(arguments)
     try:
@@ -77,7 +77,7 @@ def _run(options: argparse.Namespace) -> int:
 
 
 def _finish(analysis: Analysis, path: Path | None) -> int:
-    """Print the block for the robot file, or the reason of its absence."""
+    """Print the block for the robot file, or the reason why it could not be computed."""
     if analysis.fitted is None:
         print(
             f'fit_tube_stiffness: no block for the robot file: {analysis.refusal}', file=sys.stderr

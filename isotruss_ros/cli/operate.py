@@ -4,8 +4,8 @@
 """
 Commands `isotruss pick`, `move`, `place`, `stop` and `release`.
 
-Each sends one goal to the running node `pick_and_place`, or one service call to `manipulation`,
-without the command `ros2`.
+Each command sends one goal to the running node `pick_and_place`, or one service call to the node
+`manipulation`. The user does not need the command `ros2`.
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ from isotruss_ros.core import GraspRequirements
 from isotruss_ros.core.planning.requirements import Measure
 from isotruss_ros.core.planning.workers import MAX_WORKERS
 
-#: Placeholder of the value and help text of each option, by requirement.
+#: Placeholder of the value, and help text, of the option for each requirement.
 OPTIONS = {
     'friction': ('MU', 'between tubes and object (default %(default)s)'),
     'external_wrench': (('FX', 'FY', 'M'), 'on the object about its centre [N, N m]'),
@@ -66,7 +66,7 @@ def add_requirements(parser: argparse.ArgumentParser) -> None:
 
 def add_search(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:
     """
-    Add and return the group of options of a search, with seed and number of processes.
+    Add the options of a search (random seed, number of processes), and return their group.
 
     :param parser: parser of the options.
     """
@@ -84,7 +84,7 @@ def add_search(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:
 
 def requirements(options: argparse.Namespace) -> GraspRequirements:
     """
-    Return the requirements by the options.
+    Return the requirements of a grasp that the options specify.
 
     :param options: parsed command line.
     :raises GraspError: a value is invalid; the message names it and its valid range.

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Report of a plan: a table for people, and JSON for programs."""
+"""Report of a grasp search: a table for people, and JSON for programs."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from isotruss_ros.core.planning.describe_plan import export_figures, export_path
 from isotruss_ros.core.planning.grasp_plan import GraspPlan
 from rich.table import Table
 
-#: Heading, factor and format of each quantity of a grasp in the table.
+#: Heading, unit factor and number format of each quantity of a grasp in the table.
 COLUMNS = {
     'squeeze': ('squeeze\n[N]', 1.0, '{:.2f}'),
     'slip_margin': ('slips at\n[N]', 1.0, '{:.2f}'),
@@ -32,7 +32,7 @@ def table(plan: GraspPlan, requirements: GraspRequirements) -> Table:
     Return a table with one row for each grasp, best first.
 
     :param plan: the plan.
-    :param requirements: requirements, with the measure of the ranking.
+    :param requirements: requirements, which name the quantity by which grasps are ranked.
     """
     found = Table(title=f'grasps, best first by {requirements.measure.value}')
     found.add_column('module')
@@ -52,7 +52,7 @@ def table(plan: GraspPlan, requirements: GraspRequirements) -> Table:
 
 def as_json(plan: GraspPlan, robot: Robot) -> dict[str, Any]:
     """
-    Return the data of a plan for JSON, with null for values that are not finite.
+    Return the data of a plan for JSON; values that are not finite become null.
 
     :param plan: the plan.
     :param robot: the robot.

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Executable `replay`: playback of a recording in a browser without ROS, or as a page."""
+"""Executable `replay`: playback of a recording in a browser, or export as a page, without ROS."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ FRAME_RATE = 20.0
 
 def replay(view: View, path: Path, speed: float, wait: Callable[[float], None]) -> str:
     """
-    Show a recording once; return in words the fault that ends it, empty without a fault.
+    Show a recording once; return in words the damage that ended it early, or an empty text.
 
     :param view: view for the playback.
     :param path: path of the MCAP file.
-    :param speed: factor on the speed of the recording [-].
-    :param wait: function called after each frame with the time from the first frame to the next
-        one [s].
+    :param speed: speed of the playback relative to the recording [-].
+    :param wait: function called after each frame with the time from the start at which the next
+        frame is due [s].
     :raises RecordingError: the file cannot be read, or has no complete message.
     """
     from isotruss_ros.viewer.recording import BrokenRecordingError, read_recording, show_message
@@ -61,7 +61,7 @@ def replay(view: View, path: Path, speed: float, wait: Callable[[float], None]) 
 
 
 def _wait_on_the_wall() -> Callable[[float], None]:
-    """Return a function that sleeps until a given time after this call [s]."""
+    """Return a function that sleeps until a given time [s] has passed since this call."""
     began = time.monotonic()
     return lambda end: time.sleep(max(0.0, end - (time.monotonic() - began)))
 
@@ -82,7 +82,7 @@ def _write_page(view: View, path: Path, speed: float, page: Path) -> None:
 
 
 def _repeat(view: View, options: argparse.Namespace) -> None:
-    """Show a recording once, or again and again until Ctrl-C; print its fault once."""
+    """Show a recording once or until Ctrl-C, as the options say; print its damage once."""
     printed = ''
     while True:
         end = replay(view, options.file, options.speed, _wait_on_the_wall())
@@ -99,7 +99,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Show a recording again and again until Ctrl-C, or write a page that plays it.
 
     :param arguments: arguments of the command line; None: those of the process.
-    :return: 0 after Ctrl-C or with the page, 1 if the recording cannot be shown.
+    :return: 0 after Ctrl-C or after the page was written, 1 if the recording cannot be shown.
     """
     parser = argparse.ArgumentParser(prog='isotruss replay', description=__doc__)
     parser.add_argument('file', type=Path, help='MCAP file of the node record')

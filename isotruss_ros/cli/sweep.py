@@ -2,10 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-`python -m isotruss_ros.cli.sweep`: grasp search over robots and objects, as CSV.
+`python -m isotruss_ros.cli.sweep`: grasp search for robots and objects, written to CSV.
 
-Each pair is a task of a Dask cluster with two or more workers, on one machine or on several. It
-needs `distributed`, the extra `sweep` of this package, but no ROS.
+Each pair of a robot and an object is a task of a Dask cluster with two or more workers, on one
+machine or on several. The command needs `distributed`, the extra `sweep` of this package, but no
+ROS.
 """
 
 from __future__ import annotations
@@ -43,11 +44,11 @@ Pair: TypeAlias = tuple[tuple[int, int], RobotDescription, ConvexObject]
 
 def evaluate(pair: Pair, needs: GraspRequirements, seed: int) -> dict[str, Any]:
     """
-    Return a row of the table: the best grasp of one object by one robot.
+    Return a row of the table, with the best grasp of one object by one robot.
 
     :param pair: robot and object with their indices.
     :param needs: requirements of a grasp.
-    :param seed: seed of the search.
+    :param seed: random seed of the search.
     """
     (robot, item), description, body = pair
     row = {'robot': robot, 'object': item, 'name': description.name, 'diameter': 2.0 * body.arm}
@@ -75,7 +76,7 @@ def sweep(
     :param robots: descriptions of the robots.
     :param objects: the objects.
     :param needs: requirements of a grasp.
-    :param seed: seed of every search.
+    :param seed: random seed of every search.
     """
     pairs = [
         ((i, j), robots[i], objects[j])
@@ -117,8 +118,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     Compute the grasps of all pairs, and write each row as soon as it is computed.
 
-    :param arguments: arguments of the command line; None: those of the process. :return: exit
-        code.
+    :param arguments: arguments of the command line; None: those of the process.
+    :return: exit code.
     """
     parser = argparse.ArgumentParser(prog='python -m isotruss_ros.cli.sweep', description=__doc__)
     parser.add_argument('robots', nargs='+', help='presets or robot files')

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Demonstration: the nodes as processes, the path of the paper's Fig. 9 as twists, and a picture.
+Demonstration that runs the nodes and carries an object along the path of the paper's Fig. 9.
 
 Entry points: `python -m isotruss_ros.demo`, `view.main`.
 Imports `core`, `nodes` and `plotting`.

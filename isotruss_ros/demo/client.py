@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Node of the demonstration: publishes twists, and records messages of the other nodes."""
+"""Node of the demonstration, which publishes twists and records messages of the other nodes."""
 
 from __future__ import annotations
 
@@ -35,21 +35,22 @@ from sensor_msgs.msg import JointState, MultiDOFJointState
 
 #: Period of the twists [s].
 PERIOD = 0.01
-#: Longest wait for a message [s]. It is constant: with varying timeouts, rclpy's executor begins
-#: anew with the first subscription, and a busy first subscription would starve the others.
+#: Longest wait for a message [s]. It is constant, because rclpy's executor begins again with the
+#: first subscription whenever the timeout changes, and a busy first subscription would then block
+#: the others.
 WAIT = 2e-3
-#: Deadline of events that are immediate except on a busy machine [s].
+#: Longest wait for events that occur at once unless the machine is busy [s].
 DEADLINE = 240.0
-#: Object and rollers are at rest if they move by less than a distance [m, rad] in a time by the
-#: stamps [s].
+#: Object and rollers count as at rest if they move by less than this distance [m, rad] within this
+#: time by the messages' stamps [s].
 REST_DISTANCE, REST_TIME = 2e-6, 0.1
-#: Distance for rest in a plant with creeping friction and oscillations [m, rad].
+#: The same distance for a plant in which friction creeps and objects oscillate [m, rad].
 SWINGING = 1e-4
-#: Distance for rest if the loop follows the noise of its sensors [m, rad].
+#: The same distance with sensor noise, which the control loop follows [m, rad].
 TREMBLING = 5e-3
 #: Lever arm that converts rotations of the object to distances [m].
 ARM = 0.1
-#: Topics with a single publisher in a robot's domain.
+#: Topics that have a single publisher unless two robots share a ROS domain.
 ALONE = ('joint_states', 'object_pose')
 
 
@@ -64,11 +65,12 @@ class DemoClient(Node):
     :ivar frame_id: frame of the object's pose.
     :ivar measured: last measured pose of the object.
     :ivar pose: last recorded pose of the object.
-    :ivar rollers: (r,) last roller positions, with estimated offsets if available [m].
+    :ivar rollers: (r,) last roller positions, which include the estimated offsets if available
+        [m].
     :param roller_names: names of the rollers in the robot's order.
-    :param sim_time: whether the time of `/clock` is used, as for plants with masses.
-    :param truth: whether true states of robot and object are recorded in place of measured ones,
-        with the estimates.
+    :param sim_time: whether the node uses the time of `/clock`, as plants with masses require.
+    :param truth: whether the true states of robot and object are recorded in place of the measured
+        states, and the state estimates with them.
     """
 
     def __init__(
@@ -94,7 +96,7 @@ class DemoClient(Node):
         self._last_status: ManipulationStatus | None = None
         self._status_times: list[float] = []
         self._record = PhaseRecord('start')
-        #: True normal forces received since the last true pose [N].
+        #: True normal forces received since the last message of the true pose [N].
         self._forces: list[float] = []
         self._truth = truth
         every = QoSProfile(depth=100)
@@ -169,7 +171,7 @@ class DemoClient(Node):
 
     def begin(self, name: str) -> PhaseRecord:
         """
-        Start a phase; its record has the messages from now on.
+        Start a phase; from now on messages are stored in its record.
 
         :param name: name of the phase.
         """
@@ -191,7 +193,7 @@ class DemoClient(Node):
         :param ready: function that returns whether the condition holds.
         :param check: function that raises an error if the condition cannot hold any more.
         :param what: condition in words, for the error message.
-        :param deadline: largest time until the condition holds, on the clock of the phases [s].
+        :param deadline: longest wait, on the clock of the phases [s].
         :param meanwhile: function that is called every `PERIOD`.
         :raises DemoError: the condition did not hold in time.
         """
@@ -213,7 +215,7 @@ class DemoClient(Node):
                 self._own_executor.spin_once(timeout_sec=WAIT)
 
     def _seconds(self) -> float:
-        """Return the time on the clock of the phases: `/clock` or the machine's [s]."""
+        """Return the time of the phases, which is the time of `/clock` or of the machine [s]."""
         if self._sim_time:
             return 1e-9 * self.get_clock().now().nanoseconds
         return time.monotonic()
@@ -257,7 +259,7 @@ class DemoClient(Node):
 
         :param phase: phase with twists as a function of time.
         :param check: function that raises an error if a node has ended.
-        :param progress: callback with the completed share, 0 to 1.
+        :param progress: callback that receives the completed share of the phase, 0 to 1.
         :raises DemoError: the object did not come to rest.
         """
         record = self.begin(phase.name)
@@ -292,7 +294,7 @@ class DemoClient(Node):
         return record
 
     def _pull(self, wrench: Wrench) -> None:
-        """Publish an external wrench, and record its interval."""
+        """Publish an external wrench on the object, and record the interval in which it acts."""
         now, pulls, record = self.get_clock().now(), any(wrench), self._record
         self._pulls = self._pulls or pulls
         if not self._pulls:

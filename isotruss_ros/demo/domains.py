@@ -10,11 +10,11 @@ import socket
 
 from isotruss_ros.core.errors import IsotrussError
 
-#: Domains that may be used. Domain 0 is excluded, because a robot may use it on this machine; up
-#: to 101 the ports are free on Linux.
+#: Domains that may be used. Domain 0 is excluded, because a robot may use it on this machine; for
+#: domains up to 101, Linux does not assign the ports to other programs.
 DOMAINS = range(1, 102)
-#: Abstract socket address of a domain's lock. It is common to all users of the machine, and the
-#: kernel frees it with the process.
+#: Abstract socket address of a domain's lock. All users of the machine share the address, and the
+#: kernel frees it when the process ends.
 LOCK_NAME = '\0isotruss_ros_domain_{}'
 
 
@@ -38,7 +38,8 @@ def lock_domain(first: int) -> DomainLock:
     """
     Lock the first free ROS domain of this machine.
 
-    :param first: domain at which the search begins; after the last of `DOMAINS` the first follows.
+    :param first: domain at which the search begins; it continues with the first of `DOMAINS` after
+        the last.
     :raises DomainError: all domains are locked.
     """
     for turn in range(len(DOMAINS)):

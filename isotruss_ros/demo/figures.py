@@ -23,18 +23,18 @@ from matplotlib.figure import Figure
 import numpy as np
 
 MARGIN = 0.12
-#: Frames of the animation per second [Hz], and its speed relative to real time [-].
+#: Number of frames of the animation per second [Hz].
 FRAMES_PER_SECOND = 12
 SPEED_UP = 5.0
 
-#: Length of a force's arrow [m/N], also in the magnified view.
+#: Length of an arrow over its force [m/N], the same in the magnified view.
 ARROW_SCALE = 0.004
 #: Width and height of the magnified view of a grasp, and its distance from the robot, relative to
-#: its panel [-].
+#: the size of the panel [-].
 VIEW, VIEW_ROOM = 0.33, 0.04
 
-#: Colour and length per force [m/N] of the external force's arrow; it is longer than those of
-#: contacts.
+#: Colour of the external force's arrow, and its length over the force [m/N], which is larger than
+#: `ARROW_SCALE`.
 PULL_COLOR, PULL_SCALE = '#d9480f', 0.08
 
 Box = tuple[Array, Array]
@@ -50,8 +50,8 @@ def draw_panels(
     """
     Write a picture with one panel for each phase, and a magnified grasp in its corner.
 
-    The file has a description with the state of each panel in words, which `tools/pictures.py`
-    compares.
+    The file's metadata describe the state of each panel in words; `tools/pictures.py` compares
+    these descriptions.
 
     :param robot: the robot.
     :param diameter: diameter of the object [m].
@@ -107,7 +107,7 @@ def describe_grasp(
     config: Configuration, body: ConvexObject, pull: Wrench | None, paper_model: bool = False
 ) -> tuple[GraspAnalysis, str]:
     """
-    Return the analysis of a grasp, and its hold in words.
+    Return the analysis of a grasp, and a description of how the object is held.
 
     :param config: configuration of the robot.
     :param body: the object.
@@ -125,7 +125,7 @@ def describe_grasp(
 
 
 def _free_corner(config: Configuration, box: Box) -> tuple[float, ...]:
-    """Return the axes (x, y, width, height) in the corner that hides least of the robot [-]."""
+    """Return the box (x, y, width, height) in the corner that hides least of the robot [-]."""
     share = np.linspace(0.0, 1.0, 20)
     begin, end = member_lines(config).T[..., None]
     line = (begin + share * (end - begin)).ravel()

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Animation of the demonstration by MuJoCo, from recorded states of the plant."""
+"""Animation of the demonstration, rendered by MuJoCo from recorded states of the plant."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-#: Width and height of a frame, height of its text, and margin of the text [pixels].
+#: Width and height of a frame, height of the letters, and margin of the text [pixels].
 WIDTH, HEIGHT, LETTERS, EDGE = 560, 500, 18, 10
 INK = (40, 40, 40)
-#: Number of colours of the animation, and of frames from which they are chosen [-].
+#: Number of colours of the animation, and number of frames from which they are chosen [-].
 COLORS, SAMPLES = 128, 12
 SHADES = (0.4, 0.55, 0.7, 0.85, 1.0)
-#: Smallest distance of the measured positions through which the path is drawn [m].
+#: Smallest distance between the measured positions that are connected to draw the path [m].
 SPARSE = 0.005
 
 
@@ -58,7 +58,7 @@ def film(recording: Path, records: Sequence[PhaseRecord], path: Path) -> None:
 
 
 def _palette(frames: Sequence[Image.Image]) -> Image.Image:
-    """Return a picture with the colours of the whole animation."""
+    """Return a picture whose palette has the colours of the whole animation."""
     chosen = frames[:: max(1, len(frames) // SAMPLES)]
     together = np.concatenate([np.asarray(frame) for frame in chosen])
     # The quantizer leaves out what is thin: path and arrow, in light and in shade.
@@ -77,7 +77,7 @@ def _period(times: NDArray[np.float64]) -> float:
 
 
 def _label(picture: NDArray[np.uint8], record: PhaseRecord, pulled: bool) -> Image.Image:
-    """Return a frame with the phase and the external force in words."""
+    """Return a frame with the name of the phase, and a text while an external force acts."""
     frame = Image.fromarray(picture)
     draw, font = ImageDraw.Draw(frame), ImageFont.load_default(LETTERS)
     words = record.name

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""First half of the demonstration: plan a grasp, approach it, and confirm the hold."""
+"""First half of the demonstration: plan a grasp, approach it, confirm that the object is held."""
 
 from __future__ import annotations
 
@@ -25,13 +25,14 @@ from trajectory_msgs.msg import JointTrajectory
 
 Check = Callable[[], None]
 
-#: Deadline of a search [s]; it takes seconds, on a busy machine more.
+#: Timeout of a search [s]; a search takes some seconds, and longer on a busy machine.
 PLANNING_DEADLINE = 120.0
-#: Largest distance of a roller from the end of the path at arrival [m].
+#: Largest distance of a roller from its position at the end of the path, at which it has arrived
+#: [m].
 ARRIVED = 1e-4
-#: The same distance for estimated travel, which changes with each marker [m].
+#: The same distance for estimated roller positions, which change with each marker message [m].
 NEARLY_ARRIVED = 2e-3
-#: Largest standard deviation of a roller offset for the planning of a grasp [m].
+#: Largest standard deviation of a roller offset with which a grasp is planned [m].
 SURE = 1e-3
 
 
@@ -49,7 +50,7 @@ def slow_down(grasp: PlannedGrasp, factor: float) -> None:
 
 def is_sure(estimates: Sequence[StateEstimate]) -> bool:
     """
-    Return whether the standard deviations of the roller offsets are small enough.
+    Return whether the last standard deviations of the roller offsets allow to plan a grasp.
 
     :param estimates: estimates of the state, in time order.
     """
@@ -123,7 +124,7 @@ class Gripping:
         return result.grasps[0], result
 
     def _planned_blindly(self, result: PlanGrasp.Result) -> bool:
-        """Return whether a path starts far from the measured rollers, or had no measurement."""
+        """Return whether the planned path does not start at the measured roller positions."""
         if result.code != PlanGrasp.Result.FOUND:
             return result.code == PlanGrasp.Result.NO_JOINT_STATES
         begin = np.array(result.grasps[0].path.points[0].positions)

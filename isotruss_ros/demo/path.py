@@ -14,7 +14,7 @@ Twist = tuple[float, float, float]
 #: Wrench (fx, fy, m) on the object about its centre [N, N m].
 Wrench = tuple[float, float, float]
 
-#: Begin and end of the pull, as shares of a phase [-].
+#: Times at which the external wrench begins and ends, relative to the duration of the phase [-].
 PULLED = (0.4, 0.6)
 
 
@@ -24,12 +24,12 @@ class Phase:
 
     name: str  #: name of the motion
     duration: float  #: duration [s]
-    twist: Callable[[float], Twist]  #: twist by the time since the start [s]
-    pull: Wrench | None = None  #: wrench in the middle of the phase; None: no pull
+    twist: Callable[[float], Twist]  #: twist as a function of the time since the start [s]
+    pull: Wrench | None = None  #: external wrench in the middle of the phase; None: no wrench
 
     def wrench(self, time: float) -> Wrench:
         """
-        Return the external wrench: `pull` in the middle of the phase (see `PULLED`), else zero.
+        Return the external wrench, `pull` in the middle of the phase (see `PULLED`), else zero.
 
         :param time: time since the start of the phase [s].
         """
@@ -83,7 +83,7 @@ def arc(name: str, duration: float, radius: float, heading: float, angle: float)
 
 def figure_9(pull: Wrench | None = None) -> tuple[Phase, ...]:
     """
-    Return the path of Fig. 9 for an object at the top, north/Z, of the nine-member robot.
+    Return the path of Fig. 9 for an object held at the top, north/Z, of the nine-member robot.
 
     The object's angle is 0 at the start. After the rotation by 90 degrees, its x axis is normal to
     the arc.

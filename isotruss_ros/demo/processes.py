@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Nodes as processes, started for a block and stopped by Ctrl-C."""
+"""Nodes as processes, started at the begin of a code block and stopped by Ctrl-C at its end."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from isotruss_ros.core import IsotrussError
 from isotruss_ros.demo.domains import DomainLock, lock_domain
 from isotruss_ros.nodes.framework.runner import STOP_SIGNALS
 
-#: Time after Ctrl-C at which a running node is killed [s].
+#: Time after Ctrl-C at which a node that still runs is killed [s].
 STOP_TIMEOUT = 30.0
-#: Domain locks of this process, which end with it.
+#: Domain locks of this process; they are kept until it ends.
 _locks: list[DomainLock] = []
 
 
@@ -62,7 +62,7 @@ class NodeProcess:
         """
         Raise NodeError if the node is not running.
 
-        :raises NodeError: the node has ended; the message has its last lines of output.
+        :raises NodeError: the node has ended; the message has the last lines of the node's output.
         """
         if self.process.poll() is not None:
             printed = self.log.read_text(errors='replace').strip().splitlines()[-5:]
@@ -77,12 +77,12 @@ class NodeProcess:
             self.process.send_signal(signal.SIGINT)
 
     def stop(self) -> int:
-        """Send Ctrl-C, wait for the end, and return the exit code, see `wait`."""
+        """Send Ctrl-C, wait for the end of the process, and return its exit code, see `wait`."""
         self.interrupt()
         return self.wait()
 
     def wait(self) -> int:
-        """Wait for the end with a timeout, and return the exit code (-9 after a kill)."""
+        """Wait for the end of the process, kill it after a timeout, and return its exit code."""
         try:
             return self.process.wait(STOP_TIMEOUT)
         except subprocess.TimeoutExpired:
@@ -92,7 +92,7 @@ class NodeProcess:
 
 @contextlib.contextmanager
 def _held_signals() -> Iterator[list[int]]:
-    """Defer signals during a block, because they would leave nodes running."""
+    """Defer signals to the end of a block, because a signal within would leave nodes running."""
     received: list[int] = []
 
     def keep(which: int, _frame: FrameType | None) -> None:
@@ -111,7 +111,7 @@ def running_nodes(
     nodes: Sequence[tuple[str, Mapping[str, object]]], logs: Path
 ) -> Iterator[list[NodeProcess]]:
     """
-    Run nodes while a block is executed.
+    Run nodes while a code block is executed.
 
     :param nodes: name and parameters of each node.
     :param logs: folder for the output of the nodes.
@@ -137,8 +137,8 @@ def keep_to_this_machine() -> int:
     """
     Restrict ROS communication of this process and its children to this machine.
 
-    :return: domain id: that of the environment if set, else a domain that is locked until this
-        process ends.
+    :return: ROS domain id, which the environment defines if set; else a domain that is locked
+        until this process ends.
     :raises DomainError: all domains are locked.
     """
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'

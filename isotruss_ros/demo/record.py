@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Record of the messages in a phase of the demonstration."""
+"""Record of the messages received during a phase of the demonstration."""
 
 from __future__ import annotations
 
@@ -30,18 +30,18 @@ class PhaseRecord:
     name: str  #: name of the phase
     #: (dx, dy, dangle), integral of the published twists [m, rad]
     commanded: np.ndarray = field(default_factory=lambda: np.zeros(3))
-    #: (dx, dy, dangle), integral of the twists that the manipulation node reports to execute,
-    #: scaled by its limits [m, rad]
+    #: (dx, dy, dangle), integral of the twists that the manipulation node reported as executed,
+    #: which its limits may have reduced [m, rad]
     accepted: np.ndarray = field(default_factory=lambda: np.zeros(3))
     #: (dx, dy, dangle), change of the measured pose with the angle unwrapped [m, rad]
     measured: np.ndarray = field(default_factory=lambda: np.zeros(3))
-    #: largest commanded speed of the object, with rotations times 0.1 m [m/s]
+    #: largest commanded speed of the object; a rotation counts as its rate times 0.1 m [m/s]
     max_speed: float = 0.0
     #: external wrench (fx, fy, m) on the object [N, N m]; None without one
     pull: tuple[float, float, float] | None = None
     #: interval of the external wrench, ROS time [s]
     pulled: tuple[float, float] = (math.inf, -math.inf)
-    #: largest distance of the measured from the commanded position under the wrench [m]
+    #: largest distance between the measured and the commanded position while the wrench acts [m]
     max_shift: float = 0.0
     max_roller_speed: float = 0.0  #: largest measured speed of any roller [m/s]
     loop_rate: float = 0.0  #: cycles of the manipulation node per second [Hz]
@@ -61,22 +61,22 @@ class PhaseRecord:
 
     @property
     def position_error(self) -> float:
-        """Return the distance between the ends of measured motion and accepted twists [m]."""
+        """Return the distance between measured and accepted displacement of the object [m]."""
         return float(np.linalg.norm((self.measured - self.accepted)[:2]))
 
     @property
     def angle_error(self) -> float:
-        """Return the angle between the ends of measured motion and accepted twists [rad]."""
+        """Return the difference between measured and accepted rotation of the object [rad]."""
         return abs(float((self.measured - self.accepted)[2]))
 
     @property
     def refused(self) -> float:
-        """Return the distance between the ends of requested and accepted twists [m]."""
+        """Return the distance between commanded and accepted displacement of the object [m]."""
         return float(np.linalg.norm((self.accepted - self.commanded)[:2]))
 
     @property
     def delay(self) -> float:
-        """Return the largest error that late cycles can cause [m]."""
+        """Return the largest position error that late control cycles can cause [m]."""
         return 2.0 * self.max_speed * self.longest_cycle
 
     @property
@@ -86,11 +86,11 @@ class PhaseRecord:
 
     @property
     def held(self) -> float:
-        """Return the share of analyses with a held object; 0 without analyses."""
+        """Return the share of grasp analyses in which the object is held; 0 without analyses."""
         return float(np.mean([grasp.held for grasp in self.analyses])) if self.analyses else 0.0
 
     def parts(self) -> list[PhaseRecord]:
-        """Return this record, and its part under the external wrench."""
+        """Return this record, and a record of the interval in which the external wrench acted."""
         if self.pull is None:
             return [self]
         begin, end = self.pulled
@@ -99,7 +99,7 @@ class PhaseRecord:
 
     def split(self, name: str, rollers: np.ndarray) -> tuple[PhaseRecord, PhaseRecord]:
         """
-        Return the parts before and after the closest approach to roller positions.
+        Split the record at the state that is closest to given roller positions.
 
         :param name: name of the second part.
         :param rollers: (r,) roller positions [m].

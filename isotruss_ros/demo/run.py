@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Demonstration: plan a grasp, close the grip in place, carry the object, pull at it."""
+"""Demonstration: plan a grasp, close the grip, carry the object, and apply a force to it."""
 
 from __future__ import annotations
 
@@ -34,36 +34,37 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from ruamel.yaml import YAML
 
 ROBOT = 'nine_member'
-#: Plants in which friction holds the object.
+#: Simulated robots in which friction holds the object.
 PLANTS = (ELASTIC, MUJOCO)
 OBJECT_DIAMETER = 0.2
 #: Initial position of the free object, inside the tube `north` [m].
 OBJECT_CENTER = (0.6, 0.3)
-#: Module whose members grasp the object. Its roller is driven, so the object can be rolled.
+#: Module whose members grasp the object. Its roller is driven, so the robot can roll the object.
 GRIP_MODULE = 'north/Z'
 FRICTION = 0.5
-#: Normal force of each of the two members [N]. The object resists the pull, and the tubes have a
-#: reserve against wrinkling in the rotation, in which one side is short.
+#: Normal force of each of the two members [N]. With it friction resists the external force, and
+#: the tubes do not wrinkle in the rotation, in which one member is short.
 SQUEEZE = 22.0
 #: Factor on the times of the path to the grasp for a robot with masses [-]. At full speed one
 #: member would hit the object before the other one.
 SLOWER = 2.0
 #: Friction force of the ground on the free object in the plant mujoco [N].
 GROUND_FRICTION = 0.5
-#: Name of the file with MuJoCo's states, from which the animation is drawn.
+#: Name of the file with the recorded states of MuJoCo, from which the animation is drawn.
 RECORDING = 'plant.recording'
-#: Force on the object in the middle of the arc, out of the grip [N], and mass of the object [kg].
+#: External force on the object in the middle of the arc, directed out of the grip [N], and mass of
+#: the object [kg].
 LOAD, OBJECT_MASS = 5.0, 0.5
 PULL = (0.0, -LOAD, 0.0)
-#: Timeout of commands [s], longer than the default for a busy machine.
+#: Timeout of commands [s], longer than the default because the machine may be busy.
 COMMAND_TIMEOUT = 1.0
-#: Rate of grasp analyses [Hz]. Each takes 20 to 40 ms of a core that the loop needs too.
+#: Rate of grasp analyses [Hz]. Each takes 20 to 40 ms on a core that the control loop needs too.
 ANALYSIS_RATE = 5.0
-#: Largest distance of the final pose from the end of the accepted twists, if cycles are not late
-#: [m].
+#: Largest difference between the measured and the accepted displacement of the object, if cycles
+#: are not late [m].
 MAX_POSITION_ERROR = 1e-3
 MAX_ANGLE_ERROR = np.deg2rad(0.25)
-#: The same distance with real sensors [m].
+#: The same difference with simulated sensor faults [m].
 MAX_REAL_ERROR = 1e-2
 
 
@@ -203,7 +204,7 @@ def _play(
 
 
 def _write_round_robot(output: Path) -> Path:
-    """Write the robot's file without flattening, as in MuJoCo, and return its path."""
+    """Write a robot file whose tubes do not flatten, as in MuJoCo, and return its path."""
     yaml = YAML(typ='safe', pure=True)
     # The order of tubes is that of the rollers.
     yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]

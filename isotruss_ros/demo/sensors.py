@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Sensor faults of the demonstration, and the errors that they cause."""
+"""Simulated sensor faults of the demonstration, and a table of the errors that they cause."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ REAL_SENSORS = {
 
 def truth_table(records: Sequence[PhaseRecord], robot: Robot, squeeze: float) -> Table:
     """
-    Return a table of the estimated squeeze, joints and pose against the true values.
+    Return a table of the errors of estimated squeeze, joints and pose.
 
     :param records: records of the phases, with true values.
     :param robot: robot of the robot file.

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Tables of the demonstration: planned grasps, motion, hold, contacts."""
+"""Tables of the demonstration: planned grasps, motion, held object and contacts."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def make_table(
 
     :param title: title of the table.
     :param names: headings of the first columns, which have names.
-    :param figures: headings of the other columns, which have numbers, with their units.
+    :param figures: headings, with units, of the other columns, which have numbers.
     :param wrap: whether names may take several lines.
     """
     table = Table(title=title, box=None, pad_edge=False, collapse_padding=True)
@@ -82,7 +82,7 @@ def _numbers(values: np.ndarray) -> str:
 
 def grasp_table(records: Sequence[PhaseRecord]) -> Table:
     """
-    Return a table of the object's hold in each phase, with the range over all analyses.
+    Return a table of how the object is held in each phase, with the range over all analyses.
 
     :param records: records of the phases.
     """

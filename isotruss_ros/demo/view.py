@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Executable `view`: plant, nodes and viewer; it prints the address for a browser."""
+"""Executable `view`, which runs a simulated robot and a viewer, and prints its address."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from isotruss_ros.demo.processes import keep_to_this_machine, running_nodes
 from isotruss_ros.viewer.names import ELASTIC, PLANTS
 
 DIAMETER = 0.3
-#: Initial indentation of the tubes, which squeezes the object [m].
+#: Initial indentation of each grasping tube by the object, which gives the squeeze [m].
 INDENTATION = 0.01
-#: Coefficient of friction [-]; the corner of 60 degrees needs 0.58.
+#: Coefficient of friction [-]; a grip in a corner of 60 degrees needs at least 0.58.
 FRICTION = 0.8
 #: Friction force of the ground on a free object in the plant mujoco, which brings it to rest [N].
 GROUND_FRICTION = 0.5
 RATE = 50.0
-#: Period of the check of the processes [s].
+#: Period of the check that all processes run [s].
 PERIOD = 0.2
 
 

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-MuJoCo plant: models of robot files, driven by rollers.
+MuJoCo plant: simulation models of robot files, driven by rollers.
 
 Entry points: `plant.MujocoPlant`, `mjcf`, `driven_robot.DrivenRobot`.
 Imports `core` and MuJoCo.

@@ -5,9 +5,9 @@
 Actuators and sensors of an exported model, named after rollers, joints and objects.
 
 A roller is a slide joint with the roller's name; its position is the roller travel. The rest
-length of a member changes by phi_i - phi_j of the rollers at its ends. So each elastic slide q of
-the member, with the share s of its length, becomes a fixed tendon with the same stiffness and the
-length q - s (phi_i - phi_j).
+length of a member changes by phi_i - phi_j, the difference of the travels at its ends. So each
+elastic slide joint with position q, which has the share s of the member's length, is replaced by a
+fixed tendon with the same stiffness and the length q - s (phi_i - phi_j).
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from isotruss_ros.core.numerics.arrays import Indices
 
 #: Assumed moving mass of a roller without the tubes [kg].
 ROLLER_MASS = 0.1
-#: Stiffness [N/m] and damping [N s/m] of a position-controlled drive, stiff compared with tubes of
-#: 1e4 to 1e5 N/m.
+#: Stiffness [N/m] and damping [N s/m] of a position-controlled drive, which is stiff compared with
+#: the axial stiffness of a tube, 1e4 to 1e5 N/m.
 DRIVE_STIFFNESS, DRIVE_DAMPING = 1e6, 1e3
 #: Largest travel of a roller [m].
 MAX_TRAVEL = 100.0
-#: Attributes of a slide that its tendon takes over.
+#: Attributes of an elastic slide joint that are moved to its tendon.
 TENDON_ATTRIBUTES = ('stiffness', 'damping')
 
 

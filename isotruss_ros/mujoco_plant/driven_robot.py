@@ -14,7 +14,7 @@ from isotruss_ros.mujoco_plant.options import PlantOptions
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 import numpy as np
 
-#: Simulated time in which the tubes settle on an object that is grasped at the start [s].
+#: Simulated time in which the tubes come to rest on an object that is grasped at the start [s].
 SETTLING_TIME = 1.0
 
 
@@ -23,18 +23,19 @@ class DrivenRobot(DrivenRollers):
     Robot and object in MuJoCo, driven by rollers with encoders.
 
     :ivar plant: the robot in MuJoCo.
-    :ivar lag: time that was not simulated, because more than `longest_step` was due at once [s].
+    :ivar lag: total time that was not simulated, because a call of `advance` asked for more than
+        `longest_step` [s].
     :param robot: the robot, initially at home.
     :param body: the object at its pose.
-    :param is_free: whether the object is free from the start; otherwise the tubes first settle on
-        it.
+    :param is_free: whether the object is free from the start; if not, it is fixed until the tubes
+        have come to rest on it.
     :param options: masses, friction, gravity and mesh.
-    :param faults: faults of the rollers.
-    :param seed: seed of noise and slip.
+    :param faults: simulated faults of the rollers.
+    :param seed: random seed of roller noise and slip.
     :param longest_step: longest simulated time in one call of `advance` [s].
     :raises PlantError: MuJoCo is not installed, or the start is unstable.
     :raises GraspError: the robot has no such stuck roller.
-    :raises ConfigurationError: the slip is out of its range.
+    :raises ConfigurationError: the slip of the rollers is out of its range.
     :raises StructureError: the stiffness model has no stiffness at a member's length.
     """
 
@@ -75,7 +76,7 @@ class DrivenRobot(DrivenRollers):
 
     def advance(self, duration: float) -> None:
         """
-        Simulate a time interval.
+        Simulate a time interval with the commanded roller speeds.
 
         :param duration: length of the interval, not negative [s].
         :raises ConfigurationError: no configuration exists at the commanded roller travel; then

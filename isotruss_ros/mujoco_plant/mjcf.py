@@ -6,8 +6,8 @@ MuJoCo model (MJCF) of the robot: hinged modules, tubes as chains of capsules.
 
 A module is hinged at its joint. At its point B a rigid guide arm BD is hinged. A chain of rigid
 capsules with elastic joints (see `springs`) leads from D to E' and ends in the guide arm E'C'. An
-equality connects C' to the next module. The bisection (3) is one fixed tendon per module, linear
-in the joint angles.
+equality constraint connects C' to the next module. The bisection of the angle (3) is one fixed
+tendon per module, linear in the joint angles.
 """
 
 from __future__ import annotations
@@ -40,12 +40,13 @@ JOINT_MASS, PIECE_MASS = 0.1, 0.05
 MODULE_MASS = 1.0
 #: Moment of inertia of light bodies [kg m^2], and viscous drag of hinges without a spring [N m s].
 INERTIA, HINGE_DRAG = 1e-3, 0.05
-#: Armature of an elastic joint over stiffness times squared time step [-]. Its oscillation is then
-#: slow enough for the integrator, and fast compared with the robot's motion.
+#: Ratio of the armature of an elastic joint to its stiffness times the squared time step [-]. The
+#: joint then oscillates slowly enough for the integrator, and fast compared with the robot's
+#: motion.
 ARMATURE_FACTOR = 10.0
-#: Damping ratio of contacts [-]; at 1, objects crept by 0.7 mm/s.
+#: Damping ratio of contacts [-]; at a ratio of 1, held objects crept by 0.7 mm/s.
 CONTACT_DAMPING_RATIO = 2.0
-#: MuJoCo's `solimpfriction` of floor friction under modules, almost without creep.
+#: MuJoCo's `solimpfriction` for the ground friction of modules; they then hardly creep.
 FLOOR_SOLIMP = '0.9999 0.9999'
 #: Lever arm of friction under a disc with uniform pressure, relative to its radius [-].
 DISC_FRICTION_ARM = 2.0 / 3.0
@@ -56,9 +57,9 @@ def spring_damping(stiffness: Array, along: Array, options: PlantOptions) -> Arr
     Return the damping (k,) of elastic joints [N s/m or N m s].
 
     :param stiffness: (k,) stiffness of the joints [N/m or N m].
-    :param along: (k,) mask of slides along the tube. They have only the damping that the time step
-        needs, because material losses would resist the rollers.
-    :param options: options with material losses of the tubes and time step.
+    :param along: (k,) mask of slide joints along the tube. They have only the damping that keeps
+        the integration stable at this time step, because material losses would resist the rollers.
+    :param options: options, of which the material losses of the tubes and the time step are used.
     """
     losses = np.where(along, 0.0, options.tube_relaxation)
     return stiffness * (losses + np.sqrt(ARMATURE_FACTOR) * options.time_step)
@@ -78,8 +79,8 @@ def export_mjcf(
     :param objects: discs or convex objects at their poses.
     :param options: masses, mesh and contact; None: defaults.
     :param segments: (m,) number of segments of each member; None: `options.segments`.
-    :param actuated: whether the model has actuators for the rollers, and sensors. The plant needs
-        none, because it drives the rollers itself.
+    :param actuated: whether the model has actuators for the rollers, and sensors. `MujocoPlant`
+        needs neither, because it changes the lengths of the tubes itself.
     :raises StructureError: the stiffness model has no stiffness at a member's length.
     """
     options = options or PlantOptions()
@@ -121,7 +122,7 @@ def _add_options(root: ET.Element, options: PlantOptions) -> None:
 
 
 def _add_joints(world: ET.Element, robot: Robot, options: PlantOptions) -> list[ET.Element]:
-    """Add joints and modules, and return the modules' elements."""
+    """Add joints and modules, and return the XML elements of the modules."""
     topology, points = robot.topology, robot.home.points
     held = set(topology.grounded.tolist())
     bodies = []
@@ -225,7 +226,7 @@ def _add_constraints(
 def _add_object(
     world: ET.Element, equality: ET.Element, number: int, held: ConvexObject, options: PlantOptions
 ) -> ET.Element:
-    """Add an object with planar joints and equalities that can fix it; return its body."""
+    """Add an object with planar joints and constraints that can fix it; return its XML element."""
     name, radius, shape = f'object{number}', held.arm, held.shape
     mass = options.object_mass if held.mass is None else held.mass
     own = held.center_of_mass

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Objects as MuJoCo primitives, in contact with the tubes' capsules in the plane."""
+"""Objects as MuJoCo primitives that touch the tubes' capsules in the plane."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from isotruss_ros.core.model.polygon import Polygon
 from isotruss_ros.core.model.shapes import Disc
 import numpy as np
 
-#: Radius of sharp corners [m]; capsules have no edges.
+#: Radius that replaces sharp corners [m], because capsules have no edges.
 MIN_CORNER_RADIUS = 1e-3
 
 
 def object_geoms(held: ConvexObject) -> list[dict[str, str]]:
     """
-    Return the attributes of the geoms of an object, in its unrotated body.
+    Return the attributes of the geoms of an object in the frame of its body.
 
     A disc is a sphere, an ellipse is an ellipsoid. A polygon has a capsule along each side and a
     sphere at each corner.

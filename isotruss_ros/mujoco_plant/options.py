@@ -19,10 +19,10 @@ from isotruss_ros.core.errors import IsotrussError
 from isotruss_ros.core.model.convex_object import DEFAULT_FRICTION
 import numpy as np
 
-#: Value of `local_stiffness` for sections that do not flatten, as in MuJoCo; dents are below a
-#: micrometre.
+#: Value of `local_stiffness` with which cross sections do not flatten, as in MuJoCo; their
+#: indentation is below a micrometre.
 RIGID_SECTION_STIFFNESS = 1e4
-#: Largest number of segments of a member [-]; more do not increase the accuracy.
+#: Largest number of segments of a member [-]; more segments do not increase the accuracy.
 MAX_SEGMENTS = 64
 POSITIVE_OPTIONS = ('object_mass', 'time_step')
 NONNEGATIVE_OPTIONS = (
@@ -65,20 +65,20 @@ class PlantOptions:
     :raises PlantError: a value is invalid.
     """
 
-    friction: float = DEFAULT_FRICTION  #: coefficient of friction between tube and object [-]
+    friction: float = DEFAULT_FRICTION  #: friction coefficient of tube and object [-]
     object_mass: float = 0.5  #: mass of each object [kg]
     gravity: tuple[float, float] = (0.0, 0.0)  #: gravity (x, y) in the robot's plane [m/s^2]
     time_step: float = 0.002  #: time step of the integrator [s]
-    segments: int = 8  #: number of segments of a member; fewer reduce the squeeze
+    segments: int = 8  #: number of segments of a member; with fewer, the squeeze is too small
     joint_drag: float = 5.0  #: viscous drag of each joint of the robot [N s/m]
     #: relaxation time of a massless tube in bending and shear, due to material losses [s]
     tube_relaxation: float = 0.1
     object_drag: float = 0.5  #: viscous drag of the ground on an object [N s/m]
     ground_friction: float = 0.0  #: friction force of the ground on an object [N]
-    module_friction: float = 0.0  #: ground friction at each joint and its modules [N]
-    roller_lag: float = 0.0  #: time constant of the rollers' speeds [s]
-    #: largest force of a roller along the tube, torque over radius [N]. A roller stops if its
-    #: members pull against the motion with more.
+    module_friction: float = 0.0  #: ground friction force on each joint with its modules [N]
+    roller_lag: float = 0.0  #: time constant at which roller speeds follow commands [s]
+    #: largest force of a roller along the tube, which is its torque divided by its radius [N]. A
+    #: roller stops if its members resist the motion with a larger force.
     roller_force: float = float('inf')
 
     def __post_init__(self) -> None:

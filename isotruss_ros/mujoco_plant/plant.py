@@ -19,10 +19,10 @@ from isotruss_ros.mujoco_plant.springs import springs_of
 import numpy as np
 from numpy.typing import ArrayLike
 
-#: Rows of the table of stiffnesses: end slides, middle slides and ring hinges.
+#: Row indices of end slides, middle slides and ring hinges in the table of stiffnesses.
 END, MIDDLE, RING = 0, 1, 4
 TRANSVERSE_ROWS = (('y', 2), ('bend', 3))
-#: Number of steps between updates of stiffness and geometry by the member lengths [-].
+#: Number of steps between updates of stiffness and geometry to the member lengths [-].
 UPDATE_INTERVAL = 10
 
 
@@ -36,14 +36,14 @@ class ContactForce(NamedTuple):
 
 class MujocoPlant:
     """
-    Robot with objects in MuJoCo.
+    Simulated robot with objects in MuJoCo.
 
-    The rollers follow their commands within lag and largest force.
+    The rollers follow the commanded speeds with a lag and up to a largest force.
 
     :ivar travel: (r,) travel of the tube through each roller since home [m].
     :ivar text: MuJoCo's model at home as text (MJCF).
-    :ivar model: MuJoCo's model.
-    :ivar data: MuJoCo's state.
+    :ivar model: MuJoCo's model (`MjModel`).
+    :ivar data: MuJoCo's state (`MjData`).
     :param robot: the robot, initially at home.
     :param objects: discs or convex objects, free from the start.
     :param options: masses, mesh and contact; None: defaults.
@@ -82,12 +82,12 @@ class MujocoPlant:
 
     @property
     def speeds(self) -> Array:
-        """Return the speeds of the tube through the rollers in the last step, (r,) [m/s]."""
+        """Return the speed of the tube through each roller in the last step, (r,) [m/s]."""
         return self._speeds
 
     @property
     def nodes(self) -> Array:
-        """Return the node positions in `Robot.node_names` order, robot frame, (n, 2) [m]."""
+        """Return the node positions (n, 2), robot frame, ordered as `Robot.node_names` [m]."""
         topology = self.robot.topology
         nodes = np.empty((topology.n_nodes, 2))
         nodes[: len(topology.joint_names)] = self.data.xpos[self._joint_bodies, :2]
@@ -201,7 +201,7 @@ class MujocoPlant:
         self.advance(duration, np.zeros_like(self.travel))
 
     def save(self) -> Array:
-        """Return MuJoCo's state for `restore`; it is valid while no roller moves."""
+        """Return MuJoCo's state for `restore`; it is valid until a roller moves."""
         kind = self._mj.mjtState.mjSTATE_INTEGRATION
         state = np.empty(self._mj.mj_stateSize(self.model, kind))
         self._mj.mj_getState(self.model, self.data, state, kind)
@@ -219,7 +219,7 @@ class MujocoPlant:
 
     def contact_forces(self, number: int = 0) -> dict[str, ContactForce]:
         """
-        Return the force of each member on an object, by member; empty without contact.
+        Return the force on an object of each member in contact, by the name of the member.
 
         :param number: index of the object.
         """
@@ -293,7 +293,7 @@ class MujocoPlant:
         return int(self.model.body(name).id)
 
     def _driven_speeds(self, commanded: Array) -> Array:
-        """Return the speeds (r,) of the rollers after lag and force limit [m/s]."""
+        """Return the speeds (r,) of the rollers, reduced by lag and force limit [m/s]."""
         options, speeds = self.options, commanded
         if options.roller_lag > 0.0:
             passed = -math.expm1(-options.time_step / options.roller_lag)
@@ -311,7 +311,7 @@ class MujocoPlant:
         self.model.qpos_spring[self._slide_qpos] = self._slide_rest * change[self._slide_member]
 
     def _move_surface(self) -> None:
-        """Set the surface speed of each segment to the speed of the tube's material."""
+        """Set the surface speed of each segment to the speed of the tube's material along it."""
         topology = self.robot.topology
         through = np.zeros(topology.n_modules)
         through[topology.driven] = self._speeds
@@ -323,7 +323,7 @@ class MujocoPlant:
         )
 
     def _refresh(self) -> None:
-        """Update stiffness, damping and geometry by the member lengths."""
+        """Update stiffness, damping and geometry to the current member lengths."""
         self._since_refresh = 0
         lengths = self._home + self.robot.topology.incidence @ self.travel
         springs = springs_of(self.robot, lengths, self._counts)
@@ -346,7 +346,7 @@ class MujocoPlant:
 
 
 def _resultant(parts: Sequence[tuple[complex, complex, complex]]) -> ContactForce:
-    """Return the resultant force of contacts and its centre of pressure."""
+    """Return the resultant of contact forces and its centre of pressure."""
     forces, pressing, points = np.array(parts).T
     sizes, inward = np.abs(pressing), complex(pressing.sum())
     if not sizes.any():

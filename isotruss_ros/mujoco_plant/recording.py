@@ -5,8 +5,8 @@
 Recordings of plant states, for rendering without the plant.
 
 A file has the model as text and a sequence of states. A state has the time, MuJoCo's coordinates,
-and the lengths and positions of the tube segments, which change with roller travel. The file is
-complete after each state.
+and the lengths and positions of the tube segments, which change with roller travel. The file can
+be read after each state was written.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from isotruss_ros.mujoco_plant.options import PlantError
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 import numpy as np
 
-#: Rate of states in simulated time [Hz].
+#: Number of recorded states per second of simulated time [Hz].
 STATE_RATE = 25.0
 
 
@@ -30,7 +30,7 @@ class PlantRecorder:
 
     :param plant: the plant.
     :param path: path of the file; an existing one is replaced.
-    :param rate: rate of the states in the time that `record` is given [Hz].
+    :param rate: number of states per second of the times passed to `record` [Hz].
     :raises PlantError: the file cannot be written.
     """
 
@@ -44,7 +44,7 @@ class PlantRecorder:
 
     def record(self, time: float) -> None:
         """
-        Write the current state if it is due.
+        Write the current state if the interval since the last written state has passed.
 
         :param time: time of the state [s].
         """
@@ -67,8 +67,8 @@ class PlantRecording:
 
     text: str  #: text of the model (MJCF)
     times: Array  #: (n,) times of the states, increasing [s]
-    #: (n, k) coordinates; then for each geom the second component of its size and the first
-    #: component of its position
+    #: (n, k) states as rows; each has MuJoCo's coordinates, then the second component of the size
+    #: of each geom, then the first component of the position of each geom
     states: Array
 
     def at(self, time: float) -> Array:
@@ -83,7 +83,7 @@ class PlantRecording:
 
 def read_recording(path: Path) -> PlantRecording:
     """
-    Read a recording without an incomplete last state.
+    Read a recording; an incomplete last state is left out.
 
     :param path: path of the file.
     :raises PlantError: the file cannot be read, or has no state.

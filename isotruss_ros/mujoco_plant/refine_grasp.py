@@ -17,23 +17,23 @@ import numpy as np
 
 #: Relative tolerance of squeeze and slip margin [-], and largest number of measurements [-].
 TOLERANCE, ROUNDS = 0.02, 10
-#: Pose x, y [m], angle [rad] of the object outside of the robot, while the rollers move.
+#: Pose of the object outside of the robot while the rollers move: x, y [m] and angle [rad].
 PARKING_POSE = (5.0, 5.0, 0.0)
-#: Duration of a motion of the rollers, and of the rest after it [s].
+#: Duration of a motion of the rollers, and of the wait until the robot is at rest [s].
 MOTION, REST = 2.0, 2.0
-#: Measuring pulls relative to the planned slip margin [-], and their duration [s].
+#: Size of the measuring forces relative to the planned slip margin [-], and their duration [s].
 SHARE, PULL = 0.1, 0.5
 #: Largest correction of a roller in an iteration [m].
 MAX_CORRECTION = 0.03
 
 
 class RefinedGrasp(NamedTuple):
-    """Grasp that measurements in a plant have corrected."""
+    """Grasp corrected by measurements in a plant."""
 
-    #: planned grasp with corrected roller positions after first contact; everything else is as
-    #: planned
+    #: planned grasp whose roller positions after the first contact are corrected; everything else
+    #: is as planned
     grasp: PlannedGrasp
-    measured: Array  #: (n, 2) squeeze and slip margin by iteration [N]
+    measured: Array  #: (n, 2) squeeze and slip margin in each iteration [N]
     agrees: bool  #: whether the last measurement is within tolerance
 
 
@@ -41,14 +41,15 @@ def refine_grasp(grasp: PlannedGrasp, plant: MujocoPlant) -> RefinedGrasp:
     """
     Correct a planned grasp until squeeze and slip margin in the plant are as planned.
 
-    In each iteration the object is fixed at its planned pose, the tubes settle on it without
-    friction, and it is released. The rollers are corrected by the gradients of squeeze and slip
-    margin at the equilibrium of the released object.
+    In each iteration the object is fixed at its planned pose, the tubes come to rest on it without
+    friction, and the object is released with friction. The rollers are corrected by the gradients
+    of squeeze and slip margin at the equilibrium of the released object.
 
     :param grasp: planned grasp with two grasping members.
     :param plant: plant with the same robot and object, without other objects and external loads.
     :raises PlantError: the simulation became unstable.
-    :raises GraspError: the model has no equilibrium near the pose in the plant.
+    :raises GraspError: the model has no equilibrium near the pose that the object takes in the
+        plant.
     """
     planned, found = np.array([grasp.squeeze, grasp.slip_margin]), []
     config, grip, step = grasp.config, grasp.grip, None
@@ -80,7 +81,7 @@ def refine_grasp(grasp: PlannedGrasp, plant: MujocoPlant) -> RefinedGrasp:
 
 
 def _press(plant: MujocoPlant, grasp: PlannedGrasp, travel: Array) -> None:
-    """Let the tubes settle on the object, fixed at its planned pose, and release the object."""
+    """Bring the tubes to rest on the object, fixed at its planned pose, and release the object."""
     plant.set_friction(0.0)
     plant.hold_object(PARKING_POSE)
     plant.advance(MOTION, (travel - plant.travel) / MOTION)
@@ -92,7 +93,7 @@ def _press(plant: MujocoPlant, grasp: PlannedGrasp, travel: Array) -> None:
 
 
 def _measure(plant: MujocoPlant, grasp: PlannedGrasp) -> Array:
-    """Return squeeze and slip margin (2,), measured by small pulls in two directions [N]."""
+    """Return squeeze and slip margin (2,), measured by small wrenches on the object [N]."""
     arm, state, pull = grasp.grip.body.arm, plant.save(), SHARE * grasp.slip_margin
     forces, changes = _forces(plant, grasp), []
     for wrench in pull * np.diag([1.0, 1.0, arm]):

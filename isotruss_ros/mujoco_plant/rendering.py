@@ -18,9 +18,9 @@ from isotruss_ros.mujoco_plant.recording import PlantRecording
 import numpy as np
 from numpy.typing import NDArray
 
-#: Margin around all moving parts relative to their extent [-].
+#: Margin of the view around all moving parts, relative to their extent [-].
 VIEW_MARGIN = 0.06
-#: Number of states from which the extent is computed [-].
+#: Number of recorded states from which the extent of the moving parts is computed [-].
 EXTENT_SAMPLES = 60
 #: Height of lines and arrows above the tubes' plane, and radius of lines and of arrows [m].
 ABOVE, LINE, ARROW = 0.08, 0.008, 0.016
@@ -28,7 +28,7 @@ ABOVE, LINE, ARROW = 0.08, 0.008, 0.016
 LINE_COLOR, ARROW_COLOR = (0.17, 0.545, 0.243, 1.0), (0.851, 0.282, 0.059, 1.0)
 #: Largest number of lines and arrows in a picture [-].
 MAX_EXTRA_GEOMS = 1000
-#: Azimuth and elevation of MuJoCo's free camera for a top view with y up [degrees].
+#: Azimuth and elevation of MuJoCo's free camera for a top view with the y axis upward [degrees].
 NORTH_UP, DOWN = 90.0, -90.0
 
 

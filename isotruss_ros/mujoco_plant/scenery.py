@@ -14,7 +14,8 @@ import numpy as np
 #: Colours of tubes, modules and objects.
 TUBE_COLOR, MODULE_COLOR, OBJECT_COLOR = '0.25 0.5 0.75 1', '0.2 0.2 0.2 1', '0.85 0.45 0.15 1'
 MARK_COLOR = '1 1 1 1'
-#: Radius of a joint's ball [m]; group of the colliding geoms, which viewers hide by default.
+#: Radius of the ball drawn at a joint [m]; and group of the colliding geoms, which viewers hide by
+#: default.
 BALL, HIDDEN = 0.03, '3'
 #: Depth of the ground below the tubes, and its half width [m].
 BELOW, GROUND = 0.01, 10.0

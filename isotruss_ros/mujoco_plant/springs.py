@@ -7,8 +7,8 @@ Springs of a tube divided into rigid segments.
 A long tube piece DE' of length L is divided into N segments of length l = L / N, each with one
 elastic joint in its middle. The compliance of a Timoshenko segment about its middle is diagonal: l
 / EA, l / GA + l^3 / (12 EI), l / EI. So the end compliance of a member is exact for any N. The
-guide arms BD and CE are pinned at B and C; a unit moment at D or E rotates them by g / (3 EI) + 1
-/ (GA g). Their extension is added to the first and last segment.
+guide arms BD and CE, of length g, are pinned at B and C; a unit moment at D or E rotates an arm by
+g / (3 EI) + 1 / (GA g). The axial extension of the arms is added to the first and last segment.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ import numpy as np
 
 @dataclass(frozen=True, eq=False)
 class Springs:
-    """Stiffnesses of the elastic joints by member, and lengths of the segments."""
+    """Stiffnesses of the elastic joints and length of the segments, for each member."""
 
     segment: Array  #: (m,) length of a segment [m]
     middle_slide: Array  #: (m,) axial stiffness of the inner joints [N/m]
     end_slide: Array  #: (m,) axial stiffness of the first and last joint [N/m]
-    shear: Array  #: (m,) transverse stiffness [N/m]
-    bend: Array  #: (m,) stiffness of the hinges within the piece [N m/rad]
+    shear: Array  #: (m,) transverse stiffness of each joint [N/m]
+    bend: Array  #: (m,) stiffness of the hinges inside the tube piece [N m/rad]
     ring: Array  #: (m,) stiffness of the hinges at D and E' [N m/rad]
 
 

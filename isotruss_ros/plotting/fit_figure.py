@@ -18,7 +18,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, ScalarFormatter
 import numpy as np
 
-#: Curve: name, line style, and stiffness as a function of length [m] and pressure [Pa].
+#: Curve with its name, its line style, and its stiffness as a function of length [m] and pressure
+#: [Pa].
 Curve = tuple[str, str, Callable[[Array, Array], Array]]
 
 MEASURED_COLOR = 'tab:blue'
@@ -33,7 +34,7 @@ LABELS = {
 
 def draw(analysis: Analysis, path: Path) -> None:
     """
-    Draw a column for each mode: points of one group above, stiffnesses of all groups below.
+    Draw one column per mode, with the loads of one group above all groups' stiffnesses.
 
     :param analysis: results of the fits.
     :param path: path of the file, whose extension selects the format.

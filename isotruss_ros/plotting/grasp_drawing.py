@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Drawings of the forces and contact regions of a grasp, as in the paper's Fig. 7."""
+"""Drawing of the forces and contact regions of a grasp, as in the paper's Fig. 7."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ WRINKLED_COLOR = '#c8102e'
 UNDEFORMED_COLOR = '#222222'
 #: Length of a force's arrow [m/N].
 ARROW_SCALE = 0.015
-#: Half the width of the magnified view, in object diameters [-].
+#: Half width of the magnified view of a grasp, in object diameters [-].
 VIEW_HALF_WIDTH = 1.0
 
 
@@ -108,11 +108,11 @@ def describe_contacts(
     analysis: GraspAnalysis, normal_forces: Mapping[str, float] | None = None
 ) -> str:
     """
-    Return the normal force and contact length of each member in contact, in words.
+    Return in words the normal force and contact length of each member in contact.
 
     :param analysis: analysis of a grasp.
-    :param normal_forces: normal forces on the free object by member [N]; None: those on the fixed
-        object.
+    :param normal_forces: normal forces on the free object by member [N]; None: the forces of the
+        analysis, in which the object is fixed.
     """
     if not analysis.contact_forces:
         return 'no contact'
@@ -122,14 +122,14 @@ def describe_contacts(
 
 
 def _list(numbers: Iterable[float], unit: str) -> str:
-    """Return rounded numbers in words; a single number if all are equal."""
+    """Return rounded numbers with their unit as text; equal numbers are given once."""
     words = [f'{number:.0f}' for number in numbers]
     alike = len(words) > 1 and len(set(words)) == 1
     return f'{words[0]} {unit} each' if alike else f'{" + ".join(words)} {unit}'
 
 
 def _resultants(body: ConvexObject, analysis: GraspAnalysis, scale: float) -> Points:
-    """Return tails and tips (g, 2) of the members' resultants; tips at the mean contact."""
+    """Return tail and tip (g, 2) of each member's resultant; the tip is at the mean contact."""
     lines = force_lines(body, analysis, scale)
     touching = analysis.normal_forces > 0.0
     forces, member = analysis.normal_forces[touching], analysis.members[touching]

@@ -14,17 +14,18 @@ from matplotlib.patches import Circle, Polygon
 import matplotlib.pyplot as plt
 import numpy as np
 
-#: Colours of the tubes: orange, blue, grey, yellow, violet; distinct for colour-blind readers and
-#: in grey.
+#: Colours of the tubes (orange, blue, grey, yellow, violet), which differ for colour-blind readers
+#: and in greyscale.
 TUBE_COLORS = ('#e08a3c', '#3f78b5', '#c4c4c4', '#ecd06f', '#6b4f8f')
 SUPPORT_COLOR = '#7a5230'
 MODULE_COLOR = '#3b3b3b'
 OBJECT_COLOR = '#d9d9d9'
 ARROW_COLOR = '#2e9e44'
 PATH_COLOR = '#1f4fd8'
-#: Length of the taper of a pinched end, in diameters [-].
+#: Length of the taper of a pinched end, in tube diameters [-].
 TAPER_LENGTH = 0.8
-#: Position of the tube's corner between pinch points and joint, relative to the rod length [-].
+#: Distance of the tube's corner from the line of the pinch points toward the joint, relative to
+#: the rod length [-].
 CORNER_POSITION = 0.5
 #: Width of rod and pinch bar, in tube diameters [-].
 ROD_WIDTH = 0.3

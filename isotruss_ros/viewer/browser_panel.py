@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Control panel of one browser: owner of the control, and commands of the browser in control."""
+"""Control panel of one browser, with the owner of the control and commands for that owner."""
 
 from __future__ import annotations
 
@@ -12,17 +12,18 @@ from isotruss_ros.viewer.names import DRAGGED, PICK, PLACE, PLANT, RELEASE, RESE
 from isotruss_ros.viewer.requests import Setting, SETTINGS, WRENCH
 import viser
 
-#: Position of the panel between the stop and the measurements.
+#: Sort key that puts the panel below the stop button and above the measurements.
 PANEL_ORDER = -9.0
 
 
 class BrowserPanel:
     """
-    Switch for the control, and commands that only the browser in control has.
+    Switch by which a browser requests control, and commands shown only to the browser in control.
 
     :param client: the browser.
-    :param choices: possible values by the name of the request.
-    :param leave: callback with name and value of a request; it runs in a thread of the server.
+    :param choices: possible values of each request, by the name of the request.
+    :param leave: callback that receives the name and the value of a request; it runs in a thread
+        of the server.
     """
 
     def __init__(
@@ -46,7 +47,7 @@ class BrowserPanel:
 
     def show(self, control: Control, wish: bool, values: Mapping[str, float | str]) -> None:
         """
-        Show the owner of the control and the settings.
+        Show which browser has control, and the values of the settings.
 
         :param control: state of the control.
         :param wish: whether this browser requests control.

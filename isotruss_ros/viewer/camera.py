@@ -11,12 +11,13 @@ from isotruss_ros.core.numerics.arrays import Points
 
 #: Vertical field of view of the camera [rad].
 FIELD_OF_VIEW = math.radians(75.0)
-#: Size of the view relative to the robot [-].
+#: Ratio of the size of the view to the size of the robot [-].
 PICTURE_SCALE = 1.25
-#: Largest width over height of an upright phone [-]; wider windows have the panel beside the
-#: scene.
+#: Largest ratio of width to height at which a window is treated as an upright phone [-]; wider
+#: windows have the panel beside the scene.
 PHONE_ASPECT = 0.6
-#: Height of the panel at the bottom of an upright screen, relative to the screen [-].
+#: Height of the panel at the bottom of an upright screen, relative to the height of the screen
+#: [-].
 PANEL_SHARE = 0.38
 #: Style of upright screens, with the panel below the robot; its breakpoint is that of viser.
 STYLE = f"""<style>

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Control of the robot by a browser: owner and commands."""
+"""State of the control by browsers: the browser in control and its commands."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Control:
 
     def pass_on(self, wishes: Mapping[int, bool]) -> None:
         """
-        Take control from a browser that has left or released it; give it to one that requests it.
+        Give control to a requesting browser once the browser in control has left or released it.
 
         :param wishes: whether each connected browser requests control, by its index.
         """
@@ -39,9 +39,9 @@ class Control:
 
     def latch(self, stopped: bool) -> None:
         """
-        Discard a drag under an emergency stop, and refuse new drags until its release.
+        Discard the drag at an emergency stop, and refuse new drags until the stop is released.
 
-        :param stopped: whether a stop is latched.
+        :param stopped: whether an emergency stop is latched.
         """
         self.stopped = stopped
         if stopped:
@@ -51,7 +51,7 @@ class Control:
         self, target: tuple[float, float], begins: bool, now: float, turns: bool = False
     ) -> None:
         """
-        Move the target; after the end of a drag, only a new grab moves it.
+        Move the target of the active drag, or start a drag if the handle was just grabbed.
 
         :param target: (x, y) of the handle [m].
         :param begins: whether the handle was just grabbed.
@@ -67,7 +67,7 @@ class Control:
 
     def describe(self, browser: int) -> str:
         """
-        Return the owner of the control in words for one browser.
+        Return a sentence, addressed to one browser, that names the browser in control.
 
         :param browser: index of the browser.
         """

@@ -66,7 +66,7 @@ class Controls:
     :param picture: initial picture.
     :param friction: initial value of the friction slider.
     :param timeout: timeout of the heartbeat of the browser in control [s].
-    :param report: callback with a refused request in words.
+    :param report: callback that receives a sentence about each refused request.
     """
 
     def __init__(
@@ -112,14 +112,14 @@ class Controls:
 
     @property
     def dragged(self) -> str:
-        """Return `object`, or the name of the dragged joint."""
+        """Return the name of the part selected for dragging: `object`, or the name of a joint."""
         return self._values[DRAGGED]  # type: ignore[return-value]
 
     def take(self, now: float) -> list[tuple[str, float | str]]:
         """
         Update the owner of the control, and return the requests since the last call, in order.
 
-        :param now: time on the robot's clock [s]; it may run slower than the browsers' clocks.
+        :param now: time on the robot's clock, which may run slower than the browsers' clocks [s].
         :return: name and value of each request.
         """
         clients = self._server.get_clients()
@@ -155,9 +155,9 @@ class Controls:
 
     def update(self, pose: Pose | None) -> None:
         """
-        Show the handles at the dragged part while nobody drags it.
+        Place the handles at the part selected for dragging, unless a drag is active.
 
-        :param pose: pose of the object or joint; None if unknown.
+        :param pose: pose of the selected part; None if unknown.
         """
         shown = self.control.browser is not None and pose is not None
         self._handle.visible = shown
@@ -179,7 +179,7 @@ class Controls:
         )
 
     def _sort(self, name: str, value: object, now: float) -> list[tuple[str, float | str]]:
-        """Apply a request to the controls; return requests for the owner of the view."""
+        """Apply a request to the controls; return it if the owner of the view must act on it."""
         control = self.control
         if name == TARGET:
             self._move_handle(*value, now)  # type: ignore[call-arg, misc]
@@ -200,7 +200,7 @@ class Controls:
         return [] if value == INITIAL_CHOICE else [(name, value)]  # type: ignore[list-item]
 
     async def _drag(self, name: str, event: viser.SceneNodeDragEvent) -> None:
-        """Queue a drag event in the loop of the server, which preserves the order of events."""
+        """Queue a drag event; the server's event loop calls this, which preserves the order."""
         begins = event.phase == 'start'
         drag = (begins, event.start_position[:2], event.end_position[:2])
         self._requests.put((event.client_id, name, drag))
@@ -208,7 +208,7 @@ class Controls:
     def _move_handle(
         self, begins: bool, grabbed: tuple[float, float], pointer: tuple[float, float], now: float
     ) -> None:
-        """Move the handle such that its grabbed point is at the pointer."""
+        """Move the handle such that the point at which it was grabbed follows the pointer."""
         if begins:
             x, y, _ = self._handle.position
             self._grip = (x - grabbed[0], y - grabbed[1])

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Twist of a dragged object or joint toward the target of its handle."""
+"""Velocity of an object or joint toward the position to which its handle was dragged."""
 
 from __future__ import annotations
 
@@ -9,21 +9,23 @@ import math
 
 #: Distance of the rotation handle from the object's centre [m].
 LEVER_LENGTH = 0.35
-#: Speed per distance from the target [1/s], and tolerance of the target [m].
+#: Speed over the distance from the target [1/s], and distance from the target at which the motion
+#: ends [m].
 GAIN, REACHED = 2.0, 0.001
-#: Smallest executed share of the commanded motion [-], and time over which it is averaged [s].
+#: Smallest ratio of the executed to the commanded motion [-], and time over which the ratio is
+#: averaged [s].
 PROGRESS, PATIENCE = 0.1, 2.0
 
 
 class Drag:
     """
-    Motion of a dragged object or joint to a target.
+    Motion of an object or joint to the position to which the user dragged its handle.
 
-    :ivar target: (x, y) of the handle [m].
-    :ivar turns: whether the drag rotates the object; then positions are those of
-        `place_on_circle`.
-    :param target: initial target [m].
-    :param now: time on the robot's clock, as in `follow` and `is_stuck` [s].
+    :ivar target: position (x, y) to which the handle was dragged [m].
+    :ivar turns: whether the drag rotates the object; if it does, the target and the positions are
+        paths along a circle, see `place_on_circle`.
+    :param target: initial target (x, y) [m].
+    :param now: time at the start, on the same clock as in `follow` and `is_stuck` [s].
     :param turns: whether the drag rotates the object.
     """
 
@@ -36,7 +38,7 @@ class Drag:
         self, position: tuple[float, float], max_speed: float, now: float
     ) -> tuple[float, float]:
         """
-        Return the velocity (vx, vy) toward the target [m/s], zero at it; update the progress.
+        Return the velocity (vx, vy) toward the target [m/s]; it is zero at the target.
 
         :param position: position (x, y) of the dragged part [m].
         :param max_speed: largest speed [m/s].
@@ -58,7 +60,7 @@ class Drag:
 
     def is_stuck(self, now: float) -> bool:
         """
-        Return whether there was no progress for `PATIENCE`, or the clock ran back by that time.
+        Return whether the part has not approached the target for `PATIENCE` seconds.
 
         :param now: time [s].
         """
@@ -67,10 +69,11 @@ class Drag:
 
 def place_on_circle(angle: float, near: float = 0.0) -> tuple[float, float]:
     """
-    Return the position (path, 0) [m] of the rotation handle for an angle of the object.
+    Return the position of the rotation handle as (path, 0), with the path along its circle [m].
 
     :param angle: angle of the object [rad].
-    :param near: path length [m]; the result differs from it by at most half a turn.
+    :param near: path that selects the turn: the returned path differs from it by at most half a
+        turn [m].
     """
     begin = near / LEVER_LENGTH
     return LEVER_LENGTH * (begin + math.remainder(angle - begin, 2.0 * math.pi)), 0.0

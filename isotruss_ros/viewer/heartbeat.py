@@ -2,12 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Heartbeats of the pages of a view, and the notice of a lost server.
+Heartbeats that the pages of a view send, and the notice in a page that lost the server.
 
 A script in the page sends a message ten times a second from its main thread. It uses the websocket
-of viser, through viser's worker, which it captures when the worker is made. The clock is a worker
-of the script, because browsers slow down the timers of hidden pages. The message is a response of
-viser that nobody has requested.
+of viser, through viser's worker, which it captures when the worker is made. A worker of the script
+is its clock, because browsers slow down the timers of hidden pages. The heartbeat has the type of
+a response in viser's protocol, but answers no request.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Triangle meshes of tubes along their centre lines, and colours of utilisation."""
+"""Triangle meshes of tubes along their centre lines, and tube colours that show utilisation."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def tube_vertices(line: Points, diameter: float, samples: int) -> Array:
 
 def tube_faces(samples: int) -> Indices:
     """
-    Return the triangles (f, 3) of the mesh with `tube_vertices`.
+    Return the triangles (f, 3) of a tube as indices of the vertices of `tube_vertices`.
 
     :param samples: number of cross sections.
     """
@@ -62,7 +62,7 @@ def prism(outline: Points, height: float) -> tuple[Array, Indices]:
     Return the vertices (2 k, 3) and triangles (f, 3) of an upright prism.
 
     :param outline: (k,) convex cross section around the origin, counter-clockwise, x + iy [m].
-    :param height: height of the prism, half of it above the plane [m].
+    :param height: height of the prism, whose lower half is below the plane [m].
     """
     count = len(outline)
     here = np.arange(count)

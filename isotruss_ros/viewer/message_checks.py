@@ -14,8 +14,8 @@ import numpy as np
 
 #: Namespaces of grasp_analysis's markers that are drawn.
 DEFORMED, REGIONS, FORCES = 'deformed', 'contact_regions', 'contact_forces'
-#: Number of points in a group of a marker: two triangles for each step of a region, two ends of an
-#: arrow.
+#: Divisor of the number of points of a marker, by namespace: six points are two triangles of a
+#: contact region, two points are the ends of an arrow.
 GROUPS = {DEFORMED: 1, REGIONS: 6, FORCES: 2}
 #: Smallest status code of a grasp analysis without result.
 MIN_CODE_WITHOUT_RESULT = 10
@@ -29,9 +29,9 @@ class PictureError(IsotrussError, ValueError):
 
 def read_travel(message: Any, names: tuple[str, ...]) -> dict[str, float]:
     """
-    Return the roller travel of a message by roller [m].
+    Return the travel of each roller in a message, by the name of the roller [m].
 
-    :param message: sensor_msgs/JointState of all rollers, some or none.
+    :param message: sensor_msgs/JointState, which may have all rollers, some or none.
     :param names: names of the rollers.
     :raises PictureError: a position is invalid, or the numbers of positions and names differ.
     """
@@ -105,7 +105,8 @@ def read_line(marker: Any) -> Array:
     Return the points (k, 3) of a marker [m].
 
     :param marker: visualization_msgs/Marker of one of the namespaces of `GROUPS`.
-    :raises PictureError: a point is invalid, a group is incomplete, or a line has no length.
+    :raises PictureError: a point is invalid, the number of points is no multiple of `GROUPS`, or a
+        line has no length.
     """
     points = np.array([(p.x, p.y, p.z) for p in marker.points], dtype=float).reshape(-1, 3)
     what = f'markers: {marker.ns} {marker.id}'

@@ -14,7 +14,8 @@ import numpy as np
 import viser
 from viser import uplot
 
-#: Number of updates per update of the plots, which are most of the data [-].
+#: Number of updates of the texts for each update of the plots, which cause most of the traffic
+#: [-].
 PLOT_INTERVAL = 5
 
 

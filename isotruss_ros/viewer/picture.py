@@ -4,7 +4,8 @@
 """
 Displayed state, updated from messages.
 
-Messages are read by their fields, so messages of rclpy and of recordings without ROS are equal.
+Messages are read by the names of their fields, so messages of rclpy and messages that were read
+from a recording without ROS are treated alike.
 """
 
 from __future__ import annotations
@@ -32,17 +33,17 @@ from isotruss_ros.viewer.message_checks import (
 )
 import numpy as np
 
-#: Largest age of a current message [s].
+#: Largest age at which a message counts as current [s].
 MESSAGE_TIMEOUT = 1.0
 #: Time span of the plots [s].
 HISTORY_DURATION = 20.0
-#: Largest number of samples in the plots, for 20 Hz [-].
+#: Largest number of samples in the plots, which suffices for 20 samples per second [-].
 MAX_SAMPLES = 400
 #: Actions of markers that delete one marker (in older recordings) or all markers.
 DELETE, DELETEALL = 2, 3
 #: Largest number of stored statuses, enough for some seconds of a control loop [-].
 MAX_STATUSES = 2000
-#: Statuses of a motion that no limit reduces.
+#: Status codes of the manipulation while no limit reduces the commanded motion.
 UNLIMITED_STATUSES = (Status.OK, Status.IDLE, Status.FOLLOWING_TRAJECTORY, Status.ARRIVED)
 
 #: Plot without a curve.
@@ -54,7 +55,7 @@ class Picture:
     """
     Displayed state of the robot, from the latest messages.
 
-    :ivar config: configuration at the last joint states.
+    :ivar config: configuration at the last measured roller positions.
     """
 
     robot: Robot  #: the robot
@@ -65,8 +66,8 @@ class Picture:
     goal_report: str = ''  #: state of the last goal in words; empty before the first goal
     state: Any = None  #: last message grasp/state; None before the first
     status: Any = None  #: last message manipulation/status; None before the first
-    #: points (k, 3) [m] of the markers by namespace and id: lines, triangles of contact regions,
-    #: or ends of arrows
+    #: points (k, 3) [m] of each marker, by its namespace and id; the points are those of a line,
+    #: of the triangles of a contact region, or the ends of arrows
     lines: dict[tuple[str, int], Array] = field(default_factory=dict)
     #: samples of the plots: time [s], mean normal force of the grasping members [N], and distance
     #: of the object from its goal [m]; NaN if unknown
@@ -86,7 +87,7 @@ class Picture:
 
     def is_fresh(self, name: str, now: float) -> bool:
         """
-        Return whether the last message of a kind is current.
+        Return whether the last message of a topic is at most `MESSAGE_TIMEOUT` old.
 
         :param name: `joint_states`, `object_pose`, `state`, `status` or `markers`.
         :param now: time on the clock of the messages' arrival [s].
@@ -178,7 +179,7 @@ class Picture:
 
     def select_lines(self, name: str, now: float) -> list[Array]:
         """
-        Return the current lines of a namespace in the order of their ids.
+        Return the points of a namespace's markers in the order of their ids; empty if too old.
 
         :param name: namespace of the markers.
         :param now: time on the same clock [s].
@@ -229,7 +230,7 @@ class Picture:
 
     def describe_hindrance(self, now: float, span: float) -> str:
         """
-        Return the most frequent limit of the motion in an interval, in words.
+        Return in words the limit that reduced the motion most often within an interval.
 
         :param now: time on the same clock [s].
         :param span: length of the interval, which ends now [s].
@@ -263,7 +264,7 @@ def _describe_status(status: Any) -> str:
 
 def trim_start(time: Array, values: Array) -> tuple[Array, Array]:
     """
-    Return a curve from its first finite value on.
+    Return a curve without the NaN values at its start.
 
     uPlot does not draw a curve with a leading NaN.
 

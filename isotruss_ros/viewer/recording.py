@@ -15,9 +15,9 @@ from isotruss_ros.viewer.picture import Picture
 from mcap.reader import NonSeekingReader
 from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 
-#: Separator of the definitions in a schema, and prefix of their names.
+#: Text between the message definitions in a schema, and text before the name of each definition.
 SEPARATOR, NAME = '=' * 80 + '\n', 'MSG: '
-#: Type of message and method of `Picture` by the last part of a topic's name.
+#: Type of a message, and method of `Picture` that receives it, by the end of the topic's name.
 RECEIVERS = {
     'joint_states': ('sensor_msgs/msg/JointState', Picture.receive_joint_states),
     'object_pose': ('geometry_msgs/msg/PoseStamped', Picture.receive_object_pose),
@@ -25,7 +25,7 @@ RECEIVERS = {
     'grasp/markers': ('visualization_msgs/msg/MarkerArray', Picture.receive_markers),
     'manipulation/status': ('isotruss_msgs/msg/ManipulationStatus', Picture.receive_status),
 }
-#: Largest size of a record [bytes]; a damaged length may exceed it.
+#: Largest size of a record [bytes]; a larger size in a file shows that the file is damaged.
 MAX_RECORD_SIZE = 2**30
 
 
@@ -34,12 +34,12 @@ class RecordingError(IsotrussError, ValueError):
 
 
 class BrokenRecordingError(RecordingError):
-    """A recording is damaged; its part before the damage was read."""
+    """A recording is damaged; the part before the damage was read."""
 
 
 def read_recording(path: Path) -> Iterator[tuple[float, str, Any]]:
     """
-    Yield (time [s], topic, message) of an MCAP file in order, for the topics of a view.
+    Yield (time [s], topic, message) for each message of an MCAP file that a view can display.
 
     A truncated or damaged file is read up to the damage. The index at the end of the file is not
     used.
@@ -101,7 +101,7 @@ def show_message(picture: Picture, topic: str, message: Any, now: float) -> None
 
 
 def _find_name(topic: str) -> str | None:
-    """Return the name of a topic in a view; None for other topics."""
+    """Return the key in `RECEIVERS` of a topic; None if a view does not display the topic."""
     names = (name for name in RECEIVERS if topic == name or topic.endswith(f'/{name}'))
     return next(names, None)
 
@@ -114,7 +114,7 @@ def _is_shown(topic: str, schema: Any, encoding: str) -> bool:
 
 
 def _register(types: Any, name: str, text: str) -> None:
-    """Add the definitions of a schema that are not known yet."""
+    """Register those message definitions of a schema that are not registered yet."""
     first, *others = text.split(SEPARATOR)
     definitions = {name: first}
     for part in others:

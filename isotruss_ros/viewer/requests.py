@@ -28,7 +28,7 @@ from isotruss_ros.viewer.names import (
     TURN,
 )
 
-#: Name of the plant or object with which the view was started.
+#: Name, in the lists of plants and objects, of the one with which the view was started.
 INITIAL_CHOICE = 'as started'
 #: Largest valid coordinate of a drag [m].
 MAX_DRAG_DISTANCE = 100.0
@@ -68,7 +68,7 @@ def check_request(name: str, value: object, choices: Mapping[str, Sequence[str]]
 
     :param name: name of the request.
     :param value: received value.
-    :param choices: possible values by the name of the request.
+    :param choices: possible values of each request that selects from a list, by its name.
     :raises RequestError: the value is out of bounds, or not among the choices, or not a valid
         drag.
     """
@@ -92,7 +92,7 @@ def check_request(name: str, value: object, choices: Mapping[str, Sequence[str]]
 
 def list_choices(joints: Sequence[str]) -> dict[str, Sequence[str]]:
     """
-    Return the possible values by the name of the request.
+    Return the possible values of each request that selects from a list, by its name.
 
     :param joints: names of the joints that can be dragged.
     """

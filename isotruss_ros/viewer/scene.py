@@ -30,7 +30,7 @@ ROD, STRIPE = 0.03, 0.02
 
 class Scene:
     """
-    Scene of a picture; only changed parts are sent to browsers.
+    Scene that shows a `Picture`; only changed parts are sent to browsers.
 
     :param server: server of the view.
     :param picture: initial picture.
@@ -120,7 +120,7 @@ class Scene:
         self._show_lines(self._forces, forces, top)
 
     def _fit_cameras(self, picture: Picture) -> None:
-        """Fit the whole robot into an upright screen after the page has set its initial camera."""
+        """Fit the whole robot into an upright screen once the page has set its initial camera."""
         for number, client in self._server.get_clients().items():
             camera = client.camera
             begins = np.allclose(camera.position, self._server.initial_camera.position, atol=0.01)
@@ -133,7 +133,7 @@ class Scene:
     def _add_support(
         self, scene: viser.SceneApi, joint: str, axes: Sequence[str]
     ) -> viser.SceneNodeHandle:
-        """Return a box for a fixed joint, a ball for a sliding joint."""
+        """Add a box at a fixed joint or a ball at a sliding joint, and return it."""
         name, size = f'/supports/{joint}', 0.6 * self._diameter
         if len(axes) == 2:
             return scene.add_box(name, SUPPORT_COLOR, (2.0 * size,) * 3)

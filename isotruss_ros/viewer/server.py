@@ -2,10 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Server of a view on its own port, with a gate for its page and websocket.
+Server of a view on its own port, with access control for its page and websocket.
 
-viser 1.1.1 skips a used port, hangs if an address cannot be bound, and accepts any origin. So this
-module gives it a bound socket and the missing options of `websockets`.
+viser 1.1.1 takes another port if the requested one is in use, hangs if an address cannot be bound,
+and accepts requests of pages from any origin. So this module gives viser a bound socket and the
+options of `websockets` that viser does not set.
 """
 
 from __future__ import annotations
@@ -32,17 +33,18 @@ import websockets.asyncio.server
 from websockets.asyncio.server import ServerConnection
 from websockets.http11 import Request, Response
 
-#: Response headers that prevent framing by other pages and leaks of the address.
+#: Response headers that prevent other pages from embedding the page, and leaks of its address.
 HEADERS = {'X-Frame-Options': 'DENY', 'Referrer-Policy': 'no-referrer'}
-#: First lines of the head of a page.
+#: First lines of the head of the page, with the script of the heartbeat and the style.
 HEAD = f'<head>{SCRIPT}{STYLE}'
-#: Documentation address (RFC 5737) for a route lookup, which sends nothing.
+#: Address reserved for documentation (RFC 5737); a look-up of the route to it, which sends
+#: nothing, gives this machine's address.
 REMOTE_ADDRESS = ('192.0.2.1', 9)
 #: Handler of requests to the server.
 Answer = Callable[[ServerConnection, Request], Response | None]
 #: Lock of the module `websockets`, which is patched during the start of a server.
 _starting = threading.Lock()
-#: Logger of connections that does not print tracebacks of invalid HTTP.
+#: Logger of connections; it does not print the traceback after an invalid HTTP request.
 _quiet = logging.Logger('isotruss_ros.viewer', logging.CRITICAL)
 
 
@@ -52,10 +54,10 @@ class ViewError(IsotrussError, RuntimeError):
 
 class Gate:
     """
-    Access rules of a server: own pages only; from other machines, with a token.
+    Access control of a server: it admits only its own pages; other machines need a token.
 
     :ivar origins: allowed origins of the websocket.
-    :ivar address: address for a browser, with a token if required.
+    :ivar address: address to open in a browser, with a token if required.
     :param bound: bound socket of the server.
     """
 
@@ -83,7 +85,7 @@ class Gate:
         """
         Return a handler that refuses requests without access.
 
-        :param answer: handler of the other requests; None for requests to the websocket.
+        :param answer: handler of the requests with access; None for requests to the websocket.
         """
 
         def answer_or_refuse(connection: ServerConnection, request: Request) -> Response | None:
@@ -123,7 +125,7 @@ class Gate:
 
 
 class _Server(viser.ViserServer):
-    """Server that refuses viser's tunnel, by which a page could make it public on the internet."""
+    """Server without viser's tunnel, by which a page could open the server to the internet."""
 
     def request_share_url(self, verbose: bool = True) -> None:
         """Refuse a tunnel to the network, which a page can request by a message."""
@@ -131,7 +133,7 @@ class _Server(viser.ViserServer):
 
 def open_server(host: str, port: int) -> tuple[viser.ViserServer, str]:
     """
-    Return a server and its address for a browser.
+    Start a server; return it and the address to open in a browser.
 
     :param host: address of this machine to bind; 0.0.0.0: all addresses.
     :param port: port of the server; 0: any free port.
@@ -173,7 +175,7 @@ def _bind(host: str, port: int) -> socket.socket:
 
 @contextlib.contextmanager
 def _serving(bound: socket.socket, gate: Gate) -> Iterator[list[bool]]:
-    """Serve on a socket behind a gate, for servers of `websockets` that start in the block."""
+    """Let servers of `websockets` that start in the block use a socket and an access control."""
     module, served = websockets.asyncio.server, []
     serve = module.serve
 
@@ -199,7 +201,7 @@ def _serving(bound: socket.socket, gate: Gate) -> Iterator[list[bool]]:
 
 
 def _find_address() -> str:
-    """Return this machine's address on its network; the loopback address without a network."""
+    """Return this machine's address on its network; without a network, the loopback address."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
             probe.connect(REMOTE_ADDRESS)

@@ -16,11 +16,11 @@ from isotruss_ros.viewer.server import open_server
 
 class View:
     """
-    Live view with scene and panels; the owner of a robot adds `controls`.
+    Live view with scene and panels; a node that moves a robot adds `Controls`.
 
     :ivar server: server of the view.
     :ivar picture: displayed state.
-    :ivar address: address for a browser.
+    :ivar address: address to open in a browser.
     :param picture: displayed state.
     :param host: address to which the server is bound.
     :param port: port of the server; 0: any free port.
