@@ -91,9 +91,12 @@ def refine_contact(
 
 def _press_in(search: _Search, refused: IsotrussError, step: float) -> SolvedContact:
     """
-    Solve with the object pressed in by steps, from half of its depth or by a first step.
+    Solve while the object is pressed into the tubes in steps, of which the first is given.
 
-    The skin of the tubes is moved away from the object, by less and less of the indentation.
+    For this, the skin of the tubes is first moved away from the object, and then step by step
+    back to its place.
+
+    :param step: first step as a share of the object's depth [-].
     """
     flattening = search.flattening
     depth = float(member_depths(search.structure.config, search.surface.body).max())

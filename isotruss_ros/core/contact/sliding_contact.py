@@ -181,7 +181,7 @@ def turn_at_corners(
     contact_points: ContactPoints, contact: ContactState, surface: Surface
 ) -> ContactState:
     """
-    Return the contact with normals and forces that do not depend on where its points lie.
+    Return the contact with normals and forces that do not depend on the positions of its points.
 
     At a sharp corner, and on the faces beside it between which the skin is folded, a point has an
     arbitrary normal of the normal cone. The resultant force is across the tube. So these normals

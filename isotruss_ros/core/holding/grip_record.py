@@ -21,7 +21,7 @@ import numpy as np
 
 
 class GripRecord(NamedTuple):
-    """A held grip without external wrench as numbers, without robot and object."""
+    """Numbers that describe a held grip without external wrench, besides robot and object."""
 
     travel: Array  #: (r,) roller travel since home [m]
     contacts: PressedContacts  #: the k contacts

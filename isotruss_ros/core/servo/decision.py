@@ -13,7 +13,8 @@ from isotruss_ros.core.inputs import InputError, InputFault
 from isotruss_ros.core.manipulation.status import RollerCommand, Status
 from isotruss_ros.core.numerics.arrays import Array
 
-#: Status of a halt by input and its fault. A stale twist has none: then the client has stopped.
+#: Status of a halt, by the name of an input and its fault. A stale twist counts as a missing
+#: twist, because then the client has stopped.
 INPUT_HALTS = {
     ('twist', InputFault.MISSING): Status.HALT_NO_TWIST,
     ('twist', InputFault.STALE): Status.HALT_NO_TWIST,
@@ -92,7 +93,7 @@ def halt_for(error: IsotrussError) -> Status:
 
 def describe(command: RollerCommand, keeps_contacts: bool) -> str:
     """
-    Return the deviation of a command from its twist in words; empty in a halt or without one.
+    Return the deviation of a command from its twist in words; empty if it has none, or in a halt.
 
     :param command: the command.
     :param keeps_contacts: whether the twist is a twist of the object; false for a joint.
