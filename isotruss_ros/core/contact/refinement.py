@@ -78,7 +78,8 @@ def refine_contact(
         searched.
     :param budget: largest number of points when the spacing is divided; None: the shortest region
         determines the divisor.
-    :return: the contact, with points from one spacing before each contact region to one behind it.
+    :return: the contact, with points from one spacing before to one spacing behind each contact
+        region.
         Without contact, it has points on all tubes within reach.
     :raises SolverError: the contact problem was not solved.
     """
@@ -247,7 +248,7 @@ class _Search:
     def _solve_bent(
         self, points: ContactPoints, push: Points, solve: Callable[[BentTubes], Found]
     ) -> Found:
-        """Solve with tubes bent by the contact forces, or by a share of these if that fails."""
+        """Solve with tubes bent by the contact forces, or by a share of them if that fails."""
         shares = BENT_SHARES[:1] if self.steady else BENT_SHARES
         for share in shares:
             try:

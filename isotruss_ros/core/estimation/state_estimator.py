@@ -65,7 +65,7 @@ class StateEstimator:
 
     @property
     def grip(self) -> Grip | None:
-        """Return the grip of a measured object; None without one."""
+        """Return the grip of a measured object; None if there is none."""
         return self._grip
 
     @grip.setter

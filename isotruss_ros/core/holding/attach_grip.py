@@ -251,7 +251,7 @@ def _solve_nearby(
     wrench: Array,
     conditions: ContactConditions,
 ) -> tuple[ContactStatics, ContactForces] | None:
-    """Return the equilibrium near the predicted one with similar forces; None if none exists."""
+    """Return the equilibrium near the prediction, with similar forces; None if none exists."""
     start, places, known = grip.ahead(travel), grip.state.places, grip.state
     bent, structure = grip.statics.bent, statics.bent.structure
     if structure is not bent.structure:

@@ -4,7 +4,7 @@
 """
 Equilibrium equations of a held object from its contacts, with an initial guess.
 
-A corner has one contact; a face has one at each end.
+A corner has one contact; a face has one contact at each end.
 """
 
 from __future__ import annotations

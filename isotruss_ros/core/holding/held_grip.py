@@ -342,9 +342,9 @@ class HeldGrip:
 
     def ahead(self, travel: Array) -> Array:
         """
-        Return the unknowns (3 + 4k,) predicted after further travel.
+        Return the unknowns (3 + 4k,) predicted after additional roller travel.
 
-        :param travel: (r,) further roller travel [m].
+        :param travel: (r,) additional roller travel [m].
         """
         if self.motion is None:
             return self.state.unknowns

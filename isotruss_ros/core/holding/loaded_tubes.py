@@ -197,7 +197,7 @@ class LoadedTubes:
 
     def respond(self, contacts: ContactRates) -> TubeRates:
         """
-        Return the derivatives of the tubes from those of the contacts.
+        Return the derivatives of the tubes from the derivatives of the contacts.
 
         :param contacts: derivatives of the contacts.
         """

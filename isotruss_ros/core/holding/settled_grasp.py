@@ -89,7 +89,7 @@ class SettledGrasp(
 
     @property
     def required_friction(self) -> float:
-        """Return the smallest coefficient of friction for equilibrium; infinite without one."""
+        """Return the smallest coefficient of friction for equilibrium; infinite if none exists."""
         return math.inf if self.equilibrium is None else self.equilibrium.required_friction
 
     @cached_property

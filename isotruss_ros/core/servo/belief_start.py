@@ -27,7 +27,7 @@ PRIOR = EstimatorSettings()
 
 class BeliefStart:
     """
-    Search for the first equilibrium of a grip, at most one in each call.
+    Search for the first equilibrium of a grip, with at most one search in each call.
 
     After a search without an equilibrium at the measured pose, every second call searches for a
     supposed equilibrium instead.

@@ -48,7 +48,7 @@ class Decision:
     failed: tuple[str, ...] = ()  #: names of the failed rollers, which are held at zero velocity
     frequency: float = 0.0  #: lowest natural frequency of the held object [rad/s]; 0 if unknown
     pose_gain: float = 0.0  #: gain of the pose control [1/s]; 0 without control
-    #: mean normal force and its standard deviation [N]; None without object
+    #: mean normal force of the members and its standard deviation [N]; None without object
     squeeze: tuple[float, float] | None = None
     pose_delay: float = 0.0  #: delay of the measured poses beyond their stamps [s]
 

@@ -71,5 +71,5 @@ class ServoInputs(NamedTuple):
     pressures: Input = None
     estimate: Input = None  #: `EstimatedTravel` with the roller offsets
     failed: frozenset[str] = frozenset()  #: names of failed rollers besides detected ones
-    #: status and reason of a halt by the client; None without one
+    #: status and reason of a halt by the client; None if the client does not halt
     halt: tuple[Status, str] | None = None

@@ -126,7 +126,7 @@ class SqueezeControl:
             belief.move_zeros(offsets - before)
 
     def note(self) -> str:
-        """Return the fault of the grip in words; empty without one."""
+        """Return the fault of the grip in words; empty if there is none."""
         if self.fault is GripFault.OSCILLATES:
             return f'the object oscillates: the gain is softened to {self.gains.pose:.3g} 1/s'
         if self.fault is not None:

@@ -327,7 +327,7 @@ class TwistServo:
         return config, grip, last
 
     def _watch(self, squeeze: SqueezeControl, status: Status, now: float) -> None:
-        """Update the belief of an object at rest periodically; discard it without valid inputs."""
+        """Update the belief of the grip of an object at rest; discard it without valid inputs."""
         before = self._regulated
         if before is not None and 0.0 <= now - before < WATCH_PERIOD:
             squeeze.rest()

@@ -24,7 +24,7 @@ def section_rates(tubes: BentTubes, moved: Points, inflated: Array) -> Array:
     A section is rest length [m], EA [N], EI [N m^2] and GA [N]. Sections of modules are constant.
     The positions of the cuts along the members are constant.
 
-    :param tubes: tubes cut at the places.
+    :param tubes: tubes that are cut at their load points.
     :param moved: (N, p) motion of the nodes of the configuration, x + iy [m].
     :param inflated: (t, p) changes of the gauge pressures of the tubes [Pa].
     """
