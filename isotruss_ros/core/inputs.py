@@ -50,7 +50,7 @@ class StampedInput(NamedTuple):
 
     value: Any  #: the value
     time: float  #: time at which it is valid [s]
-    #: last message rejected after `time`, with the reason; None without one
+    #: last message rejected after `time`, with the reason; None if none was rejected
     rejected: RejectedInput | None = None
 
 
@@ -100,7 +100,7 @@ def check_stamp(
     :param stamp: time of the input [s].
     :param now: time on the same clock [s].
     :param timeout: largest age of the input [s].
-    :param setting: name of the parameter with the timeout, for the error; empty without one.
+    :param setting: name of the parameter with the timeout, for the error; empty if there is none.
     :param skew: largest lead of the stamp [s].
     :raises InputError: the stamp is too old, or ahead of the clock by more than the skew.
     """

@@ -62,11 +62,11 @@ def analyze_grasp(
         coefficient of the object, or 0.5.
     :param external_wrench: (fx, fy, m) on the object about the origin of its frame [N, N m].
     :param method: 'exact' (complementarity problem by pivoting) or 'relaxation' (the paper's (9)).
-        The relaxation takes flattening tubes for discs only.
+        The relaxation supports flattening tubes only for discs.
     :param spacing: spacing of the contact points along the tubes [m]. Flattening tubes have points
         in contact regions only; a short region has a half or a quarter of the spacing.
-    :param pressure: gauge pressure [Pa]: one for all tubes, one for each in the order of the robot
-        file, or by tube name; None: as in the robot file.
+    :param pressure: gauge pressure [Pa]: one number for all tubes, one number for each tube in the
+        order of the robot file, or a mapping by tube name; None: the pressure of the robot file.
     :param previous: analysis of a similar grasp, the initial guess of the search. If a deep
         indentation has several equilibria, it selects one.
     :param paper_model: whether the model is the paper's: linear about straight tubes with round
@@ -216,7 +216,7 @@ def _pressed(
 
 
 def _about_middle(body: ConvexObject, wrench: Array) -> Array:
-    """Return a wrench about the centroid, (fx, fy, m / arm) [N], whatever the object's frame."""
+    """Return a wrench about the frame's origin as (fx, fy, m / arm) about the centroid [N]."""
     away = body.middle - body.center
     x, y, moment = wrench
     return np.array([x, y, (moment - away.real * y + away.imag * x) / body.arm])

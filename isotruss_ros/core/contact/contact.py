@@ -51,7 +51,7 @@ def solve_contact(
     :param contact_points: candidate contact points.
     :param surface: surface that the points meet, see `find_contact_points`.
     :param forces: (c,) forces of a similar problem [N]; points with positive force are the initial
-        guess of the contact. None: the deepest points are.
+        guess of the contact. None: the deepest points are the guess.
     :param normals: (c,) initial normals, x + iy; None: the normals at the undeformed tubes.
     :raises SolverError: the normals do not converge.
     """
@@ -145,7 +145,7 @@ def face_tubes(contact_points: ContactPoints, surface: Surface) -> Points:
     """
     Return the outward normals (c,) of the surface at the undeformed tubes, x + iy.
 
-    They face the centre lines, because the skin may be beyond the centre of a small object.
+    The normals face the centre lines, because the skin may be beyond the centre of a small object.
 
     :param contact_points: candidate contact points.
     :param surface: surface that the points meet, see `find_contact_points`.

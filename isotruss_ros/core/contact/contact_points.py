@@ -14,8 +14,9 @@ from isotruss_ros.core.statics.bent_tubes import BentTubes, Displaced
 from isotruss_ros.core.statics.structure import Structure
 import numpy as np
 
-#: Ratio of a motion to the one before in the iteration for the bent tubes, relative to the latter
-#: and the motion since the compliance was computed [1/m].
+#: Factor of convergence of the iteration for the bent tubes [1/m]. The ratio of a motion to the
+#: previous motion is this factor times the sum of the previous motion and the motion since the
+#: compliance was computed.
 TUBE_CURVATURE = 15.0
 #: Smallest distance of a point from the end of its piece of tube, relative to the spacing [-].
 SHORTEST_SHARE = 0.2
@@ -26,11 +27,11 @@ class ContactPoints:
     """
     Candidate contact points of the tubes, with the compliance of the whole robot at them.
 
-    The points are nodes of the frame, ordered by member and place.
+    The points are nodes of the frame, ordered by member and by distance from its start.
 
-    Each point lies in one of p pieces of tube. Its displacement is the sum of two parts: one by
-    the displacements of the piece's ends, one by forces on the piece with fixed ends. The
-    compliance is stored in these factors, along and across the bent members.
+    Each point is in one of p pieces of tube. Its displacement is the sum of two parts: the first
+    by the displacements of the piece's ends, the second by forces on the piece while its ends are
+    fixed. The compliance is stored in these two parts, along and across the bent members.
 
     :ivar points: (c,) points on the centre lines, extrapolated to zero contact forces, x + iy [m].
     :ivar skin: (c,) points on the skin toward the object; in the paper's model, `points` [m].
@@ -134,14 +135,14 @@ class ContactPoints:
         return self._apart(self.bent)
 
     def _apart(self, bent: BentTubes) -> float:
-        """Return the largest motion of nodes since then, in another state [m]."""
+        """Return the largest motion of nodes in another state since that computation [m]."""
         return float(np.abs(bent.tangent.points - self.bent.tangent.factored.points).max())
 
     def lend(self, bent: BentTubes) -> bool:
         """
         Lend the factorised frame to tubes in nearly the same state; return whether it was lent.
 
-        :param bent: the tubes, at any places.
+        :param bent: the other tubes, which may be cut at other points.
         """
         alike = not bent.is_straight and bent.structure.pressures == self.bent.structure.pressures
         # Errors shrink a hundredfold by each motion.
@@ -152,7 +153,7 @@ class ContactPoints:
 
     def is_parallel(self, bent: BentTubes, spacing: float) -> bool:
         """
-        Return whether other points have the same spacing, and as many lie on each member.
+        Return whether other points have the same spacing and the same number on each member.
 
         :param bent: the tubes linearised at the other points.
         :param spacing: spacing of the other points [m].
@@ -190,7 +191,7 @@ class ContactPoints:
 
     def compliance(self, places: Indices) -> Array:
         """
-        Return the cached compliance along and across the tubes of points, (2, a, 2, a) [m/N].
+        Return the cached compliance of points along and across the tubes, (2, a, 2, a) [m/N].
 
         :param places: (a,) indices of the points.
         """
@@ -253,9 +254,10 @@ def find_contact_points(
     :param spacing: distance of the points along the tube [m].
     :param flattening: local compliance of the tubes; None for the paper's model.
     :param windows: (m, 2) interval of points on each member, from its start [m]; None: no limits.
-    :param bent: tubes in a similar bent state, at any places; None: straight tubes.
-    :param known: other points of these tubes, and forces on them, x + iy [N]. Points near to them
-        take over their compliance.
+    :param bent: tubes that are linearised about a similar bent state and may be cut at other
+        points; the new points are on these bent tubes. None: straight tubes.
+    :param known: earlier points of these tubes, and forces on them, x + iy [N]. The compliance of
+        new points near the earlier points is taken from these.
     """
     config, width = structure.config, 0.0 if flattening is None else flattening.radius
     topology = config.robot.topology
@@ -309,10 +311,10 @@ def points_on_members(
     tubes: BentTubes, spacing: float, dents: Array | None = None
 ) -> ContactPoints:
     """
-    Return contact points on the centre lines at the places of the tubes.
+    Return contact points on the centre lines at the load points of the tubes.
 
-    :param tubes: the linearised tubes at the places.
-    :param spacing: length of tube that each place represents [m].
+    :param tubes: the linearised tubes with their load points.
+    :param spacing: length of tube that each point represents [m].
     :param dents: (c, c) compliance of the skin relative to the centre line [m/N]; None: zero.
     """
     frame, tangent = tubes.frame, tubes.tangent

@@ -77,7 +77,7 @@ class SkinIndentation:
         return math.copysign(depth, force), slope * per_force
 
     def _locate(self, force: float) -> tuple[int, float, float, float]:
-        """Return interval, place in it, excess over the table, and the place's derivative."""
+        """Return interval, position in it, excess over the table, and position's derivative."""
         size = max(abs(force), 1e-9)
         place = size**DEPTH_EXPONENT
         inside = min(place, self._places[-1])
@@ -175,7 +175,7 @@ def skin_indentation(
     robot: Mechanism, tube: int, radius: float, pressures: tuple[float, ...] | None = None
 ) -> SkinIndentation:
     """
-    Return the table of the dent of one tube by a disc, from a cache of the last few.
+    Return the cached table of indentation depth over normal force of a disc on one tube.
 
     :param robot: the robot.
     :param tube: index of the tube.
@@ -215,7 +215,7 @@ def corner_dents(
     pressures: tuple[float, ...] | None = None,
 ) -> SkinIndentation:
     """
-    Return the table of the dent under a corner or face of an object, from a cache of the last.
+    Return the cached table of indentation depth over normal force of a corner or face on one tube.
 
     :param robot: the robot.
     :param tube: index of the tube.

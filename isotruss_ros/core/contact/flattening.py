@@ -49,7 +49,7 @@ class Flattening:
 
     def compliance(self, place: Array, member: Indices, tube: Indices, spacing: float) -> Array:
         """
-        Return the compliance of the points by dents only.
+        Return the compliance of points of the skin by dents only, without bending of the tubes.
 
         Each point represents one spacing of tube, with averaged load and indentation. So the sum
         over a long lattice equals the integral of the kernel for any spacing.
@@ -174,7 +174,8 @@ def flattening_of(robot: Mechanism, pressures: tuple[float, ...] | None = None) 
     Return the local compliance of a robot's tubes, from a cache of the last few.
 
     :param robot: robot with tube diameter and stiffness model.
-    :param pressures: (t,) gauge pressures in the order of the robot file [Pa]; None: its own.
+    :param pressures: (t,) gauge pressures in the order of the robot file [Pa]; None: the pressures
+        of the robot file.
     """
     file = robot.description
     if pressures is None:

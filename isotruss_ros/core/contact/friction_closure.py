@@ -34,9 +34,9 @@ class FrictionClosure:
     tolerance: float  #: largest residual of closure [N]
     #: (k,) friction on the object along the tangents, counter-clockwise [N]
     friction_forces: Array
-    required_friction: float  #: smallest coefficient of friction with closure, or infinite
-    #: largest further wrench that friction balances in every direction [N]; negative if the wrench
-    #: itself is not balanced
+    required_friction: float  #: smallest coefficient of friction with closure; infinite if none
+    #: largest additional wrench that friction balances in every direction [N]; negative if the
+    #: wrench itself is not balanced
     margin: float
 
 
@@ -84,7 +84,7 @@ def _balance(
 
 
 def _smallest(segments: Array, wanted: Array, friction: float) -> Array:
-    """Return the smallest factors (k,) in [-mu, mu] that give a wrench, or the closest one."""
+    """Return the smallest factors (k,) in [-mu, mu] that give a wrench, or the closest wrench."""
     shares = solve_least_squares(segments.T, wanted)
     if np.abs(shares).max() <= friction:
         return shares

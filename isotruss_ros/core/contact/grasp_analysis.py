@@ -24,7 +24,8 @@ class SolvedContact(NamedTuple):
     points: ContactPoints  #: candidate contact points
     contact: ContactState  #: contact with its forces
     length: Array  #: (m,) length of tube in contact [m]; zero without contact
-    spans: Array  #: (m, 2) start and end of the contact from the member's start [m]; or inf, -inf
+    #: (m, 2) start and end of the contact from the member's start [m]; (inf, -inf) without contact
+    spans: Array
     #: (k,) indices of the points of the result; all other points are from the search
     kept: Indices
 
@@ -66,7 +67,7 @@ class GraspAnalysis(
     #: width, d/2 of a cylinder
     closure_residual: float
     closure_tolerance: float  #: largest residual of closure [N]
-    required_friction: float  #: smallest coefficient of friction with closure, or infinite
+    required_friction: float  #: smallest coefficient of friction with closure; infinite if none
     #: largest additional wrench that friction balances in every direction, with moments over half
     #: of the mean width [N]; negative without closure
     closure_margin: float
@@ -127,9 +128,11 @@ class GraspAnalysis(
     @cached_property
     def nonlinearity(self) -> float:
         """
-        Return the relative excess of contact forces on bent tubes over those on linear tubes.
+        Return the relative increase of the contact forces by the bending of the tubes [-].
 
-        It follows to first order from the work of the contact forces; zero in the paper's model.
+        The forces are compared with those on tubes that are linear about the straight state. The
+        increase is computed to first order, from the work of the contact forces. It is zero in the
+        paper's model.
         """
         points, contact = self.solved.points, self.solved.contact
         if points.bent.is_straight or not contact.forces.any():

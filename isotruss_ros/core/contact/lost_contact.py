@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Slip margin of an object without equilibrium, continued by the members' gaps to it.
+Negative slip margin of an object without equilibrium, from the members' gaps to it.
 
-The continued slip margin leads an optimiser back to contact. It is minus the unbalanced external
-wrench, minus about the force p R g that a tube would have if it were pressed by its gap g.
+It continues the slip margin, so that its gradient leads an optimiser back to contact. It is minus
+the unbalanced external wrench, minus about the force p R g of a tube that is pressed by its gap g.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class LostContact:
         pressure: Pressure | None,
     ) -> LostContact:
         """
-        Return the lost contact of given members, or of the two nearest members.
+        Return the `LostContact` of given members, or of the two members nearest to the object.
 
         :param config: configuration of the robot.
         :param body: the object at its given pose.

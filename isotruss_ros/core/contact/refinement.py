@@ -78,7 +78,8 @@ def refine_contact(
         searched.
     :param budget: largest number of points when the spacing is divided; None: the shortest region
         determines the divisor.
-    :return: the contact, with points from one spacing before each contact region to one behind it.
+    :return: the contact, with points from one spacing before to one spacing behind each contact
+        region.
         Without contact, it has points on all tubes within reach.
     :raises SolverError: the contact problem was not solved.
     """
@@ -91,9 +92,12 @@ def refine_contact(
 
 def _press_in(search: _Search, refused: IsotrussError, step: float) -> SolvedContact:
     """
-    Solve with the object pressed in by steps, from half of its depth or by a first step.
+    Solve while the object is pressed into the tubes in steps, of which the first is given.
 
-    The skin of the tubes is moved away from the object, by less and less of the indentation.
+    For this, the skin of the tubes is first moved away from the object, and then step by step
+    back to its place.
+
+    :param step: first step as a share of the object's depth [-].
     """
     flattening = search.flattening
     depth = float(member_depths(search.structure.config, search.surface.body).max())
@@ -244,7 +248,7 @@ class _Search:
     def _solve_bent(
         self, points: ContactPoints, push: Points, solve: Callable[[BentTubes], Found]
     ) -> Found:
-        """Solve with tubes bent by the contact forces, or by a share of these if that fails."""
+        """Solve with tubes bent by the contact forces, or by a share of them if that fails."""
         shares = BENT_SHARES[:1] if self.steady else BENT_SHARES
         for share in shares:
             try:

@@ -133,7 +133,7 @@ def _iterate(
 def _slide(
     contact_points: ContactPoints, places: Indices, normals: Points, push: Points, still: Array
 ) -> Array | None:
-    """Return the forces (c,) that close the gaps of sliding tubes; None if one is negative."""
+    """Return the forces (c,) that close the gaps of sliding tubes; None if a force is negative."""
     count, inward = len(places), contact_points.axis[places].conj()
     if count == 0:
         return None
@@ -150,7 +150,7 @@ def _slide(
 
 
 def _limit(normals: Points, bent: Points, side: Array) -> tuple[Points, Flags]:
-    """Return normals (c,) whose inclination is bounded, and the mask of those at the bound."""
+    """Return normals (c,) with bounded inclination, and the mask of the normals at the bound."""
     local = normals * bent.conj()
     steep = side * local.imag < STEEPEST.real
     if not steep.any():
@@ -181,7 +181,7 @@ def turn_at_corners(
     contact_points: ContactPoints, contact: ContactState, surface: Surface
 ) -> ContactState:
     """
-    Return the contact with normals and forces that do not depend on where its points lie.
+    Return the contact with normals and forces that do not depend on the positions of its points.
 
     At a sharp corner, and on the faces beside it between which the skin is folded, a point has an
     arbitrary normal of the normal cone. The resultant force is across the tube. So these normals

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Test for slip: sums of corrections over the last seconds, against their covariance."""
+"""Test for slip by sums of pose corrections over the last seconds, and their covariance."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import numpy as np
 
 #: Intervals over which corrections are summed [s].
 SUM_INTERVALS = (0.2, 0.6, 1.5, 3.0)
-#: Length of an inconsistent innovation from which the object is lost [m].
+#: Length of an inconsistent innovation above which the object counts as lost [m].
 JUMP_LENGTH = 0.02
 
 
@@ -30,10 +30,10 @@ class _Sum(NamedTuple):
 
 class ContactWalk:
     """
-    Sums of corrections, tested against random walk, pose noise and load.
+    Sums of pose corrections, tested against random walk, pose noise and load.
 
     :ivar length: length of the largest sum, with rotations times the characteristic radius [m].
-    :ivar deviations: largest sum in its standard deviations [-].
+    :ivar deviations: largest ratio of a sum to its standard deviation [-].
     """
 
     def __init__(self) -> None:
@@ -53,7 +53,7 @@ class ContactWalk:
 
     def attach(self, change: Array) -> None:
         """
-        Exclude a change of the derivatives that does not move the pose, by a new equilibrium.
+        Exclude a change of the derivatives by a new equilibrium, which does not move the pose.
 
         :param change: (3, c) change of the derivatives of the pose by the considered states.
         """

@@ -48,8 +48,8 @@ DELAY_DEVIATION = 0.03
 FIRST_POSES = 15
 #: Interval over which the object's velocity is measured [s].
 SPEED_TIME = 0.05
-#: Innovations in standard deviations beyond which a pose is inconsistent, as one of 60000 valid
-#: poses is, and corrections and load beyond which contacts slip [-].
+#: Number of standard deviations of an innovation beyond which a pose is inconsistent (one of 60000
+#: valid poses is), and of corrections and load beyond which contacts have slipped [-].
 MAX_DEVIATIONS = 5.0
 #: Gauge pressure of each tube (t,) [Pa]; None: as in the robot file.
 Pressures = tuple[float, ...] | None
@@ -91,7 +91,7 @@ class GripBelief:
     :param settings: prior standard deviations.
     :param zeros: (r, r) covariance of the roller offsets [m^2]; None: by the settings.
     :param noise: (3,) prior standard deviations of the measured poses [m, rad].
-    :param supposed: wrong roller offsets alone explain the measured pose.
+    :param supposed: whether only wrong roller offsets explain the measured pose.
     """
 
     # Corrections since the last equilibrium, see `_take`.

@@ -32,7 +32,7 @@ class RollerParts:
 
     def take(self, part: Mapping[int, tuple[float, float]], time: float, now: float) -> None:
         """
-        Store the readings of a message, except readings older than a stored one.
+        Store the readings of a message, except readings older than the stored readings.
 
         :param part: position [m] and speed [m/s] by index of the roller.
         :param time: time of the readings, at most now [s].
@@ -47,7 +47,7 @@ class RollerParts:
                 readings.add(time, complex(position, speed))
 
     def merged(self) -> StampedInput | RejectedInput:
-        """Return the `RollerState` of all rollers; a rejection if one was never read."""
+        """Return the `RollerState` of all rollers; a rejection if a roller was never read."""
         readings = self._readings
         missing = [n for n, known in zip(self._names, readings, strict=True) if not known]
         if missing:

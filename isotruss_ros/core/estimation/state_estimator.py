@@ -65,7 +65,7 @@ class StateEstimator:
 
     @property
     def grip(self) -> Grip | None:
-        """Return the grip of a measured object; None without one."""
+        """Return the grip of a measured object; None if there is none."""
         return self._grip
 
     @grip.setter
@@ -75,7 +75,7 @@ class StateEstimator:
 
         :param grip: the grip, with the object at any pose; None: no grip.
         :raises GraspError: the robot has no such members.
-        :raises ConfigurationError: the release is in a singular configuration.
+        :raises ConfigurationError: a held object would be released in a singular configuration.
         """
         if grip is not None:
             find_members(self._robot, grip.members)
@@ -83,7 +83,7 @@ class StateEstimator:
 
     def take_encoders(self, time: float, readings: Array) -> None:
         """
-        Advance to an encoder reading; ignore a reading that is not later than the last.
+        Advance to an encoder reading; ignore a reading that is not later than the last reading.
 
         :param time: time of the reading [s].
         :param readings: (r,) roller travel since home [m].
@@ -233,7 +233,7 @@ class StateEstimator:
     def _name(
         self, names: Array, used: Array, measured: Array, expected: Array, covariance: Array
     ) -> None:
-        """Store the names of used and swapped markers; reset offsets without consistent ones."""
+        """Store names of used and swapped markers; reset offsets after inconsistent messages."""
         self._used = tuple(sorted(names[used].tolist()))
         self._left_out = tuple(sorted(names[~used].tolist()))
         swapped = None

@@ -5,7 +5,7 @@
 Equilibrium of an object near its measured pose, with unknown contact history.
 
 The equilibrium with the least friction is assumed. It determines the pose in the stiff directions;
-in the soft directions the measured pose is taken.
+in the soft directions the measured pose is used.
 """
 
 from __future__ import annotations
@@ -117,9 +117,9 @@ def attach_grip(
 
 def lay_faces(found: HeldGrip, friction: float, gap: float) -> HeldGrip:
     """
-    Return the equilibrium on a face if friction carries only that; else the given one.
+    Return the equilibrium on a face if friction suffices only there; else the given equilibrium.
 
-    Wrong roller offsets incline the tubes, so that a face of the object seems to gape.
+    Wrong roller offsets incline the tubes, so that a face of the object seems to have a gap.
 
     :param found: equilibrium near the measured pose, see `attach_grip`.
     :param friction: coefficient of friction between tubes and object.
@@ -147,7 +147,7 @@ def _find_pressing(
     middle: complex,
     sets: int | None,
 ) -> HeldGrip | None:
-    """Return the equilibrium whose face ends all press, after at most `sets` hypotheses."""
+    """Return the equilibrium with all face ends in compression, from at most `sets` hypotheses."""
     for _ in range(sets or len(contacts.owners)):
         found = find(contacts)
         if found is None:
@@ -234,7 +234,7 @@ def _search_centered(statics: ContactStatics, wrench: Array, steps: int) -> Arra
 
 
 def _is_like(grip: HeldGrip, statics: ContactStatics) -> bool:
-    """Return whether a grip has the same kind of contacts, from the same sides."""
+    """Return whether a grip has contacts of the same kinds on the same sides as `statics`."""
     own, contacts = grip.contacts, statics.contacts
     pairs = (
         (own.members, contacts.members),
@@ -251,7 +251,7 @@ def _solve_nearby(
     wrench: Array,
     conditions: ContactConditions,
 ) -> tuple[ContactStatics, ContactForces] | None:
-    """Return the equilibrium near the predicted one with similar forces; None if none exists."""
+    """Return the equilibrium near the prediction, with similar forces; None if none exists."""
     start, places, known = grip.ahead(travel), grip.state.places, grip.state
     bent, structure = grip.statics.bent, statics.bent.structure
     if structure is not bent.structure:
@@ -266,7 +266,7 @@ def _solve_nearby(
 
 
 def _choices(contacts: PressedContacts) -> list[PressedContacts]:
-    """Yield contact hypotheses: first both ends of all faces, then with single ends."""
+    """Return contact hypotheses, first with both ends of all faces, then with single ends."""
     faces = [own.tolist() for own in contacts.ends if len(own) > 1]
     found = []
     for dropped in itertools.product(*([None, *own] for own in faces)):
@@ -279,11 +279,11 @@ def _choices(contacts: PressedContacts) -> list[PressedContacts]:
 
 def rest(statics: ContactStatics, body: ConvexObject) -> ContactConditions:
     """
-    Return the conditions of an unknown contact history, with a pose near the measured one.
+    Return the conditions of an unknown contact history, for a pose near the measured pose.
 
-    Two members: the measured position across the chord between the contacts determines the
-    squeeze. Three members: statics determines the squeeze. The angle is the measured one; with a
-    face contact, it is the angle at which all members use the same share of their friction. Then
+    With two members, the measured position across the chord between the contacts determines the
+    squeeze. With three members, statics determines the squeeze. The angle is the measured angle,
+    or with a face contact the angle at which all members use equal shares of their friction. Then
     three members need no friction; without a face contact they use equal shares. Both ends of a
     face use equal shares.
 

@@ -4,7 +4,7 @@
 """
 Equilibrium equations of a held object from its contacts, with an initial guess.
 
-A corner has one contact; a face has one at each end.
+A corner has one contact; a face has one contact at each end.
 """
 
 from __future__ import annotations
@@ -196,7 +196,7 @@ def _dents(
 
 
 def _tabulated(shape: Shape, corner: int, normal: complex) -> float:
-    """Return the tabulated angle nearest to a normal [rad]; one for both faces at a corner."""
+    """Return the tabulated angle nearest to a normal [rad]; the angles include face normals."""
     faces = shape.faces_at(corner)
     if not faces:
         return ANGLE_STEP * round(cmath.phase(normal) / ANGLE_STEP)

@@ -4,7 +4,7 @@
 """
 Contacts, pose and forces of a held object, and their response to small wrenches.
 
-The contacts stick, and the tubes redistribute the forces. The slip margin and the change by moving
+The contacts stick, and the tubes redistribute the forces. The slip margin and the effect of moving
 members follow from this response.
 """
 
@@ -43,14 +43,14 @@ class PressedContacts:
 
     @functools.cached_property
     def ends(self) -> list[Indices]:
-        """Return the contacts of each grasping member: one, or the two ends of a face."""
+        """Return the contacts of each grasping member: one contact, or two at a face's ends."""
         return [np.flatnonzero(self.owners == i) for i in range(int(self.owners[-1]) + 1)]
 
     def without(self, dropped: int) -> PressedContacts:
         """
-        Return the contacts without one of them.
+        Return the contacts after the removal of one contact.
 
-        If it is one end of a face, the extent of the other end becomes unlimited.
+        If the removed contact is one end of a face, the extent of the other end becomes unlimited.
 
         :param dropped: index of the removed contact.
         """

@@ -88,7 +88,7 @@ class ContactStatics:
     sides: Array  #: (k,) +1 for an object on the right of its member (from start to end), else -1
     indentation: Indentation  #: depths of the dents in the skin as functions of the normal forces
     #: (k, 3) offsets of the equations of touch along and across [m] and of inclination [rad]; or
-    #: one number for all
+    #: one number for all offsets
     given: Array | float = 0.0
 
     @functools.cached_property

@@ -17,7 +17,9 @@ import numpy as np
 
 def open_faces(statics: ContactStatics) -> list[tuple[int, Face]]:
     """
-    Return single contacts and each face whose near end they are; the face after the corner first.
+    Return the pairs of a single contact and a face that begins at its corner.
+
+    Of the two faces at a corner, the face after the corner comes first.
 
     :param statics: equations of equilibrium of the object.
     """
@@ -29,7 +31,7 @@ def open_faces(statics: ContactStatics) -> list[tuple[int, Face]]:
 
 def is_short(statics: ContactStatics, face: Face) -> bool:
     """
-    Return whether a face has one contact that changes from end to end.
+    Return whether a face is so short that only one of its ends is in contact at a time.
 
     :param statics: equations of equilibrium of the object.
     :param face: face of the object.
@@ -66,12 +68,12 @@ def displacement_at(
     statics: ContactStatics, state: ContactForces, number: int, foot: float, normal: complex
 ) -> float:
     """
-    Return the displacement of a member along a normal at a place without contact [m].
+    Return the displacement of a member along a normal at a point without contact [m].
 
     :param statics: equations of equilibrium of the object.
     :param state: solution of the equations.
     :param number: index of the member.
-    :param foot: distance of the place from the member's start [m].
+    :param foot: distance of the point from the member's start [m].
     :param normal: unit vector, x + iy.
     """
     bent = statics.bent

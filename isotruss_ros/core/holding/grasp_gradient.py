@@ -38,7 +38,8 @@ class GraspGradient(
     """
     Derivatives of a `SettledGrasp` by p parameters, while its contacts are constant.
 
-    Without an equilibrium only those of pose and slip margin are not zero, see `LostContact`.
+    Without an equilibrium, only the derivatives of pose and slip margin are not zero, see
+    `LostContact`.
 
     Between two members, the equilibrium depends on the given position along their bisector, not on
     the rest of the given pose. Between three members it does not depend on the given pose.
@@ -221,7 +222,7 @@ def _response_rates(grip: HeldGrip, tubes: LoadedTubes, change: Array) -> Array:
 
 
 def _equation_changes(grip: HeldGrip, tubes: LoadedTubes, change: Array, moved: Array) -> Array:
-    """Return the derivatives of the equations by all columns, in a state moved by (3 + 4k,)."""
+    """Return the derivatives of the equations by all parameters, in a moved state (3 + 4k,)."""
     statics, places = grip.statics, grip.state.places
     unknowns = grip.state.unknowns + moved
 

@@ -21,7 +21,7 @@ import numpy as np
 
 
 class GripRecord(NamedTuple):
-    """A held grip without external wrench as numbers, without robot and object."""
+    """Numbers that describe a held grip without external wrench, besides robot and object."""
 
     travel: Array  #: (r,) roller travel since home [m]
     contacts: PressedContacts  #: the k contacts
@@ -44,9 +44,9 @@ class GripRecord(NamedTuple):
         self, config: Configuration, body: ConvexObject, external_wrench: Array | None = None
     ) -> HeldGrip | None:
         """
-        Return the recorded grip rolled to a configuration; None without an equilibrium.
+        Return the recorded grip rolled to a configuration; None if no equilibrium exists there.
 
-        :param config: configuration near the recorded one.
+        :param config: configuration near the recorded configuration.
         :param body: the object at any pose.
         :param external_wrench: (fx, fy, m) on the object about its frame's origin [N, N m]; None:
             zero.

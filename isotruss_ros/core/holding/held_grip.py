@@ -170,7 +170,7 @@ class HeldGrip:
 
     def slip_margin(self, friction: float, more: Array | None = None) -> float:
         """
-        Return the smallest further wrench at which a member slips [N].
+        Return the smallest additional wrench at which a member slips [N].
 
         Moments are about the centroid, divided by the arm. A member slips if the sums over its
         contacts have |T| = mu N. Forces are linear in the wrench, so each condition is a plane in
@@ -202,7 +202,7 @@ class HeldGrip:
 
     @functools.cached_property
     def about_middle(self) -> Array:
-        """Return the matrix (3, 3) that moves wrenches from the centroid to the frame's origin."""
+        """Return the matrix (3, 3) from wrenches about the centroid to those about the origin."""
         away = (self.body.middle - self.body.center) / self.arm
         return np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-away.imag, away.real, 1.0]])
 
@@ -271,7 +271,7 @@ class HeldGrip:
 
     @functools.cached_property
     def nonlinearity(self) -> float:
-        """Return the relative excess of forces on bent tubes over those on linear tubes [-]."""
+        """Return the relative increase of the contact forces by the bending of the tubes [-]."""
         bent, (loads, feet) = self.statics.bent, (self.state.loads, self.state.feet)
         if bent.linear:
             return 0.0
@@ -342,9 +342,9 @@ class HeldGrip:
 
     def ahead(self, travel: Array) -> Array:
         """
-        Return the unknowns (3 + 4k,) predicted after further travel.
+        Return the unknowns (3 + 4k,) predicted after additional roller travel.
 
-        :param travel: (r,) further roller travel [m].
+        :param travel: (r,) additional roller travel [m].
         """
         if self.motion is None:
             return self.state.unknowns

@@ -44,8 +44,8 @@ def lowest_frequency(grip: HeldGrip) -> float | None:
     """
     Return the lowest undamped natural frequency of an object held in equilibrium [rad/s].
 
-    Contacts stick. The robot file and the object have the masses: a module's mass is at the
-    midpoint of its pinch points, half of a tube's mass at each end of its member.
+    Contacts stick. The masses are those of the robot file and of the object. A module's mass is at
+    the midpoint of its pinch points, half of a tube's mass is at each end of its member.
 
     :param grip: equilibrium of the object.
     :return: the frequency; None if a mass is unknown or the equilibrium is neutral.

@@ -78,7 +78,7 @@ class TubeRates(NamedTuple):
     """
     Derivatives of the tubes of a robot by p parameters.
 
-    :ivar give: (k, p) displacements of the contact places, along + i across the members [m].
+    :ivar give: (k, p) displacements of the contact points, along + i across the members [m].
     :ivar slope: (k, p) rotations of the bent centre lines at the contacts [rad].
     :ivar nodes: (n, 3, p) displacements of the nodes of the cut frame [m, rad].
     :ivar forces: (c, 3, p) derivatives of N [N], M1 and M2 [N m] of the cut frame's members.
@@ -197,7 +197,7 @@ class LoadedTubes:
 
     def respond(self, contacts: ContactRates) -> TubeRates:
         """
-        Return the derivatives of the tubes from those of the contacts.
+        Return the derivatives of the tubes from the derivatives of the contacts.
 
         :param contacts: derivatives of the contacts.
         """

@@ -70,7 +70,7 @@ def roll_grip(
     :param config: configuration near the configuration of the grip.
     :param external_wrench: (fx, fy, m) on the object about its frame's origin [N, N m]; None:
         zero.
-    :return: the grip; None without an equilibrium.
+    :return: the grip; None if no equilibrium exists.
     """
     wrench = scaled_wrench(external_wrench, grip.arm)
     rolled = roll_contacts(grip, config, grip.contacts, grip.anchors, grip.angles, wrench)
@@ -98,7 +98,7 @@ def roll_contacts(
     :param angles: (k,) unwrapped angles of the normals in the object's frame [rad].
     :param wrench: (fx, fy, m / arm) on the object [N].
     :param fresh: indices of new contacts, which have no friction yet.
-    :return: the grip; None without an equilibrium.
+    :return: the grip; None if no equilibrium exists.
     """
     moved, kept = config.roller_positions - grip.config.roller_positions, grip.state.unknowns
     same = contacts is grip.contacts

@@ -46,8 +46,8 @@ def settle_grasp(
 
     The object is free, friction loads the tubes, and the contact history is unknown. For a disc
     between two members, statics determines the friction forces and the position across the
-    members' bisector. The position along the bisector is the measured one; it determines the
-    squeeze. For other shapes and for three members see `attach_grip.rest`.
+    members' bisector. The measured position along the bisector determines the squeeze. For other
+    shapes and for three members see `attach_grip.rest`.
 
     :param config: configuration of the robot, with rollers at rest.
     :param body: the object at its measured pose.

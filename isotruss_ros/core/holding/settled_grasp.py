@@ -26,12 +26,12 @@ class SettledGrasp(
     """
     Equilibrium of a free object between two or three members, with friction on the tubes.
 
-    Without an equilibrium the pose is the given one, the forces are zero, and the slip margin is
-    continued by the members' gap to the object, see `LostContact`.
+    Without an equilibrium the pose is the given pose, the forces are zero, and the slip margin is
+    a negative number from the members' gap to the object, see `LostContact`.
 
     For a face contact with unknown contact history the least friction is assumed, so `held`,
-    `required_friction` and `slip_margin` are best cases. A box that needs 0.59 by this model
-    needed 0.87 in MuJoCo.
+    `required_friction` and `slip_margin` are best cases. A box that needs a friction coefficient
+    of 0.59 by this model needed 0.87 in MuJoCo.
     """
 
     hold: HoldStatus  #: hold status
@@ -89,13 +89,13 @@ class SettledGrasp(
 
     @property
     def required_friction(self) -> float:
-        """Return the smallest coefficient of friction for equilibrium; infinite without one."""
+        """Return the smallest coefficient of friction for equilibrium; infinite if none exists."""
         return math.inf if self.equilibrium is None else self.equilibrium.required_friction
 
     @cached_property
     def slip_margin(self) -> float:
         """
-        Return the smallest further wrench at which a member slips or opens [N].
+        Return the smallest additional wrench at which a member slips or opens [N].
 
         Moments are divided by the characteristic radius, d/2 of a disc. An end of a face may open
         before; that is no slip. The margin is negative after slip; without an equilibrium see
@@ -137,7 +137,7 @@ class SettledGrasp(
 
     @property
     def nonlinearity(self) -> float:
-        """Return the relative excess of forces on bent over linear tubes, see `GraspAnalysis`."""
+        """Return the relative increase of contact forces by bending, see `GraspAnalysis` [-]."""
         return 0.0 if self.equilibrium is None else self.equilibrium.nonlinearity
 
     @property

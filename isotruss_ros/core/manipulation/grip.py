@@ -113,7 +113,7 @@ class Grip:
 
 def members_at(robot: Mechanism, module: str) -> tuple[str, str]:
     """
-    Return the names of the two members that meet at a module: the next and the previous one.
+    Return the names of the next and the previous member, which meet at a module.
 
     :param robot: the robot.
     :param module: name `t/j` of the module.
@@ -193,7 +193,8 @@ def find_contacts(config: Configuration, grip: Grip) -> list[GripContact]:
 
     :param config: configuration of the robot.
     :param grip: the grip.
-    :return: contacts in the order of the members: one for each, two for a member along a face.
+    :return: contacts in the order of the members: one contact for each member, or two contacts for
+        a member along a face.
     :raises GraspError: the robot has no such member; or a member is not in contact with the object
         between its ends; a gap or penetration of at most one tube diameter counts as contact.
     """

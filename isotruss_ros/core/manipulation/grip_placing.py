@@ -38,7 +38,7 @@ def place_between(
     :param shape: shape of the object.
     :param angle: angle of the object in the robot frame [rad].
     :param indentation: penetration into the undeformed skin of the tubes [m].
-    :raises GraspError: no such members; angle or indentation are not finite; or the object does
+    :raises GraspError: the robot has no such members; a number is not finite; or the object does
         not fit between these members.
     """
     turned, depth = finite_array([angle, indentation], 2, 'angle, indentation', GraspError)
@@ -85,8 +85,9 @@ def tangent_center(
     :param diameter: diameter of the object [m].
     :param indentation: shift of the centre toward the corner of the two members [m].
     :return: (x, y) in the robot frame [m].
-    :raises GraspError: no such module; the diameter is not positive; the indentation is not
-        finite; or the object would be behind the module or beyond the end of a member.
+    :raises GraspError: the robot has no such module; the diameter is not positive; the
+        indentation is not finite; or the object would be behind the module or beyond the end of a
+        member.
     """
     (depth,) = finite_array([indentation], 1, 'indentation [m]', GraspError)
     nodes = find_members(config.robot, members_at(config.robot, module))

@@ -73,7 +73,7 @@ def solve_joint_velocity(
     :param config: configuration of the robot.
     :param velocities: (vx, vy) by joint in the robot frame [m/s]; other joints are free.
     :param failed: names of failed rollers, which stand still.
-    :param limits: limits instead of those of the robot file; None: those of the file.
+    :param limits: limits that replace those of the robot file; None: the limits of the file.
     :param handling: behaviour at binding limits.
     :raises GraspError: the robot has no such joint or roller, no velocity is given, or a velocity
         is not two finite numbers.

@@ -52,7 +52,7 @@ def solve_twist(
     :param grip: the object and its grasping members.
     :param twist: (3,) vx, vy [m/s], omega [rad/s] of the object in the robot frame.
     :param failed: names of failed rollers, which stand still.
-    :param limits: limits instead of those of the robot file; None: those of the file.
+    :param limits: limits that replace those of the robot file; None: the limits of the file.
     :param handling: behaviour at binding limits.
     :param opening_rate: rate of the distance between the contacts of two members, or twice the
         speed of each of three members away from the object [m/s]. It is the right-hand side of the
@@ -101,7 +101,7 @@ def carry_out(
     :param config: configuration of the robot.
     :param reach: reachable motions of the working rollers.
     :param desired: (k,) desired motion.
-    :param limits: limits of rollers and configuration; None: those of the robot file.
+    :param limits: limits of rollers and configuration; None: the limits of the robot file.
     :param handling: behaviour at binding limits.
     :param opening_rate: right-hand side of the grip's opening row [m/s].
     :raises SolverError: a quadratic program was not solved.
@@ -140,7 +140,7 @@ def solve_twist_ahead(
     :param twist: (3,) vx, vy [m/s], omega [rad/s] of the object in the robot frame.
     :param lead: time of the prediction, not negative [s].
     :param failed: names of failed rollers, which stand still.
-    :param limits: limits instead of those of the robot file; None: those of the file.
+    :param limits: limits that replace those of the robot file; None: the limits of the file.
     :param handling: behaviour at binding limits.
     :raises GraspError: see `solve_twist`; or lead is negative or not finite.
     :raises ConfigurationError: see `solve_twist`, or no predicted configuration exists.

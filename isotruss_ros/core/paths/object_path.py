@@ -142,7 +142,7 @@ def _unwrapped(poses: Array, first: int) -> Array:
 
 
 def _distinct(poses: Array) -> Array:
-    """Return the poses without repeated ones."""
+    """Return the poses without repetitions of a pose."""
     cells = np.round(poses / ROUNDING)
     differs = (np.diff(cells, axis=0) != 0.0).any(axis=1)
     if not differs.any():

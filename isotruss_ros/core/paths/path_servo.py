@@ -74,7 +74,7 @@ class PathServo:
     :ivar rollers: input of the measured `RollerState`, for the feasibility of paths.
     :ivar held_grip: input of the `GripRecord` of the loop that holds the object, for the
         feasibility of paths.
-    :ivar estimate: input of the `EstimatedTravel` with the roller offsets; None without one.
+    :ivar estimate: input of the `EstimatedTravel` with the roller offsets; None if there is none.
     :ivar tracker: tracker of the current or last path; None before the first path.
     :param period: period of the control loop [s].
     :param timeout: largest age of inputs [s].

@@ -129,7 +129,7 @@ class RollerStep(NamedTuple):
 
     speeds: Array  #: (r,) commanded roller speeds [m/s]
     ended: bool  #: whether the trajectory has ended, successfully or not
-    failure: str  #: reason of a failure; empty without one
+    failure: str  #: reason of a failure; empty if there is none
     at_goal: bool = False  #: whether the failure is a timeout at the goal
 
 

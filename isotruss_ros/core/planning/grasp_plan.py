@@ -55,12 +55,12 @@ class PlannedGrasp(
     closure_margin: float  #: closure margin of the fixed object [N]; negative without closure
     required_friction: float  #: required friction of the fixed object [-]
     max_contact_force: float  #: largest normal force on the fixed or the free object [N]
-    total_force: float  #: larger one of the sums of normal forces on fixed and free object [N]
+    total_force: float  #: larger of the two sums of normal forces on fixed and free object [N]
     utilisation: float  #: largest utilisation of a member [-]; above 1, outside of the model
     nonlinearity: float  #: nonlinearity of the contact forces, see `GraspAnalysis` [-]
     travel: float  #: largest travel of a roller along the path [m]
     rigidity: float  #: smallest rigidity index along the path, 1 at home [-]
-    path: Array  #: (k, r) roller positions from the current ones to the grasp [m]
+    path: Array  #: (k, r) roller positions from the current positions to the grasp [m]
     touch: int  #: row of `path` at which all grasping members have contact first
 
     @property
@@ -109,7 +109,7 @@ class GraspPlan(
 
     @property
     def best(self) -> tuple[str, ...] | None:
-        """Return the grasping members of the best grasp; None without one."""
+        """Return the grasping members of the best grasp; None if no grasp was found."""
         return self.grasps[0].members if self.grasps else None
 
     def __len__(self) -> int:
@@ -123,6 +123,6 @@ class Progress:
 
     evaluations: int  #: number of evaluated configurations so far
     found: int  #: number of grasps so far
-    best: float | None  #: score of the best grasp; None without one
+    best: float | None  #: score of the best grasp; None if no grasp was found
     share: float  #: computed share of the candidates of all rounds begun so far, 0 to 1
     time_left: float | None  #: estimated remaining time [s]; None without an estimate

@@ -71,7 +71,7 @@ def plan_grasps(
         are found.
     :param max_rounds: largest number of rounds; no further round begins after enough grasps are
         found.
-    :raises GraspError: unknown module or members, or an invalid seed.
+    :raises GraspError: the robot has no such module or members, or the seed is invalid.
     :raises StructureError: the robot cannot be analysed.
     """
     needs = requirements or GraspRequirements()

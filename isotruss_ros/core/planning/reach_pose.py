@@ -43,7 +43,7 @@ class ReachedPose(Record, headline=('status', 'why', 'share', 'pose', 'roller_po
     share: float  #: share of the motion that is reached, 0 to 1
     status: Status  #: OK if the pose is reached, else the status of the limit
     why: str  #: limit in words; empty if the pose is reached
-    path: Array  #: (k, r) roller positions along the motion, from the initial ones [m]
+    path: Array  #: (k, r) roller positions along the motion, from its start [m]
 
     @property
     def roller_positions(self) -> Array:

@@ -46,9 +46,9 @@ FIRST_OPENING = 0.015
 class Release:
     """Path of a release, or the violated requirement."""
 
-    path: Array  #: (k, r) roller positions from the current ones [m]; empty with a violation
+    path: Array  #: (k, r) roller positions from now on [m]; empty with a violation
     apart: int  #: first row of `path` without contact
-    violation: Violation | None = None  #: violated requirement; None without one
+    violation: Violation | None = None  #: violated requirement; None if the release is possible
 
 
 @single_threaded
@@ -70,7 +70,7 @@ def plan_release(
     :param record: grip, from the control loop that holds the object. If it is None or has no
         equilibrium, the equilibrium with unknown contact history is used.
     :param max_turn: largest predicted rotation of the object [rad].
-    :raises GraspError: no such members, or a clearance out of range.
+    :raises GraspError: the robot has no such members, or the clearance is out of range.
     :raises ConfigurationError: the configuration at the opening is singular.
     :raises SolverError: a quadratic program was not solved.
     :raises StructureError: see `structure_of`.

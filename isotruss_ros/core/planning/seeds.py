@@ -46,7 +46,7 @@ def find_seeds(
     :param number: index of the round, from 0. Later rounds have random friction cones and
         postures, and repeat members if there are few.
     :raises RequirementError: no members around the object are suitable.
-    :raises GraspError: unknown required module or members.
+    :raises GraspError: the robot has no such required module or members.
     """
     around, file = enclosing_members(config, body.middle), config.robot.description
     wanted = required_members(config.robot, needs)

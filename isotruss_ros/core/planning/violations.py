@@ -110,7 +110,7 @@ def export_violation(violation: Violation | None) -> dict[str, Any]:
     """
     Return the violated requirement with its value and bound; empty for None.
 
-    :param violation: closest violation of a search; None without one.
+    :param violation: closest violation of a search; None if there was none.
     """
     if violation is None:
         return {}
@@ -125,7 +125,7 @@ def violation_in_words(violation: Violation | None) -> str:
     """
     Return a violation in words.
 
-    :param violation: violation of the closest candidate; None without candidates.
+    :param violation: violation of the closest candidate; None if there was no candidate.
     """
     if violation is None:
         return 'there was no grasp candidate'

@@ -45,7 +45,7 @@ class Measured(NamedTuple):
         Return whether no pair can be close in another configuration.
 
         :param config: the other configuration.
-        :param grip: grip in that configuration; None without one.
+        :param grip: grip in that configuration; None if there is none.
         """
         if self.spare <= 0.0:
             return False

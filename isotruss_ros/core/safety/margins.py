@@ -84,7 +84,7 @@ def object_distances(
     :param parts: indices of parts; by default, all parts. Parts are numbered: first the m members,
         then the m modules, then the m rods.
     :return: (k,) distances; infinite for excluded parts.
-    :raises GraspError: no such members.
+    :raises GraspError: the robot has no such members.
     """
     model = collision_model(config.robot)
     starts, ends = model.part_ends(config, parts)

@@ -5,8 +5,8 @@
 Start of the belief of a grip: equilibrium near the measured pose, or a supposed equilibrium.
 
 A measured pose outside of the grip has no equilibrium. If the client commands the object as
-gripped, wrong roller offsets may explain the pose. Then the squeeze is supposed to be the desired
-one, and its deviation says that it is unknown.
+gripped, wrong roller offsets may explain the pose. Then an equilibrium with the desired squeeze is
+supposed, and the squeeze has the large standard deviation of an unknown value.
 """
 
 from __future__ import annotations
@@ -27,9 +27,10 @@ PRIOR = EstimatorSettings()
 
 class BeliefStart:
     """
-    Search for the first equilibrium of a grip, at most one in each call.
+    Search for the first equilibrium of a grip, with at most one search in each call.
 
-    After a search without an equilibrium at the measured pose, every second call supposes one.
+    After a search without an equilibrium at the measured pose, every second call searches for a
+    supposed equilibrium instead.
 
     :ivar belief: the belief that the last call found; None before an equilibrium is held.
     """
@@ -54,9 +55,10 @@ class BeliefStart:
         :param config: configuration of the robot.
         :param grip: grip with the object at its measured pose.
         :param settings: desired squeeze.
-        :param gripped: the client commands the object as gripped, so that one may be supposed.
+        :param gripped: whether the client commands the object as gripped; only then an equilibrium
+            may be supposed.
         :param pressures: (t,) gauge pressure of each tube [Pa]; None: as in the robot file.
-        :param zeros: (r, r) covariance of the roller offsets [m^2]; None: by the settings.
+        :param zeros: (r, r) covariance of the roller offsets [m^2]; None: from the settings.
         :raises GraspError: see `attach_model`.
         :raises StructureError: see `structure_of`.
         """
@@ -87,7 +89,7 @@ class BeliefStart:
         return grip.moved_to(placed.body.pose)
 
     def _is_desired(self, found: HeldGrip, settings: SqueezeSettings) -> bool:
-        """Return whether a supposed squeeze is the desired one; else correct the depth."""
+        """Return whether a supposed grip has the desired squeeze; if not, correct its depth."""
         ratio = found.squeeze / settings.force
         if abs(ratio - 1.0) <= 2.0 * PRIOR.squeeze_error:
             return True

@@ -13,7 +13,8 @@ from isotruss_ros.core.inputs import InputError, InputFault
 from isotruss_ros.core.manipulation.status import RollerCommand, Status
 from isotruss_ros.core.numerics.arrays import Array
 
-#: Status of a halt by input and its fault. A stale twist has none: then the client has stopped.
+#: Status of a halt, by the name of an input and its fault. A stale twist counts as a missing
+#: twist, because then the client has stopped.
 INPUT_HALTS = {
     ('twist', InputFault.MISSING): Status.HALT_NO_TWIST,
     ('twist', InputFault.STALE): Status.HALT_NO_TWIST,
@@ -47,7 +48,7 @@ class Decision:
     failed: tuple[str, ...] = ()  #: names of the failed rollers, which are held at zero velocity
     frequency: float = 0.0  #: lowest natural frequency of the held object [rad/s]; 0 if unknown
     pose_gain: float = 0.0  #: gain of the pose control [1/s]; 0 without control
-    #: mean normal force and its standard deviation [N]; None without object
+    #: mean normal force of the members and its standard deviation [N]; None without object
     squeeze: tuple[float, float] | None = None
     pose_delay: float = 0.0  #: delay of the measured poses beyond their stamps [s]
 
@@ -92,7 +93,7 @@ def halt_for(error: IsotrussError) -> Status:
 
 def describe(command: RollerCommand, keeps_contacts: bool) -> str:
     """
-    Return the deviation of a command from its twist in words; empty in a halt or without one.
+    Return the deviation of a command from its twist in words; empty if it has none, or in a halt.
 
     :param command: the command.
     :param keeps_contacts: whether the twist is a twist of the object; false for a joint.

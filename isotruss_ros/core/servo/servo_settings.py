@@ -28,8 +28,8 @@ class SqueezeSettings:
     pose_gain: float | None = None
     #: measured lowest natural frequency [rad/s]; None: computed from the masses
     frequency: float | None = None
-    #: bound on the utilisation of the tubes [-]. Commands toward it are slowed; beyond it, only
-    #: commands away from it are executed.
+    #: bound on the utilisation of the tubes [-]. Commands that approach the bound are slowed;
+    #: beyond the bound, only commands that decrease the utilisation are executed.
     max_utilisation: float = 1.0
     #: standard deviation of loads on the object [N]; 0: the value of `EstimatorSettings`
     load: float = 0.0
@@ -61,7 +61,7 @@ class ServoSettings:
 
 
 class ServoInputs(NamedTuple):
-    """Latest value of each input of the twist servo; None without one."""
+    """Latest value of each input of the twist servo; None before the first value."""
 
     twist: Input = None  #: commanded twist (vx, vy, omega) in the robot frame [m/s, rad/s]
     rollers: Input = None  #: measured `RollerState`
@@ -71,5 +71,5 @@ class ServoInputs(NamedTuple):
     pressures: Input = None
     estimate: Input = None  #: `EstimatedTravel` with the roller offsets
     failed: frozenset[str] = frozenset()  #: names of failed rollers besides detected ones
-    #: status and reason of a halt by the client; None without one
+    #: status and reason of a halt by the client; None if the client does not halt
     halt: tuple[Status, str] | None = None

@@ -5,7 +5,7 @@
 Squeeze control: feedback by the model of the held object.
 
 The opening of the grip determines the squeeze, by some newtons per millimetre. The opening rate is
-the right-hand side of the fourth row of (19). A further twist corrects the displacement of the
+the right-hand side of the fourth row of (19). An additional twist corrects the displacement of the
 object on the elastic tubes. The gains follow from the lowest natural frequency of the held object,
 see `loop_gains`.
 """
@@ -48,7 +48,7 @@ class SqueezeControl:
     """
     Control of squeeze and pose of a held object.
 
-    :ivar belief: belief of the grip; None before `follow`.
+    :ivar belief: estimated state of the grip; None before `follow`.
     :ivar reference: desired pose (x, y, angle) of the object [m, rad]: its initial pose plus the
         executed twists; None before the first twist.
     :ivar frequency: lowest natural frequency of the held object [rad/s]; None if unknown.
@@ -65,13 +65,13 @@ class SqueezeControl:
         self.acknowledge()
 
     def acknowledge(self) -> None:
-        """Clear the fault and the belief, after an action of a client."""
+        """Clear the fault and the estimated state of the grip after a client has reacted to it."""
         self.fault: GripFault | None = None
         self._softening, self._why = 1.0, ''
         self.reset()
 
     def reset(self) -> None:
-        """Discard belief and reference; both restart from the next measured pose."""
+        """Discard the estimated grip and the desired pose; both restart from a measured pose."""
         self.belief: GripBelief | None = None
         self._lost: HoldStatus | None = None  # by the belief before
         self.reference: Array | None = None
@@ -85,7 +85,7 @@ class SqueezeControl:
         self._start = BeliefStart()
 
     def rest(self) -> None:
-        """Discard the reference; it restarts from the object's pose at the next motion."""
+        """Discard the desired pose; it restarts from the object's pose at the next motion."""
         self.reference, self._velocity = None, np.zeros(3)
 
     @property
@@ -126,7 +126,7 @@ class SqueezeControl:
             belief.move_zeros(offsets - before)
 
     def note(self) -> str:
-        """Return the fault of the grip in words; empty without one."""
+        """Return the fault of the grip in words; empty if there is none."""
         if self.fault is GripFault.OSCILLATES:
             return f'the object oscillates: the gain is softened to {self.gains.pose:.3g} 1/s'
         if self.fault is not None:
@@ -138,7 +138,7 @@ class SqueezeControl:
 
     @property
     def squeeze(self) -> tuple[float, float] | None:
-        """Return the mean normal force and its standard deviation [N]; None without a belief."""
+        """Return the mean normal force and its standard deviation [N]; None before `follow`."""
         belief = self.belief
         return None if belief is None else (belief.squeeze, belief.squeeze_deviation)
 
@@ -151,18 +151,18 @@ class SqueezeControl:
         gripped: bool = False,
     ) -> HoldStatus:
         """
-        Propagate belief and reference to the current time, and add the measured pose.
+        Propagate the estimated grip and the desired pose to now, and add the measured pose.
 
-        A call makes at most one search for an equilibrium with unknown contact history. If there
-        is none at the estimated pose, the next call searches at the measured pose.
+        A call makes at most one search for an equilibrium with unknown contact history. If no
+        equilibrium exists at the estimated pose, the next call searches at the measured pose.
 
         :param config: configuration of the robot.
         :param grip: grip with the object at its predicted pose.
         :param elapsed: time since the previous cycle [s].
         :param sample: last measured pose, and its age relative to the configuration [s]; None: the
             pose of the grip with zero age.
-        :param gripped: the client commands the object as gripped. Then the belief also starts if
-            only wrong roller offsets explain the measured pose, at the desired squeeze.
+        :param gripped: whether the client commands the object as gripped. Then the estimate also
+            starts, at the desired squeeze, if only wrong roller offsets explain the measured pose.
         :return: hold status of the object in the model.
         :raises GraspError: see `find_contacts`.
         :raises ConfigurationError: the configuration is singular.
@@ -222,10 +222,11 @@ class SqueezeControl:
 
     def advance(self, twist: Array, command: RollerCommand, missing: Array | float = 0.0) -> None:
         """
-        Integrate the executed twist into the reference.
+        Integrate the executed twist into the desired pose.
 
         :param twist: (3,) commanded twist [m/s, rad/s].
-        :param command: executed command; another direction than the twist's resets the reference.
+        :param command: executed command; if it has another direction than the twist, the desired
+            pose is reset.
         :param missing: (3,) part of the twist that acceleration or barriers did not admit.
         """
         if command.status in (Status.UNREACHABLE, Status.SLIDING):

@@ -2,13 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Twist servo: in every cycle, a roller command from the latest inputs, or a halt.
+Twist servo, which returns a roller command from the latest inputs, or a halt, in every cycle.
 
 The twist is a twist of the held object or, without an object, of a joint.
 
 Each cycle starts from the measured state. Since the measurement the rollers have followed the
-commands, so the servo predicts the current state from them. Earlier commands have no effect, so
-motion resumes from any state of robot and object.
+commands, so the servo predicts the current state from these commands. Commands before the
+measurement have no effect, so motion resumes from any state of robot and object.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ from isotruss_ros.core.servo.servo_settings import ServoInputs, ServoSettings
 from isotruss_ros.core.servo.squeeze_control import SqueezeControl
 import numpy as np
 
-#: Period in which the belief of an object at rest is updated [s].
+#: Period of the updates of the estimated grip while the object is at rest [s].
 WATCH_PERIOD = 0.1
 #: Statuses in which the object is at rest.
 AT_REST = (Status.HALT_NO_TWIST, Status.HALT_INVALID_TWIST, Status.HALT_EMERGENCY_STOP)
@@ -196,9 +196,10 @@ class TwistServo:
 
     def command(self, velocities: Array, now: float) -> Array:
         """
-        Return limited roller velocities (r,) for desired velocities, in place of a twist [m/s].
+        Return roller velocities (r,) for desired ones, within the acceleration limit [m/s].
 
-        They are recorded for the prediction and for the detection of failures.
+        Clients call it in a cycle in which they command rollers directly instead of by a twist.
+        The result is recorded for the prediction and for the detection of failures.
 
         :param velocities: (r,) desired velocities [m/s]; zeros stop the rollers at once.
         :param now: time on the clock of the inputs [s].
@@ -326,7 +327,7 @@ class TwistServo:
         return config, grip, last
 
     def _watch(self, squeeze: SqueezeControl, status: Status, now: float) -> None:
-        """Update the belief of an object at rest periodically; discard it without valid inputs."""
+        """Update the belief of the grip of an object at rest; discard it without valid inputs."""
         before = self._regulated
         if before is not None and 0.0 <= now - before < WATCH_PERIOD:
             squeeze.rest()

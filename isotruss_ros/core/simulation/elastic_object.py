@@ -147,7 +147,7 @@ class ElasticObject:
         """
         Roll to a configuration under the external wrench.
 
-        A substep with loss of contact is halved; in the smallest one the object is lost.
+        A substep with loss of contact is halved; in the smallest substep the object is lost.
         """
         wrench, pulled = self._wrench / (1.0, 1.0, before.arm), before.wrench
         start, end = before.config.roller_positions, config.roller_positions

@@ -24,9 +24,9 @@ class RollerFaults:
     Faults of the rollers.
 
     With slip, the tube lags the roller's surface by a share of the travel, in both directions. The
-    encoders are on the rollers and do not measure slip, so the configuration drifts from the
-    measured one. The share of each roller is drawn once, uniformly between 0.5 and 1.5 times
-    `slip`.
+    encoders are on the rollers and do not measure slip, so the true configuration drifts from the
+    measured configuration. The share of each roller is drawn once, uniformly between 0.5 and 1.5
+    times `slip`.
     """
 
     speed_limit: float = float('inf')  #: bound at which commands are clipped [m/s]
@@ -117,7 +117,7 @@ class SimulatedRobot(DrivenRollers):
     Robot that integrates roller speeds; nodes and object follow by forward kinematics.
 
     :ivar config: true configuration; without slip, at the `roller_positions`.
-    :param simulated: object: `RigidObject`, `ElasticObject` or a user-defined one.
+    :param simulated: object: a `RigidObject`, an `ElasticObject` or a user-defined object.
     :param faults: faults of the rollers.
     :param seed: seed of the noise.
     :raises GraspError: the robot has no such stuck roller.
@@ -146,7 +146,7 @@ class SimulatedRobot(DrivenRollers):
         """
         Replace the object without moving the robot.
 
-        :param simulated: object: `RigidObject`, `ElasticObject` or a user-defined one.
+        :param simulated: object: a `RigidObject`, an `ElasticObject` or a user-defined object.
         """
         self._object, self._rests = simulated, False
 

@@ -2,10 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Compliance of the tubes at k places: the frame is cut at the places and linearised.
+Compliance of the tubes at k load points, where the frame is cut, linearised about a bent state.
 
-A place is a distance from a member's start. Its motion along the member lengthens the part of the
-tube before it and shortens the part behind it. So the responses are affine in loads and places.
+The place of a load point is its distance from its member's start. If the load point moves along
+the member, the part of the tube before it becomes longer and the part behind it shorter. So the
+responses are affine in loads and places.
 """
 
 from __future__ import annotations
@@ -23,10 +24,10 @@ from isotruss_ros.core.statics.structure import Structure
 from isotruss_ros.core.statics.tangent import end_forces, Tangent
 import numpy as np
 
-#: Largest motion of a node [m] without a new linearisation while a motion is followed; in
+#: Largest motion of a node [m] without a new linearisation while a motion is followed; for an
 #: equilibrium it is `ROUNDING`. The remaining error is 15 /m times the square of the motion.
 FOLLOWED_MOTION = 1e-4
-#: Weight of a place's motion relative to a node's motion in `BentTubes.distance` [-].
+#: Weight of a load point's motion relative to a node's motion in `BentTubes.distance` [-].
 PLACE_SHARE = 0.2
 #: Smallest distance of a cut from other cuts and from the ends of its piece of tube [m].
 SHORTEST_PART = 1e-3
@@ -34,11 +35,11 @@ SHORTEST_PART = 1e-3
 
 class Displaced(NamedTuple):
     """
-    State of a bent frame; initial guess for another state.
+    State of a bent frame, which is the initial guess for another state.
 
     :ivar displacements: (n, 3) displacements ux, uy [m], theta [rad].
     :ivar multipliers: (c,) multipliers of the constraints.
-    :ivar loads: (k, 3) loads at the places, see `BentTubes` [N, N m].
+    :ivar loads: (k, 3) loads at the load points, see `BentTubes` [N, N m].
     :ivar pull: (c,) axial forces of the members [N].
     """
 
@@ -50,11 +51,13 @@ class Displaced(NamedTuple):
 
 class PlaceChanges(NamedTuple):
     """
-    Changes of the frame by p motions of the places along their members, at constant loads.
+    Changes of the frame by p motions of the load points along their members, at constant loads.
 
     :ivar nodes: (n, 3, p) motion of the nodes [m, rad].
-    :ivar inclined: (k, p) changes of the inclinations at the places, nodes fixed [rad].
-    :ivar forces: (c, 3, p) changes of the members' N [N], M1 and M2 [N m], nodes fixed.
+    :ivar inclined: (k, p) changes of the inclinations at the load points, while the nodes are
+        fixed [rad].
+    :ivar forces: (c, 3, p) changes of the members' N [N], M1 and M2 [N m], while the nodes are
+        fixed.
     """
 
     nodes: Array
@@ -65,7 +68,7 @@ class PlaceChanges(NamedTuple):
 @dataclass(frozen=True, eq=False)
 class BentTubes:
     """
-    The tubes of a robot at k places, linearised about a bent state.
+    Tubes of a robot with k load points, linearised about a bent state.
 
     A load is (f_along, f_across, m): forces along and across the straight member, and a moment [N,
     N m]. A response is the displacement along and across the straight member [m], and the
@@ -73,8 +76,8 @@ class BentTubes:
     the mean of both sides.
 
     :ivar structure: frame of the robot.
-    :ivar members: (k,) index of the member of each place in `Robot.member_names`.
-    :ivar places: (k,) distances of the places from the members' starts [m].
+    :ivar members: (k,) index of the member of each load point in `Robot.member_names`.
+    :ivar places: (k,) distances of the load points from the members' starts [m].
     :ivar stiffness: stiffness of the structure relative to its model [-].
     :ivar linear: whether the structure is linear about straight tubes, as in the paper.
     :ivar before: state about which the tubes are linearised; None: the state without loads.
@@ -147,7 +150,7 @@ class BentTubes:
 
     @cached_property
     def ahead(self) -> Array:
-        """Return 1 for each place (k,) on a piece of tube along its member, else -1."""
+        """Return (k,) 1 for load points on pieces of tube that point along the member, else -1."""
         return self._cut[1]
 
     @cached_property
@@ -162,12 +165,12 @@ class BentTubes:
 
     @cached_property
     def frame(self) -> Frame:
-        """Return the frame with cuts at the places."""
+        """Return the frame with cuts at the load points."""
         return self._cut[0]
 
     def locate(self, members: Indices, places: Array) -> tuple[Indices, Array, Array]:
         """
-        Return members of the cut frame, places on them and directions; see `Structure.locate`.
+        Return the members of the cut frame at points, and positions; see `Structure.locate`.
 
         :param members: (c,) indices of the members.
         :param places: (c,) distances from the members' starts [m].
@@ -193,7 +196,7 @@ class BentTubes:
         return self.frame.tangent(displacements, multipliers, pull)
 
     def _spread(self, loads: Array) -> Array:
-        """Return loads (k, 3, p) at the places as loads (3 n, p) on the nodes."""
+        """Return loads (k, 3, p) at the load points as loads (3 n, p) on the nodes."""
         frame, found = self.frame, np.zeros((len(self.frame.points), 3, loads.shape[2]))
         plane = (loads[:, 0] + 1j * loads[:, 1]) * self.axis[:, None]
         found[frame.nodes] = np.stack([plane.real, plane.imag, loads[:, 2]], axis=1)
@@ -201,7 +204,7 @@ class BentTubes:
 
     @cached_property
     def _changes(self) -> tuple[Array, Array]:
-        """Return motions (n, 3, p) of nodes by unit loads, motions of places and residual."""
+        """Return motions (n, 3, p) of nodes, and multipliers, by loads, places and residual."""
         tangent, count = self.tangent, len(self.members)
         units = self._spread(np.eye(3 * count).reshape(count, 3, -1))
         known = np.zeros((count, 3)) if self.before is None else self.before.loads
@@ -214,13 +217,13 @@ class BentTubes:
 
     @property
     def _moving(self) -> slice:
-        """Return the columns of `_changes` that belong to the motions of the places."""
+        """Return the columns of `_changes` that belong to the motions of the load points."""
         count = len(self.members)
         return slice(3 * count, 4 * count)
 
     @cached_property
     def _place_rates(self) -> tuple[Array, Array, Array]:
-        """Return changes of loads (3 n, k), inclinations (k, k) and forces (2 k, 3) by places."""
+        """Return derivatives of loads (3 n, k), inclinations (k, k), forces (2 k, 3) by places."""
         frame, tangent, count = self.frame, self.tangent, len(self.members)
         carried, inclined = np.zeros((len(frame.points) * 3, count)), np.zeros((count, count))
         if self.before is None:
@@ -244,12 +247,12 @@ class BentTubes:
 
     @cached_property
     def _parts(self) -> tuple[Indices, Indices]:
-        """Return the parts (2 k,) before and behind the places, and 2 or 1 for end or start."""
+        """Return the parts (2 k,) before and behind load points; and their ends there, 2 or 1."""
         count = len(self.members)
         return np.append(self.frame.before, self.frame.behind), np.repeat([2, 1], count)
 
     def _mean(self, sides: Array) -> Array:
-        """Return the mean (k, ...) of the values (2 k, ...) before and behind each place."""
+        """Return the mean (k, ...) of the values (2 k, ...) before and behind each load point."""
         count = len(self.members)
         return 0.5 * (sides[:count] + sides[count:])
 
@@ -290,7 +293,7 @@ class BentTubes:
 
     @cached_property
     def given(self) -> Array:
-        """Return the responses (k, 3) without loads and with all places at the starts."""
+        """Return the responses (k, 3) without loads, with all load points at members' starts."""
         state, changes = self._rows
         found = (state + changes[..., -1]) / self.share
         if self.before is not None:
@@ -301,8 +304,8 @@ class BentTubes:
         """
         Return the responses (k, 3) to loads, by the linearisation.
 
-        :param loads: (k, 3) loads at the places.
-        :param places: (k,) distances from the members' starts [m].
+        :param loads: (k, 3) loads at the load points.
+        :param places: (k,) distances of the load points from the members' starts [m].
         """
         moved = np.einsum('iajb,jb->ia', self.matrix, loads)
         return self.given + moved + self.rates @ places
@@ -311,8 +314,8 @@ class BentTubes:
         """
         Return the largest motion of a node from the state of the linearisation [m].
 
-        :param loads: (k, 3) loads at the places.
-        :param places: (k,) distances from the members' starts [m].
+        :param loads: (k, 3) loads at the load points.
+        :param places: (k,) distances of the load points from the members' starts [m].
         """
         ways = self._ways(loads, places)
         moved = np.abs(self._displace(ways)[0][:, :2]).max() / self.share
@@ -339,8 +342,8 @@ class BentTubes:
         """
         Return the linear prediction of the state of the frame.
 
-        :param loads: (k, 3) loads at the places.
-        :param places: (k,) distances from the members' starts [m].
+        :param loads: (k, 3) loads at the load points.
+        :param places: (k,) distances of the load points from the members' starts [m].
         """
         ways, tangent = self._ways(loads, places), self.tangent
         moved, nodes = self._displace(ways)
@@ -353,8 +356,8 @@ class BentTubes:
         """
         Return the tubes linearised about the predicted state.
 
-        :param loads: (k, 3) loads at the places.
-        :param places: (k,) distances from the members' starts [m].
+        :param loads: (k, 3) loads at the load points.
+        :param places: (k,) distances of the load points from the members' starts [m].
         :param structure: new frame of the robot; None: unchanged.
         """
         return BentTubes(
@@ -370,8 +373,8 @@ class BentTubes:
         """
         Return the tubes linearised about their equilibrium under loads.
 
-        :param loads: (k, 3) loads at the places.
-        :param places: (k,) distances from the members' starts [m].
+        :param loads: (k, 3) loads at the load points.
+        :param places: (k,) distances of the load points from the members' starts [m].
         :raises StructureError: no equilibrium is found.
         """
         bent = self
@@ -383,11 +386,12 @@ class BentTubes:
 
     def changes(self, loads: Array, places: Array) -> tuple[Array, PlaceChanges]:
         """
-        Return the changes of the frame by further loads and by p motions of the places.
+        Return the changes of the frame by additional loads and by p motions of the load points.
 
-        :param loads: (k, 3, p) further loads at the places.
-        :param places: (k, p) motion of the places along the members [m].
-        :return: (n, 3, p) displacements of the nodes by the loads, and the changes by the places.
+        :param loads: (k, 3, p) additional loads at the load points.
+        :param places: (k, p) motion of the load points along the members [m].
+        :return: (n, 3, p) displacements of the nodes by the loads, and the changes by the motions
+            of the load points.
         """
         frame, count, found = self.frame, len(self.members), self._changes[0]
         by_loads = found[..., : 3 * count] @ loads.reshape(3 * count, -1)
@@ -399,7 +403,7 @@ class BentTubes:
 
     def inclination_changes(self, moved: Array) -> Array:
         """
-        Return the changes (k, p) of the inclinations at the places by motion of the nodes [rad].
+        Return the changes (k, p) of the inclinations at load points by motion of the nodes [rad].
 
         :param moved: (n, 3, p) displacements ux, uy [m], theta [rad].
         """
@@ -407,9 +411,9 @@ class BentTubes:
 
     def node_changes(self, loads: Array) -> Array:
         """
-        Return the motions (n, 3, p) of the frame's nodes by further loads [m, rad].
+        Return the motions (n, 3, p) of the frame's nodes by additional loads [m, rad].
 
-        :param loads: (k, 3, p) further loads at the places.
+        :param loads: (k, 3, p) additional loads at the load points.
         """
         count = 3 * len(self.members)
         return self._changes[0][..., :count] @ loads.reshape(count, -1) / self.share
@@ -418,8 +422,8 @@ class BentTubes:
         """
         Return the linear prediction of the nodes' displacements, (n, 3) [m, rad].
 
-        :param loads: (k, 3) loads at the places.
-        :param places: (k,) distances from the members' starts [m].
+        :param loads: (k, 3) loads at the load points.
+        :param places: (k,) distances of the load points from the members' starts [m].
         """
         return self.displace(loads, places).displacements / self.share
 
@@ -427,8 +431,8 @@ class BentTubes:
         """
         Return the linear prediction of the members' end forces.
 
-        :param loads: (k, 3) loads at the places.
-        :param places: (k,) distances from the members' starts [m].
+        :param loads: (k, 3) loads at the load points.
+        :param places: (k,) distances of the load points from the members' starts [m].
         :return: (c, 6) forces of the nodes on the members, see `FrameState.end_forces`, and (c,)
             axial forces, see `FrameState.bowing`.
         """
@@ -455,8 +459,8 @@ class BentTubes:
         In the paper's model the effect of loads is scaled by `NEGLIGIBLE_SHARE`.
 
         :param changes: (4, c, p) changes of rest lengths [m], EA [N], EI [N m^2] and GA [N].
-        :return: (n, 3, p) motions of the nodes, (k, p) changes of the inclinations at the places,
-            and (c, 3, p) changes of N, M1 and M2 of the members while the nodes are fixed.
+        :return: (n, 3, p) motions of the nodes; (k, p) changes of the inclinations at the load
+            points; and (c, 3, p) changes of N, M1 and M2 of the members while the nodes are fixed.
         """
         frame, tangent = self.frame, self.tangent
         every = np.arange(len(frame.length))

@@ -47,9 +47,9 @@ class CutFrame(Frame):
     @cached_property
     def rest(self) -> Tangent:
         """
-        Return the frame linearised without loads; it uses the factorisation of the uncut frame.
+        Return the frame linearised without loads, from the factorisation of the uncut frame.
 
-        :raises StructureError: the frame is a mechanism; names the nodes that move.
+        :raises StructureError: the frame is a mechanism; the message names the nodes that move.
         """
         tangent = self.straight
         tangent.borrow(self._frame.rest)
@@ -57,7 +57,9 @@ class CutFrame(Frame):
 
     def locate(self, piece: Indices, within: Array) -> tuple[Indices, Array]:
         """
-        Return the part (c,) at each point, and the distance (c,) of the point from its start [m].
+        Return the part (c,) that contains each point, and the point's distance (c,) on it [m].
+
+        The distance is measured from the start of the part.
 
         :param piece: (c,) index of the member of the uncut frame at each point.
         :param within: (c,) distances of the points from the members' starts [m].
@@ -73,11 +75,11 @@ class CutFrame(Frame):
 
 def keep_apart(pieces: Indices, places: Array, length: Array, shortest: float) -> Array:
     """
-    Return places shifted such that each part of a member has a minimum length.
+    Return positions of cuts, shifted such that each part of a member has a minimum length.
 
-    :param pieces: (c,) index of the member of each place.
-    :param places: (c,) distances from the members' starts [m].
-    :param length: (c,) length of the member of each place [m].
+    :param pieces: (c,) index of the member of each cut.
+    :param places: (c,) distances of the cuts from the members' starts [m].
+    :param length: (c,) length of the member of each cut [m].
     :param shortest: minimum length of a part [m].
     """
     apart = np.clip(places, shortest, length - shortest)

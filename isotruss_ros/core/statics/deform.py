@@ -120,15 +120,15 @@ def deform(
 
     :param config: configuration of the robot, with rollers at rest.
     :param joint_loads: (fx, fy) by joint, robot frame [N]. Joints are hinges and take no moment.
-    :param pressure: gauge pressure [Pa]: one for all tubes, one for each, or by tube name; None:
-        as in the robot file.
+    :param pressure: gauge pressure [Pa]: one number for all tubes, one number for each tube, or a
+        mapping by tube name; None: the pressure of the robot file.
     :param module_loads: (fx, fy, m) by module, at the midpoint of its pinch points [N, N m].
-    :param tube_loads: (l, 4) by member: rows (place, fx, fy, m) with the distance from the
-        member's start [m, N, N m].
+    :param tube_loads: (l, 4) by member: rows (s, fx, fy, m) with the distance s of the load from
+        the member's start [m, N, N m].
     :param paper_model: whether the structure is linear about straight tubes, as in the paper.
-    :raises StructureError: no such joint, module or member; loads that are not finite; a place
-        outside of a member; an invalid pressure; a mechanism (names the moving parts); or loads
-        beyond the limit load (names it).
+    :raises StructureError: the robot has no such joint, module or member; a load is not finite or
+        outside of its member; a pressure is invalid; the robot is a mechanism (the message names
+        the moving parts); or the loads exceed the limit load (the message names it).
     """
     structure = structure_of(config, pressure)
     robot = config.robot

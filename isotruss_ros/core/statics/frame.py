@@ -68,7 +68,7 @@ class Frame(FrameAssembly):
         """
         Return the frame linearised about its unloaded state, (4).
 
-        :raises StructureError: the frame is a mechanism; names the nodes that move.
+        :raises StructureError: the frame is a mechanism; the message names the nodes that move.
         """
         tangent = self.straight
         matrix, scale = tangent.system
@@ -139,8 +139,8 @@ class Frame(FrameAssembly):
         Return displacements, reactions and member forces under loads, by the linear frame (4).
 
         :param loads: (n, 3) loads fx, fy [N], m [N m] on the nodes.
-        :raises StructureError: the frame is a mechanism (names moving nodes), or the loads
-            overflow.
+        :raises StructureError: the frame is a mechanism (the message names the nodes that move),
+            or the loads overflow.
         """
         rest, flat = self.rest, loads.ravel()
         moved, multipliers = (each[:, 0] for each in rest.respond(flat[:, None]))
@@ -175,7 +175,7 @@ class Frame(FrameAssembly):
         :param loads: (n, 3) loads fx, fy [N], m [N m] on the nodes.
         :param start: frame linearised about the initial state; None: about the unloaded state.
         :param growth: largest ratio of the displacements to those of the linear frame [-].
-        :return: the frame linearised about its equilibrium; None if there is none near.
+        :return: the frame linearised about its equilibrium; None if none is found near the start.
         :raises StructureError: the frame is a mechanism.
         """
         tangent = self.rest if start is None else start

@@ -66,7 +66,7 @@ class FrameAssembly:
 
     @cached_property
     def uncut(self) -> Flags:
-        """Return the mask of the members of the uncut frame that are in one part."""
+        """Return the mask of the members of the uncut frame that no cut divides."""
         return np.bincount(self.whole) == 1
 
     def assemble(

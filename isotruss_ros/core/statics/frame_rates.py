@@ -4,8 +4,8 @@
 """
 Derivatives of the robot's frame by roller travel and pressures.
 
-Only rest lengths and sections of the tubes change with them; displaced nodes, bisections (3) and
-supports are constant.
+Only rest lengths and sections of the tubes depend on these parameters; displaced nodes, bisections
+(3) and supports are constant.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ def section_rates(tubes: BentTubes, moved: Points, inflated: Array) -> Array:
     Return the changes (4, c, p) of the sections of the cut frame's members, by p parameters.
 
     A section is rest length [m], EA [N], EI [N m^2] and GA [N]. Sections of modules are constant.
-    The places on the tubes are constant.
+    The positions of the cuts along the members are constant.
 
-    :param tubes: tubes cut at the places.
+    :param tubes: tubes that are cut at their load points.
     :param moved: (N, p) motion of the nodes of the configuration, x + iy [m].
     :param inflated: (t, p) changes of the gauge pressures of the tubes [Pa].
     """

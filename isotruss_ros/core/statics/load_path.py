@@ -70,6 +70,6 @@ def follow_loads(frame: Frame, loads: Array, most: float, farthest: float = np.i
 
 
 def _step(frame: Frame, tangent: Tangent, loads: Array) -> Tangent | None:
-    """Return the next stable equilibrium on a path; None if no near one exists."""
+    """Return the next stable equilibrium on a path; None if none exists nearby."""
     found = frame.bend(loads, tangent)
     return found if found is not None and found.is_stable else None

@@ -23,7 +23,7 @@ class Sag(NamedTuple):
     """Fit of a uniform module weight to measured displacements of the joints."""
 
     weight: Array  #: (2,) weight of each module, robot frame [N]
-    explained: float  #: share of the squared displacements that it explains [-]
+    explained: float  #: share of the squared displacements that the weight explains [-]
     largest: float  #: largest displacement of a joint [m]
 
     def __str__(self) -> str:

@@ -26,8 +26,8 @@ MEMBRANE_SHEAR_MODULUS = 1.0e4
 END_SOFTENING = 2.0 * np.pi / (4.0 - np.pi)
 #: Shear coefficient of a thin circular tube [-].
 SHEAR_COEFFICIENT = 0.5
-#: Gauge pressure [Pa]: one for all tubes, one for each in the order of the robot file, or by tube
-#: name.
+#: Gauge pressure [Pa]: one number for all tubes, one number for each tube in the order of the
+#: robot file, or a mapping by tube name.
 Pressure: TypeAlias = 'ArrayLike | Mapping[str, float]'
 
 
@@ -58,7 +58,7 @@ class TubeStiffness(Protocol):
         Return the section stiffness of whole members.
 
         :param length: (k,) lengths from pinch point to pinch point [m].
-        :param pressure: (k,) gauge pressures, or one for all [Pa].
+        :param pressure: (k,) gauge pressures, or one pressure for all [Pa].
         :raises StructureError: no stiffness exists at this length and pressure.
         """
 
@@ -105,7 +105,7 @@ class InflatableBeam:
         return Fabric(self.membrane_modulus, self.membrane_shear_modulus)
 
     def section_stiffness(self, length: ArrayLike, pressure: ArrayLike) -> SectionStiffness:
-        """Return EA of each length, EI and GA; see `TubeStiffness.section_stiffness`."""
+        """Return EA, EI and GA; EA depends on length; see `TubeStiffness.section_stiffness`."""
         length, pressure = broadcast_members(length, pressure)
         R = self.radius
         force = pressure * np.pi * R**2
@@ -130,7 +130,7 @@ def broadcast_members(length: ArrayLike, pressure: ArrayLike) -> tuple[Array, Ar
     Return the members' lengths and gauge pressures as arrays (k,).
 
     :param length: (k,) lengths [m].
-    :param pressure: (k,) gauge pressures, or one for all [Pa].
+    :param pressure: (k,) gauge pressures, or one pressure for all [Pa].
     :raises StructureError: a value is not a positive number.
     """
     length = np.atleast_1d(np.asarray(length, dtype=float))
@@ -153,11 +153,11 @@ def tube_pressures(
     Return the gauge pressure of each tube, in the order of the robot file.
 
     :param description: description of the robot.
-    :param pressure: gauge pressure [Pa]: one for all tubes, (t,) in the order of the robot file,
-        or by tube name; None: as in the robot file.
+    :param pressure: gauge pressure [Pa]: one number for all tubes, (t,) numbers in the order of
+        the robot file, or a mapping by tube name; None: the pressure of the robot file.
     :return: (t,) gauge pressures [Pa].
-    :raises StructureError: no such tube, a wrong number of pressures, or a pressure that is not a
-        number from 1e-3 to 1e7 Pa.
+    :raises StructureError: the robot has no such tube, the number of pressures is wrong, or a
+        pressure is not a number from 1e-3 to 1e7 Pa.
     """
     found = dict(description.pressures)
     if pressure is None:

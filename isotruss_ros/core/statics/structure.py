@@ -30,8 +30,8 @@ class Structure:
     """
     The frame of a robot in one configuration.
 
-    Nodes are first the joints, then B, C, D, E of each module. Members are AB, AC, BC, the tube
-    pieces BD and CE, and the long tube pieces DE', m of each for m modules.
+    Nodes are first the joints, then B, C, D, E of each module. Each of the m modules has the
+    members AB, AC, BC, the tube pieces BD and CE, and one long tube piece DE'.
 
     :param config: configuration of the robot.
     :param pressures: gauge pressures [Pa], see `tube_pressures`.
@@ -194,7 +194,7 @@ def structure_of(config: Configuration, pressure: Pressure | None = None) -> Str
     :param config: configuration of the robot.
     :param pressure: gauge pressure [Pa], see `tube_pressures`; None: the pressure of the robot
         file.
-    :raises StructureError: an invalid pressure, or see `Structure`.
+    :raises StructureError: the pressure is invalid, or see `Structure`.
     """
     return _structure(config, tube_pressures(config.robot.description, pressure))
 

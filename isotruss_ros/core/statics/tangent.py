@@ -35,8 +35,9 @@ class CondensedChains(NamedTuple):
     Cut members whose inner points are eliminated by static condensation.
 
     :ivar chains: the cut members.
-    :ivar inverse: (b, 3 p, 3 p) displacements of the inner points by their loads, ends fixed.
-    :ivar spread: (b, 3 p, 6) displacements of the inner points by those of the ends.
+    :ivar inverse: (b, 3 p, 3 p) displacements of the inner points by loads on them, while the
+        member ends are fixed.
+    :ivar spread: (b, 3 p, 6) displacements of the inner points by displacements of the ends.
     :ivar stiffness: (b, 3 p, 3 p) stiffness of the inner points with fixed member ends.
     """
 
@@ -48,7 +49,7 @@ class CondensedChains(NamedTuple):
 
 class FactoredFrame(NamedTuple):
     """
-    The factored matrix of (4), for responses in near states as well.
+    Factorised matrix of (4), which also serves for responses in similar states.
 
     :ivar factor: factor of the scaled matrix.
     :ivar scale: (f + c,) scaling of its rows and columns.
@@ -128,10 +129,10 @@ class Tangent:
 
     def respond(self, loads: Array, gaps: Array | float = 0.0) -> tuple[Array, Array]:
         """
-        Return the displacements (3 n, p) and multipliers (c, p) under further loads.
+        Return the displacements (3 n, p) and multipliers (c, p) under additional loads.
 
-        :param loads: (3 n, p) loads [N], [N m].
-        :param gaps: (c, p) openings of the constraints.
+        :param loads: (3 n, p) additional loads [N], [N m].
+        :param gaps: (c, p) changes of the constraints' values.
         """
         borne = loads
         if self.chains:
@@ -153,9 +154,11 @@ class Tangent:
 
     def borrow(self, other: Tangent) -> None:
         """
-        Use the factorised matrix of the frame in a similar state; called first.
+        Use the factorised matrix of the frame in a similar state.
 
-        :param other: frame linearised about the similar state, with any cuts.
+        It must be called before any matrix of this frame is computed.
+
+        :param other: frame linearised about the similar state; it may have other cuts.
         """
         frame, known, lender = self._frame, other._frame, other._linear
         kept = {'factored': other.factored, '_lent': lender}
@@ -174,7 +177,7 @@ class Tangent:
 
     @property
     def _linear(self) -> Tangent:
-        """Return the frame with the members by which `respond` is."""
+        """Return the linearised frame whose matrix is used in `respond`: another or this one."""
         return self.__dict__.get('_lent', self)
 
     @cached_property
@@ -346,7 +349,7 @@ def end_forces(pull: Array, moments: Array, length: Array) -> Array:
 
 def _condense(matrices: Array, chains: Chains) -> CondensedChains:
     """
-    Eliminate the inner points of cut members; each first part gets the condensed stiffness.
+    Eliminate the inner points of cut members; a member's first part gets the condensed stiffness.
 
     :param matrices: (k, 6, 6) stiffness of all parts, in the plane.
     :param chains: the cut members.

@@ -32,7 +32,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 #: Relative half step of central differences by length and pressure [-]. The relative error is
-#: about its square plus rounding divided by it.
+#: about the square of the step plus rounding divided by the step.
 DIFFERENCE_STEP = 1e-5
 
 
@@ -83,7 +83,7 @@ class Section:
         """
         Return the section with EA, EI and GA of a robot file; see `TubeStiffness.of_block`.
 
-        Without a pressure in the block, they are the values at the pressure of the robot file.
+        If the block has no pressure, these are the values at the pressure of the robot file.
         """
         at = {'pressure': next(iter(description.pressures.values()))}
         return cls(**as_floats(at | dict(block)), radius=0.5 * description.tube_diameter)
@@ -94,7 +94,8 @@ class PowerLaw:
     """
     Measured end stiffnesses of a member, as power laws of pressure and length.
 
-    :param axial: axial force over displacement of a pinch point, the other one fixed [N/m].
+    :param axial: axial force over displacement of a pinch point, while the other pinch point is
+        fixed [N/m].
     :param transverse: transverse force over displacement of a tube's end at a guide ring, with the
         other end and both end rotations fixed [N/m].
     :param rotary: moment over rotation of a tube's end at a guide ring, with its translation and
@@ -141,9 +142,10 @@ class PowerLaw:
         phi) EI / (l (1 + phi)), where phi = 12 EI / (GA l^2).
 
         :param length: (k,) lengths of whole members, pinch point to pinch point [m].
-        :param pressure: (k,) gauge pressures, or one for all [Pa].
-        :raises StructureError: a member is shorter than its guide rings, a law has no stiffness,
-            or no beam has these stiffnesses. The message names length and pressure.
+        :param pressure: (k,) gauge pressures, or one pressure for all [Pa].
+        :raises StructureError: a member is shorter than the distance of its guide rings from the
+            pinch points, a law gives no stiffness, or no beam has these stiffnesses. The message
+            names length and pressure.
         """
         length, pressure = broadcast_members(length, pressure)
         axial, transverse, rotary = self._end_stiffnesses(length, pressure)

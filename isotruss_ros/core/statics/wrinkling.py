@@ -66,9 +66,9 @@ def _use_pieces(
     structure: Structure, frame: Frame, end_forces: Array, pulls: Array
 ) -> tuple[Indices, Indices, Array, Array]:
     """
-    Return the p pieces of tube, their members, |M| / M_w (3, p), and the places of these values.
+    Return the p pieces of tube, their members, |M| / M_w (3, p), and the positions of its values.
 
-    The values are at the start, at the end and at the maximum inside the piece.
+    The values are those at the start, at the end and at the maximum inside the piece.
     """
     config, (pieces, member) = structure.config, tube_pieces(structure, frame)
     ends, topology = end_forces[pieces], config.robot.topology
@@ -138,10 +138,10 @@ def use_sections(
 
 def find_most_used(used: Array, member: Indices) -> Indices:
     """
-    Return the index (m,) of the place with the largest utilisation on each member.
+    Return the index (m,) of the point with the largest utilisation on each member.
 
-    :param used: (c,) |M| / M_w at the places.
-    :param member: (c,) index of the member of each place.
+    :param used: (c,) |M| / M_w at c points of the members.
+    :param member: (c,) index of the member of each point.
     """
     order = np.lexsort((used, member))
     return order[np.flatnonzero(np.diff(member[order], append=-1))]
