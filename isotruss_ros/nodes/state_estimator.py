@@ -170,7 +170,7 @@ class StateEstimatorNode(ManagedNode):
                 self.warn('measurement', str(error))
 
     def _take_pressures(self, now: float) -> str:
-        """Use new pressures in the model; return the reason if the last pressures remain in use."""
+        """Use new pressures in the model; return the reason if the last remain in use."""
         try:
             found = fresh_pressures(now, self.values.pressure_timeout, self.pressures)
         except InputError as error:

@@ -324,7 +324,7 @@ class GraspSequences(TrackedShape):
         return f', {1e3 * left:.3g} mm from where it lay, after {1e3 * moved:.3g} mm{why}'
 
     def _drive(self, trajectory: Any, change: float, before: int, after: int) -> Steps:
-        """Move the rollers along a trajectory; `stage` changes `change` seconds after its start."""
+        """Move the rollers along a trajectory; the stage changes `change` seconds after start."""
         end = read_duration(trajectory.points[-1].time_from_start)
 
         def progress(feedback: Any) -> float:
