@@ -225,7 +225,7 @@ class DemoClient(Node):
         return self._rest is not None and self._stamp - self._moved > REST_TIME
 
     def _idle(self) -> bool:
-        """Return whether the manipulation follows a zero twist and the object is at rest."""
+        """Return whether the manipulation executes a zero twist and the object is at rest."""
         last = self._last_status
         if last is None or last.code not in (Status.OK, Status.IDLE):
             return False

@@ -50,7 +50,7 @@ def slow_down(grasp: PlannedGrasp, factor: float) -> None:
 
 def is_sure(estimates: Sequence[StateEstimate]) -> bool:
     """
-    Return whether the last standard deviations of the roller offsets allow to plan a grasp.
+    Return whether the last standard deviations of the roller offsets are at most `SURE`.
 
     :param estimates: estimates of the state, in time order.
     """
