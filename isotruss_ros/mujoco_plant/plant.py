@@ -311,7 +311,7 @@ class MujocoPlant:
         self.model.qpos_spring[self._slide_qpos] = self._slide_rest * change[self._slide_member]
 
     def _move_surface(self) -> None:
-        """Set the surface speed of each segment to the speed of the tube's material along the segment."""
+        """Set each segment's surface speed to the tube material's speed along the segment."""
         topology = self.robot.topology
         through = np.zeros(topology.n_modules)
         through[topology.driven] = self._speeds
