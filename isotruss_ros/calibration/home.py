@@ -29,7 +29,7 @@ MIN_SINGULAR_RATIO = 1e-2
 
 @dataclass(frozen=True, eq=False, repr=False)
 class HomeCalibration(Record, headline=('zeros', 'deviations', 'residuals')):
-    """Fitted roller offsets, and the robot's description with home where the encoders read zero."""
+    """Fitted roller offsets, and the robot's description with home where encoders read zero."""
 
     #: (r,) roller travel, from the home of the robot file, at which the encoders read zero [m]
     zeros: Array
