@@ -30,9 +30,9 @@ DASHES = {OPEN: '-', FEEDBACK: '--', REGULATED: '-.'}
 #: Bounds of the errors of position [mm] and orientation [degrees].
 BOUNDS = {OPEN: (12.0, 1.5), FEEDBACK: (4.0, 0.5), REGULATED: (2.0, 0.3)}
 REASONS = {
-    OPEN: 'the tubes are elastic, and the program is for rigid ones',
-    FEEDBACK: 'the same: the gain is 1/s',
-    REGULATED: 'the robot lags: drag, and masses that the gains give time',
+    OPEN: 'the tubes are elastic, and the program assumes rigid tubes',
+    FEEDBACK: 'the same, reduced by feedback with a gain of 1/s',
+    REGULATED: 'the robot lags by drag and by the inertia of its masses',
 }
 
 
@@ -68,9 +68,9 @@ def compare(phases: Sequence[Phase] = figure_9()) -> Section:
         'Fig. 9 carried',
         'An object of 0.3 m in a corner of 60° is carried along the path of Fig. 9 with a '
         f'coefficient of friction of {FRICTION:g}. The robot is controlled in three ways. '
-        '“Open loop” is the paper’s program for rigid tubes. “Feedback” adds a twist of the pose '
-        'error times 1/s. “Squeeze regulated” is the servo of `manipulation`, which controls the '
-        'squeeze.',
+        '“Open loop” is the paper’s program for rigid tubes. “Feedback” adds a twist that is the '
+        'pose error times a gain of 1/s. “Squeeze regulated” is the servo of `manipulation`, '
+        'which controls the squeeze.',
         tuple(checks),
         (
             Table(

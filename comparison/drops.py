@@ -116,7 +116,8 @@ def compare(cases: int = CASES) -> Section:
         (
             Table(
                 'drops',
-                'All cases; off is the distance from where our model has the object at the end',
+                'All cases; “off” is the final distance of the object from its position in our '
+                'model',
                 (
                     'case',
                     'wedge [°]',

@@ -56,7 +56,7 @@ def compare(grips: Sequence[PressedCase] = GRIPS) -> Section:
         100.0 * max(errors),
         3.0,
         '%',
-        'the normal forces, and the time in which it moves away',
+        'errors of the normal forces, and the time in which the object moves by 2 mm',
     )
     return Section(
         'Friction lowered until the object is lost',

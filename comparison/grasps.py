@@ -19,7 +19,7 @@ import numpy as np
 from paper.tables import number, Table
 
 WEDGES, INDENTATIONS = (55.0, 40.0, 30.0), (0.01, 0.02, 0.04)
-STEPS = 'MuJoCo bends in steps, and its friction creeps'
+STEPS = "MuJoCo's tubes bend only between segments, and its friction creeps"
 #: Coefficient of friction at which each wedge holds [-].
 FRICTION = 0.8
 #: Number of segments of members in contact [-], twice the usual.
@@ -57,10 +57,10 @@ def compare(
         'Forces, friction and stiffness of grasps',
         'An object of 0.3 m is pressed into the corner of the tube `north` at the joint `Z`. '
         'First the object is fixed and without friction: normal forces and their positions are '
-        f'compared with `analyze_grasp`. Then it is released with friction ({FRICTION:g}). It '
-        'should move by the unbalanced wrench over the grasp stiffness; equilibrium, forces and '
-        'required friction are compared with `settle_grasp`. Small wrenches measure the '
-        'stiffness. Grasps with wrinkling tubes have no bound.',
+        f'compared with `analyze_grasp`. Then it is released with friction ({FRICTION:g}). '
+        'Its predicted displacement is the unbalanced wrench divided by the grasp stiffness; '
+        'equilibrium, forces and required friction are compared with `settle_grasp`. Small '
+        'wrenches measure the stiffness. Grasps with wrinkling tubes have no bound.',
         _checks(found),
         _tables(found),
     )
@@ -140,7 +140,7 @@ def _checks(found: Sequence[Compared]) -> tuple[Check, ...]:
     kinds: tuple[tuple[str, float, float, str, Callable[[Compared], Array | float]], ...] = (
         ('normal forces, fixed', 2.0, 1e2, '%', lambda g: _off(g.normals)),
         ('place of contact', 3.0, 1e3, 'mm', lambda g: g.places),
-        ('give on release', 5.0, 1e2, '%', _give_error),
+        ('displacement on release', 5.0, 1e2, '%', _give_error),
         ('normal forces, free', 1.0, 1e2, '%', lambda g: _off(g.free)),
         ('required friction', 2.0, 1e2, '%', lambda g: _off(g.required)),
         ('grasp stiffness', 4.0, 1e2, '%', _stiffness_error),
@@ -202,7 +202,7 @@ def _tables(found: Sequence[Compared]) -> tuple[Table, ...]:
         Table(
             'grasps_free',
             'Released object, held by friction; the give is the displacement of its centre on '
-            'release, and the stiffness is compared as compliance',
+            'release, and stiffnesses are compared by their inverses, the compliances',
             (
                 *wedge,
                 'give MuJoCo [mm]',

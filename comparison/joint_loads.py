@@ -47,12 +47,16 @@ def compare(soft: int = 2) -> Section:
             cells = (number(100.0 * off, 2), number(100.0 * large, 2))
             rows.append((label, rigidity, joint, give, *cells))
     check = Check(
-        'displacements under joint loads', 100.0 * worst, 0.2, '%', 'MuJoCo bends in steps'
+        'displacements under joint loads',
+        100.0 * worst,
+        0.2,
+        '%',
+        "MuJoCo's tubes bend only between segments",
     )
     small, large = np.hypot(*SMALL), np.hypot(*LARGE)
     return Section(
         'Displacements under joint loads',
-        f'A force of {small:.2g} N, then one of {large:.2g} N, pulls at each joint.',
+        f'A force of {small:.2g} N, then a force of {large:.2g} N, acts on each joint.',
         (check,),
         (
             Table(

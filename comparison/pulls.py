@@ -60,7 +60,7 @@ def compare(
             cells = (number(theirs), number(ours), number(margin))
             rows.append((name, f'{math.degrees(direction):.0f}', *cells))
     check = Check(
-        'pull at which a contact slips',
+        'force at which a contact slips',
         100.0 * max(errors),
         4.0,
         '%',
@@ -68,15 +68,16 @@ def compare(
     )
     return Section(
         'Slip margin under pulls',
-        f'A pull at the free object rises by {RATE:g} N/s in one of eight directions until a '
-        f'contact slips. The coefficient of friction is {FRICTION:g}. Our value is the pull at '
-        'which a contact of the equilibrium slips. The last column is `slip_margin`: the smallest '
-        'wrench of any direction, moments included, at which a contact slips.',
+        f'A force on the held object grows by {RATE:g} N/s in one of eight directions until a '
+        f'contact slips in MuJoCo. The coefficient of friction is {FRICTION:g}. Our model gives '
+        'the force at which a contact first slips in the computed equilibrium of the object. The '
+        'last column is `slip_margin`: the smallest wrench of any direction, moments included, at '
+        'which a contact slips.',
         (check,),
         (
             Table(
                 'pulls',
-                'Pull at which a contact slips or lets go [N]',
+                'Force at which a contact slips or opens [N]',
                 ('wedge, indentation', 'direction [°]', 'MuJoCo', 'ours', 'slip margin'),
                 rows,
                 shown=False,

@@ -96,10 +96,13 @@ def compare_discs(count: int = 20) -> Section:
         f'{1e3 * INDENTATION:.0f} mm with a coefficient of friction of {FRICTION:g}. Each moves '
         f'on {LEGS} random legs of up to {1e3 * REACH[0]:.0f} mm and {REACH[2]:g} rad in '
         f'{LEG_TIME:g} s, or longer where the loop slows it. The measured poses have a noise of '
-        f'{1e3 * NOISE[0]:g} mm and {np.degrees(NOISE[1]):.1f}°. Unexpected pulls of {PULL:g} '
-        'times the slip margin last for half of a leg. The loop holds the object for '
-        f'{REST:g} s; then a path on which its model predicts a loss is refused. An object that '
-        'leaves the grip before there is a loop is drawn again.'
+        f'{1e3 * NOISE[0]:g} mm and {np.degrees(NOISE[1]):.1f}°. In the row “{PULLED}”, '
+        f'unexpected external forces of {PULL:g} times the slip margin act for half of a leg. The '
+        f'loop holds the object for {REST:g} s; then a path on which its model predicts a loss is '
+        'refused. “Stands held” means that the servo stopped while the object was held; “lost and '
+        'said” that it reported a loss, “lost in silence” that it did not. “Off” is the final '
+        'deviation of the position from the executed twists, or of the squeeze from its desired '
+        'value. An object that leaves the grip before the control starts is drawn again.'
     )
     return _compare(DISC, count, words)
 

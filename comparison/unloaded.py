@@ -43,7 +43,7 @@ def compare(shapes: int = 3) -> Section:
         worst / MICROMETRE,
         1.0,
         'µm',
-        'drag and losses against soft members die out slowly',
+        'the motion of soft members decays slowly by drag and losses',
     )
     return Section(
         'Unloaded nodes',

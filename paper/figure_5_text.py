@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 import math
 
 from paper.figure_5 import Shape
@@ -33,12 +33,14 @@ def report(shapes: Mapping[str, Shape]) -> Report:
         f'{number(100 * min(axial), 2)} to {number(100 * max(axial), 2)} % of the strain energy '
         'is axial. Two hinged bars with the legs’ axial stiffness k have the stiffness 2 k sin²α, '
         f'which is {number(100 * (min(bars) - 1), 2)} to {number(100 * (max(bars) - 1), 2)} % '
-        'larger: modules turn about the joints, which bends the tubes. A tube wrinkles at a '
-        f'displacement of {number(min(sunk), 2)} to {number(max(sunk), 2)} mm, where the force of '
-        f'the linear model is {" / ".join(number(share, 2) for share in excess)} % larger. '
+        'larger than the stiffness of our model. Our model is softer because its modules turn '
+        'about the joints, which bends the tubes. A tube wrinkles at a displacement of '
+        f'{number(min(sunk), 2)} to {number(max(sunk), 2)} mm. At this displacement the force of '
+        'a linear model is larger than that of our nonlinear model, by '
+        f'{_in_words(shapes, [f"{number(share, 2)} %" for share in excess])}. '
         'Without wrinkling, the triangle would bear at most '
-        f'{" / ".join(number(force) for force in largest)} N up to a displacement of 10 cm, where '
-        'the curves are nearly level.',
+        f'{_in_words(shapes, [f"{number(force)} N" for force in largest])} up to a displacement '
+        'of 10 cm, where the curves are nearly level.',
         difference='The text does not say which shape is the stiffest.',
         assumption='Edges are pinch to pinch, so all shapes have '
         f'{number(100 * total)} cm of tube. The base modules are pinned at A. A tube wrinkles at '
@@ -46,6 +48,12 @@ def report(shapes: Mapping[str, Shape]) -> Report:
         '(1963) 1652). Larger moments are not modelled.',
         tables=(_stiffnesses(shapes), _limits(shapes)),
     )
+
+
+def _in_words(shapes: Mapping[str, Shape], values: Sequence[str]) -> str:
+    """Return a value for each shape, with the name of the shape."""
+    *others, last = (f'{value} ({name})' for name, value in zip(shapes, values, strict=True))
+    return f'{", ".join(others)} and {last}'
 
 
 def _stiffnesses(shapes: Mapping[str, Shape]) -> Table:

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Node `grasp_analysis`: contact forces and force closure of the measured object."""
+"""Node `grasp_analysis`: it computes contact forces and force closure of the measured object."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ class GraspAnalysisNode(ManagedNode):
     node_name = 'grasp_analysis'
     specs = SPECS
     awaited = ('joint_states', 'object_pose')
-    #: Time of the last markers [s].
+    #: Time at which markers were last published [s].
     _drawn = 0.0
 
     def configure(self) -> None:
@@ -92,13 +92,13 @@ class GraspAnalysisNode(ManagedNode):
         self.inputs.keep(WrenchStamped, 'external_wrench', self._read_wrench, 'wrench')
 
     def _read_wrench(self, message: WrenchStamped) -> tuple[float, float, float]:
-        """Return the external wrench of a message in the aligned or the object's frame."""
+        """Return the external wrench of a message in the aligned frame or the object's frame."""
         pose = self._monitor.pose
         known = isinstance(pose, StampedInput)
         return read_external_wrench(message, self.robot.frame, pose.value.angle if known else None)
 
     def _make_query(self) -> GraspQuery:
-        """Return the query by the parameters; the object's own friction has precedence."""
+        """Return the query by the parameters; a friction in the object's description precedes."""
         values = self.values
         body = self._described or ConvexObject(Disc(values.object_diameter))
         friction = values.friction if body.friction is None else body.friction

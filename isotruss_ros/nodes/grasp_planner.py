@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Node `grasp_planner`: search for grasps of a free object."""
+"""Node `grasp_planner`: it searches for grasps of a free object."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ SPECS = (
         'workers', 0, 'Number of search processes, one for each core if 0', (0, MAX_WORKERS)
     ),
 )
-#: Polling period of a search [s].
+#: Period at which the node checks whether a search has finished [s].
 POLLING_PERIOD = 0.02
 
-#: Final state of a goal by the outcome; a goal with any other outcome is aborted.
+#: Final state of a goal for each outcome; a goal with any other outcome is aborted.
 ENDINGS = {
     SearchOutcome.FOUND: Ending.SUCCEEDED,
     SearchOutcome.CANCELLED: Ending.CANCELED,
@@ -42,7 +42,7 @@ ENDINGS = {
 
 class GraspPlanner(ManagedNode):
     """
-    Node that executes one search at a time, and refuses other goals in the meantime.
+    Node that executes one search at a time, and refuses other goals during a search.
 
     The search runs in its own thread and processes; a timer polls it.
     """

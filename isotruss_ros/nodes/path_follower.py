@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Node `path_follower`: following of object paths by twists for `manipulation`."""
+"""Node `path_follower`: it moves the object along a path by twists for `manipulation`."""
 
 from __future__ import annotations
 
@@ -43,16 +43,17 @@ SPECS = (
     Spec('smooth_path', False, 'Spline through the poses; straight from pose to pose if false'),
     *common.OBJECT_SPECS,
 )
-#: Fields of a result: errors of the last cycle, and those of the whole path.
+#: Fields of a result with errors of the last cycle (`LAST_ERRORS`) and of the whole path
+#: (`TRACKED_ERRORS`).
 LAST_ERRORS = ('position_error', 'angle_error')
 TRACKED_ERRORS = ('max_position_error', 'max_angle_error', 'rms_position_error')
 FEEDBACK = (*LAST_ERRORS, 'progress', 'time_left')
-#: Feedback during the feasibility check of a path.
+#: Feedback while the feasibility of a path is checked.
 NO_FEEDBACK = FollowObjectPath.Feedback(
     position_error=np.nan, angle_error=np.nan, progress=0.0, time_left=np.nan
 )
 
-#: Final state of a goal by the outcome; a goal with any other outcome is aborted.
+#: Final state of a goal for each outcome; a goal with any other outcome is aborted.
 ENDINGS = {
     PathOutcome.REACHED: Ending.SUCCEEDED,
     PathOutcome.CANCELLED: Ending.CANCELED,
@@ -62,16 +63,16 @@ ENDINGS = {
 
 class PathFollower(ManagedNode):
     """
-    Node that follows one path at a time, and is silent on `cmd_vel` without a path.
+    Node that follows one path at a time, and publishes on `cmd_vel` only during a path.
 
-    The callbacks of the action begin and end a goal; the cycle publishes the twists.
+    The callbacks of the action begin and end a goal; the control cycle publishes the twists.
     """
 
     node_name = 'path_follower'
     specs = SPECS
     awaited = ('follow_object_path',)
     _last: Tracking | None = None
-    #: Path whose feasibility is checked in a thread; the node receives inputs in the meantime.
+    #: Path whose feasibility is being checked in a thread; the node receives inputs meanwhile.
     _waiting: tuple[Future[None], ObjectPath, TrackingSettings] | None = None
 
     def create(self) -> None:
@@ -130,7 +131,7 @@ class PathFollower(ManagedNode):
     # -- The action --
 
     def _read(self, goal: FollowObjectPath.Goal) -> tuple[ObjectPath | None, TrackingSettings]:
-        """Return path and settings of a goal; the path is None for the current pose."""
+        """Return path and settings of a goal; None as path if the object is at its only pose."""
         values = self.values
         settings = TrackingSettings(
             goal.position_tolerance,
@@ -154,7 +155,7 @@ class PathFollower(ManagedNode):
         self._waiting = foreseen, path, settings
 
     def _begin_foreseen(self) -> None:
-        """Start to follow the checked path, or abort the goal with a reason."""
+        """Follow the path once its check is done, or abort the goal if the path is infeasible."""
         foreseen, path, settings = self._waiting
         if not foreseen.done():
             return
@@ -235,11 +236,11 @@ def _check_path(
     robot: Robot, values: Parameters, servo: PathServo, path: ObjectPath, now: float
 ) -> None:
     """
-    Raise PathError if the held object would slip on a path, at the current squeeze.
+    Raise PathError if the model predicts that the held object slips along a path.
 
-    The check starts from the grip of `manipulation` if that controls the squeeze. Without roller
-    positions, or if the object is not held at the start of the path, nothing is checked, because a
-    pushed object has no slip margin.
+    The prediction assumes the current squeeze. It starts from the grip of `manipulation` if that
+    node controls the squeeze. Nothing is checked if roller positions are missing, or if the object
+    is not held at the start of the path, because a pushed object has no slip margin.
     """
     state = find_fresh(now, servo.timeout, servo.rollers)
     if state is None:

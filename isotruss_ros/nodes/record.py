@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Node `record`: records the topics of the viewer to an MCAP file."""
+"""Node `record`, which records the topics of the viewer to an MCAP file."""
 
 from __future__ import annotations
 
@@ -47,9 +47,9 @@ TOPICS = {
     'grasp/markers': MarkerArray,
     '/diagnostics': DiagnosticArray,
 } | ({} if TFMessage is None else {'/tf': TFMessage})
-#: Sequence number of all messages, because subscribers do not know it.
+#: Sequence number written for all messages, because subscribers do not receive the number.
 UNKNOWN_SEQUENCE_NUMBER = 0
-#: Period of writing to the file, the largest loss if the recorder is killed [s].
+#: Period of writing to the file [s]; messages of one period may be lost if the recorder is killed.
 WRITING_PERIOD = 0.5
 
 
@@ -58,7 +58,7 @@ class RecordError(IsotrussError, OSError):
 
 
 class Record(StoppableNode):
-    """Node that records every message of the viewer's topics, from the first one on."""
+    """Node that records every message of the viewer's topics from its start on."""
 
     node_name = 'record'
     specs = SPECS
@@ -125,7 +125,7 @@ class Record(StoppableNode):
         self.count += 1
 
     def _register(self, topic: str) -> int:
-        """Add a channel for a topic with its publishers' quality of service, like rosbag2."""
+        """Add a channel for a topic, with its publishers' quality of service as in rosbag2."""
         kind = TOPICS[topic]
         schema = self._writer.register_schema(
             type_name(kind), 'ros2msg', schema_text(kind).encode()
@@ -143,7 +143,7 @@ class Record(StoppableNode):
 
     @contextlib.contextmanager
     def _writing(self) -> Iterator[None]:
-        """Close the file if the disk is full."""
+        """Close the file if writing in the block fails because the disk is full."""
         try:
             yield
         except OSError as error:
@@ -157,7 +157,7 @@ class Record(StoppableNode):
 
 
 def _describe_quality(profile: QoSProfile) -> dict[str, object]:
-    """Return a quality of service with the keys and values of rosbag2."""
+    """Return a quality of service as a mapping with the keys and values of rosbag2."""
 
     def parts(duration: Duration) -> dict[str, int]:
         seconds, nanoseconds = divmod(duration.nanoseconds, 10**9)

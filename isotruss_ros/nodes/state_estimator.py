@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Node `state_estimator`: estimates configuration and squeeze from all sensors of the robot."""
+"""Node `state_estimator`, which estimates configuration and squeeze from all sensors."""
 
 from __future__ import annotations
 
@@ -35,9 +35,9 @@ from isotruss_ros.nodes.framework.parameters import FixedSpec, Spec, Value
 from isotruss_ros.nodes.framework.sensors import Inputs
 from isotruss_ros.nodes.framework.topics import RELIABLE
 
-#: Period of the test whether the robot is upright and sags [s].
+#: Period of the test whether the robot is upright and sags under its weight [s].
 SAG_PERIOD = 2.0
-#: Prior standard deviations for a robot that was not homed.
+#: Prior standard deviations for a robot whose home was not calibrated.
 PRIOR = EstimatorSettings()
 SPECS = (
     common.OBJECT_DIAMETER,
@@ -79,7 +79,7 @@ class StateEstimatorNode(ManagedNode):
     awaited = ('joint_states',)
     _estimator: StateEstimator | None = None
     _last: StateEstimate | None = None
-    #: Result of the last test for sag in words, and its time [s].
+    #: Result in words of the last test whether the robot sags, and time of the test [s].
     _sag, _sought = '', -math.inf
     rollers: Input = None
     pose: Input = None
@@ -111,7 +111,7 @@ class StateEstimatorNode(ManagedNode):
         self._estimator = self._last = None
 
     def details(self) -> dict[str, object]:
-        """Return the used measurements and the faults of sensors for the diagnostics."""
+        """Return the used measurements and the faults of sensors by name for the diagnostics."""
         estimate = self._last
         if estimate is None:
             return {}
@@ -135,12 +135,13 @@ class StateEstimatorNode(ManagedNode):
             stiffness=values.stiffness_deviation,
         )
         self._estimator, self._last = StateEstimator(self.robot, settings), None
-        #: Updates by poses and markers since the last cycle; the model is evaluated once for them.
+        #: Updates by poses and markers received since the last cycle, for which the model is
+        #: evaluated once.
         self._waiting: list[Callable[[], object]] = []
         self._apply()
 
     def _apply(self) -> None:
-        """Set the object that the parameters describe between the grasping members."""
+        """Set the estimator's object and its grasping members by the parameters."""
         values = self.values
         members = common.select_grip(self.robot, values)
         grip = Grip(members, common.read_body(values))
@@ -169,7 +170,7 @@ class StateEstimatorNode(ManagedNode):
                 self.warn('measurement', str(error))
 
     def _take_pressures(self, now: float) -> str:
-        """Use measured pressures in the model; return the reason if the last ones remain."""
+        """Use new pressures in the model; return the reason if the last remain in use."""
         try:
             found = fresh_pressures(now, self.values.pressure_timeout, self.pressures)
         except InputError as error:
@@ -178,7 +179,7 @@ class StateEstimatorNode(ManagedNode):
         return ''
 
     def _find_sag(self, now: float, estimate: StateEstimate) -> str:
-        """Return in words that the empty robot sags under its weight; empty otherwise."""
+        """Return a warning if the robot without object sags under its weight; else empty."""
         if not 0.0 <= now - self._sought < SAG_PERIOD:
             self._sought, self._sag = now, ''
             if estimate.pose is None and isinstance(self.markers, StampedInput):
@@ -211,13 +212,13 @@ class StateEstimatorNode(ManagedNode):
 
 
 def _rejection(given: Input) -> str:
-    """Return the reason of an input's last rejection; empty without one."""
+    """Return the reason of the rejection of an input's last message; empty if it was accepted."""
     rejected = given if isinstance(given, RejectedInput) else getattr(given, 'rejected', None)
     return '' if rejected is None else rejected.reason
 
 
 def _describe_doubts(estimate: StateEstimate) -> str:
-    """Return suspected faults in words; empty without any."""
+    """Return the suspected faults in words; empty if there are none."""
     doubts = []
     if estimate.swapped:
         doubts.append(f'swapped markers: {" and ".join(estimate.swapped)}')

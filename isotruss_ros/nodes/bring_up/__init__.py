@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Bring-up of a robot: checks before the first motion, and calibration.
+Bring-up of a robot: checks before its first motion, and calibration.
 
 Entry points: `preflight`, `check_rollers`, `calibration`, `pluck`. They measure by
 `joint_markers`.

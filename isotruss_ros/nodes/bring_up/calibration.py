@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Node `calibration`: roller offsets and tube stiffness from joint markers."""
+"""Node `calibration`: it fits roller offsets and tube stiffness to joint markers."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ SPECS = (
 
 
 class Calibration(StoppableNode):
-    """Node that measures the empty robot on request, and writes the result to a robot file."""
+    """Node that calibrates the robot without object on request, and writes a robot file."""
 
     node_name = 'calibration'
     specs = SPECS
@@ -65,7 +65,7 @@ class Calibration(StoppableNode):
     def _calibrate_stiffness(
         self, request: CalibrateStiffness.Request, response: CalibrateStiffness.Response
     ) -> CalibrateStiffness.Response:
-        """Fit the stiffness to joints under a pull, and in the same posture without the pull."""
+        """Fit the stiffness to joint positions in one posture, with and without a known force."""
         try:
             under, count = self._measure()
             before = [each for each in self._postures if _is_same(each, under)]

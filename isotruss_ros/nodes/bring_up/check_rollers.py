@@ -4,7 +4,8 @@
 """
 Node `check_rollers`: moves one roller at a time, and checks the motion of the joints.
 
-It ends at the first roller with a wrong sign, scale or assignment, before another roller moves.
+The node ends at the first roller with a wrong sign, scale or assignment, before it moves another
+roller.
 """
 
 from __future__ import annotations
@@ -40,9 +41,9 @@ SPECS = (
 
 class CheckRollers(StoppableNode):
     """
-    Node that moves each roller of the empty robot forth and back.
+    Node that moves each roller of the robot, which holds no object, forth and back.
 
-    :ivar right: names of the rollers that are correct.
+    :ivar right: names of the rollers that were checked without a fault.
     """
 
     node_name = 'check_rollers'
@@ -70,7 +71,7 @@ class CheckRollers(StoppableNode):
             raise MeasurementError('the last message of emergency_stop is true; must be false')
 
     def _cycle(self) -> None:
-        """Publish the current velocities, and continue the check after each pause."""
+        """Publish the current velocities, and continue the check when its pause is over."""
         others = self._commands.find_others()
         if others is not None:
             raise MeasurementError(others)
@@ -117,7 +118,7 @@ class CheckRollers(StoppableNode):
 
 
 def _judge_encoders(names: Sequence[str], number: int, travel: float, turned: Array) -> str:
-    """Return the fault of the encoders if the correct roller moved; empty without a fault."""
+    """Return the fault of the encoders in words when the correct roller moved; else empty."""
     expected = np.zeros(len(names))
     expected[number] = travel
     off = np.abs(turned - expected)

@@ -17,7 +17,8 @@ from isotruss_ros.nodes.framework.runner import StoppableNode
 from isotruss_ros.nodes.framework.sensors import Inputs
 import numpy as np
 
-#: Averaging time of markers [s]. Noise of 1 mm then causes 5 % error of a stiffness scale.
+#: Averaging time of markers [s]. With it, marker noise of 1 mm causes an error of 5 % in the
+#: stiffness scale.
 WINDOW = 1.0
 DEVIATION = Spec(
     'marker_deviation',
@@ -25,16 +26,17 @@ DEVIATION = Spec(
     'Standard deviation of a coordinate of a marker [m]',
     bounds=(1e-6, 0.1),
 )
-#: Largest change of an encoder within the averaging time for a roller at rest [m].
+#: Largest change of an encoder reading within the averaging time at which its roller counts as at
+#: rest [m].
 REST_TOLERANCE = 5e-4
-#: Largest age of a topic's last message, if the topic is not silent [s].
+#: Age of its last message above which a topic counts as silent [s].
 MAX_TOPIC_AGE = 0.5
 
 
 class MeasuredJoints(NamedTuple):
     """Measured joints of a robot whose rollers are at rest."""
 
-    posture: Posture  #: encoder readings, and mean positions of the joints
+    posture: Posture  #: mean encoder readings and joint positions
     #: smallest number of averaged messages of a joint
     count: int  # type: ignore[assignment]
 

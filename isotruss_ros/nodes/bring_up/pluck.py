@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Node `pluck`: measurement of the oscillation of a held object.
+Node `pluck`, which measures the oscillation of a held object.
 
-The rollers push the object by a short twist and stop. Frequency and damping ratio are fitted to
-the following poses. Then the node ends.
+The node moves the object by a short twist and stops it. It fits frequency and damping ratio to the
+following poses, and ends.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from isotruss_ros.nodes.framework.sensors import Inputs
 from isotruss_ros.nodes.framework.topics import RELIABLE
 import numpy as np
 
-#: Duration of the push, short compared with the period of the oscillation [s].
+#: Duration of the push [s], which is short compared with the period of the oscillation.
 PUSH_TIME = 0.15
 SPECS = (
     ROBOT,
@@ -104,7 +104,7 @@ class Pluck(StoppableNode):
             self._report()
 
     def _wait(self, now: float) -> None:
-        """Start the push when the object is held and poses are received."""
+        """Start the push once the object is held and poses are received."""
         self._publish_twist(0.0)
         status, waited = self._status, now - self._began > self.values.wait_time
         if status is not None and status.pose_gain > 0.0:

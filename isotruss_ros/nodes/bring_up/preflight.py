@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Node `preflight`: checks before the first motion of a robot, with one line for each."""
+"""Node `preflight`: it checks a robot before its first motion, and prints a line per check."""
 
 from __future__ import annotations
 
@@ -24,9 +24,10 @@ import numpy as np
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
-#: Smallest rates of joint_states and object_pose [Hz].
+#: Smallest accepted rates of joint_states and object_pose [Hz].
 LEAST_JOINT_RATE, LEAST_POSE_RATE = 50.0, 10.0
-#: Largest distance between joints by markers and joints by encoders [m].
+#: Largest accepted distance between a joint's measured position and its position by the encoders
+#: [m].
 MAX_ZERO_ERROR = 0.01
 SPECS = (
     ROBOT,
@@ -78,7 +79,7 @@ class Preflight(StoppableNode):
         create_steady_timer(self, self.values.listen_time, self._report)
 
     def _report(self) -> None:
-        """Print a line for each check and end; with an error if a check failed."""
+        """Print a line for each check, and end the node with an error if a check failed."""
         for name, check in self._checks.items():
             try:
                 print(f'ok    {name}: {check()}', flush=True)
@@ -175,7 +176,7 @@ class Preflight(StoppableNode):
         return f'module {module:g} kg, object {body:g} kg'
 
     def _check_live(self, topic: str, given: Input) -> str:
-        """Return the age of an input in words; raise an error if it is stale or missing."""
+        """Return the age of an input in words; raise an error if the input is stale or missing."""
         now = self.now()
         try:
             (found,) = require_fresh(now, MAX_TOPIC_AGE, '', **{topic: given})

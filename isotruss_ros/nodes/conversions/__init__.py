@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Conversion between messages and values of the core, with checks of messages.
+Conversion between messages and values of the core; received messages are checked.
 
-Entry points: `read_...` raise MessageError, `to_...` return messages. Imports `nodes.grasp`, the
-core and message packages, no `rclpy` node.
+Entry points: functions `read_...`, which raise MessageError, and `to_...`, which return messages.
+Imports `nodes.grasp`, the core and message packages, no `rclpy` node.
 """

@@ -58,12 +58,12 @@ def to_estimate_message(estimate: StateEstimate, robot: Robot) -> StateEstimateM
 
 def read_estimate(message: StateEstimateMessage, robot: Robot) -> EstimatedTravel:
     """
-    Return the offsets and their covariance in a message, for a control loop.
+    Return the roller offsets and their covariance from a message, for a control loop.
 
     :param message: message of the topic `state_estimate`.
     :param robot: the robot.
-    :raises MessageError: another frame, other rollers, or offsets or covariances that are not
-        finite.
+    :raises MessageError: the message has another frame or other rollers, or an offset or
+        covariance is not finite.
     """
     check_frame('state estimate', message.header, robot.frame)
     names, offsets = tuple(message.roller_names), np.array(message.offsets)

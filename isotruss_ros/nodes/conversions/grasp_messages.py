@@ -28,7 +28,8 @@ import numpy as np
 
 #: Largest valid component of a wrench [N, N m]; larger values come from a broken sensor.
 MAX_WRENCH = 1e6
-#: Fields of an analysis by member; in messages they have the order of `contact_members`.
+#: Fields of an analysis that are mappings by member; in messages they are lists in the order of
+#: `contact_members`.
 MEMBER_FIELDS = (
     'contact_lengths',
     'contact_widths',
@@ -42,14 +43,14 @@ def read_external_wrench(
     message: WrenchStamped, frame: str, angle: float | None = None
 ) -> tuple[float, float, float]:
     """
-    Return the external wrench (fx, fy, m) on the object, in robot axes [N, N m].
+    Return the external wrench (fx, fy, m) on the object, along the robot's axes [N, N m].
 
     :param message: wrench about the object's origin, in the aligned frame (see
         `name_aligned_frame`) or in the object's frame.
     :param frame: name of the robot frame.
     :param angle: angle of the object in the robot frame [rad]; None if unknown.
-    :raises MessageError: another frame, a value that is not finite, or a component above
-        `MAX_WRENCH`.
+    :raises MessageError: the message has another frame, a value that is not finite, or a component
+        above `MAX_WRENCH`.
     """
     wrench = _planar(message.wrench)
     if frame and message.header.frame_id == name_object_frame(frame) and angle is not None:
@@ -80,14 +81,14 @@ def to_contact_wrench(
     frame: str, member: str, when: float, normal: float, friction: float = 0.0
 ) -> WrenchStamped:
     """
-    Return the message of a member's force on the object, in its contact frame.
+    Return the message of a member's force on the object, in the contact frame of the member.
 
     :param frame: name of the robot frame.
     :param member: name of the member.
     :param when: time of the force [s].
     :param normal: normal force, the component `force.x` [N].
-    :param friction: friction force on the object, counter-clockwise around it, minus `force.y`
-        [N].
+    :param friction: friction force on the object, counter-clockwise positive; `force.y` has the
+        opposite sign [N].
     """
     message = WrenchStamped(header=make_header(when, name_contact_frame(frame, member)))
     message.wrench.force.x, message.wrench.force.y = normal, -friction
@@ -98,12 +99,12 @@ def read_query(
     request: AnalyzeGrasp.Request, spacing: float, paper_model: bool = False
 ) -> GraspQuery:
     """
-    Return the query of a request; the analysis checks its other values.
+    Return the query of a request; values other than the object are checked by the analysis.
 
     :param request: request of the service `analyze_grasp`.
     :param spacing: spacing of the contact points along the tubes [m].
     :param paper_model: whether the paper's model is used, see `analyze_grasp`.
-    :raises MessageError: no object, two objects, or an invalid object.
+    :raises MessageError: the request describes no object, two objects, or an invalid object.
     """
     body = _read_described(request)
     if body is None:
@@ -143,13 +144,13 @@ def _read_described(request: AnalyzeGrasp.Request) -> ConvexObject | None:
 
 
 def _planar(wrench: Wrench) -> tuple[float, float, float]:
-    """Return the planar components (fx, fy, m) [N, N m]; the ground carries the others."""
+    """Return the components (fx, fy, m) in the plane [N, N m]; the ground carries the others."""
     return wrench.force.x, wrench.force.y, wrench.torque.z
 
 
 def to_state_message(report: GraspReport, frame: str) -> GraspState:
     """
-    Return the message of a report; without a result, it has the most conservative values.
+    Return the message of a report; if the report has no result, values are the most cautious.
 
     :param report: report of the grasp monitor.
     :param frame: name of the robot frame.

@@ -46,8 +46,8 @@ def read_grip(message: HeldGripMessage, robot: Robot) -> GripRecord:
 
     :param message: message of the topic `manipulation/grip`.
     :param robot: robot that holds the object.
-    :raises MessageError: another frame; contacts that the robot cannot have; lists of different
-        lengths; or values that are not finite.
+    :raises MessageError: the message has another frame, contacts that the robot cannot have, lists
+        of different lengths, or values that are not finite.
     """
     check_frame('held grip', message.header, robot.frame)
     names, count = robot.member_names, len(message.members)

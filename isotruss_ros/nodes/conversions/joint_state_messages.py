@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Conversion of joint states and tube pressures from messages."""
+"""Reading of roller states and tube pressures from messages."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ def read_roller_part(message: JointState, names: Sequence[str]) -> dict[int, tup
     """
     Return travel [m] and speed [m/s] of the rollers in a message, by roller index.
 
-    Other joints are ignored; a message without rollers gives an empty result. Missing speeds are
-    zero, and so is NaN (from a broadcaster without a measurement).
+    Joints that are no rollers are ignored; a message without rollers gives an empty result. A
+    speed that is missing, or NaN as from a broadcaster without a measurement, is read as zero.
 
     :param message: joint states, in any order.
     :param names: names of the rollers.
@@ -74,7 +74,7 @@ def read_roller_state(message: JointState, names: Sequence[str]) -> RollerState:
 
     :param message: joint states, see `read_roller_part`.
     :param names: names of the rollers, in the order of the result.
-    :raises MessageError: a roller is missing, or see `read_roller_part`.
+    :raises MessageError: a roller is missing, or `read_roller_part` raises the error.
     """
     part = read_roller_part(message, names)
     missing = [name for number, name in enumerate(names) if number not in part]

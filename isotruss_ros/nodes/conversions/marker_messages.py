@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Conversion of measured joints, `sensor_msgs/MultiDOFJointState`."""
+"""Conversion of measured joint positions from and to `sensor_msgs/MultiDOFJointState`."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def read_joint_markers(
     message: MultiDOFJointState, robot: Robot
 ) -> dict[str, tuple[float, float, float]]:
     """
-    Return the measured joints (x, y, z) by name, in the message's frame [m].
+    Return the measured position (x, y, z) of each joint by name, in the message's frame [m].
 
     :param message: message of the topic `joint_markers`.
     :param robot: the robot.
@@ -44,9 +44,9 @@ def read_joint_markers(
 
 def to_joint_markers(joints: Mapping[str, Sequence[float]]) -> MultiDOFJointState:
     """
-    Return the message of measured joints without a header.
+    Return the message of measured joint positions; its header is empty.
 
-    :param joints: (x, y) by name [m].
+    :param joints: position (x, y) of each joint by name [m].
     """
     message = MultiDOFJointState(joint_names=list(joints))
     for x, y in joints.values():

@@ -20,15 +20,16 @@ from rclpy.duration import Duration
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
-#: Lifetime of markers, which expire after the node has ended.
+#: Lifetime of markers, so that they disappear after the node has ended.
 LIFETIME = Duration(seconds=1.0)
-#: Length of an arrow per force [m/N], and largest length of a normal force's arrow [m].
+#: Length of an arrow over its force [m/N], and largest length of the arrow of a normal force [m].
 ARROW_SCALE, LONGEST_ARROW = 0.01, 0.5
 MIN_FORCE = 1e-9
 LINE_WIDTH, ARROW_WIDTH = 0.008, 0.015
-#: Scale of markers with points in metres.
+#: Scale of markers whose points are in metres.
 UNIT_SCALE = (1.0, 1.0, 1.0)
-#: Drawn width of contact regions in the paper's model, in which they have no width [m].
+#: Drawn width of contact regions for the paper's model, in which contact regions have no width
+#: [m].
 REGION_WIDTH = 0.01
 #: Spacing of points along curved outlines [m].
 OUTLINE_SPACING = 0.01
@@ -44,7 +45,7 @@ OPEN = ColorRGBA(r=0.85, g=0.2, b=0.2, a=0.8)
 
 def to_marker_array(report: GraspReport, frame: str, time: float) -> MarkerArray:
     """
-    Return the markers of a report, preceded by a marker that deletes earlier ones.
+    Return the markers of a report; the first marker deletes all earlier markers.
 
     :param report: report of the grasp monitor.
     :param frame: name of the robot frame.

@@ -11,7 +11,7 @@ from typing import Any
 
 #: Separator of the definitions in a schema.
 SEPARATOR = '=' * 80
-#: Type names in message files by those of the interface definition language.
+#: Name of a type in message files, by its name in the interface definition language.
 TYPE_NAMES = {'double': 'float64', 'float': 'float32', 'boolean': 'bool', 'octet': 'byte'}
 
 
@@ -39,7 +39,7 @@ def schema_text(kind: Any) -> str:
 
 
 def _collect(kind: Any, found: dict[str, str]) -> None:
-    """Add the definition of a type and of its fields' types."""
+    """Add to `found` the definitions of a message type and of all message types of its fields."""
     package, folder, name = type_name(kind).split('/')
     short = f'{package}/{name}'
     if short in found:
@@ -57,7 +57,7 @@ def _collect(kind: Any, found: dict[str, str]) -> None:
 
 
 def _split(described: str) -> tuple[str, str]:
-    """Return the type of a field's elements, and the brackets of an array."""
+    """Return the type of a field or of its elements, and the brackets of an array, else empty."""
     sequence = re.fullmatch(r'sequence<([^,>]+)(?:, (\d+))?>', described)
     if sequence:
         bound = f'<={sequence[2]}' if sequence[2] else ''

@@ -19,9 +19,9 @@ from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from std_msgs.msg import Header
 
-#: Largest distance of an object, and largest roller travel [m].
+#: Largest valid coordinate of an object, and largest valid roller travel [m].
 MAX_DISTANCE = 1e6
-#: Largest deviation of the norm of a quaternion from 1 [-].
+#: Largest accepted deviation of the norm of a quaternion from 1 [-].
 QUATERNION_TOLERANCE = 0.01
 
 
@@ -42,7 +42,7 @@ def make_header(when: float, frame: str = '') -> Header:
     """
     Return a header.
 
-    :param when: time of the stamp [s]; zero for negative times.
+    :param when: time of the stamp [s]; a negative time is replaced by zero.
     :param frame: name of the frame.
     """
     seconds, nanoseconds = divmod(max(0, round(1e9 * when)), 1_000_000_000)
@@ -54,7 +54,7 @@ def read_twist(twist: Twist) -> tuple[float, float, float]:
     Return the planar twist (vx, vy, omega) of a message [m/s, rad/s].
 
     :param twist: twist of the object.
-    :raises MessageError: a component is not finite, or out of the plane.
+    :raises MessageError: a component is not finite, or a component out of the plane is not zero.
     """
     linear, angular = twist.linear, twist.angular
     planar = (linear.x, linear.y, angular.z)
@@ -70,12 +70,12 @@ def read_twist(twist: Twist) -> tuple[float, float, float]:
 
 def check_frame(what: str, header: Header, frame: str) -> None:
     """
-    Raise MessageError for a frame other than the robot frame; an empty one is the robot frame.
+    Raise MessageError for a frame other than the robot frame; an empty name is accepted.
 
     :param what: name of the message, for the error message.
     :param header: header of the message.
     :param frame: name of the robot frame.
-    :raises MessageError: the frame is another one; the text names both frames.
+    :raises MessageError: the header names another frame; the message names both frames.
     """
     if header.frame_id not in ('', frame):
         raise MessageError(
@@ -85,9 +85,9 @@ def check_frame(what: str, header: Header, frame: str) -> None:
 
 def request_parameters(values: Mapping[str, Any]) -> SetParameters.Request:
     """
-    Return a request that sets parameters of another node.
+    Return the service request that sets parameters of another node.
 
-    :param values: values by name.
+    :param values: values of the parameters by name.
     """
     messages = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
     return SetParameters.Request(parameters=messages)
@@ -104,9 +104,9 @@ def name_object_frame(frame: str) -> str:
 
 def name_aligned_frame(frame: str) -> str:
     """
-    Return the name of the aligned frame, with the object's origin and the robot's axes.
+    Return the name of the frame at the object's origin whose axes are parallel to the robot's.
 
-    Wrenches on the object are about this origin.
+    The moments of wrenches on the object are about this origin.
 
     :param frame: name of the robot frame; an empty name gives an empty name.
     """
@@ -117,7 +117,7 @@ def name_contact_frame(frame: str, member: str) -> str:
     """
     Return the name of a member's contact frame.
 
-    Its x axis is the normal into the object, its y axis is along the member's side.
+    The x axis of this frame is the normal into the object, the y axis is along the member's side.
 
     :param frame: name of the robot frame.
     :param member: name of the member in contact.

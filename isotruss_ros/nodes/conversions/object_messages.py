@@ -18,7 +18,7 @@ from isotruss_ros.nodes.conversions.messages import MessageError, read_pose
 import numpy as np
 
 NO_OBJECT = ObjectMessage()
-#: Names of shapes in object files by their codes in messages.
+#: Name of a shape in object files, by its code in messages.
 SHAPE_NAMES = {
     ObjectMessage.DISC: 'disc',
     ObjectMessage.POLYGON: 'polygon',
@@ -28,7 +28,7 @@ SHAPE_NAMES = {
 
 def describes_object(message: ObjectMessage) -> bool:
     """
-    Return whether a message describes an object, valid or invalid; an empty one does not.
+    Return whether a message describes an object, valid or not; an empty message does not.
 
     :param message: message of an object.
     """

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Conversion of object paths from messages, and of roller trajectories to messages."""
+"""Reading of object paths from messages, and conversion of roller trajectories to messages."""
 
 from __future__ import annotations
 
@@ -26,16 +26,16 @@ def read_object_path(
     message: Path, speed: float, turn_rate: float, robot: Robot, smooth: bool, start: Pose
 ) -> ObjectPath | None:
     """
-    Return the object path of a goal; None for a single pose at which the object is already.
+    Return the object path of a goal; None for a single pose at which the object already is.
 
     :param message: poses of the object.
     :param speed: speed of the object's centre along the path [m/s].
     :param turn_rate: largest angular velocity [rad/s].
     :param robot: the robot; the length of its tubes limits the poses.
     :param smooth: whether a spline through the poses replaces straight segments.
-    :param start: current pose of the object, the first pose of a path with fewer than two poses.
-    :raises MessageError: another frame, a value that is not finite, a pose out of reach, or a
-        rotation out of the plane.
+    :param start: current pose of the object, at which a path with fewer than two poses starts.
+    :raises MessageError: the message has another frame, a value that is not finite, a pose out of
+        reach, or a rotation out of the plane.
     :raises PathError: see `ObjectPath`.
     """
     frame, home = robot.frame, robot.home
@@ -77,7 +77,7 @@ def to_trajectory_message(
     Return the message of a roller trajectory.
 
     :param robot: the robot.
-    :param positions: (k, r) waypoints [m].
+    :param positions: (k, r) roller positions of the waypoints [m].
     :param times: (k,) times of the waypoints, from 0 [s].
     """
     trajectory = JointTrajectory(joint_names=list(robot.roller_names))

@@ -1,6 +1,6 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Conversion of search goals from messages, and of feedback and results to messages."""
+"""Reading of the goals of a grasp search, and conversion of its results to messages."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class SearchGoal(NamedTuple):
 
     body: ConvexObject  #: the object at its pose
     requirements: GraspRequirements  #: requirements of the grasps
-    seed: int  #: seed of the search
+    seed: int  #: random seed of the search
     time_limit: float  #: time limit of the search [s]; 0: no limit
 
 
@@ -44,9 +44,11 @@ def read_goal(
 
     :param goal: goal of the action.
     :param robot: the robot.
-    :param described: object at any pose, for goals without an object; None: none.
-    :raises MessageError: no pose, another frame, no object, two objects, or a number out of range.
-    :raises GraspError: an invalid object or requirement, or an unknown module or member.
+    :param described: object at any pose, used for goals that describe no object; None: no such
+        object.
+    :raises MessageError: the goal has no pose, another frame, no object, two objects, or a number
+        out of range.
+    :raises GraspError: an object or requirement is invalid, or a module or member is unknown.
     """
     if goal.object_pose == PoseStamped():
         raise MessageError(
@@ -90,7 +92,7 @@ def _read_requirements(goal: PlanGrasp.Goal, robot: Robot) -> GraspRequirements:
 
 
 def _read_carry(goal: PlanGrasp.Goal) -> tuple[tuple[float, float, float], ...]:
-    """Return the path along which the object must be carried, with unwrapped angles."""
+    """Return the path along which the grasp must carry the object, with unwrapped angles."""
     if len(goal.carry) == 1 or len(goal.carry) > MAX_POSES:
         raise MessageError(f'carry: {len(goal.carry)} poses: must be none, or 2 to {MAX_POSES}')
     poses = [read_pose(f'pose {i} of carry', pose) for i, pose in enumerate(goal.carry)]
@@ -99,7 +101,7 @@ def _read_carry(goal: PlanGrasp.Goal) -> tuple[tuple[float, float, float], ...]:
 
 
 def _read_body(goal: PlanGrasp.Goal, described: ConvexObject | None) -> ConvexObject:
-    """Return the object at its pose, from the goal or from the parameter."""
+    """Return the object of the goal, else of the parameter `object`, at the goal's pose."""
     pose, diameter = goal.object_pose.pose, goal.object_diameter
     if describes_object(goal.object):
         if diameter != 0.0:
@@ -140,7 +142,7 @@ def to_result_message(answer: Answer, robot: Robot) -> PlanGrasp.Result:
 
 
 def _to_grasp_message(grasp: PlannedGrasp, robot: Robot) -> PlannedGraspMessage:
-    """Return the message of a grasp, with the trajectory to it."""
+    """Return the message of a grasp, with the roller trajectory to it."""
     exported = export_path(grasp)
     times = exported['times']
     path = to_trajectory_message(robot, exported['path'], times)

@@ -24,14 +24,14 @@ import numpy as np
 from std_msgs.msg import Header
 from trajectory_msgs.msg import JointTrajectory
 
-#: Largest number of points [-]; reading a point takes 20 us of the cycle.
+#: Largest number of points [-]; each point takes 20 us of the control cycle to read.
 MAX_POINTS = 10_000
 Result = FollowRollerTrajectory.Result
 
 
 class TrajectoryGoalError(MessageError):
     """
-    A trajectory goal is invalid; the code is an error code of `FollowJointTrajectory`.
+    A trajectory goal is invalid; it has an error code of `FollowJointTrajectory`.
 
     :ivar code: error code of the result.
     :param code: error code of the result.
@@ -44,10 +44,10 @@ class TrajectoryGoalError(MessageError):
 
 
 class RollerGoal(NamedTuple):
-    """Arguments of a roller trajectory's goal."""
+    """Content of the goal of a roller trajectory."""
 
     trajectory: RollerTrajectory  #: trajectory of the rollers
-    start: float | None  #: start time on the node's clock [s]; None: at once
+    start: float | None  #: start time on the node's clock [s]; None: start at once
     tolerances: TrajectoryTolerances  #: tolerances of the goal
 
 
@@ -63,8 +63,8 @@ def read_roller_goal(
     :param now: time on the clock of the node [s].
     :param timeout: largest age of the stamp [s].
     :raises TrajectoryGoalError: a joint is unknown or missing, or the stamp is too old.
-    :raises MessageError: invalid tolerances, or fields that rollers do not have; or see
-        `read_roller_trajectory`.
+    :raises MessageError: tolerances are invalid, fields are set that rollers do not have, or
+        `read_roller_trajectory` raises the error.
     :raises ConfigurationError: see `RollerTrajectory`.
     """
     names = robot.roller_names
@@ -97,10 +97,10 @@ def read_roller_trajectory(
     message: JointTrajectory, robot: Robot, here: Array
 ) -> RollerTrajectory:
     """
-    Return a roller trajectory by the positions and times of a message.
+    Return the roller trajectory with the positions and times of a message.
 
-    :param message: trajectory of all rollers in any order. If its first point is later than zero,
-        it begins at the measured positions.
+    :param message: trajectory of all rollers in any order. If the time of its first point is later
+        than zero, the trajectory begins at the measured positions.
     :param robot: the robot.
     :param here: (r,) measured roller positions [m].
     :raises TrajectoryGoalError: a roller is missing, unknown or repeated.
@@ -133,7 +133,7 @@ def read_roller_trajectory(
 
 
 def _read_start(header: Header, now: float, timeout: float) -> float | None:
-    """Return the start time of a trajectory [s]; None: at once, for a stamp of zero."""
+    """Return the start time of a trajectory [s]; None for a stamp of zero, which means at once."""
     stamp = read_stamp(header)
     if stamp == 0.0:
         return None
@@ -151,7 +151,7 @@ def _read_start(header: Header, now: float, timeout: float) -> float | None:
 
 
 def _check_joints(what: str, given: Sequence[str], names: Sequence[str]) -> None:
-    """Raise TrajectoryGoalError for names that are not rollers or are repeated."""
+    """Raise TrajectoryGoalError if a name is no roller or is repeated."""
     counts = Counter(given)
     unknown = [quote(name) for name in counts if name not in names][:20]
     twice = [name for name in names if counts[name] > 1]

@@ -13,13 +13,13 @@ from typing import Any
 
 from isotruss_ros.nodes.framework.parameters import Spec
 
-#: Begin and optional end of the arguments of ROS.
+#: Arguments that begin and, optionally, end the arguments for ROS.
 ROS_ARGUMENTS, END_OF_ROS_ARGUMENTS = '--ros-args', '--'
 
 
 def refuse_arguments(kind: Any, arguments: Sequence[str]) -> None:
     """
-    Print the help of a node if requested; refuse arguments that are not for ROS.
+    Print the help of a node if requested; refuse arguments that ROS does not process.
 
     :param kind: class of the node.
     :param arguments: command line; its first element is the program.
@@ -43,7 +43,7 @@ def refuse_arguments(kind: Any, arguments: Sequence[str]) -> None:
 
 def explain_refusal(error: RuntimeError | UnicodeEncodeError) -> str:
     """
-    Return the reason for which ROS refuses its arguments, and the correction.
+    Return in words why ROS refuses its arguments, and the correction.
 
     :param error: error raised by `rclpy.init`.
     """

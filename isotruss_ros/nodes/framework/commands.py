@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Publishers of twists for `manipulation`, and of roller velocities."""
+"""Publishers of twists, which `manipulation` receives, and of roller velocities."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from rclpy.publisher import Publisher
 from std_msgs.msg import Float64MultiArray
 
 TOPIC = 'roller_velocity_controller/commands'
-#: Time without foreign commands after which no other node commands the rollers [s].
+#: Time without commands of other nodes after which these nodes count as silent [s].
 QUIET_TIME = 1.0
 
 
@@ -44,7 +44,7 @@ class RollerCommands:
         self._heard = -math.inf
 
     def subscribe(self) -> None:
-        """Detect commands of other nodes until the node is inactive."""
+        """Detect commands of other nodes, until the node is deactivated."""
         self._received, self._heard = self._sent, -math.inf
         self._node.create_subscription(
             Float64MultiArray, TOPIC, self.note, NEWEST, event_callbacks=NO_EVENTS, raw=True
@@ -64,7 +64,7 @@ class RollerCommands:
         self.publish(np.zeros(self._count))
 
     def wait_for_subscribers(self) -> bool:
-        """Wait shortly; return whether all subscribers have received the last command."""
+        """Wait briefly; return whether all subscribers have acknowledged the last command."""
         return self._publisher.wait_for_all_acked(ACKNOWLEDGE_TIME)
 
     def find_others(self) -> str | None:
@@ -75,7 +75,7 @@ class RollerCommands:
 
     def note(self, _message: bytes, info: dict[str, Any]) -> None:
         """
-        Record a received command, own or foreign.
+        Record a received command of this node or of another node.
 
         :param info: metadata of the message.
         """

@@ -83,7 +83,8 @@ def check_grip(robot: Robot, values: Mapping[str, Value]) -> None:
 
     :param robot: the robot.
     :param values: new values of parameters by name; other parameters are ignored.
-    :raises IsotrussError: no such module or member, or not two or three different members.
+    :raises IsotrussError: a module or member does not exist, or the number of different members is
+        not two or three.
     """
     if values.get('grip_module'):
         members_at(robot, values['grip_module'])  # type: ignore[arg-type]
@@ -93,7 +94,7 @@ def check_grip(robot: Robot, values: Mapping[str, Value]) -> None:
 
 def named_members(value: Value) -> tuple[str, ...]:
     """
-    Return the members that the parameter `grip` names; none for [''].
+    Return the members that the parameter `grip` names; empty for the value [''].
 
     :param value: value of the parameter `grip`.
     """
@@ -102,9 +103,9 @@ def named_members(value: Value) -> tuple[str, ...]:
 
 def select_grip(robot: Robot, values: Parameters) -> tuple[str, ...]:
     """
-    Return the grasping members: those of `grip`, else the sides of `grip_module`.
+    Return the members named by `grip`; without names, the members at the module `grip_module`.
 
-    :param robot: the robot; its last module is the default.
+    :param robot: the robot, whose last module is used if neither parameter names one.
     :param values: parameters of a node.
     """
     module = values.grip_module or robot.module_names[-1]

@@ -1,6 +1,6 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Control cycle that continues after clock changes, and its executor."""
+"""Control cycle, which continues after changes of the clock, and its executor."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from rclpy.executors import SingleThreadedExecutor, TimeoutException
 from rclpy.node import Node
 from rclpy.timer import Timer
 
-#: Period of the check for a stopped clock [s].
+#: Period of the check whether simulated time stands still [s].
 WATCH_PERIOD = 0.02
 #: Time before a cycle at which its inputs are read [s].
 INPUT_LEAD = 1e-3
-#: Smallest ratio of measured to desired rate without a warning [-].
+#: Smallest ratio of the measured to the desired rate that causes no warning [-].
 MIN_RATE_SHARE = 0.8
 #: Averaging time of the measured rate [s].
 RATE_PERIOD = 1.0
@@ -30,14 +30,14 @@ MAX_CALLBACK_DELAY = 0.02
 
 class Cycle:
     """
-    Control cycle: calls back at a fixed rate until destroyed with the node's timers.
+    Control cycle, which calls a function at a fixed rate until the node's timers are destroyed.
 
     :ivar is_steady: whether the steady clock determines the times of the cycles.
     :param node: node with a clock, simulated or not. Its `values` have the parameters `rate` [Hz]
         and `command_timeout` [s], which is also the timeout of a stopped clock.
     :param step: callback of each cycle with the current time [s].
-    :param jumped_back: callback after the clock ran back, before the next step.
-    :param stopped: callback that is repeated while simulated time stands still.
+    :param jumped_back: callback that is called after the clock has run back, before the next step.
+    :param stopped: callback that is called repeatedly while simulated time stands still.
     """
 
     def __init__(
@@ -55,8 +55,7 @@ class Cycle:
         self.duration = 0.0  #: computing time of the last cycle [s]
         #: Computing times of the cycles since the last summary, of limited number [s].
         self._times: deque[float] = deque(maxlen=10_000)
-        #: Number of cycles for the measured rate, and time on their clock since which they count
-        #: [s].
+        #: Number of cycles counted for the measured rate, and time at which the count began [s].
         self._count, self._since = 0, None
         self.slowness = ''  #: measured rate in words if it is too low; else empty
         self.is_steady = not node.get_parameter('use_sim_time').value
@@ -73,7 +72,7 @@ class Cycle:
         self._since = None
 
     def time_left(self) -> float:
-        """Return the time until the next cycle [s]; negative if it is late."""
+        """Return the time until the next cycle [s], which is negative if the cycle is late."""
         return 1e-9 * self._timer.time_until_next_call()
 
     def run(self) -> None:
@@ -82,7 +81,7 @@ class Cycle:
         self._tick()
 
     def summary(self) -> dict[str, object]:
-        """Return number, computing times and overruns of the cycles since the last call."""
+        """Return the number, computing times and overruns of the cycles since the last call."""
         times, period = sorted(self._times), 1e-9 * self._timer.timer_period_ns
         self._times.clear()
         if not times:
@@ -134,10 +133,10 @@ class Cycle:
 
 class PacedExecutor(SingleThreadedExecutor):
     """
-    Executor that executes ready callbacks once before each cycle, then the cycle.
+    Executor that, in each cycle, executes each ready callback once and then the control cycle.
 
-    For each wait, and so for each message, rclpy collects all entities of a node in Python. This
-    executor waits once in a cycle. With `SingleThreadedExecutor`, which works as well,
+    Each wait of rclpy collects all entities of a node in Python, and rclpy waits once per message.
+    This executor waits once per cycle. With `SingleThreadedExecutor`, which works as well,
     `manipulation` takes 1.25 to 1.6 times the CPU time (three runs in turn at 100 Hz on a busy
     machine).
 
@@ -151,9 +150,9 @@ class PacedExecutor(SingleThreadedExecutor):
 
     def spin_once(self, timeout_sec: float | None = None) -> None:
         """
-        Wait for the next cycle and run it; without a steady cycle, wait like rclpy.
+        Wait for the next cycle and run it; if the node has no steady cycle, wait as rclpy does.
 
-        :param timeout_sec: longest wait without a cycle [s].
+        :param timeout_sec: longest wait if the node has no steady cycle [s].
         :raises Exception: a callback raised this exception.
         """
         cycle = self._node.cycle

@@ -1,6 +1,6 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""State of a node on `/diagnostics` and in the log, at a limited rate."""
+"""Publication of a node's state on `/diagnostics` and in the log, at a limited rate."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.topics import EVENTS
 
-#: Period of reports without a change [s].
+#: Period of reports while the status does not change [s].
 REPORT_PERIOD = 1.0
 #: Shortest time between reports of an improvement [s]; a deterioration is reported at once.
 MIN_REPORT_PERIOD = 0.1
@@ -20,9 +20,9 @@ MIN_REPORT_PERIOD = 0.1
 
 class Diagnostics:
     """
-    Diagnostic status of one node; it may be set more often than it is reported.
+    Diagnostic status of one node; it is reported at a limited rate, however often it is set.
 
-    It replaces the package `diagnostic_updater`, which has a fixed period and no wheel for
+    This class replaces the package `diagnostic_updater`, which has a fixed period and no wheel for
     machines without ROS.
 
     :ivar hardware_id: name of the robot after it is loaded. It is reported with the node's

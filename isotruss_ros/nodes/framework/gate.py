@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Gate of a topic: checks stamp, content and transform of messages before their use."""
+"""Gate of a topic, which checks stamp, content and transform of messages before their use."""
 
 from __future__ import annotations
 
@@ -24,29 +24,29 @@ from rclpy.subscription import Subscription
 
 #: Largest number of messages that wait for their transforms [-].
 MAX_QUEUED_MESSAGES = 100
-#: Largest lead of a stamp in simulated time [s]. An input may arrive before the /clock message of
-#: its own time, by up to the longest cycle of a node.
+#: Largest accepted lead of a stamp over simulated time [s]. A message may arrive before the /clock
+#: message of its time, by up to the longest cycle of a node.
 SIMULATED_CLOCK_SKEW = 0.1
 
 
 class Gate:
     """
-    Gate that checks messages of a topic, and passes on values or reasons of rejection.
+    Gate that checks the messages of a topic, and passes on a value or a reason of rejection.
 
-    A message whose transform is not known yet is queued up to the largest age.
+    A message whose transform is not known yet is queued until it exceeds the largest age.
 
     :ivar subscription: subscription of the topic.
-    :param node: subscribing node; its clock is that of the stamps. A message without a header is
-        stamped at reception.
+    :param node: subscribing node, whose clock is compared with the stamps. A message without a
+        header is stamped at reception.
     :param kind: type of the messages.
     :param topic: relative name of the topic.
     :param name: name of the input, with underscores for spaces.
-    :param read: function from a message to its value; None: the message is ignored. It raises
-        MessageError for an invalid message.
-    :param take: callback with a `StampedInput`, whose time is not in the future, or with a
+    :param read: function that returns the value of a message, or None if the message is ignored.
+        It raises MessageError for an invalid message.
+    :param take: callback that receives a `StampedInput`, whose time is not in the future, or a
         `RejectedInput`.
-    :param timeout: function that returns the name of the timeout's parameter and the largest age
-        [s].
+    :param timeout: function that returns the name of the parameter of the timeout, and its value,
+        which is the largest age [s].
     :param every: whether all messages are processed, not only the newest.
     """
 
@@ -65,13 +65,13 @@ class Gate:
         self._timeout = timeout
         simulated = node.get_parameter('use_sim_time').value
         self._skew = SIMULATED_CLOCK_SKEW if simulated else CLOCK_SKEW
-        #: Queued messages, each with the reason why it waits.
+        #: Queued messages, each with the reason why it is queued.
         self._waiting: deque[tuple[Any, str]] = deque(maxlen=MAX_QUEUED_MESSAGES)
         self.subscription: Subscription = subscribe_newest(node, kind, topic, self.receive, every)
 
     def receive(self, message: Any) -> None:
         """
-        Check a message; pass it on or queue it.
+        Check a message, and pass its value or the reason of its rejection on, or queue it.
 
         :param message: message of the topic.
         """
@@ -96,7 +96,7 @@ class Gate:
         self._waiting.clear()
 
     def _pass_on(self, message: Any) -> None:
-        """Pass the value of a message on."""
+        """Pass the value of a valid message on."""
         time = now = self._node.now()
         if hasattr(message, 'header'):
             setting, timeout = self._timeout()

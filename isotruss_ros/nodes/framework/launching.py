@@ -20,8 +20,8 @@ from launch_ros.parameter_descriptions import ParameterValue
 
 USE_SIM_TIME = Spec('use_sim_time', False, 'Time comes from the topic /clock')
 NAMESPACE, PARAMETERS = 'namespace', 'parameters'
-#: Parameters of the nodes that are arguments, besides `use_sim_time` and all parameters of the
-#: simulator.
+#: Parameters of the nodes that are launch arguments, in addition to `use_sim_time` and all
+#: parameters of the simulator.
 ARGUMENTS = (
     'robot',
     'command_timeout',
@@ -36,7 +36,7 @@ ARGUMENTS = (
     'require_emergency_stop',
     'port',
 )
-#: Nodes, each with the default of the argument that starts it; None: always started.
+#: Default of the launch argument that starts each node; None: the node is always started.
 NODES = {
     'manipulation': None,
     'grasp_analysis': None,
@@ -55,12 +55,12 @@ def describe_launch(
     defaults: Mapping[str, Value] = MappingProxyType({}),
 ) -> LaunchDescription:
     """
-    Return the launch description: nodes, and an argument for each parameter of them.
+    Return a launch description of the nodes, with a launch argument for each parameter.
 
-    If one node ends, all are shut down, because the rest would look like a working robot. If a
-    file of parameters is missing, the launch ends before a node starts.
+    If one node ends, all nodes are shut down, because the remaining nodes would appear as a
+    working robot. If a file of parameters is missing, the launch ends before a node starts.
 
-    :param folder: folder of the launch file; the folder `config` is beside it.
+    :param folder: folder of the launch file, beside which is the folder `config`.
     :param simulated: whether the node `simulator` replaces the robot.
     :param required: names of the arguments without default.
     :param defaults: default values of arguments that differ from the nodes' defaults.
@@ -97,7 +97,7 @@ def describe_launch(
 
 
 def _declare(name: str, default: Value | None, description: str) -> DeclareLaunchArgument:
-    """Return an argument; without a default it is required."""
+    """Return a launch argument, which is required if it has no default."""
     text = str(default).lower() if isinstance(default, bool) else str(default)
     return DeclareLaunchArgument(
         name, default_value=None if default is None else text, description=description
@@ -123,7 +123,7 @@ def _describe_node(executable: str, specs: Sequence[Spec]) -> Node:
 
 
 def _check_arguments(context: LaunchContext, known: set[str]) -> list[LogInfo]:
-    """Return warnings of unknown arguments; raise an error for a missing file of parameters."""
+    """Return warnings about unknown arguments; raise an error if the parameter file is missing."""
     file = context.launch_configurations[PARAMETERS]
     if not Path(file).is_file():
         # launch would warn and start the nodes with their defaults.

@@ -1,6 +1,6 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Managed (lifecycle) nodes, which the parameter `autostart` activates."""
+"""Managed (lifecycle) nodes, which activate themselves if the parameter `autostart` is set."""
 
 from __future__ import annotations
 
@@ -44,10 +44,12 @@ class ManagedNode(StoppableNode, LifecycleNode):
     If a step raises an `IsotrussError`, the node keeps its previous state; after any other
     exception it is unconfigured. The reason is in the log and in the diagnostics.
 
-    :cvar awaited: topics and actions without which the active node cannot work, for the log.
-    :ivar inputs: `Inputs` that `configure` creates, whose ages are reported; None without inputs.
-    :ivar configured: whether `configure` has succeeded and its entities exist.
-    :ivar kept: entities that remain when the state of their creation ends.
+    :cvar awaited: topics and actions that the active node needs, for the log.
+    :ivar inputs: `Inputs` that `configure` creates; the diagnostics report their ages; None
+        without inputs.
+    :ivar configured: whether `configure` has succeeded and the entities that it created exist.
+    :ivar kept: entities that are not destroyed at the end of the life-cycle state in which they
+        were created.
     :ivar active: whether publishers are enabled; also true in transitions to and from `active`.
     :ivar diagnostics: diagnostic status of the node.
     :ivar cycle: cycle of the active node; None without one.
@@ -66,7 +68,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
         """Create the entities that exist in all states."""
 
     def read_robot(self) -> Robot:
-        """Return the robot that the parameters name."""
+        """Load the robot that the parameter `robot` names."""
         return load_robot(self.values.robot)
 
     def _check(self, new: dict[str, Value]) -> None:
@@ -79,16 +81,16 @@ class ManagedNode(StoppableNode, LifecycleNode):
         """Apply the parameter values, after `configure` and on changes."""
 
     def activate(self) -> None:
-        """Start the timers; publishers are enabled already."""
+        """Start the timers; the publishers are already enabled."""
 
     def deactivate(self) -> None:
         """Bring the robot to a safe state; publishers are still enabled."""
 
     def cleanup(self) -> None:
-        """Release resources other than entities; it is called after each `configure`."""
+        """Release resources other than entities; this is called after each `configure`."""
 
     def details(self) -> dict[str, object]:
-        """Return further values by name for the diagnostics of a configured node."""
+        """Return additional values by name for the diagnostics of a configured node."""
         return {}
 
     # -- Public interface --
@@ -101,7 +103,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
         """
         self.diagnostics = Diagnostics(self, self.describe)
         self.kept: set[object] = set()
-        #: Entities that existed before each state, by state.
+        #: Entities that existed at the start of each life-cycle state, by state.
         self._before: dict[str, dict[Any, Callable[[Any], object]]] = {}
         self.add_on_set_parameters_callback(self._check_change)
         self.add_post_set_parameters_callback(lambda _: self._apply_change())
@@ -124,7 +126,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
 
     def fail(self, error: Exception) -> None:
         """
-        Deactivate the node after an uncaught error in a callback; then it is unconfigured.
+        Deactivate the node after an uncaught error in a callback; the node is then unconfigured.
 
         :param error: error, which is logged and reported.
         """
@@ -203,7 +205,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
         return FAILURE if known else ERROR
 
     def _enter(self, state: str) -> None:
-        """Record the entities that exist before a state; they remain at its end."""
+        """Record the entities that exist at the start of a state; they remain at its end."""
         self._failure = None
         self._before[state] = self._list_entities()
 
@@ -230,7 +232,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
         self.cleanup()
 
     def _check_change(self, parameters: list[Parameter]) -> SetParametersResult:
-        """Return whether parameters can be set; while the node is unconfigured, all can."""
+        """Return whether parameters can be set; while the node is unconfigured, any can."""
         new = {parameter.name: parameter.value for parameter in parameters}
         try:
             if 'configured' in self._before:
@@ -267,7 +269,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
         )
 
     def _destroy_since(self, state: str) -> None:
-        """Destroy the entities that were created since a state began."""
+        """Destroy the entities that were created since a life-cycle state began."""
         if state not in self._before:
             return
         before = self._before.pop(state)
@@ -282,7 +284,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
 
 def log_refusals(node: Node) -> None:
     """
-    Make rclpy log its errors for negative times and invalid transitions, not raise them.
+    Make rclpy log its errors about negative times and invalid transitions instead of raising them.
 
     :param node: node whose rclpy methods are wrapped.
     """
@@ -294,7 +296,7 @@ def log_refusals(node: Node) -> None:
 
 
 def _try_callback(node: Node, name: str, call: Callable[..., Any], *messages: Any) -> Any:
-    """Call a callback and log its errors; return a service's response, else None."""
+    """Call a callback and log its errors; return the response of a service callback, else None."""
     try:
         return call(*messages)
     except (RuntimeError, ValueError) as error:  # of rclpy; what a step raises is caught there

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Parameters of nodes with type, range and description, checked at start and on changes.
+Parameters of nodes with type, range and description, which are checked at start and on changes.
 
-They are parameters of rclpy with descriptors. The package `generate_parameter_library` is not
+Each is a parameter of rclpy with a descriptor. The package `generate_parameter_library` is not
 used, because it has no wheel for machines without ROS.
 """
 
@@ -24,7 +24,7 @@ from rclpy.parameter import Parameter
 
 Value = bool | int | float | str | list[str]
 
-#: Prefixes of the parameters that rclpy declares.
+#: Prefixes of the names of parameters that rclpy declares itself.
 RCLPY_PREFIXES = ('use_sim_time', 'start_type_description_service', 'qos_overrides.')
 UNCONFIGURED_ONLY = 'read-only unless the node is unconfigured'
 
@@ -56,11 +56,11 @@ class Parameters:
     """
     Parameters of one node; each value is an attribute.
 
-    :ivar fixed: names of the parameters that a managed node reads at configuration only.
+    :ivar fixed: names of the parameters that a managed node reads only at configuration.
     :param node: node with `automatically_declare_parameters_from_overrides`; without it, rclpy
         does not pass on the overrides.
     :param specs: declarations of the parameters.
-    :raises ParameterError: an override is of another type, out of range, or invalid.
+    :raises ParameterError: an override has another type, is out of range, or is invalid.
     """
 
     def __init__(self, node: Node, specs: Sequence[Spec]) -> None:
@@ -83,7 +83,7 @@ class Parameters:
         return self._node.get_parameter(name).value
 
     def _declare(self, spec: Spec, given: Parameter | None) -> None:
-        """Declare a parameter, with its override if there is one."""
+        """Declare a parameter with its override, or with its default if it has no override."""
         descriptor = ParameterDescriptor(name=spec.name, description=spec.description)
         if spec.read_only and self._managed:
             descriptor.additional_constraints = UNCONFIGURED_ONLY

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Log of reasons: each is logged once while it persists, and its count at its end."""
+"""Log of reasons for a stop or a warning, in which repetitions are counted and not repeated."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ import re
 import time
 from typing import NamedTuple
 
-#: Time without repetition after which a reason has ended [s].
+#: Time without a repetition after which a reason counts as ended [s].
 QUIET_TIME = 2.0
-#: Shortest time between log entries of alternating reasons of one kind [s].
+#: Shortest time between log entries if two reasons of one kind alternate [s].
 MIN_LOG_PERIOD = 1.0
-#: Numbers in a reason, which comparisons ignore.
+#: Numbers in the text of a reason, which are ignored when two reasons are compared.
 NUMBERS = re.compile(r'[-+]?[\d.]+(e[-+]?\d+)?')
 
 
 class Reason(NamedTuple):
-    """Reason that persists."""
+    """Reason for a stop or a warning that was logged once and whose repetitions are counted."""
 
     text: str  #: logged text
-    #: number of occurrences
+    #: number of occurrences so far
     count: int  # type: ignore[assignment]
     logged: float  #: time of the log entry [s]
     given: float  #: time of the last occurrence [s]
@@ -30,7 +30,7 @@ class Reason(NamedTuple):
 
 class ReasonLog:
     """
-    Log of changes of reasons; different numbers in a reason are not a change.
+    Log that has a line when a reason changes; reasons that differ only in numbers are the same.
 
     :param log: function that logs a line.
     """
@@ -41,9 +41,10 @@ class ReasonLog:
 
     def note(self, kind: str, text: str) -> None:
         """
-        Log a reason, unless it already persists.
+        Log a reason, or only count it if it is a repetition.
 
-        :param kind: kind of the reason; a reason replaces only the previous one of its kind.
+        :param kind: kind of the reason; a new reason replaces only the previous reason of the same
+            kind.
         :param text: reason in words.
         """
         now, known = time.monotonic(), self._reasons.get(kind)
@@ -57,14 +58,14 @@ class ReasonLog:
         self._reasons[kind] = Reason(text, 1, now, now)
 
     def end(self) -> None:
-        """Log the counts of reasons that have ended."""
+        """For each reason that no longer occurs, log how often it occurred."""
         now = time.monotonic()
         for kind, reason in list(self._reasons.items()):
             if now - reason.given >= QUIET_TIME:
                 self._end(kind)
 
     def _end(self, kind: str) -> None:
-        """Log the count of a reason that has ended, if it was repeated."""
+        """Remove the reason of a kind; if the reason was repeated, log how often it occurred."""
         reason = self._reasons.pop(kind, None)
         if reason is not None and reason.count > 1:
             self._log(f'no longer, after {reason.count} times: {reason.text}')

@@ -29,21 +29,22 @@ except ImportError:
     # It has no wheel for machines without ROS.
     Buffer, NO_TRANSFORM = None, (ValueError,)  # type: ignore[assignment]
 
-#: Largest tilt of a measurement out of the robot's plane [rad]; it changes lengths by 0.4 %.
+#: Largest tilt of a measurement out of the robot's plane [rad]; this tilt changes measured lengths
+#: by 0.4 %.
 MAX_TILT = math.radians(5.0)
 
 
 class NoTransformError(MessageError):
-    """tf2 has no transform to the robot's frame at a stamp yet."""
+    """tf2 does not have the transform to the robot's frame at the stamp of a message yet."""
 
 
 class RobotFrame:
     """
-    Transformation of poses and markers to the robot frame, at their stamps.
+    Transformation of measured poses and markers to the robot frame at their stamps.
 
     :param robot: robot with the frame and the marked joints.
     :param buffer: buffer of transforms with the method `lookup_transform` of `tf2_ros`; None
-        without tf2, then the frames must be equal.
+        without tf2, in which case measurements must be in the robot frame.
     """
 
     def __init__(self, robot: Robot, buffer: Any = None) -> None:
@@ -53,7 +54,7 @@ class RobotFrame:
     @classmethod
     def heard_by(cls, node: Node, robot: Robot) -> RobotFrame:
         """
-        Return the transformation by the transforms that a node receives, if tf2 is installed.
+        Return a transformation that uses the transforms received by a node, if tf2 is installed.
 
         :param node: node that subscribes to `/tf` and `/tf_static`.
         :param robot: the robot.
@@ -85,11 +86,12 @@ class RobotFrame:
 
     def read_markers(self, message: MultiDOFJointState) -> dict[str, tuple[float, float]]:
         """
-        Return the measured joints (x, y) by name in the robot frame [m].
+        Return the measured position (x, y) of each joint by name, in the robot frame [m].
 
-        :param message: joints in any frame; without heights, they must be in the robot's plane.
-        :raises MessageError: see `read_joint_markers`; no transform from the frame exists; or
-            points are out of the robot's plane.
+        :param message: joint positions in any frame; if the heights are not measured, the frame
+            must be in the robot's plane.
+        :raises MessageError: `read_joint_markers` raises the error, no transform from the frame
+            exists, or points are out of the robot's plane.
         """
         joints = read_joint_markers(message, self._robot)
         if message.header.frame_id == self._robot.frame:
@@ -123,7 +125,7 @@ class RobotFrame:
         return rotation, np.array([shift.x, shift.y, shift.z])
 
     def _check_plane(self, what: str, header: Header, turned: Array) -> None:
-        """Raise MessageError for an axis that is tilted out of the robot's plane."""
+        """Raise MessageError if an axis is tilted out of the robot's plane."""
         tilt = math.degrees(math.acos(min(1.0, max(-1.0, turned[2, 2]))))
         most = math.degrees(MAX_TILT)
         if tilt > most:

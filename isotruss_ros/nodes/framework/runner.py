@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Executable of a node: start it, execute it, and stop it on a signal."""
+"""Base class of nodes, and the function that runs a node until a signal stops it."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from std_srvs.srv import Trigger
 
 #: Signals of Ctrl-C, of `kill` and of a closed terminal.
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-#: Longest wait [s], because signals do not interrupt a wait.
+#: Longest wait of the executor [s], because a signal does not interrupt a wait.
 WAKE_PERIOD = 1.0
 
 
@@ -39,7 +39,7 @@ class StoppableNode(Node):
 
     :cvar node_name: name of the node.
     :cvar specs: parameters of the node.
-    :cvar base_specs: parameters of all nodes of the same kind.
+    :cvar base_specs: parameters that all nodes of the same base class have.
     :cvar done: whether the node has finished its task; then the process ends.
     :ivar values: values of the parameters as attributes.
     :param parameter_overrides: values of parameters that differ from the defaults.
@@ -71,7 +71,7 @@ class StoppableNode(Node):
 
     def begin(self) -> None:
         """
-        Open resources of the process: a file, a server, the keyboard.
+        Open resources of the process, such as a file or a server.
 
         :raises IsotrussError: a resource cannot be opened.
         """
@@ -82,15 +82,15 @@ class StoppableNode(Node):
 
     def warn(self, kind: str, message: str) -> None:
         """
-        Log a warning once while its reason persists, see `ReasonLog`.
+        Log a warning, or only count it if it is a repetition, see `ReasonLog`.
 
-        :param kind: kind of the warning; kinds are logged independently.
+        :param kind: kind of the warning; repetitions are counted for each kind independently.
         :param message: text of the warning.
         """
         self._reasons.note(kind, message)
 
     def log_ended(self) -> None:
-        """Log the counts of reasons that have ended."""
+        """For each logged warning that no longer occurs, log how often it occurred."""
         self._reasons.end()
 
     def offer(self, name: str, carry_out: Callable[[], str]) -> None:
@@ -125,7 +125,7 @@ class StoppableNode(Node):
 
 def catch_signals() -> list[int]:
     """
-    Catch stop signals; return the list that receives the first signal.
+    Catch stop signals; return a list to which the first received signal is appended.
 
     The second signal raises KeyboardInterrupt. The first does not, because rclpy would turn it
     into another error during a conversion from C.

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Measured inputs of a node: the latest valid value of each, or the reason of its rejection."""
+"""Subscriptions that store, for each input, its latest value or the reason of its rejection."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ import numpy as np
 from rclpy.subscription import Subscription
 from sensor_msgs.msg import FluidPressure, JointState, MultiDOFJointState
 
-#: Callback with an input.
+#: Callback that receives an input.
 Take = Callable[[StampedInput], None]
 Receive = Callable[[StampedInput | RejectedInput], None]
 
@@ -49,12 +49,12 @@ class Inputs:
     """
     Subscriptions of a node that store inputs as attributes of a holder.
 
-    Each message passes a `Gate`. It becomes a StampedInput, or a RejectedInput with the reason. A
-    message without a header is stamped by the node's clock.
+    A `Gate` checks each message and converts it to a StampedInput, or to a RejectedInput with the
+    reason. A message without a header is stamped by the node's clock.
 
     :param node: subscribing node.
     :param robot: robot with the rollers, tubes and frame of the messages.
-    :param holder: object that has the inputs as attributes.
+    :param holder: object whose attributes are the inputs.
     :param oldest: largest age of an input [s]; None: the node's parameter `command_timeout`.
     """
 
@@ -64,20 +64,20 @@ class Inputs:
         self._node, self._robot, self._holder = node, robot, holder
         self._oldest = oldest
         self._gates: dict[str, Gate] = {}
-        #: Descriptions of the inputs by attribute.
+        #: Descriptions of the inputs by the name of the attribute.
         self._words: dict[str, str] = {}
         self._parts = RollerParts(robot.roller_names)
         self._offsets = np.zeros(len(robot.roller_names))
         self._pressures: dict[str, Input] = {}
-        #: Last rejected pressure, and its time [s].
+        #: Last rejected message of a pressure, and its time [s].
         self._bad_pressure: tuple[RejectedInput | None, float] = None, -math.inf
 
     def _latest(self, name: str) -> Input:
-        """Return the latest value of an input."""
+        """Return the stored input of a name."""
         return getattr(self._holder, name)
 
     def _store(self, name: str, given: Input) -> None:
-        """Replace an input."""
+        """Replace the stored input of a name."""
         setattr(self._holder, name, given)
 
     def keep(
@@ -96,15 +96,16 @@ class Inputs:
 
         :param kind: type of the messages.
         :param topic: relative name of the topic.
-        :param read: function from a message to its value; None: the message is ignored. It raises
-            MessageError for an invalid message.
+        :param read: function that returns the value of a message, or None if the message is
+            ignored. It raises MessageError for an invalid message.
         :param name: name of the holder's attribute.
-        :param words: description for the diagnostics; by default, the topic.
+        :param words: description of the input in the diagnostics; by default the name of the
+            topic.
         :param stops: whether an invalid message replaces the input, which stops the robot at once;
             otherwise the previous value remains valid.
-        :param take: callback with each StampedInput in any order, not only with the newest; None:
-            no callback.
-        :param oldest: largest age of the input [s]; None: that of all inputs.
+        :param take: callback that receives every StampedInput, also those with older stamps than
+            the stored one; None: no callback.
+        :param oldest: largest age of this input [s]; None: the largest age of all inputs applies.
         """
         words, oldest = words or topic.replace('_', ' ').replace('/', ' '), oldest or self._oldest
         setting = 'pressure_timeout' if name == 'pressures' else 'command_timeout'
@@ -130,7 +131,7 @@ class Inputs:
         return gate.subscription
 
     def _merge(self, receive: Receive, received: StampedInput | RejectedInput) -> None:
-        """Merge partial states of the rollers, and add the estimated offsets."""
+        """Merge messages of single rollers to a state of all, and add the estimated offsets."""
         if isinstance(received, StampedInput):
             self._parts.take(received.value, received.time, self._node.now())
             received = self._parts.merged()
@@ -156,8 +157,9 @@ class Inputs:
         """
         Store the roller state from `joint_states` as the input `rollers`, with estimated offsets.
 
-        If a node publishes `state_estimate`, it is stored as the input `estimate`, and its offsets
-        are added to the roller positions. The last offsets remain valid without a timeout.
+        If a node publishes `state_estimate`, the message is stored as the input `estimate`, and
+        its offsets are added to the roller positions. The last received offsets remain valid
+        without a timeout.
         """
         self.keep_encoders()
         read = partial(read_estimate, robot=self._robot)
@@ -173,7 +175,7 @@ class Inputs:
 
     def keep_joint_markers(self, **options: Any) -> None:
         """
-        Store measured joints {name: (x, y)} [m] from `joint_markers` as the input `markers`.
+        Store measured joint positions {name: (x, y)} [m] from `joint_markers` as input `markers`.
 
         :param options: options of `keep`.
         """
@@ -181,7 +183,7 @@ class Inputs:
         self.keep(MultiDOFJointState, 'joint_markers', read, 'markers', **options)
 
     def keep_held_grip(self) -> None:
-        """Store the `GripRecord` of the loop from `manipulation/grip` as the input `held_grip`."""
+        """Store the `GripRecord` of the held object from `manipulation/grip` as `held_grip`."""
         read = partial(read_grip, robot=self._robot)
         self.keep(HeldGrip, 'manipulation/grip', read, 'held_grip')
 
@@ -193,8 +195,9 @@ class Inputs:
         """
         Store gauge pressures (t,) [Pa] from `tube_pressures` as the input `pressures`.
 
-        Each message has the pressure of one tube. The input is valid after each tube has sent one,
-        and it has the oldest stamp of them. The parameter `ambient_pressure` is subtracted.
+        Each message has the pressure of one tube. The input is valid once a message of each tube
+        has arrived; its stamp is the oldest stamp of these messages. The parameter
+        `ambient_pressure` is subtracted.
         """
 
         def read(message: FluidPressure) -> tuple[str, float]:
@@ -222,7 +225,7 @@ class Inputs:
         receive(received)
 
     def settle(self) -> None:
-        """Process queued messages whose transforms have arrived."""
+        """Process the queued messages whose transforms have arrived."""
         for gate in self._gates.values():
             gate.settle()
 
@@ -256,8 +259,9 @@ class TrackedShape:
     Configuration of the robot, tracked from joint states.
 
     :ivar timeout: largest age of an input [s].
-    :ivar estimate: input of the `EstimatedTravel` with the roller offsets; None without one.
-    :param robot: the robot; home is the start of the first search.
+    :ivar estimate: input of the `EstimatedTravel` with the roller offsets; None without an
+        estimate.
+    :param robot: the robot, whose home is the initial guess of the first configuration.
     :param timeout: largest age of an input [s].
     """
 

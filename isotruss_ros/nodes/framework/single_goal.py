@@ -18,12 +18,12 @@ from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import ServerGoalHandle
 from rclpy.task import Future
 
-#: Time for which results are stored for late clients [s].
+#: Time for which a result is kept for clients that request it late [s].
 RESULT_TIMEOUT = 60
 
 
 class Ending(enum.Enum):
-    """Final states of an action's goal, by the methods of rclpy's handle."""
+    """Final states of an action's goal; the values are names of methods of rclpy's goal handle."""
 
     SUCCEEDED = 'succeed'
     CANCELED = 'canceled'
@@ -36,26 +36,29 @@ class BusyError(IsotrussError):
 
 class SingleGoal:
     """
-    Action server whose single goal is executed by a timer of the node.
+    Action server with at most one active goal, which is executed by a timer of the node.
 
-    The coroutine of the action only awaits the result; the executor resumes it when it spins. A
-    result with a stamp is stamped at the end of the goal.
+    The coroutine of the action only awaits the result, and the executor resumes it. If the result
+    message has a stamp, the stamp is the time at which the goal ended.
 
     :ivar kind: type of the action.
-    :ivar client: watch of the supervising client; None if the goal is not supervised.
+    :ivar client: watch for the loss of the client that supervises the goal; None if goals are not
+        supervised.
     :param node: node that offers the action until it is destroyed.
     :param kind: type of the action.
     :param name: relative name of the action.
-    :param read: function from a goal to a request, called before acceptance. It raises
-        IsotrussError for an invalid goal, or if the node is not ready; then the active goal is not
-        affected.
-    :param refuse: function from such an error to a result for the client; None: the goal is
-        rejected, and only the log has the reason.
-    :param begin: callback with the request; it may end the goal at once.
-    :param cancelled: callback when a client cancels the goal; it must end the goal soon.
-    :param preempted: callback before `begin` if another goal is active; it must end that goal. It
-        is not needed if `read` refuses a second goal.
-    :param supervised: whether the goal ends if its supervising client is lost.
+    :param read: function that converts a goal to a request before the goal is accepted. It raises
+        IsotrussError if the goal is invalid or the node is not ready; the active goal then
+        continues.
+    :param refuse: function that converts an error of `read` to a result for the client; if it
+        returns None, the goal is rejected and only the log has the reason.
+    :param begin: callback that receives the request and starts the goal; it may end the goal at
+        once.
+    :param cancelled: callback that is called when a client cancels the goal; it must end the goal
+        soon.
+    :param preempted: callback that is called before `begin` if another goal is active; it must end
+        the other goal. It is not needed if `read` refuses a second goal.
+    :param supervised: whether the goal ends if the client that supervises it is lost.
     """
 
     def __init__(
@@ -74,7 +77,8 @@ class SingleGoal:
         self._node, self._name, self._begin = node, name, begin
         self._read, self._refuse = read, refuse
         self._preempted, self._cancelled = preempted, cancelled
-        #: Request of the goal that is accepted next, or the result of its refusal.
+        #: Request of the goal that will be accepted next, or the result with which it will be
+        #: refused.
         self._asked: Any = None
         self._refusal: Any = None
         self._handle: ServerGoalHandle | None = None
@@ -136,10 +140,10 @@ class SingleGoal:
         End the active goal, and report its result in diagnostics and log.
 
         :param outcome: final code.
-        :param endings: final states by code; a goal with any other code is aborted.
+        :param endings: final state for each code; a goal with any other code is aborted.
         :param result: message of the result.
-        :param idle: text for the node's activity after the goal.
-        :param prefix: prefix of the report.
+        :param idle: text of the diagnostics after the goal.
+        :param prefix: text before the reported result.
         """
         self.end(endings.get(outcome, Ending.ABORTED), result)
         text = f'{prefix}{outcome.name.lower().replace("_", " ")}: {result.message}'
@@ -157,7 +161,7 @@ class SingleGoal:
             self.client.goal = None if handle is None else _key(handle)
 
     def _stamp(self, result: Any) -> Any:
-        """Return a result with the time of the goal's end, if it has a stamp."""
+        """Set the stamp of a result to the time at which the goal ended, if it has a stamp."""
         if hasattr(result, 'stamp'):
             result.stamp = self._node.get_clock().now().to_msg()
         return result

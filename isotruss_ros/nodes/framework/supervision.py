@@ -2,12 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Heartbeats of actions: a goal ends with its client, a sequence ends with the server of its goal.
+Heartbeats of actions, which detect the loss of a goal's client or of its server.
 
-Liveliness and deadline of DDS detect an ended process equally fast, but have three faults (see
-docs/tried.md). Their time is fixed when an entity is created, whereas `command_timeout` is a
-parameter. Subscriptions with them do not match publishers without them. Automatic liveliness
-continues while a callback hangs.
+The liveliness and the deadline of DDS detect an ended process equally fast, but have faults (see
+docs/tried.md). Their timeouts are fixed when an entity is created, whereas the parameter
+`command_timeout` can change. A subscription with them does not match a publisher without them.
+Automatic liveliness is not lost while a callback hangs.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from rclpy.lifecycle import LifecycleNode
 TOPIC = 'supervised_goal'
 #: Shortest period of feedback, which is the heartbeat of a server [s].
 FEEDBACK_PERIOD = 0.05
-#: Shortest timeout of feedback, two periods [s].
+#: Shortest timeout of feedback, which is two periods [s].
 MIN_FEEDBACK_TIMEOUT = 2.0 * FEEDBACK_PERIOD
 #: Longest time from the start of a goal to its first feedback [s].
 START_TIMEOUT = 1.0
@@ -30,7 +30,7 @@ START_TIMEOUT = 1.0
 
 class ClientWatch:
     """
-    Time of the last heartbeat of the client that supervises a goal.
+    Watch for the loss of the client that supervises a goal, by the time of its last heartbeat.
 
     :param node: node that subscribes until it is destroyed.
     """
@@ -42,10 +42,11 @@ class ClientWatch:
 
     def find_loss(self, timeout: float) -> str | None:
         """
-        Return in words the loss of the supervising client; None without a loss.
+        Return an error text if the supervising client is lost; else None.
 
-        :param timeout: longest time between the client's messages, by the steady clock [s].
-        :return: text of the loss, or None.
+        :param timeout: longest accepted time between the client's heartbeats, by the steady clock
+            [s].
+        :return: error text, or None.
         """
         goal, heard = self._heard
         if self.goal is None or goal != self.goal or time.monotonic() - heard <= timeout:
@@ -63,10 +64,10 @@ class ClientWatch:
 
 class ServerWatch:
     """
-    Time of the last feedback by the server of a goal.
+    Watch for the loss of the server of a goal, by the time of its last feedback.
 
     :param name: name of the action.
-    :param silence: longest time without feedback [s].
+    :param silence: longest accepted time without feedback [s].
     """
 
     def __init__(self, name: str, silence: float) -> None:
@@ -78,7 +79,7 @@ class ServerWatch:
         self._heard = max(self._heard, time.monotonic())
 
     def find_loss(self) -> str | None:
-        """Return in words the loss of the server; None without a loss."""
+        """Return an error text if the server is lost; else None."""
         if time.monotonic() - self._heard <= self._silence:
             return None
         return (

@@ -5,11 +5,11 @@
 Quality of service of each topic, and subscriptions to the newest message.
 
 States and twists are valid only while they are new. So subscriptions to them are best-effort with
-a short queue, and match reliable and best-effort publishers. Publishers of the nodes and the
-command subscription of the simulator are reliable, like the controllers of ros2_control. They are
-volatile, because an old message would be wrong after the node is inactive.
+a short queue; they match reliable and best-effort publishers. Publishers of the nodes and the
+command subscription of the simulator are reliable, like the controllers of ros2_control. These
+publishers are volatile, because an old message would be wrong once its node is inactive.
 
-Messages that are valid until the next one are latched.
+Messages that are valid until the next message are latched.
 """
 
 from __future__ import annotations
@@ -23,24 +23,25 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
-#: Newest messages. The depth is 2, because at depth 1 Fast DDS leaks some 100 bytes for each
-#: message that arrives while another is taken.
+#: Profile for the newest messages. The depth is 2, because at depth 1 Fast DDS leaks about 100
+#: bytes for each message that arrives while another message is taken.
 NEWEST = QoSProfile(depth=2, reliability=ReliabilityPolicy.BEST_EFFORT)
-#: All messages, such as partial joint states of ten publishers at 100 Hz for a loop at 100 Hz.
+#: Profile for all messages of a short interval, such as joint states from ten publishers at 100 Hz
+#: for a loop at 100 Hz.
 EACH = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
-#: No event callbacks. They are not needed, because these subscriptions match any publisher, and
-#: they would make each wait of `manipulation` a third longer.
+#: Setting without event callbacks. They are not needed, because these subscriptions match any
+#: publisher; with them each wait of `manipulation` would take a third longer.
 NO_EVENTS = SubscriptionEventCallbacks(use_default_callbacks=False)
 RELIABLE = QoSProfile(depth=1)
-#: Longest wait for the acknowledgement of the last command.
+#: Longest wait until the subscribers acknowledge the last command.
 ACKNOWLEDGE_TIME = Duration(seconds=0.5)
-#: Bursts of messages, all of which are processed.
+#: Profile for bursts of messages, all of which are processed.
 EVENTS = QoSProfile(depth=100)
-#: Messages that are valid until the next one; late subscribers receive them.
+#: Profile for messages that are valid until the next message; late subscribers receive them.
 LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-#: All messages of all publishers with earlier latched ones, for `SparseMessages`. It is reliable,
-#: because best-effort subscriptions lose messages from before discovery. Fast DDS stores up to
-#: 5000 messages; then publishers block, or an event reports the loss.
+#: Profile for all messages of all publishers, for `SparseMessages`. It is reliable, because
+#: best-effort subscriptions lose messages sent before discovery. Fast DDS stores up to 5000
+#: messages; with more, publishers block, or an event reports the loss.
 EVERY = QoSProfile(history=HistoryPolicy.KEEP_ALL)
 EVERY_LATCHED = QoSProfile(
     history=HistoryPolicy.KEEP_ALL, durability=DurabilityPolicy.TRANSIENT_LOCAL
@@ -56,9 +57,9 @@ def subscribe_newest(
     :param node: subscribing node; its subscription is best-effort.
     :param kind: type of the messages.
     :param topic: relative name of the topic.
-    :param callback: function of a message.
-    :param every: whether the callback receives all queued messages in order; in a flood, the
-        newest ones. Otherwise only the last one.
+    :param callback: function that receives each message.
+    :param every: whether the callback receives all queued messages in order, of which the oldest
+        may be lost in a flood; if false, the callback receives only the last message.
     """
     profile = EACH if every else NEWEST
 
@@ -76,7 +77,7 @@ def take_waiting(taken: list[Any], subscription: Subscription, most: int) -> lis
     """
     Return a message, followed by the queued messages in order.
 
-    :param taken: list with the callback's message, possibly empty.
+    :param taken: list with the message that the callback has received; it may be empty.
     :param subscription: subscription with the queue.
     :param most: largest number of returned messages.
     """

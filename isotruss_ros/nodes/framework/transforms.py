@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Transforms of object, contacts and modules on `/tf`."""
+"""Publication of the frames of object, contacts and modules on `/tf`."""
 
 from __future__ import annotations
 
@@ -97,13 +97,13 @@ def find_contact_frames(
     analysis: GraspAnalysis, robot: Robot
 ) -> dict[str, tuple[complex, complex]]:
     """
-    Return the contact frame of each member in contact, by member.
+    Return the contact frame (origin, x axis) of each member in contact, by member.
 
-    Its origin is the centre of pressure, x + iy [m]. Its x axis is normal to the object and into
-    it, a unit vector x + iy.
+    The origin of a frame is the centre of pressure, x + iy [m]. The x axis is the normal into the
+    object, a unit vector x + iy.
 
     :param analysis: analysis of the grasp.
-    :param robot: robot with the members.
+    :param robot: robot to which the members belong.
     """
     frames, forces = {}, analysis.normal_forces
     for number in sorted(set(analysis.members[forces > 0.0].tolist())):

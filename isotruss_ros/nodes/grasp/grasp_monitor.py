@@ -2,9 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Grasp monitor: analysis of the grasp from the latest inputs, or the reason of its absence.
+Grasp monitor, which analyses the grasp from the latest inputs, or reports why it cannot.
 
-A result is valid for its inputs. It is discarded when an input is stale, missing or rejected.
+A result is valid only for the inputs from which it was computed. It is discarded when an input is
+stale, missing or rejected.
 """
 
 from __future__ import annotations
@@ -45,29 +46,31 @@ from isotruss_ros.nodes.grasp.grasp_report import (
 )
 import numpy as np
 
-#: Code of a report by the error of the analysis; the last entry applies to all other errors.
+#: Code of a report for each error of the analysis; the last entry applies to all other errors.
 ERRORS = (
     (ConfigurationError, GraspCode.NO_CONFIGURATION),
     (StructureError, GraspCode.MECHANISM),
     (SolverError, GraspCode.NOT_SOLVED),
     (IsotrussError, GraspCode.INVALID_REQUEST),
 )
-#: Smallest change of a grip that causes a new analysis [m, rad, N].
+#: Smallest change of an unknown of the held grip that causes a new analysis [m, rad, N].
 SMALL = 1e-5
 NO_CONTACT = 'the object touches nothing'
 
 
 class GraspMonitor:
     """
-    Latest value of each input, and their analysis.
+    Latest value of each input, and the analysis of the grasp from these values.
 
-    :ivar query: settings of the analysis; roller positions, pose, wrench and pressures are
-        replaced by inputs.
-    :ivar estimate: input of the `EstimatedTravel` with the roller offsets; None without one.
-    :ivar held_grip: input of the `GripRecord` of the loop that holds the object; None without one.
+    :ivar query: settings of the analysis; its roller positions, pose, wrench and pressures are
+        replaced by the inputs.
+    :ivar estimate: input of the `EstimatedTravel` with the roller offsets; None without an
+        estimate.
+    :ivar held_grip: input of the `GripRecord` of the control loop that holds the object; None
+        without such a loop.
     :ivar wrench: input of the external wrench (fx, fy, m) on the object [N, N m]; None: zero.
     :ivar pressures: input of the gauge pressures (t,) of the tubes in the order of the robot file
-        [Pa]; None: the pressures of the file.
+        [Pa]; None: the pressures of the robot file are used.
     :param robot: the robot.
     :param query: settings of the analysis without roller positions.
     :param timeout: largest age of inputs [s].
@@ -126,8 +129,9 @@ class GraspMonitor:
         """
         Return the analysis of a request, without effect on `report`.
 
-        :param query: arguments of the request. Without roller positions, the measured ones are
-            used, which must be fresh; so must pressures after the first.
+        :param query: arguments of the request. If it has no roller positions, the measured roller
+            positions are used and must be fresh. Once pressures were received, they must be fresh
+            too.
         :param now: time on the clock of the inputs [s].
         """
         try:
@@ -152,8 +156,8 @@ def _analyze(
     Return the report of an analysis without its time.
 
     :param find: function from roller positions to the configuration.
-    :param last: similar grasp, initial guess; None: none.
-    :param record: grip of the loop that holds the object; None without one.
+    :param last: analysis of a similar grasp, used as initial guess; None: no initial guess.
+    :param record: grip of the control loop that holds the object; None without such a loop.
     """
     begin = time.perf_counter()
     try:
@@ -191,7 +195,7 @@ def _analyze(
 
 
 def _alike(record: GripRecord | None, other: GripRecord | None) -> bool:
-    """Return whether two grips differ by less than `SMALL`."""
+    """Return whether all unknowns of two grips differ by less than `SMALL`."""
     if record is None or other is None:
         return record is other
     if len(record.unknowns) != len(other.unknowns):

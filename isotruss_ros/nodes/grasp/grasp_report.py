@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Request of a grasp analysis, and its result or the reason of its absence."""
+"""Request of a grasp analysis, and its result or the reason why there is none."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class GraspCode(enum.IntEnum):
     """Codes of grasp reports, equal to those of isotruss_msgs/GraspState."""
 
     OK = 0
-    WRINKLED = 1  #: a result outside of the model: a tube wrinkles
+    WRINKLED = 1  #: a tube wrinkles, so the result is outside of the model's validity
     NO_JOINT_STATES = 10
     STALE_JOINT_STATES = 11
     INVALID_JOINT_STATES = 12
@@ -33,8 +33,8 @@ class GraspCode(enum.IntEnum):
     # Those of the robot file if never published.
     STALE_TUBE_PRESSURES = 36
     INVALID_TUBE_PRESSURES = 37
-    NO_CONFIGURATION = 40  #: no configuration at the roller positions
-    MECHANISM = 41  #: the robot is a mechanism, or its stiffness laws are contradictory
+    NO_CONFIGURATION = 40  #: no configuration exists at the roller positions
+    MECHANISM = 41  #: the robot is a mechanism, or its stiffness laws contradict each other
     NOT_SOLVED = 42  #: the solver of contact or friction failed
     INVALID_REQUEST = 50  #: a number of the request is invalid
 
@@ -43,7 +43,7 @@ class GraspCode(enum.IntEnum):
         return self.name.lower().replace('_', ' ')
 
 
-#: Code of a report by the name and the fault of an input.
+#: Code of a report for each name of an input and kind of its fault.
 INPUT_CODES = {
     (name, fault): GraspCode[code]
     for name in ('joint_states', 'object_pose', 'external_wrench', 'tube_pressures')
@@ -63,7 +63,7 @@ class GraspQuery(NamedTuple):
     spacing: float  #: spacing of the contact points along the tubes [m]
     paper_model: bool = False  #: whether the paper's model is used, see `analyze_grasp`
     #: (t,) gauge pressures of the tubes in the order of the robot file [Pa]; None: the pressures
-    #: of the file
+    #: of the robot file are used
     pressures: tuple[float, ...] | None = None
 
 
@@ -80,10 +80,10 @@ class AnalyzedGrasp:
     @property
     def utilisation(self) -> dict[str, tuple[float, float]]:
         """
-        Return the utilisation of each member; with friction if the object is held.
+        Return the utilisation of each member; friction is included if the object is held.
 
-        :return: by member, the larger utilisation of fixed and free object [-], and its distance
-            from the member's start [m].
+        :return: for each member, the larger of its utilisations with fixed and free object [-],
+            and the distance from the member's start at which it occurs [m].
         """
         grasps = (self.analysis, self.settled) if self.settled.hold.at_rest else (self.analysis,)
         return {
@@ -96,13 +96,14 @@ class AnalyzedGrasp:
 
 @dataclass(frozen=True)
 class GraspReport:
-    """Result of a grasp analysis, or the reason of its absence."""
+    """Result of a grasp analysis, or the reason why there is none."""
 
-    #: OK for a result, WRINKLED for a result outside of the model, else the reason of its absence
+    #: OK for a result, WRINKLED for a result outside of the model's validity, else the reason why
+    #: there is no result
     code: GraspCode
-    message: str  #: warnings, or the reason of the absence of a result; may be empty
-    time: float  #: time of the oldest input [s]; without a result, time of the call
-    grasp: AnalyzedGrasp | None = None  #: result; None without one
+    message: str  #: warnings, or the reason why there is no result; may be empty
+    time: float  #: time of the oldest input, or time of the call if there is no result [s]
+    grasp: AnalyzedGrasp | None = None  #: the result, if there is one
 
     @property
     def held(self) -> bool:
@@ -111,5 +112,5 @@ class GraspReport:
 
     @property
     def force_closure(self) -> bool:
-        """Return the force closure of the free object, see `SettledGrasp.force_closure`."""
+        """Return whether the free object has force closure, see `SettledGrasp.force_closure`."""
         return self.grasp is not None and self.grasp.settled.force_closure

@@ -2,8 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Node `manipulation`: roller velocities for twists of the held object and for trajectories.
+Node `manipulation`, which computes roller velocities for twists and for trajectories.
 
-Entry point: `node`. Other modules: settings, emergency stop, failed rollers, trajectories, and
-topics whose lost messages stop the robot. Imports `nodes.framework` and the core.
+Entry point: `node`. Its other modules have settings, emergency stop, failed rollers, trajectories,
+and subscriptions that stop the robot if a message may have been lost. Imports `nodes.framework`
+and the core.
 """

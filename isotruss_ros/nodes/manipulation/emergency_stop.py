@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Emergency stop: set by a topic or a service, latched, released only by a service."""
+"""Emergency stop, which a topic or a service sets, and only a service releases."""
 
 from __future__ import annotations
 
@@ -19,13 +19,14 @@ RELEASE = 'release_emergency_stop'
 
 class EmergencyStop:
     """
-    Emergency stop in any state of the node, latched until its release.
+    Emergency stop, which can be set in any state of the node and is latched until its release.
 
     :param node: node that has the subscription and the services until it is destroyed.
-    :param required: function that returns whether a message must arrive before any motion.
-    :param changed: callback on changes of `reason`.
-    :param wait_for_zero: function that waits shortly for the drives' acknowledgement of zero
-        velocity, and returns whether it arrived.
+    :param required: function that returns whether a message of the topic must arrive before any
+        motion.
+    :param changed: callback that is called when `reason` changes.
+    :param wait_for_zero: function that waits briefly for the drives' acknowledgement of zero
+        velocity, and returns whether the acknowledgement arrived.
     """
 
     def __init__(
@@ -42,7 +43,7 @@ class EmergencyStop:
         #: Last message of the topic; None before the first message.
         self._last: bool | None = None
         self._stopped = False
-        #: First reason of a stop other than a message; None without one.
+        #: First reason of a stop other than a message of the topic; None without such a reason.
         self._cause: str | None = None
         self._messages = SparseMessages(
             node,
@@ -78,13 +79,13 @@ class EmergencyStop:
             self._changed()
 
     def _stop_for(self, cause: str) -> None:
-        """Stop for a reason other than a message."""
+        """Stop for a reason other than a message of the topic."""
         if self._cause is None:
             self._cause = cause
             self._changed()
 
     def _carry_out_stop(self) -> str:
-        """Stop; return the response after the drives have received zero velocity."""
+        """Stop, and return the service's response once the drives have received zero velocity."""
         self._stop_for(f'stopped by the service {self._service}')
         if not self._wait_for_zero():
             raise IsotrussError(

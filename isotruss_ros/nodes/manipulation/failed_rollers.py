@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Failed rollers: named by the topic, named by the parameter `failed_rollers`, or detected."""
+"""Failed rollers, which the topic or parameter `failed_rollers` names or the node detects."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ SERVICE = 'reset_failed_rollers'
 
 class FailedRollers:
     """
-    Record of the failed rollers, named or detected, in any state of the node.
+    Record of the named and the detected failed rollers, which is kept in any state of the node.
 
     :param node: node that has the subscription and the service until it is destroyed.
-    :param changed: callback on changes of the named rollers.
+    :param changed: callback that is called when the named rollers change.
     """
 
     def __init__(self, node: ManagedNode, changed: Callable[[], None]) -> None:
         self._changed = changed
         self._named: frozenset[str] = frozenset()
-        #: Detector of the last servo; None before the first servo.
+        #: Failure detector of the last servo; None before the first servo.
         self._detector: FailureDetector | None = None
-        #: Reason why the named rollers are unknown; None if they are known.
+        #: Reason why the rollers that the topic names are unknown; None if they are known.
         self._unknown: str | None = None
         SparseMessages(
             node, DiagnosticArray, NAME, self._receive, self._report_missing, every=True
@@ -50,7 +50,7 @@ class FailedRollers:
 
     def find_fault(self, robot: Robot) -> str | None:
         """
-        Return the reason why the named rollers are unknown; None if they are known.
+        Return the reason why the rollers that the topic names are unknown; None if they are known.
 
         :param robot: the robot.
         """
@@ -64,10 +64,10 @@ class FailedRollers:
 
     def follow(self, detector: FailureDetector, robot: Robot) -> None:
         """
-        Copy the detected failures to the detector of a new servo.
+        Copy the detected failures to the failure detector of a new servo.
 
-        :param detector: detector of the servo.
-        :param robot: robot of the servo.
+        :param detector: failure detector of the new servo.
+        :param robot: robot of the new servo.
         """
         if self._detector is not None:
             detector.failed = self._detector.failed & frozenset(robot.roller_names)
@@ -95,7 +95,7 @@ class FailedRollers:
 
 def describe_reachable_twists(servo: TwistServo) -> str:
     """
-    Return in words the twists of the object that the working rollers can produce.
+    Describe the twists of the object that the working rollers can produce.
 
     :param servo: servo with its latest inputs.
     """

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Node `manipulation`: roller commands for twists of object or joint, and for trajectories."""
+"""Node `manipulation`, which commands the rollers by twists or by trajectories."""
 
 from __future__ import annotations
 
@@ -31,7 +31,8 @@ from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool
 
 MODES = ('object', 'joint')
-#: Period of the check of the types of the publishers of cmd_vel while no twist arrives [s].
+#: Period at which the node checks the message types of publishers of cmd_vel while no twist
+#: arrives [s].
 TYPE_CHECK_PERIOD = 1.0
 SPECS = (
     Spec(
@@ -87,15 +88,15 @@ class Manipulation(ManagedNode):
 
     def prepare(self, settings: ServoSettings) -> ServoSettings:
         """
-        Return the settings of the servo; a subclass can add limits and barriers.
+        Return the settings of the servo; a subclass can override this to add limits and barriers.
 
-        :param settings: settings by the parameters; the method is called after each change of
-            them.
+        :param settings: settings that the parameters specify; this method is called after each
+            change of a parameter.
         """
         return settings
 
     def _make_settings(self) -> ServoSettings:
-        """Return the settings of the servo by the parameters."""
+        """Return the settings of the servo that the parameters specify."""
         joint = self.values.joint if self.values.mode == 'joint' else None
         return self.prepare(make_settings(self.robot, self.values, self._described, joint))
 
@@ -118,7 +119,7 @@ class Manipulation(ManagedNode):
         self._servo = self._trajectory = None
 
     def details(self) -> dict[str, object]:
-        """Return the motion in progress, the grip and failed rollers."""
+        """Return the motion in progress, the grip and the failed rollers, by name."""
         servo, settings = self._servo, self._servo.settings
         details: dict[str, object] = {
             'moves': 'the object' if settings.joint is None else f'joint {settings.joint}',
@@ -135,15 +136,15 @@ class Manipulation(ManagedNode):
         return details
 
     def describe(self) -> dict[str, object]:
-        """Return the description of the node with the reason of a stop, in every state."""
+        """Return the values of the diagnostics, with the reason of a stop, in every state."""
         return {'emergency stop': self._stop.reason or 'no'} | super().describe()
 
     def _wait_for_zero(self) -> bool:
-        """Wait shortly; return whether the subscribers have received the last command, zero."""
+        """Wait briefly; return whether the subscribers have acknowledged the command zero."""
         return not self.active or self._commands.wait_for_subscribers()
 
     def _find_halt(self) -> tuple[Status, str] | None:
-        """Return the reason of a halt that does not depend on inputs."""
+        """Return status and reason of a halt that does not depend on inputs; else None."""
         reason = self._stop.reason
         if reason is not None:
             return Status.HALT_EMERGENCY_STOP, reason
@@ -156,7 +157,7 @@ class Manipulation(ManagedNode):
         return None if fault is None else (Status.HALT_INVALID_FAILED_ROLLERS, fault)
 
     def _apply_stop(self) -> None:
-        """Halt at once; after a release, only a new twist moves the object."""
+        """Halt at once at a stop; after its release, only a new twist moves the object."""
         if self._servo is None:
             return
         self._servo.receive(halt=self._find_halt())
@@ -167,7 +168,7 @@ class Manipulation(ManagedNode):
                 self._commands.stop()
 
     def _discard_twist(self) -> None:
-        """Discard the last twist and queued twists; only a new twist moves the object."""
+        """Discard the last twist and queued twists, so that only a new twist moves the object."""
         take_waiting([], self._twists, NEWEST.depth)
         self._servo.receive(twist=None)
 
@@ -182,7 +183,7 @@ class Manipulation(ManagedNode):
         self._step(now, (Status.HALT_CLOCK, f'simulated time stopped at {now:.3f} s'))
 
     def _apply_failures(self) -> None:
-        """Command zero velocity to the rollers that the topic or the parameter names."""
+        """Command zero velocity to the failed rollers that the topic or the parameter names."""
         if self._servo is not None:
             by_parameter = set(self.values.failed_rollers) - {''}
             named = self._failed_rollers.select_named(self.robot)

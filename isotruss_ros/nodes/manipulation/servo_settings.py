@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Settings and inputs of the twist servo, and reports of its decisions."""
+"""Settings and inputs of the twist servo, and publication of its decisions."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from isotruss_ros.nodes.framework.parameters import Parameters, Spec
 from isotruss_ros.nodes.framework.sensors import Inputs
 from isotruss_ros.nodes.framework.topics import RELIABLE
 
-#: Statuses without a warning.
+#: Statuses that cause no warning.
 NORMAL_STATUSES = frozenset(
     {
         Status.OK,
@@ -37,7 +37,7 @@ NORMAL_STATUSES = frozenset(
         Status.HALT_NO_TWIST,
     }
 )
-#: Smallest period of messages about the held object, equal to the period of grasp analyses [s].
+#: Smallest period of messages about the held object [s], equal to the period of grasp analyses.
 GRIP_PERIOD = 0.04
 BOUNDS = ShapeBounds()
 SPECS = (
@@ -110,7 +110,7 @@ SPECS = (
 
 
 def _make_grip(robot: Robot, values: Parameters, described: ConvexObject | None) -> Grip:
-    """Return the grip by the parameters, with the object at an arbitrary pose."""
+    """Return the grip that the parameters specify, with the object at an arbitrary pose."""
     body = described or ConvexObject(Disc(values.object_diameter))
     if values.object_mass:
         body = replace(body, mass=values.object_mass)
@@ -122,12 +122,13 @@ def make_settings(
     robot: Robot, values: Parameters, described: ConvexObject | None, joint: str | None
 ) -> ServoSettings:
     """
-    Return the settings of the servo by the parameters.
+    Return the settings of the servo that the parameters specify.
 
     :param robot: the robot.
     :param values: parameters of the node.
-    :param described: described object; None for a disc.
-    :param joint: joint that twists move; None: twists move the object.
+    :param described: object of the parameter `object`; None for a disc with the parameter
+        `object_diameter`.
+    :param joint: joint that is moved by twists; None: twists move the object.
     """
     squeeze = None
     if values.squeeze_force != 0.0:
@@ -162,7 +163,7 @@ class ServoSubscriptions(Inputs):
 
 class StatusReport:
     """
-    Publisher of the servo's decisions; created at each configuration.
+    Publisher of the servo's decisions, which is created at each configuration of the node.
 
     :param node: publishing node.
     :param robot: the robot.
@@ -181,7 +182,7 @@ class StatusReport:
         """
         Publish the state of the held object, at most once in `GRIP_PERIOD`.
 
-        :param grasp: equilibrium of the object; None if none is held.
+        :param grasp: equilibrium of the held object; None if no object is held.
         :param now: time of the cycle [s].
         """
         if grasp is None or 0.0 <= now - self._told < GRIP_PERIOD:

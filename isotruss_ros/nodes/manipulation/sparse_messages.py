@@ -1,9 +1,9 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """
-Subscription to rare messages: to the newest, or to every message.
+Subscription to messages that are rare, and whose loss is reported.
 
-rclpy takes one queued message per turn of the executor; this class takes all of them.
+rclpy takes one queued message per turn of the executor; this class takes all queued messages.
 """
 
 from __future__ import annotations
@@ -21,9 +21,10 @@ from rclpy.subscription import Subscription
 if TYPE_CHECKING:
     from isotruss_ros.nodes.framework.managed import ManagedNode
 
-#: Longest time between the callback for a message and the one for the match of its publisher [s].
+#: Longest time between the callback of a message and the callback of the match of its publisher
+#: [s].
 MATCH_DELAY = 1.0
-#: Largest number of messages per callback [-]; they are processed within a millisecond.
+#: Largest number of messages per callback [-]; this number is processed within a millisecond.
 MAX_BATCH = 200
 #: Largest number of queued messages [-]; Fast DDS drops messages beyond 5000 without an event.
 MAX_BACKLOG = 1000
@@ -31,24 +32,24 @@ MAX_BACKLOG = 1000
 
 class SparseMessages:
     """
-    Subscription that calls back with messages and reports possible losses.
+    Subscription that passes on messages and reports that a message may have been lost.
 
-    A publisher that publishes and exits at once may be gone before this side has matched it. Then
-    its message is lost without an error. So the departure of a publisher is reported if no message
-    was received since its arrival.
+    A publisher that publishes and exits at once may be gone before the subscription has matched
+    it. Then its message is lost without an error. So the end of a publisher is reported if no
+    message was received since the publisher was matched.
 
-    With `every`, earlier latched messages are received as well, until the node is destroyed; lost
-    messages and best-effort publishers are reported. A transient-local subscription does not match
-    a volatile publisher, such as `ros2 topic pub` without options. So the first subscription is
-    volatile. For a latching publisher a second, transient-local subscription is added; its
-    messages are then received twice.
+    With `every`, messages that were latched earlier are received as well; lost messages and
+    best-effort publishers are reported. A transient-local subscription does not match a volatile
+    publisher, such as `ros2 topic pub` without options. So the first subscription is volatile. For
+    a latching publisher a second, transient-local subscription is added; the messages of this
+    publisher are then received twice.
 
     :param node: subscribing node; its subscription is reliable.
     :param kind: type of the messages.
     :param topic: relative name of the topic.
-    :param callback: function of a list of messages, in the order of reception.
-    :param missing: callback with the reason of a possible loss.
-    :param every: whether every message is required, not only the newest.
+    :param callback: function that receives a list of messages in the order of reception.
+    :param missing: callback that receives the reason why a message may have been lost.
+    :param every: whether every message is required; if false, only the newest message is.
     """
 
     def __init__(
@@ -62,7 +63,7 @@ class SparseMessages:
     ) -> None:
         self._node, self._kind, self._topic = node, kind, topic
         self._callback, self._missing, self._every = callback, missing, every
-        #: Number of publishers matched after the last message, and time of the last message.
+        #: Number of publishers matched since the last message, and time of the last message [s].
         self._silent, self._received = 0, -math.inf
         self._subscriptions: list[Subscription] = []
         #: Number of messages that each subscription received since its queue was empty.
@@ -105,7 +106,7 @@ class SparseMessages:
             self._subscribe(EVERY_LATCHED)
 
     def _pass_on(self, index: int, taken: list[Any]) -> None:
-        """Call back with a message of a subscription and with the messages queued behind it."""
+        """Pass on a message of a subscription and the messages queued behind it."""
         most = MAX_BATCH if self._every else 1 + RELIABLE.depth
         messages = take_waiting(taken, self._subscriptions[index], most)
         if messages:
@@ -118,7 +119,7 @@ class SparseMessages:
             self._report_loss()
 
     def _follow(self, event: Any) -> None:
-        """Count a new publisher, or report the departure of a publisher."""
+        """Count a newly matched publisher, or report the end of a publisher without a message."""
         # The executor may call back with the message before the match.
         if time.monotonic() - self._received > MATCH_DELAY:
             self._silent += event.total_count_change

@@ -2,10 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Roller trajectories by topic and action, followed one at a time instead of twists.
+Roller trajectories from a topic and an action, which are followed one at a time.
 
-Topic and action are the same as of ros2_control's joint_trajectory_controller. Its action type is
-in the package control_msgs; without this package, only the equivalent own type is offered.
+A trajectory replaces twists while it is followed. Topic and action have the names of
+ros2_control's joint_trajectory_controller. The type of its action is in the package control_msgs;
+without this package, only the equivalent action type of isotruss_msgs is offered.
 """
 
 from __future__ import annotations
@@ -42,15 +43,15 @@ ABORTED_CODE = Result.PATH_TOLERANCE_VIOLATED
 
 class TrajectoryFollowing:
     """
-    Follower of one trajectory at a time; twists apply again after its end.
+    Follower of one trajectory at a time; twists move the object again after its end.
 
-    A new trajectory replaces the current one. An empty trajectory and any stop of the rollers end
-    the current one; trajectories do not resume. The result remains the status until the next
-    twist.
+    A new trajectory replaces the current trajectory. An empty trajectory or any stop of the
+    rollers ends the current trajectory, which does not resume. The result of a trajectory remains
+    the status of the node until the next twist.
 
     :ivar follower: servo of the trajectory.
-    :param node: subscribing node while active.
-    :param servo: servo with the measured positions and the history of commands.
+    :param node: node that subscribes while it is active.
+    :param servo: servo, which has the measured roller positions and the history of commands.
     """
 
     def __init__(self, node: ManagedNode, servo: TwistServo) -> None:
@@ -66,7 +67,7 @@ class TrajectoryFollowing:
 
     def decide(self, now: float) -> Decision:
         """
-        Return the decision of the current cycle, by a trajectory or by twists.
+        Return the decision of the current cycle, made by the active trajectory or else by twists.
 
         :param now: time on the clock of the inputs [s].
         """
@@ -97,7 +98,7 @@ class TrajectoryFollowing:
 
     def abort(self, why: str) -> bool:
         """
-        Abort the active trajectory, if any.
+        Abort the active trajectory if there is one.
 
         :param why: reason of the abort.
         :return: whether a trajectory was active; then the rollers must be stopped.
@@ -121,7 +122,7 @@ class TrajectoryFollowing:
             self._end(Status.HALT_TRAJECTORY, f'trajectory rejected: {error}', ABORTED_CODE)
 
     def _report_missing(self, why: str) -> None:
-        """Stop, because a lost message may have begun or ended a trajectory."""
+        """Stop, because a lost message could have begun or ended a trajectory."""
         if not self.abort(f'{why}: publish the trajectory again'):
             self._node.get_logger().warning(f'{why}: if it was a trajectory, publish it again')
 
@@ -131,7 +132,7 @@ class TrajectoryFollowing:
         self.follower.timeout = self._servo.settings.timeout
 
     def _read(self, goal: Any) -> RollerGoal:
-        """Return the arguments of a goal; raise an error for an invalid goal."""
+        """Return the content of a goal; raise an error for an invalid goal."""
         servo, now = self._servo, self._node.now()
         if servo.inputs.halt is not None:
             raise MessageError(servo.inputs.halt[1])
@@ -228,13 +229,13 @@ class TrajectoryFollowing:
         code: int = ABORTED_CODE,
         spared: SingleGoal | None = None,
     ) -> None:
-        """End the goal of a finished trajectory if it came from an action."""
+        """End the action goal of a finished trajectory, if the trajectory came from an action."""
         for goal in self._goals:
             if goal.active and goal is not spared:
                 goal.end(ending, goal.kind.Result(error_code=code, error_string=text))
 
     def _add_outcome(self, decision: Decision) -> Decision:
-        """Return a decision with the result of the last trajectory, until the next twist."""
+        """Add the result of the last trajectory to a decision, until the next twist."""
         status = decision.command.status
         if self._outcome is None or status < Status.HALT_NO_TWIST:
             self._outcome = None
@@ -246,7 +247,7 @@ class TrajectoryFollowing:
 
 
 def _offered_actions() -> list[tuple[type, str]]:
-    """Return types and names of the trajectory actions."""
+    """Return type and name of each trajectory action that can be offered."""
     offered = [(FollowRollerTrajectory, ACTION)]
     if importlib.util.find_spec('control_msgs') is not None:
         standard = importlib.import_module('control_msgs.action')

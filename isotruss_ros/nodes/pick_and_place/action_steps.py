@@ -4,8 +4,8 @@
 """
 Clients of actions and services as generators, in which each `yield` is one tick of a node.
 
-A sequence of such steps does not block. It is cancelled at a `yield` by throwing `CancelledError`;
-then the step first ends its goal.
+A sequence of such steps does not block. To cancel it, the node throws `CancelledError` at a
+`yield`; the step then ends its goal before it raises the error.
 """
 
 from __future__ import annotations
@@ -27,19 +27,19 @@ from rclpy.client import Client
 from rclpy.node import Node
 from rclpy.task import Future
 
-#: Number of ticks after which a request is repeated [-]. rmw_fastrtps sends no response to a
-#: client that the server has not discovered within 0.1 s, for example at the start on a busy
-#: machine.
+#: Number of ticks after which a request without response is repeated [-]. rmw_fastrtps sends no
+#: response if the server has not discovered the client within 0.1 s, for example at the start on a
+#: busy machine.
 RETRY_TICKS = 50
 #: Longest wait for the end of a cancelled goal [ticks].
 CANCEL_TICKS = 100
 
-#: Generator that yields the progress of a stage, 0 to 1, and returns a result.
+#: Generator that yields the progress of the current stage, 0 to 1, and returns a result.
 Steps = Generator[float, None, Any]
 
 
 class StepOutcome(enum.IntEnum):
-    """Final codes of a sequence, equal to those of PickObject, PlaceObject and MoveObject."""
+    """Final codes of a sequence, equal to the codes of PickObject, PlaceObject and MoveObject."""
 
     SUCCEEDED = 0
     CANCELLED = 1
@@ -47,7 +47,7 @@ class StepOutcome(enum.IntEnum):
     NOT_READY = 3
     NO_MOTION_FOUND = 4
     STOPPED = 5
-    #: The object is not held after a pick or a move, or still held after a place.
+    #: The object is not held after PickObject or MoveObject, or still held after PlaceObject.
     NOT_HELD = 6
 
 
@@ -76,14 +76,15 @@ class ActionStep:
     Action of another node as a step of a sequence.
 
     DDS detects a restart of the server during a goal only after seconds. So the result is
-    requested repeatedly; a restarted server rejects the unknown goal. A server that sends no
-    feedback for some time has ended or hangs.
+    requested repeatedly, because a restarted server rejects the goal, which it does not know. A
+    server that sends no feedback for some time counts as ended or hanging.
 
     :param node: node that has the client until it is destroyed.
     :param kind: type of the action.
     :param name: relative name of the action.
-    :param beat: function that publishes the client's heartbeat for a goal in each tick.
-    :param silence: function that returns the longest time without feedback [s].
+    :param beat: function that publishes the client's heartbeat for a goal; it is called in each
+        tick.
+    :param silence: function that returns the longest accepted time without feedback [s].
     """
 
     def __init__(
@@ -107,11 +108,11 @@ class ActionStep:
         Send a goal and return its result; cancel the goal if the sequence ends.
 
         :param goal: message of the goal.
-        :param progress: function from feedback to the progress, 0 to 1.
+        :param progress: function that returns the progress, 0 to 1, from a feedback message.
         :param find_fault: function that is called in each tick and returns a reason to cancel the
             goal, or None.
-        :raises StepError: there is no server; it rejects the goal, ends or is restarted; or
-            `find_fault` returned a reason and the goal has ended.
+        :raises StepError: there is no server; the server rejects the goal, ends or is restarted;
+            or `find_fault` returned a reason, for which the goal was cancelled.
         :raises CancelledError: the sequence was cancelled.
         """
         # A goal is executed even if its response is lost, so it must not be sent twice. To test
@@ -177,7 +178,7 @@ class ActionStep:
         return _ask(goal.get_result_async, lambda: self._supervise(info, missing), progress)
 
     def _supervise(self, info: GoalInfo, missing: StepOutcome) -> None:
-        """Publish the heartbeat if the server supervises its clients."""
+        """Publish the client's heartbeat, if the server supervises its clients."""
         if not self._client.server_is_ready():
             raise StepError(missing, f'no node offers the action {self._name}')
         self._beat(info)
@@ -194,7 +195,7 @@ def _ask(
     require_server: Callable[[], None],
     progress: Callable[[], float] = lambda: 0.0,
 ) -> Steps:
-    """Repeat a request until its first response, and return the response."""
+    """Repeat a request until a response arrives, and return the response."""
     sent: list[Future] = []
     while True:
         require_server()
@@ -209,7 +210,7 @@ def _ask(
 
 def set_parameters(client: Client, values: dict[str, float | str]) -> Steps:
     """
-    Set parameters of another node, as a step.
+    Set parameters of another node, as a step of a sequence.
 
     :param client: client of the node's service `set_parameters`.
     :param values: values by name.

@@ -58,22 +58,23 @@ from nav_msgs.msg import Path
 import numpy as np
 from rcl_interfaces.srv import SetParameters
 
-#: Default of the largest rotation of a released object [rad].
+#: Default of the largest predicted rotation of the object at its release [rad].
 MAX_ROTATION = math.radians(5.0)
-#: Displacement of the object by the closing grip up to which it is not moved back [m].
+#: Largest displacement of the object by the closing grip that is not corrected [m].
 RETURN_TOLERANCE = 1e-3
-#: Longest wait until the analysis confirms that the object is held, or free [s].
+#: Longest wait until the grasp analysis confirms that the object is held or is free [s].
 CONFIRMATION_TIMEOUT = 5.0
-#: Longest wait for late inputs before any motion [s].
+#: Longest wait for missing or stale inputs before a motion [s].
 INPUT_TIMEOUT = 1.0
-#: Longest time without feedback of the planner [s]; nodes with motion have a shorter one.
+#: Longest accepted time without feedback of the planner [s]; it is shorter for nodes that move the
+#: robot.
 PLANNER_TIMEOUT = 5.0
 PICK, PLACE, MOVE = PickObject.Feedback, PlaceObject.Feedback, MoveObject.Feedback
 
 
 class GraspSequences(TrackedShape):
     """
-    Sequences by the actions of planner, manipulation and path follower.
+    Sequences of actions of `grasp_planner`, `manipulation` and `path_follower`.
 
     :param node: node that has the clients until it is destroyed.
     :param robot: the robot.
@@ -108,7 +109,7 @@ class GraspSequences(TrackedShape):
 
     def check_pick(self, goal: PickObject.Goal) -> None:
         """
-        Raise IsotrussError for a goal whose grasp search would be invalid at any pose.
+        Raise IsotrussError for a goal whose grasp search is invalid at any pose of the object.
 
         :param goal: goal of the action.
         :raises IsotrussError: see `read_goal`.
@@ -138,7 +139,7 @@ class GraspSequences(TrackedShape):
         read_object_path(goal.path, goal.speed, goal.turn_rate, self._robot, False, here)
 
     def _to_search_goal(self, goal: PickObject.Goal, lay: PoseStamped) -> PlanGrasp.Goal:
-        """Return the goal of the grasp search for an object to be picked at a pose."""
+        """Return the goal of the grasp search for an object that will be picked at a pose."""
         values, described = self._node.values, self._described
         wanted = PlanGrasp.Goal(
             object_pose=lay,
@@ -165,10 +166,10 @@ class GraspSequences(TrackedShape):
 
     def distance_left(self, path: Path) -> tuple[float, float]:
         """
-        Return distance [m] and rotation [rad] of the object from the last pose of a path.
+        Return the distance [m] and angle [rad] between the object and the last pose of a path.
 
         :param path: path of a goal.
-        :return: distance and rotation; NaN if a pose is unknown.
+        :return: distance and angle; NaN if a pose is unknown.
         """
         try:
             return self._measure_error(path.poses[-1])
@@ -176,7 +177,7 @@ class GraspSequences(TrackedShape):
             return math.nan, math.nan
 
     def _measure_error(self, end: PoseStamped) -> tuple[float, float]:
-        """Return distance [m] and rotation [rad] of the object from a pose."""
+        """Return the distance [m] and angle [rad] between the object and a pose."""
         (here,) = require_fresh(self._node.now(), self.timeout, object_pose=self.pose)
         x, y, turned = pose_difference(read_pose('pose', end.pose), here.value)
         return math.hypot(x, y), abs(turned)
@@ -185,7 +186,7 @@ class GraspSequences(TrackedShape):
         """
         Plan a grasp, approach it, close the grip in place, and confirm that the object is held.
 
-        If the closing grip has displaced the object, it is moved back.
+        If the closing grip has displaced the object, the object is moved back.
 
         :param goal: goal of the action.
         :return: result of the action.
@@ -231,7 +232,7 @@ class GraspSequences(TrackedShape):
             )
 
     def _plan_grasp(self, goal: PickObject.Goal, lay: PoseStamped) -> Steps:
-        """Return the planner's best grasp of the object at its pose."""
+        """Return the planner's best grasp of the object at a pose."""
         plan = yield from self._planner.run(self._to_search_goal(goal, lay))
         if plan.code != PlanGrasp.Result.FOUND:
             raise _plan_error(plan)
@@ -240,7 +241,7 @@ class GraspSequences(TrackedShape):
 
     def place(self, goal: PlaceObject.Goal) -> Steps:
         """
-        Unload the object in place, open the grip, retreat, and confirm that it is free.
+        Unload the object in place, open the grip, retreat, and confirm that the object is free.
 
         :param goal: goal of the action.
         :return: result of the action.
@@ -301,7 +302,7 @@ class GraspSequences(TrackedShape):
         return MoveObject.Result(message=followed.message)
 
     def _bring_back(self, lay: PoseStamped) -> Steps:
-        """Move a displaced object back to its initial pose, and return the result in words."""
+        """Move a displaced object back to its initial pose, and return in words how that ended."""
         moved, _ = self._measure_error(lay)
         if moved <= RETURN_TOLERANCE:
             return ''
@@ -323,7 +324,7 @@ class GraspSequences(TrackedShape):
         return f', {1e3 * left:.3g} mm from where it lay, after {1e3 * moved:.3g} mm{why}'
 
     def _drive(self, trajectory: Any, change: float, before: int, after: int) -> Steps:
-        """Move the rollers along a trajectory; the stage changes at a given time of it [s]."""
+        """Move the rollers along a trajectory; the stage changes `change` seconds after start."""
         end = read_duration(trajectory.points[-1].time_from_start)
 
         def progress(feedback: Any) -> float:
@@ -339,7 +340,7 @@ class GraspSequences(TrackedShape):
             raise StepError(StepOutcome.STOPPED, result.error_string)
 
     def _confirm(self, held: bool) -> Steps:
-        """Wait for an analysis that finds the object held, or free, while the robot is at rest."""
+        """Wait until the analysis finds the object held, or free, while the robot is at rest."""
         arrived = self._node.now()
         while True:
             now, analysed = self._node.now(), -np.inf
@@ -357,7 +358,7 @@ class GraspSequences(TrackedShape):
             yield min(1.0, max(0.0, waited / CONFIRMATION_TIMEOUT))
 
     def _await_inputs(self, **inputs: Callable[[], Input]) -> Steps:
-        """Wait for fresh rollers, pose and other inputs, with a timeout."""
+        """Wait for fresh roller positions, object pose and other inputs, with a timeout."""
         begun = time.monotonic()
         while True:
             try:
@@ -391,7 +392,7 @@ class GraspSequences(TrackedShape):
         )
 
     def _describe_grasp(self, since: float = -np.inf) -> str:
-        """Return the last analysis in words, if it is later than a time [s]."""
+        """Return the last analysis in words, if its time is later than a given time [s]."""
         if not isinstance(self.grasp, StampedInput):
             return 'no analysis of the grasp was received'
         if self.grasp.time <= since:

@@ -31,7 +31,7 @@ SPECS = (*common.OBJECT_SPECS, common.COMMAND_TIMEOUT)
 #: Period of the ticks of a sequence [s].
 TICK_PERIOD = 0.02
 
-#: Final state of a goal by the outcome; a goal with any other outcome is aborted.
+#: Final state of a goal for each outcome; a goal with any other outcome is aborted.
 ENDINGS = {
     StepOutcome.SUCCEEDED: Ending.SUCCEEDED,
     StepOutcome.CANCELLED: Ending.CANCELED,
@@ -39,7 +39,7 @@ ENDINGS = {
 
 
 class PickAndPlace(ManagedNode):
-    """Node that executes one sequence at a time, and refuses other goals in the meantime."""
+    """Node that executes one sequence at a time, and refuses other goals during a sequence."""
 
     node_name = 'pick_and_place'
     specs = SPECS
@@ -70,7 +70,7 @@ class PickAndPlace(ManagedNode):
         create_steady_timer(self, TICK_PERIOD, self._tick)
 
     def deactivate(self) -> None:
-        """End the goal, and cancel the actions of its steps."""
+        """End the active goal, and cancel the actions of its steps."""
         if self._course is not None:
             self._course.close()
             self._end(StepError(StepOutcome.STOPPED, 'the node was deactivated'))
@@ -89,7 +89,7 @@ class PickAndPlace(ManagedNode):
         return next((action for action in self._actions if action.active), None)
 
     def _apply(self) -> None:
-        """Apply the parameter of the timeout."""
+        """Apply the parameter `command_timeout`."""
         self._sequences.timeout = self.values.command_timeout
 
     def _offer(
@@ -144,7 +144,7 @@ class PickAndPlace(ManagedNode):
         goal.publish_feedback(lambda: goal.kind.Feedback(stage=stage, progress=progress))
 
     def _end(self, ended: Any) -> None:
-        """Publish the result of the goal from the sequence, or from an error."""
+        """Publish the result of the goal, which the sequence returned or an error determines."""
         goal, self._course = self._goal, None
         outcome = StepOutcome.SUCCEEDED
         if isinstance(ended, IsotrussError):
@@ -160,7 +160,7 @@ class PickAndPlace(ManagedNode):
 
 
 def _find_outcome(error: IsotrussError) -> StepOutcome:
-    """Return the final code of an error."""
+    """Return the final code of a sequence that ended by an error."""
     if isinstance(error, StepError):
         return error.outcome
     if isinstance(error, CancelledError):

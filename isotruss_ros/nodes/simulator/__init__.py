@@ -4,6 +4,6 @@
 """
 Node `simulator`, which replaces a robot and its object.
 
-Entry point: `node`. Other modules: the object of each plant, the robot in MuJoCo, sensors, true
-states and simulated time. Imports `nodes.framework`, `mujoco_plant` and the core.
+Entry point: `node`. Its other modules have the object, the sensors, the true states and the
+simulated time. Imports `nodes.framework`, `mujoco_plant` and the core.
 """

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Node `simulator`: a robot that follows roller commands, with a free or grasped object."""
+"""Node `simulator`: it simulates a robot that follows roller commands, and its object."""
 
 from __future__ import annotations
 
@@ -41,9 +41,10 @@ from isotruss_ros.nodes.simulator.simulated_truth import CLOCK_SPEED, ClockSourc
 import numpy as np
 from std_msgs.msg import Float64MultiArray
 
-#: Speed at which roller commands are clipped [m/s].
+#: Largest roller speed; faster commands are reduced to it [m/s].
 SPEED_LIMIT = 1.0
-#: Longest simulated time of MuJoCo per cycle in wall time [s]; the remainder is reported as lag.
+#: Longest time that MuJoCo simulates per cycle unless the node uses simulated time [s]; the rest
+#: is reported as lag.
 MAX_CYCLE_STEP = 0.1
 KINEMATIC, ELASTIC, MUJOCO = 'kinematic', 'elastic', 'mujoco'
 SPECS = (
@@ -89,7 +90,7 @@ class Simulator(ManagedNode):
     _recorder: PlantRecorder | None = None
 
     def configure(self) -> None:
-        """Set the robot to home, with the object grasped or free."""
+        """Create the robot at home, with the object grasped or free."""
         self._simulated = self._make_robot()
         if path := self.values.recording:
             if self._driven is None:
@@ -101,7 +102,7 @@ class Simulator(ManagedNode):
         self._truth = SimulatedTruth(self, self.robot)
 
     def activate(self) -> None:
-        """Follow commands from now on; the first is zero."""
+        """Follow commands from now on; until the first command the rollers are at rest."""
         speed = self.values.clock_speed
         if speed > 0.0:
             ClockSource(self, self.values.rate, speed)
@@ -125,7 +126,7 @@ class Simulator(ManagedNode):
             self._recorder = None
 
     def read_robot(self) -> Robot:
-        """Return the robot whose home is at the encoders' zero readings."""
+        """Return the robot with its home at the roller positions where the encoders read zero."""
         robot, deviation = super().read_robot(), self.values.zero_deviation
         if deviation == 0.0:
             return robot
@@ -161,7 +162,7 @@ class Simulator(ManagedNode):
         return SimulatedRobot(home, simulated, faults, values.seed)
 
     def _put_object(self, pose: Pose) -> SimulatedObject:
-        """Return a free object at a pose, which only friction can hold."""
+        """Return a free object at a pose; only friction can hold it."""
         self._elastic = None
         values, body = self.values, self._body.moved_to(pose)
         if values.plant == KINEMATIC:
@@ -171,7 +172,7 @@ class Simulator(ManagedNode):
         return self._elastic
 
     def _stop_on_clock_jump(self) -> None:
-        """Stop the rollers, because the command's age is unknown after a jump of the clock."""
+        """Stop the rollers, because a jump of the clock makes the age of the command unknown."""
         self._simulated.stop()
         self._time = self._commanded = self.now()
 
@@ -212,7 +213,7 @@ class Simulator(ManagedNode):
             self.warn('external_wrench', str(error))
 
     def _advance(self, now: float) -> None:
-        """Integrate the motion up to a time; a command ends after `command_timeout`."""
+        """Integrate the motion up to a time; a command is valid for `command_timeout`."""
         expiry = self._commanded + self.values.command_timeout
         elapsed = min(now, expiry) - self._time
         try:
@@ -270,7 +271,7 @@ class Simulator(ManagedNode):
         return {} if driven is None else {'lag of the simulation [s]': round(driven.lag, 3)}
 
     def _report_hold(self) -> None:
-        """Report in the diagnostics whether the object is held; log the reason if it is not."""
+        """Report in the diagnostics whether the object is held; log the reason if it is lost."""
         members = [name for name, force in self._forces().items() if force > 0.0]
         dropped, before = None if self._elastic is None else self._elastic.dropped, self._dropped
         self._dropped = dropped

@@ -49,7 +49,7 @@ SPECS = (
 
 def place_at_start(robot: Robot, values: Parameters) -> ConvexObject:
     """
-    Return the object at its initial pose in the robot frame, the same for all plants.
+    Return the object at its initial pose in the robot frame, which is equal for all plants.
 
     :param robot: the robot.
     :param values: parameters of `SPECS`.

@@ -21,9 +21,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from sensor_msgs.msg import JointState, MultiDOFJointState
 
-#: Distance of the marks by which a tracker measures the object's angle [m].
+#: Distance between the two marks from which a tracker computes the object's angle [m].
 MARK_DISTANCE = 0.1
-#: Largest difference of times that count as equal, such as sums of periods [s].
+#: Largest difference between times that count as equal, such as sums of periods [s].
 TIME_TOLERANCE = 1e-6
 ALL_JOINTS = 'all'
 SENSOR_SPECS = (
@@ -56,9 +56,9 @@ SENSOR_SPECS = (
 
 class SensorChannel:
     """
-    Measurements of one sensor, which are sampled, noisy, late or lost.
+    Measurements of one sensor, which can be sampled, noisy, delayed or lost.
 
-    :param seed: seed of noise and dropouts, not negative.
+    :param seed: random seed of noise and dropouts, not negative.
     """
 
     def __init__(self, seed: tuple[int, ...]) -> None:
@@ -78,18 +78,19 @@ class SensorChannel:
         """
         Measure once in each period; return the measurements that have arrived.
 
-        If the time runs back, measurements that have not arrived are discarded.
+        If the time runs back, measurements that have not arrived yet are discarded.
 
         :param time: current time [s].
-        :param read: function that returns the true values (k, n); it is called only for a
-            measurement.
-        :param rate: rate of the measurements, at most one in each call [Hz]; 0: one in each call.
+        :param read: function that returns the true values (k, n); it is called only when a
+            measurement is made.
+        :param rate: rate of the measurements [Hz], of which at most one is made per call; 0: one
+            per call.
         :param delay: time from a measurement to its arrival [s].
         :param dropouts: share of the rows that are lost, 0 to 1.
-        :param noise: standard deviation: one for all values, or one for each value of a row [unit
-            of the values].
+        :param noise: standard deviation of all values, or of each value of a row [unit of the
+            values].
         :return: time [s] and values (k, n) of each measurement, the oldest first. Lost rows are
-            NaN; at least one row is not lost.
+            NaN; measurements of which all rows are lost are left out.
         """
         pending = self._pending
         if pending and pending[-1][0] > time:
@@ -118,7 +119,7 @@ class SimulatedSensors:
     :param node: publishing node.
     :param robot: the robot.
     :param values: parameters of `SENSOR_SPECS`.
-    :param seed: seed of noise and dropouts.
+    :param seed: random seed of noise and dropouts.
     :raises ParameterError: the robot does not have the joint of a marker.
     """
 
@@ -179,7 +180,7 @@ class SimulatedSensors:
             self._joint_markers.publish(markers)
 
     def _marker_places(self, joints: Array) -> Array:
-        """Return the positions of the joints with markers, (k, 2) [m]."""
+        """Return the positions (k, 2) of the joints with markers [m]."""
         return joints[[self._robot.topology.joint_names.index(name) for name in self._marked]]
 
 

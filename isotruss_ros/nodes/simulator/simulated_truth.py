@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""True states and simulated time, which only a simulator publishes."""
+"""Publishers of true states and of simulated time, which only a simulator has."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class SimulatedTruth:
         forces: Callable[[], Mapping[str, float]],
     ) -> None:
         """
-        Publish those topics that have subscribers.
+        Publish the true states on those topics that have subscribers.
 
         :param now: current time of the simulated robot [s].
         :param pose: pose of the object.
@@ -74,13 +74,13 @@ class SimulatedTruth:
 
 class ClockSource:
     """
-    Publisher of `/clock` in equal steps while the node is active.
+    Publisher of `/clock`, which advances in equal steps while the node is active.
 
     If the node is too slow, simulated time slows down; no step is skipped.
 
-    :param node: publishing node; its own clock follows as well.
+    :param node: publishing node, whose own clock uses the published time too.
     :param rate: steps per simulated second [Hz].
-    :param speed: simulated seconds per second, positive [-].
+    :param speed: simulated time per real time, positive [-].
     :raises ParameterError: the node does not use simulated time.
     """
 

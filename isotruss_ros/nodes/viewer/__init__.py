@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Node `viewer`: live view of the robot in a browser, with requests from the browser.
+Node `viewer`, which shows the robot in a browser and executes requests of the browser.
 
 Entry point: `node`. `view_requests` has the requests to other nodes. Imports
 `isotruss_ros.viewer`, `nodes.framework` and the core.

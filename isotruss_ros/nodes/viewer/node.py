@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Node `viewer`: view of robot, object and grasp in a browser, with commands if allowed."""
+"""Node `viewer`: it shows robot, object and grasp in a browser, which may send commands."""
 
 from __future__ import annotations
 
@@ -73,18 +73,18 @@ SPECS = (
     FixedSpec('rate', 20.0, 'Pictures per second [Hz]', (5.0, 60.0)),
     Spec('max_speed', 0.05, 'Largest speed of the dragged object or joint [m/s]', (0.001, 1.0)),
 )
-#: Parameters of other nodes that a request sets, by the name of the request.
+#: Parameters of other nodes that each request sets, by the name of the request.
 SETTINGS = {
     'friction': ('friction', ('manipulation', 'grasp_analysis', 'pick_and_place')),
     'diameter': ('object_diameter', ('manipulation', 'grasp_analysis', 'pick_and_place')),
     'squeeze': ('squeeze_force', ('manipulation',)),
 }
-#: Longest time for the release of a stop [s].
+#: Longest time in which the release of an emergency stop is tried [s].
 RELEASE_TIMEOUT = 2.0
 
 
 class Viewer(StoppableNode):
-    """Node that shows the newest messages, and publishes twists of a dragged handle."""
+    """Node that shows the newest messages, and publishes twists toward a dragged handle."""
 
     node_name = 'viewer'
     specs = SPECS
@@ -284,7 +284,7 @@ class Viewer(StoppableNode):
         self.picture.goal_report = words
 
     def _ask_for_release(self) -> Calls:
-        """Call the release service until it succeeds, after the arrival of the stop message."""
+        """Call the release service until it succeeds or `RELEASE_TIMEOUT` has passed."""
         end = time.monotonic() + RELEASE_TIMEOUT
         while self._release.service_is_ready():
             response = yield partial(self._release.call_async, Trigger.Request())
@@ -294,7 +294,7 @@ class Viewer(StoppableNode):
         self.warn('release', 'no node offers release_emergency_stop')
 
     def _send_parameters(self, node: str, values: dict[str, float | str]) -> None:
-        """Set parameters of another node, and log rejected ones."""
+        """Set parameters of another node, and log the parameters that it rejects."""
         client = self._set[node]
         if not client.service_is_ready():
             self.warn(node, f'node {node} does not exist: its parameters are not set')

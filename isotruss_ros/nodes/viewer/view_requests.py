@@ -1,6 +1,6 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Requests of a view's buttons to other nodes, with reports in words."""
+"""Requests to other nodes by the buttons of a view, and reports of the results in words."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ STAGES = {
     'place': ('planning', 'opening', 'backing off', 'confirming'),
 }
 SIMULATOR, MANIPULATION = 'simulator', 'manipulation'
-#: Parameters of the simulator: whether its object is free, and its grip otherwise.
+#: Names of the simulator's parameters that define whether its object is free, and its grip.
 IS_FREE, *GRIP = ('object_is_free', 'grip', 'grip_module')
-#: Nodes besides the simulator that read a parameter `object` when they are configured.
+#: Nodes other than the simulator that read the parameter `object` when they are configured.
 OTHERS = ('grasp_analysis', MANIPULATION, 'path_follower', 'grasp_planner', 'pick_and_place')
 
 #: Generator that yields service calls and receives their responses.
@@ -35,7 +35,7 @@ Calls = Generator[Callable[[], Future], Any, None]
 
 def make_calls(calls: Calls, answer: Any = None) -> None:
     """
-    Make the next call of a sequence; its response causes the following call.
+    Make the next service call of a sequence; the response to it triggers the following call.
 
     :param calls: sequence of calls.
     :param answer: response of the previous call; None before the first.
@@ -52,7 +52,7 @@ class ObjectGoals:
     Clients of the actions `pick_object` and `place_object`.
 
     :param node: node of the clients.
-    :param report: callback with the progress of a goal in words.
+    :param report: callback that receives the progress of a goal in words.
     """
 
     def __init__(self, node: Node, report: Callable[[str], None]) -> None:
@@ -93,7 +93,7 @@ class NodeRestart:
     Reconfiguration of the simulator and other nodes by their life cycle services.
 
     :param node: node of the clients.
-    :param report: callback with the result of a restart in words.
+    :param report: callback that receives the result of a restart in words.
     """
 
     def __init__(self, node: Node, report: Callable[[str], None]) -> None:
@@ -110,7 +110,7 @@ class NodeRestart:
 
     def restart_simulator(self, squeeze: float, plant: str = '') -> None:
         """
-        Reconfigure the simulator; the robot then starts at home, with the simulator's grip.
+        Reconfigure the simulator; its robot then starts at home with the simulator's grip.
 
         A restart in progress is abandoned.
 
@@ -169,7 +169,7 @@ class NodeRestart:
         self._report(f'{what}: {rejected or "active"}')
 
     def _restore_grip(self, squeeze: float) -> Generator[Callable[[], Future], Any, str]:
-        """Set the manipulation's grip to that of the simulator, because a pick changes it."""
+        """Set the grip of `manipulation` to the simulator's; a pick may have changed it."""
         names = [IS_FREE, *GRIP]
         answer = yield partial(self._get.call_async, GetParameters.Request(names=names))
         is_free, *grip = answer.values
