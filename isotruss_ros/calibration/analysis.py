@@ -52,7 +52,7 @@ class Analysis:
         """
         Return the number of measured points in the groups of a mode.
 
-        :param mode: mode: axial, transverse or rotary.
+        :param mode: mode of the load: axial, transverse or rotary.
         """
         return sum(int(slope.used.sum()) for slope in self.slopes[mode])
 
@@ -66,8 +66,8 @@ def analyse(
     """
     Fit the slopes, an inflatable beam, the local stiffness and power laws to measurements.
 
-    :param measurements: groups of points; lengths are pinch point to pinch point in the axial
-        mode, and guide ring to guide ring in the other modes [m].
+    :param measurements: groups of points; lengths are measured between pinch points in the axial
+        mode, and between guide rings in the other modes [m].
     :param diameter: diameter of the tube [m].
     :param tolerance: tolerance of the linear range, see `linear_range.TOLERANCE` [-].
     :param max_displacements: largest displacement of the linear range by mode [m, rad]; it

@@ -67,9 +67,9 @@ def end_stiffness(tube: TubeStiffness, mode: str, length: ArrayLike, pressure: A
     Return the end stiffness of a tube in one mode, the diagonal entry of (2).
 
     :param tube: stiffness model whose EI and GA do not depend on the length.
-    :param mode: mode: axial, transverse or rotary.
-    :param length: (k,) lengths: pinch point to pinch point for the axial mode, else guide ring to
-        guide ring [m].
+    :param mode: mode of the load: axial, transverse or rotary.
+    :param length: (k,) lengths, measured between pinch points in the axial mode, and between guide
+        rings in the other modes [m].
     :param pressure: (k,) gauge pressures [Pa].
     :return: (k,) stiffnesses [N/m]; of the rotary mode [N m/rad].
     """
@@ -86,9 +86,9 @@ def fit_beam(
     """
     Fit the constants of an inflatable beam to end stiffnesses.
 
-    :param modes: (n,) index in MODES of the mode of each stiffness.
-    :param lengths: (n,) lengths: pinch point to pinch point for the axial mode, else guide ring to
-        guide ring [m].
+    :param modes: (n,) mode of each stiffness, as an index of `MODES`.
+    :param lengths: (n,) lengths, measured between pinch points in the axial mode, and between
+        guide rings in the other modes [m].
     :param pressures: (n,) gauge pressures [Pa].
     :param stiffnesses: (n,) end stiffnesses [N/m]; of the rotary mode [N m/rad].
     :param radius: tube radius R [m].

@@ -21,9 +21,9 @@ class Beams:
     Straight beams between fixed ends, computed by transfer matrices.
 
     The state of a section is z = (u, w, theta, N, V, M): displacements along and across the beam,
-    rotation, axial force, shear force and bending moment. It follows from the state at the start
-    by z(x) = exp(A x) z(0); loads are jumps of N, V and M (Pestel and Leckie, Matrix Methods in
-    Elastomechanics, 1963).
+    rotation, axial force, shear force and bending moment. The state at a distance x follows from
+    the state at the start by z(x) = exp(A x) z(0); loads are jumps of N, V and M (Pestel and
+    Leckie, Matrix Methods in Elastomechanics, 1963).
 
     :ivar length: (k,) lengths [m].
     :ivar series: (k, 4, 6, 6) nonzero terms A^n / n! of exp(A x).
@@ -61,8 +61,8 @@ class Beams:
         :param place: (c,) distance of each point from the start of its beam [m].
         :return: (c, 3, 6) shape functions from (ux, uy, theta) at start and end of the beam to the
             displacements along and across it and the rotation of the section; and (2, c, c)
-            compliance along and across with fixed ends [m/N], zero between points on different
-            beams.
+            compliance of the points along and across beams with fixed ends [m/N], which is zero
+            between points on different beams.
         """
         series = self.series
         shapes = sum_series((series[:, :, :3] @ self.by_ends[:, None])[beam], place)

@@ -29,7 +29,7 @@ MIN_SINGULAR_RATIO = 1e-2
 
 @dataclass(frozen=True, eq=False, repr=False)
 class HomeCalibration(Record, headline=('zeros', 'deviations', 'residuals')):
-    """Fitted roller offsets, and the robot whose home is at zero encoder readings."""
+    """Fitted roller offsets, and the robot's description with home where encoders read zero."""
 
     #: (r,) roller travel, from the home of the robot file, at which the encoders read zero [m]
     zeros: Array
@@ -49,7 +49,7 @@ def calibrate_home(
     :param robot: robot of the robot file.
     :param postures: measured postures of the robot without object and without external loads.
     :param deviation: standard deviation of a measured coordinate, positive [m]; if the residuals
-        scatter more, their scatter replaces it in `HomeCalibration.deviations`.
+        scatter more, their standard deviation is used for `HomeCalibration.deviations` instead.
     :raises GraspError: a joint is unknown.
     :raises MeasurementError: too few joints were measured, the joints do not determine the
         offsets, or a joint does not fit; the message names the joint.

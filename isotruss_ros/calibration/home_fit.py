@@ -49,8 +49,8 @@ class HomeFit(NamedTuple):
         """
         Return the estimated errors of the measured coordinates, and their shares in the residuals.
 
-        :return: errors |residual| / share (k, 2) [m]; and share (k, 2) of each error that appears
-            in its residual, sqrt(1 - leverage) [-].
+        :return: estimated errors (k, 2), which are |residual| / share [m]; and the share (k, 2) of
+            each error that is visible in its residual, which is sqrt(1 - leverage) [-].
         """
         basis = np.linalg.qr(self.jacobian)[0]
         left = np.sqrt(np.clip(1.0 - (basis**2).sum(axis=1), 1e-6, 1.0)).reshape(-1, 2)
@@ -74,7 +74,7 @@ def fit_home(robot: Robot, postures: Sequence[Posture], moved: bool = False) -> 
     Fit the roller offsets to measured joints, with the Jacobian of (12).
 
     :param robot: robot of the robot file.
-    :param postures: postures of the empty robot.
+    :param postures: postures of the robot without object.
     :param moved: whether the transform of the tracker's frame is fitted as well.
     :raises GraspError: a joint is unknown.
     :raises ConfigurationError: no configuration fits the joints.
@@ -112,7 +112,7 @@ def home_jacobian(robot: Robot, postures: Sequence[Posture]) -> Array:
     Return the derivatives (2k, r) of the joint positions by the roller offsets at zero offsets.
 
     :param robot: robot of the robot file.
-    :param postures: postures of the empty robot.
+    :param postures: postures of the robot without object.
     :raises GraspError: a joint is unknown.
     :raises ConfigurationError: no configuration exists.
     """

@@ -34,7 +34,7 @@ class Slope:
     """Slope of load over displacement of a group of points."""
 
     group: Group  #: measured points
-    stiffness: float  #: slope [N/m], rotary [N m/rad]; NaN if undetermined
+    stiffness: float  #: slope [N/m], in the rotary mode [N m/rad]; NaN if undetermined
     offsets: Array  #: (n,) fitted load at zero displacement in the trial of each point
     limit: float  #: largest |displacement| of the linear range [m, rad]
     used: Flags  #: (n,) mask of the points in the fit

@@ -21,8 +21,8 @@ import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 from scipy.stats import t as student_t
 
-#: Largest ratio of the local stiffness to its theoretical value, or of the latter to the former,
-#: in the search [-].
+#: Largest factor, in either direction, between the local stiffness and its theoretical value in
+#: the search [-].
 SEARCH_FACTOR = 100.0
 #: Rounding tolerances of the logarithm of the factor, and of the logarithm of the load [-].
 TOLERANCE, EXACT = 1e-8, 1e-9
@@ -35,7 +35,7 @@ MIN_LOAD_CHANGE = 1e-3
 
 @dataclass(frozen=True)
 class FittedLocalStiffness:
-    """Ratio of the local stiffness to the theoretical one, with its confidence interval."""
+    """Ratio of the local stiffness to its theoretical value, with confidence interval."""
 
     value: float  #: ratio to the theoretical stiffness [-]
     #: lower end of the 95 % confidence interval, from the profile of the sum of squares
@@ -47,9 +47,10 @@ class FittedLocalStiffness:
 
 def fit_local_stiffness(presses: Presses, beam: InflatableBeam) -> FittedLocalStiffness:
     """
-    Fit the ratio of the local stiffness to the theoretical one.
+    Fit the ratio of the local stiffness to its theoretical value.
 
-    :param presses: measured points, with cylinders pressed into the middle of a clamped tube.
+    :param presses: measured points of tests in which a cylinder is pressed into the middle of a
+        clamped tube.
     :param beam: model of the tube as a beam.
     :raises MeasurementError: the points do not determine the ratio, or the tube has wrinkled.
     """

@@ -47,13 +47,13 @@ class MeasurementError(IsotrussError, ValueError):
 class Group:
     """Points of one mode, pressure and length."""
 
-    mode: str  #: mode: axial, transverse or rotary
+    mode: str  #: mode of the load: axial, transverse or rotary
     pressure: float  #: gauge pressure [Pa]
     length: float  #: unloaded length between pinch points (axial) or guide rings (others) [m]
     lines: Indices  #: (n,) line numbers in the file
     trials: Indices  #: (n,) index of each point's trial, 0 ... t - 1
-    displacements: Array  #: (n,) displacements [m], rotary [rad]
-    loads: Array  #: (n,) loads [N], rotary [N m]
+    displacements: Array  #: (n,) displacements [m]; in the rotary mode rotations [rad]
+    loads: Array  #: (n,) forces [N]; in the rotary mode moments [N m]
 
     def only(self, chosen: Flags) -> Group:
         """

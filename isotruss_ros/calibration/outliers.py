@@ -48,9 +48,11 @@ def outlying_points(group: Group) -> tuple[Flags, Array]:
 
 def _deleted(group: Group, used: Flags) -> tuple[Array, Array, Array]:
     """
-    Return deleted residuals (n,), and scale and rise of the line through the other points.
+    Return the residual of each point from the line through the others, its scale, and the rise.
 
-    A residual is zero if the point is unused, or if the other points do not determine a line.
+    The line is fitted without the point. The scale is the standard deviation of the residual; the
+    rise is the difference between the largest and the smallest load of the other points. A
+    residual is zero if the point is unused, or if the other points do not determine a line.
     """
     n, x, y = len(used), group.displacements, group.loads
     trials = group.trials[:, None] == np.arange(group.trials.max() + 1)

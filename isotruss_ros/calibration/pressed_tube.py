@@ -25,12 +25,12 @@ CONTACT_SPACING = 0.001
 
 @dataclass(frozen=True)
 class ClampedTube:
-    """Straight tube with fixed ends."""
+    """Straight tube whose ends are clamped, or hinged if `pinned`."""
 
     stiffness: TubeStiffness  #: beam model with the constants of its wall
     radius: float  #: tube radius R [m]
     length: float  #: length between the clamps [m]
-    local_stiffness: float = 1.0  #: ratio of the flattening stiffness to the theoretical one [-]
+    local_stiffness: float = 1.0  #: ratio of the local stiffness to its theoretical value [-]
     pinned: bool = False  #: whether the ends are hinged instead of clamped
 
 

@@ -92,7 +92,7 @@ def law_table(analysis: Analysis) -> Table:
     """
     Return a table of the power laws like Table I, with the beam's misfit in each mode.
 
-    :param analysis: analysis with slopes in some of the modes.
+    :param analysis: results of the fits, with slopes in at least one mode.
     """
     result = _table(
         'k = C p^a L^b in SI units, each mode on its own; last, the deviation of the beam'

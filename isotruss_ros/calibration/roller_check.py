@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Check that a commanded roller moves: the moved roller is identified from measured joints."""
+"""Check of a commanded roller; the roller that moved is identified from measured joints."""
 
 from __future__ import annotations
 

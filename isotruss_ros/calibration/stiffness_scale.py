@@ -21,14 +21,16 @@ MAX_RELATIVE_DEVIATION = 0.3
 #: Number of fixed-point iterations [-]. Each iteration reduces the error to a twentieth or less,
 #: unless tubes wrinkle.
 ITERATIONS = 5
-#: Largest valid pull [N].
+#: Largest valid force on a joint [N].
 MAX_PULL = 1e6
 
 
 class StiffnessCalibration(NamedTuple):
     """Common factor on the stiffness of all tubes."""
 
-    scale: float  #: ratio to the robot file's stiffness without `tube.stiffness_scale` [-]
+    #: ratio of the measured stiffness to that of the robot file without its `tube.stiffness_scale`
+    #: [-]
+    scale: float
     deviation: float  #: standard deviation of the scale [-]
 
 
@@ -47,9 +49,9 @@ def calibrate_stiffness(
     stiffness and contact forces does not change the geometry, so displacements do not show it.
 
     :param config: configuration of the robot, with the rollers at rest.
-    :param pull: (fx, fy) by joint, robot frame [N].
-    :param before: (x, y) of joints without the pull, by joint [m].
-    :param under: (x, y) of the same joints under the pull [m].
+    :param pull: forces (fx, fy) on joints in the robot frame, by joint [N].
+    :param before: positions (x, y) of joints without these forces, by joint [m].
+    :param under: positions (x, y) of the same joints under the forces, by joint [m].
     :param deviation: standard deviation of a measured coordinate, positive [m].
     :raises MeasurementError: the joints differ, a joint is inconsistent, or the displacements are
         too small; the message names the requirement.

@@ -125,7 +125,7 @@ def keep_latest(kept: Input, received: StampedInput | RejectedInput, now: float)
 
     Messages may arrive out of order; an earlier message is dropped. A rejected message does not
     replace a measurement. The measurement is valid until its timeout; the rejection is stored with
-    it.
+    the measurement.
 
     :param kept: the previous input.
     :param received: the new input.

@@ -44,9 +44,10 @@ DEADLINE = 240.0
 #: Object and rollers count as at rest if they move by less than this distance [m, rad] within this
 #: time by the messages' stamps [s].
 REST_DISTANCE, REST_TIME = 2e-6, 0.1
-#: The same distance for a plant in which friction creeps and objects oscillate [m, rad].
+#: Value in place of `REST_DISTANCE` for a plant in which friction creeps and objects oscillate [m,
+#: rad].
 SWINGING = 1e-4
-#: The same distance with sensor noise, which the control loop follows [m, rad].
+#: Value in place of `REST_DISTANCE` with sensor noise, which the control loop follows [m, rad].
 TREMBLING = 5e-3
 #: Lever arm that converts rotations of the object to distances [m].
 ARM = 0.1
@@ -225,7 +226,7 @@ class DemoClient(Node):
         return self._rest is not None and self._stamp - self._moved > REST_TIME
 
     def _idle(self) -> bool:
-        """Return whether the manipulation follows a zero twist and the object is at rest."""
+        """Return whether the manipulation executes a zero twist and the object is at rest."""
         last = self._last_status
         if last is None or last.code not in (Status.OK, Status.IDLE):
             return False

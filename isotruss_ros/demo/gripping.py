@@ -30,7 +30,8 @@ PLANNING_DEADLINE = 120.0
 #: Largest distance of a roller from its position at the end of the path, at which it has arrived
 #: [m].
 ARRIVED = 1e-4
-#: The same distance for estimated roller positions, which change with each marker message [m].
+#: Value in place of `ARRIVED` for estimated roller positions, which change with each marker
+#: message [m].
 NEARLY_ARRIVED = 2e-3
 #: Largest standard deviation of a roller offset with which a grasp is planned [m].
 SURE = 1e-3
@@ -50,7 +51,7 @@ def slow_down(grasp: PlannedGrasp, factor: float) -> None:
 
 def is_sure(estimates: Sequence[StateEstimate]) -> bool:
     """
-    Return whether the last standard deviations of the roller offsets allow to plan a grasp.
+    Return whether the last standard deviations of the roller offsets are at most `SURE`.
 
     :param estimates: estimates of the state, in time order.
     """

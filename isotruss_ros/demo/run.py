@@ -64,7 +64,7 @@ ANALYSIS_RATE = 5.0
 #: are not late [m].
 MAX_POSITION_ERROR = 1e-3
 MAX_ANGLE_ERROR = np.deg2rad(0.25)
-#: The same difference with simulated sensor faults [m].
+#: Value in place of `MAX_POSITION_ERROR` with simulated sensor faults [m].
 MAX_REAL_ERROR = 1e-2
 
 

@@ -34,7 +34,7 @@ class DrivenRobot(DrivenRollers):
     :param seed: random seed of roller noise and slip.
     :param longest_step: longest simulated time in one call of `advance` [s].
     :raises PlantError: MuJoCo is not installed, or the start is unstable.
-    :raises GraspError: the robot has no such stuck roller.
+    :raises GraspError: the robot does not have the roller that `faults` names as stuck.
     :raises ConfigurationError: the slip of the rollers is out of its range.
     :raises StructureError: the stiffness model has no stiffness at a member's length.
     """

@@ -6,8 +6,8 @@ MuJoCo model (MJCF) of the robot: hinged modules, tubes as chains of capsules.
 
 A module is hinged at its joint. At its point B a rigid guide arm BD is hinged. A chain of rigid
 capsules with elastic joints (see `springs`) leads from D to E' and ends in the guide arm E'C'. An
-equality constraint connects C' to the next module. The bisection of the angle (3) is one fixed
-tendon per module, linear in the joint angles.
+equality constraint connects C' to the next module. The bisection of the angle between two members,
+equation (3), is one fixed tendon per module, linear in the joint angles.
 """
 
 from __future__ import annotations

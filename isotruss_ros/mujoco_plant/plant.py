@@ -97,7 +97,7 @@ class MujocoPlant:
 
     def object_pose(self, number: int = 0) -> Pose:
         """
-        Return the pose of an object; its angle is unwrapped.
+        Return the pose of an object, with unwrapped angle.
 
         :param number: index of the object.
         """
@@ -165,7 +165,7 @@ class MujocoPlant:
         :param duration: simulated time, not negative [s].
         :param speeds: (r,) speeds of the tube through each roller [m/s].
         :raises PlantError: the simulation became unstable.
-        :raises ConfigurationError: not one finite speed for each roller.
+        :raises ConfigurationError: `speeds` does not have one finite number for each roller.
         :raises StructureError: a member has no length.
         """
         commanded = self.robot.check_rollers(speeds, 'roller velocities [m/s]')
@@ -211,7 +211,7 @@ class MujocoPlant:
         """
         Restore a saved state, including external wrenches.
 
-        :param state: result of `save`; the rollers have not moved since then.
+        :param state: result of `save`; the rollers must not have moved since the call of `save`.
         """
         kind = self._mj.mjtState.mjSTATE_INTEGRATION
         self._mj.mj_setState(self.model, self.data, state, kind)
@@ -311,7 +311,7 @@ class MujocoPlant:
         self.model.qpos_spring[self._slide_qpos] = self._slide_rest * change[self._slide_member]
 
     def _move_surface(self) -> None:
-        """Set the surface speed of each segment to the speed of the tube's material along it."""
+        """Set each segment's surface speed to the tube material's speed along the segment."""
         topology = self.robot.topology
         through = np.zeros(topology.n_modules)
         through[topology.driven] = self._speeds

@@ -5,8 +5,8 @@
 Recordings of plant states, for rendering without the plant.
 
 A file has the model as text and a sequence of states. A state has the time, MuJoCo's coordinates,
-and the lengths and positions of the tube segments, which change with roller travel. The file can
-be read after each state was written.
+and the lengths and positions of the tube segments, which change with roller travel. The file is
+readable after each written state.
 """
 
 from __future__ import annotations

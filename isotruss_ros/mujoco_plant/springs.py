@@ -38,7 +38,7 @@ def springs_of(robot: Mechanism, lengths: Array, segments: Indices) -> Springs:
     Return the springs of all members.
 
     :param robot: robot with its stiffness model.
-    :param lengths: (m,) lengths of the members without load, pinch point to pinch point [m].
+    :param lengths: (m,) unloaded lengths of the members between their pinch points [m].
     :param segments: (m,) number of segments of each member.
     :raises StructureError: the stiffness model has no stiffness at a length.
     """

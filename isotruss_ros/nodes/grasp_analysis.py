@@ -98,7 +98,7 @@ class GraspAnalysisNode(ManagedNode):
         return read_external_wrench(message, self.robot.frame, pose.value.angle if known else None)
 
     def _make_query(self) -> GraspQuery:
-        """Return the query by the parameters; a friction in the object's description precedes."""
+        """Return the query by the parameters; a described object's friction has precedence."""
         values = self.values
         body = self._described or ConvexObject(Disc(values.object_diameter))
         friction = values.friction if body.friction is None else body.friction

@@ -209,7 +209,7 @@ class PathFollower(ManagedNode):
 
 
 def _find_outcome(error: IsotrussError) -> PathOutcome:
-    """Return the outcome of a goal after an error: a missing input, or an infeasible path."""
+    """Return the outcome of a goal that an error ended: a missing input or an infeasible path."""
     return PathOutcome.STOPPED if isinstance(error, InputError) else PathOutcome.BAD_GOAL
 
 

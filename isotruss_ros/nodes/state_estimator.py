@@ -170,7 +170,7 @@ class StateEstimatorNode(ManagedNode):
                 self.warn('measurement', str(error))
 
     def _take_pressures(self, now: float) -> str:
-        """Use new pressures in the model; return the reason if the last remain in use."""
+        """Use fresh measured pressures in the model; if there are none, return the reason."""
         try:
             found = fresh_pressures(now, self.values.pressure_timeout, self.pressures)
         except InputError as error:

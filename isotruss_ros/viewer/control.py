@@ -24,7 +24,7 @@ class Control:
 
     def pass_on(self, wishes: Mapping[int, bool]) -> None:
         """
-        Give control to a requesting browser once the browser in control has left or released it.
+        Give control to a requesting browser once the owner of the control has left or released it.
 
         :param wishes: whether each connected browser requests control, by its index.
         """

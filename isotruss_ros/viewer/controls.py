@@ -4,8 +4,8 @@
 """
 Controls of the view: a stop, handles to drag, and a panel for each browser.
 
-Callbacks of browser events run in threads of the server. They only queue requests; the owner of
-the view processes the requests in its own thread.
+Callbacks of browser events run in threads of the server. They only queue requests; the program
+that shows the view processes these requests in its own thread.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ CANCELLING_REQUESTS = (DRAGGED, PICK, PLACE, SHAPE, PLANT, RESET)
 FORCES = tuple(setting.name for setting in WRENCH)
 
 
-#: Positions of the stop, at the top of the panel, and of the introduction below it.
+#: Sort keys that put the stop button at the top of the panel, and the introduction below it.
 STOP_ORDER, FIRST_ORDER = -10.0, -9.5
 INTRODUCTION = """\
 A truss robot of inflated tubes holds an object. To move it, switch *control* on and drag the blue
@@ -117,7 +117,7 @@ class Controls:
 
     def take(self, now: float) -> list[tuple[str, float | str]]:
         """
-        Update the owner of the control, and return the requests since the last call, in order.
+        Update which browser has control, and return the requests since the last call in order.
 
         :param now: time on the robot's clock, which may run slower than the browsers' clocks [s].
         :return: name and value of each request.
@@ -179,7 +179,7 @@ class Controls:
         )
 
     def _sort(self, name: str, value: object, now: float) -> list[tuple[str, float | str]]:
-        """Apply a request to the controls; return it if the owner of the view must act on it."""
+        """Apply a request to the controls; return the request if the viewer must execute it."""
         control = self.control
         if name == TARGET:
             self._move_handle(*value, now)  # type: ignore[call-arg, misc]

@@ -1,24 +1,24 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Names shared by the view and its owner; no import of drawing packages."""
+"""Names shared by the view and the programs that show it, without drawing packages."""
 
 from __future__ import annotations
 
 from isotruss_ros.core import IsotrussError
 
-#: Name of the dragged object, and requests that are not settings.
+#: Name of the object as part that can be dragged, and requests to stop and to release the stop.
 OBJECT, STOP, RELEASE = 'object', 'stop', 'release'
-#: Requests for goals.
+#: Requests to pick up and to place the object.
 PICK, PLACE = 'pick', 'place'
 #: Requests to select the dragged part, to translate it and to rotate it.
 DRAGGED, TARGET, TURN = 'dragged', 'target', 'turn'
-#: Request for a reset.
+#: Request to reset the simulated robot.
 RESET = 'reset'
-#: Request for another plant.
+#: Request to simulate the robot by another plant.
 PLANT = 'plant'
 KINEMATIC, ELASTIC, MUJOCO = PLANTS = ('kinematic', 'elastic', 'mujoco')
-#: Request for another object.
+#: Request to replace the object by another one.
 SHAPE = 'shape'
 OBJECTS = {
     'disc': '',

@@ -182,7 +182,7 @@ class Picture:
         Return the points of a namespace's markers in the order of their ids; empty if too old.
 
         :param name: namespace of the markers.
-        :param now: time on the same clock [s].
+        :param now: time on the clock of the messages' arrival [s].
         """
         if not self.is_fresh('markers', now):
             return []
@@ -192,7 +192,7 @@ class Picture:
         """
         Return whether the object is held; None if unknown.
 
-        :param now: time on the same clock [s].
+        :param now: time on the clock of the messages' arrival [s].
         """
         if not self.is_fresh('state', now) or self.state.code >= MIN_CODE_WITHOUT_RESULT:
             return None
@@ -202,7 +202,7 @@ class Picture:
         """
         Return whether the manipulation reports a latched emergency stop.
 
-        :param now: time on the same clock [s].
+        :param now: time on the clock of the messages' arrival [s].
         """
         return self.is_fresh('status', now) and self.status.code == Status.HALT_EMERGENCY_STOP
 
@@ -210,7 +210,7 @@ class Picture:
         """
         Return the status of the manipulation in words.
 
-        :param now: time on the same clock [s].
+        :param now: time on the clock of the messages' arrival [s].
         """
         if not self.is_fresh('status', now):
             return 'no manipulation'
@@ -222,7 +222,7 @@ class Picture:
         """
         Return the estimated squeeze in words; empty without squeeze control.
 
-        :param now: time on the same clock [s].
+        :param now: time on the clock of the messages' arrival [s].
         """
         if not self.is_fresh('status', now) or math.isnan(self.status.squeeze):
             return ''
@@ -232,7 +232,7 @@ class Picture:
         """
         Return in words the limit that reduced the motion most often within an interval.
 
-        :param now: time on the same clock [s].
+        :param now: time on the clock of the messages' arrival [s].
         :param span: length of the interval, which ends now [s].
         """
         lately = [status for time, status in self._statuses if now - time <= span]
@@ -247,7 +247,7 @@ class Picture:
         """
         Add a sample to the plots.
 
-        :param now: time on the same clock [s].
+        :param now: time on the clock of the messages' arrival [s].
         """
         squeeze = error = math.nan
         if self.is_held(now) is not None and len(self.state.squeeze):

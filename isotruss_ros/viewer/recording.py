@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Reading of recorded messages without ROS into a picture."""
+"""Reading of recorded messages into a `Picture`, without ROS."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def show_message(picture: Picture, topic: str, message: Any, now: float) -> None
     :param message: message with the fields of the ROS message.
     :param now: time of the message [s].
     :raises PictureError: the message is invalid.
-    :raises ConfigurationError: no configuration exists at the joint states.
+    :raises ConfigurationError: no configuration exists at the roller positions of the message.
     """
     _, receive = RECEIVERS[_find_name(topic)]
     try:

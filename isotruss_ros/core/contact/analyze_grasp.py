@@ -132,7 +132,7 @@ def analyze_grasp(
 def _require_touch(
     structure: Structure, body: ConvexObject, contact_points: ContactPoints, contact: ContactState
 ) -> None:
-    """Raise SolverError if the object overlaps a member without a contact force."""
+    """Raise SolverError if the object overlaps a member that has no contact force."""
     depths = member_depths(structure.config, body)
     free = MAX_FREE_OVERLAP * structure.config.robot.description.tube_diameter
     moved = max(float(np.abs(contact.displacements).max(initial=0.0)), free)
@@ -216,7 +216,7 @@ def _pressed(
 
 
 def _about_middle(body: ConvexObject, wrench: Array) -> Array:
-    """Return a wrench about the frame's origin as (fx, fy, m / arm) about the centroid [N]."""
+    """Convert a wrench about the frame's origin to (fx, fy, m / arm) about the centroid [N]."""
     away = body.middle - body.center
     x, y, moment = wrench
     return np.array([x, y, (moment - away.real * y + away.imag * x) / body.arm])

@@ -27,7 +27,7 @@ from isotruss_ros.core.numerics.tolerances import (
 import numpy as np
 from scipy.linalg import lapack
 
-#: Largest number of updates of the normals [-]; of large discs they settle slowly.
+#: Largest number of updates of the normals [-]; the normals on large discs converge slowly.
 MAX_STEPS = 300
 #: Points of a flattening member are in the estimated contact if they are deeper than this share of
 #: the largest depth [-].

@@ -115,8 +115,8 @@ class ContactPoints:
         Return these points on tubes linearised about another state.
 
         :param bent: the tubes linearised about the other state.
-        :param push: (c,) forces on the points in that state, x + iy [N]. With them the compliance
-            along and across the tubes is not computed again.
+        :param push: (c,) forces on the points in that state, x + iy [N]. If they are given, the
+            compliance along and across the tubes is not computed again.
         """
         if push is None:
             found = points_on_members(bent, self.spacing, self.dents)
@@ -135,7 +135,7 @@ class ContactPoints:
         return self._apart(self.bent)
 
     def _apart(self, bent: BentTubes) -> float:
-        """Return the largest motion of nodes in another state since that computation [m]."""
+        """Return the largest motion of nodes from the factorised state to another state [m]."""
         return float(np.abs(bent.tangent.points - self.bent.tangent.factored.points).max())
 
     def lend(self, bent: BentTubes) -> bool:

@@ -77,7 +77,7 @@ class SkinIndentation:
         return math.copysign(depth, force), slope * per_force
 
     def _locate(self, force: float) -> tuple[int, float, float, float]:
-        """Return interval, position in it, excess over the table, and position's derivative."""
+        """Return a force's interval in the table, position, excess, and position's derivative."""
         size = max(abs(force), 1e-9)
         place = size**DEPTH_EXPONENT
         inside = min(place, self._places[-1])

@@ -83,7 +83,7 @@ class Flattening:
         """
         Return the derivatives of the compliance between points by the gauge pressure.
 
-        :param count: number of distances 0, 1, ... spacings.
+        :param count: number of distances, which are 0, 1, ... spacings.
         :param spacing: spacing of the points [m].
         :return: (t, count) derivatives for each tube and distance [m/N/Pa].
         """
@@ -106,7 +106,7 @@ class Flattening:
 @functools.lru_cache(maxsize=16)
 def lattice_distances(count: int) -> Indices:
     """
-    Return the distances (count, count) between successive points, in spacings.
+    Return the distances (count, count) between successive points, as multiples of the spacing.
 
     :param count: number of points.
     """

@@ -31,7 +31,7 @@ class FrictionClosure:
 
     closed: bool  #: whether the residual is at most `tolerance`
     residual: float  #: norm of the unbalanced wrench, with moments over d/2 [N]
-    tolerance: float  #: largest residual of closure [N]
+    tolerance: float  #: largest residual that counts as closure [N]
     #: (k,) friction on the object along the tangents, counter-clockwise [N]
     friction_forces: Array
     required_friction: float  #: smallest coefficient of friction with closure; infinite if none

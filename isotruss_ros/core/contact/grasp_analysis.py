@@ -66,7 +66,7 @@ class GraspAnalysis(
     #: norm of the unbalanced wrench [N]; moments are about the centroid, over half of the mean
     #: width, d/2 of a cylinder
     closure_residual: float
-    closure_tolerance: float  #: largest residual of closure [N]
+    closure_tolerance: float  #: largest residual that counts as closure [N]
     required_friction: float  #: smallest coefficient of friction with closure; infinite if none
     #: largest additional wrench that friction balances in every direction, with moments over half
     #: of the mean width [N]; negative without closure

@@ -79,8 +79,7 @@ def refine_contact(
     :param budget: largest number of points when the spacing is divided; None: the shortest region
         determines the divisor.
     :return: the contact, with points from one spacing before to one spacing behind each contact
-        region.
-        Without contact, it has points on all tubes within reach.
+        region. Without contact, it has points on all tubes within reach.
     :raises SolverError: the contact problem was not solved.
     """
     search = _Search(structure, surface, spacing, flattening, solver, budget)
@@ -331,7 +330,7 @@ def _division(regions: Array, spacing: float, budget: int | None = None) -> int:
 
 
 def _is_division_clear(regions: Array, spacing: float) -> bool:
-    """Return whether regions changed by the share `LENGTH_SPREAD` have the same divisor."""
+    """Return whether changes of the regions by `LENGTH_SPREAD` leave the divisor unchanged."""
     shorter, longer = (
         _division((1.0 + change) * regions, spacing) for change in (-LENGTH_SPREAD, LENGTH_SPREAD)
     )

@@ -53,7 +53,9 @@ class ContactWalk:
 
     def attach(self, change: Array) -> None:
         """
-        Exclude a change of the derivatives by a new equilibrium, which does not move the pose.
+        Exclude from the sums a change of the derivatives by a search for a new equilibrium.
+
+        Such a change does not move the pose.
 
         :param change: (3, c) change of the derivatives of the pose by the considered states.
         """

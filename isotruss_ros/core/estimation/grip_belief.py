@@ -86,10 +86,10 @@ class GripBelief:
     :ivar walk: sums of the corrections of contacts and pose.
     :ivar jump: length of the last innovation if it was inconsistent, else 0 [m].
     :ivar searches: number of searches for an equilibrium with unknown contact history [-].
-    :param grasp: equilibrium near the measured pose; its `response` exists.
+    :param grasp: equilibrium near the measured pose; its `response` is not None.
     :param grip: grip with the object at its measured pose.
     :param settings: prior standard deviations.
-    :param zeros: (r, r) covariance of the roller offsets [m^2]; None: by the settings.
+    :param zeros: (r, r) covariance of the roller offsets [m^2]; None: from the settings.
     :param noise: (3,) prior standard deviations of the measured poses [m, rad].
     :param supposed: whether only wrong roller offsets explain the measured pose.
     """
@@ -157,7 +157,7 @@ class GripBelief:
 
     @property
     def differentiated(self) -> HeldGrip:
-        """Return the equilibrium of the derivatives, within `MAX_RATE_TRAVEL` of roller travel."""
+        """Return the equilibrium of the derivatives, at most `MAX_RATE_TRAVEL` of travel away."""
         return self._differentiated  # type: ignore[return-value]
 
     @property
@@ -233,7 +233,7 @@ class GripBelief:
     @property
     def slip_deviations(self) -> float:
         """
-        Return the corrections and the load, in their standard deviations [-].
+        Return the norm of corrections and load, each in units of its standard deviation [-].
 
         The standard deviation of the load is at least half of the slip margin, because a load
         within the margin is no slip.
@@ -376,7 +376,7 @@ class GripBelief:
         return self._condition(rates, np.diag(self.noise.variances))
 
     def _shift_deviations(self) -> Array:
-        """Return the standard deviations (m,) of shifts, 0.4 of the shifts at slip [m]."""
+        """Return the standard deviations (m,) of shifts: 0.4 of a shift that causes slip [m]."""
         grasp, most = self.grasp, self._friction * self.grasp.squeeze
         members = np.eye(len(grasp.members))[grasp.contacts.owners]
         presses, rubs = (members.T @ f for f in np.split(grasp.state.forces, 2))
@@ -385,7 +385,7 @@ class GripBelief:
         return np.minimum(0.4 * left / np.maximum(np.abs(rates), left / ANY), ANY)
 
     def _hold(self, grasp: HeldGrip) -> HoldStatus:
-        """Return the hold status of an equilibrium; unstable without a response to loads."""
+        """Return the hold status of an equilibrium; `UNSTABLE` if it has no response to loads."""
         if grasp.response is None:
             return HoldStatus.UNSTABLE
         return grasp.hold((1.0 + 2.0 * self.settings.squeeze_error) * self._friction)
@@ -569,7 +569,7 @@ def attach_model(
     config: Configuration, grip: Grip, pressures: Pressures = None, zeros: float = 0.0
 ) -> HeldGrip:
     """
-    Return the equilibrium near the measured pose; its `response` exists.
+    Return the equilibrium near the measured pose; its `response` is not None.
 
     :param config: configuration of the robot.
     :param grip: grip with the object at its measured pose.

@@ -20,7 +20,7 @@ MAX_STEP_SIGMAS = 3.0
 
 class PoseNoise:
     """
-    Estimate of the variance of white pose noise; the object moves slowly compared with it.
+    Estimate of the variance of white noise in the measured poses of a slowly moving object.
 
     :ivar variances: (3,) variances of x, y and angle times the characteristic radius, including
         the model error [m^2].

@@ -22,7 +22,7 @@ class EstimatorSettings:
 
     #: standard deviation of the roller offsets [m]; 1 mm after calibration with markers
     zeros: float = 0.01
-    #: slip of a roller as a share of its travel, independent for each 0.1 m [-]
+    #: slip of a roller as a share of its travel, independent in each 0.1 m of travel [-]
     slip: float = 0.02
     drift: float = 3e-4  #: drift of the offsets per second, also at rest [m]
     encoders: float = 1e-4  #: noise of an encoder reading [m]

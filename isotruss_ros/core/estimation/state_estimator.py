@@ -113,7 +113,7 @@ class StateEstimator:
         :param time: time of the measurement [s].
         :param pose: pose of the object, robot frame.
         :param deviations: (3,) standard deviations of x, y [m] and angle [rad], positive.
-        :return: whether the pose was used: it is fresh and the object is held.
+        :return: whether the pose was used, because it is fresh and the object is held.
         :raises ConfigurationError: no configuration exists at the encoder readings.
         :raises GraspError: the pose is not three valid numbers, or a deviation is not positive.
         """

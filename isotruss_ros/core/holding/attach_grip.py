@@ -63,8 +63,8 @@ import numpy as np
 
 #: Largest relative difference of normal forces from the predicted equilibrium [-].
 LIKE = 0.3
-#: Largest number of contact hypotheses in a quick search [-]. It finds 95 of the 100 equilibria of
-#: boxes that the whole search finds.
+#: Largest number of contact hypotheses in a quick search [-]. A quick search finds 95 of the 100
+#: equilibria of boxes that the whole search finds.
 QUICK_SETS = 2
 
 

@@ -47,8 +47,8 @@ from scipy.linalg import lapack
 FORCE_TOLERANCE, LENGTH_TOLERANCE = 1e-10, 1e-11
 #: Largest translation in a Newton step relative to the object's characteristic radius [-].
 MAX_MOVE = 0.5
-#: Largest rotation in a Newton step, and largest inclination of a tube in equilibrium [rad];
-#: beyond it the tube folds.
+#: Largest rotation in a Newton step, and largest inclination of a tube in equilibrium [rad]; a
+#: tube with a larger inclination folds.
 MAX_TURN, MAX_INCLINATION = 0.2, 0.5
 #: Compliance that scales friction forces to lengths, so that one tolerance bounds both [m/N].
 SOFTNESS = 1e-4
@@ -142,7 +142,7 @@ class ContactStatics:
 
     @functools.cached_property
     def _constant(self) -> tuple[Array, Array]:
-        """Return the constant derivatives (3, k, 3) of the balance by loads, and Jacobian."""
+        """Return derivatives (3, k, 3) of the balance by loads, and the Jacobian's constants."""
         places, count = self.places, len(self.sides)
         pushes, jacobian = np.zeros((3, count, 3)), np.zeros((places.size, places.size))
         forces = -self.bent.axis[:, None] * [1.0, 1j]
@@ -229,8 +229,8 @@ class ContactStatics:
         """
         Return the rolling invariants (k,) of the contacts [m].
 
-        A_i = kappa_i (s_i - phi_i) - arc(arg nu_i - theta), kappa_i = -1 for an object on the
-        right
+        A_i = kappa_i (s_i - phi_i) - arc(arg nu_i - theta); kappa_i is -1 for an object on the
+        right of the member, else 1.
 
         :param unknowns: unknowns (3 + 4k,), see `ContactForces`.
         :param normals: (k,) unit normals from the object toward the tubes.

@@ -178,7 +178,7 @@ class HeldGrip:
         face opens first, the other forces change, see `slip_rows`.
 
         :param friction: coefficient between tube and object.
-        :param more: (3,) additional wrench (fx, fy, m / arm) [N].
+        :param more: (3,) wrench (fx, fy, m / arm) that already acts in addition to `wrench` [N].
         :return: the margin; negative after slip, zero in a neutral equilibrium.
         """
         if self.response is None:
@@ -202,7 +202,7 @@ class HeldGrip:
 
     @functools.cached_property
     def about_middle(self) -> Array:
-        """Return the matrix (3, 3) from wrenches about the centroid to those about the origin."""
+        """Return the matrix (3, 3) that converts wrenches about the centroid to the origin."""
         away = (self.body.middle - self.body.center) / self.arm
         return np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-away.imag, away.real, 1.0]])
 
@@ -221,7 +221,7 @@ class HeldGrip:
 
     def slip_rows(self, friction: float) -> tuple[Array, Array]:
         """
-        Return the matrix (c, 2k) from contact forces to the margins, and its friction derivative.
+        Return the matrix (c, 2k) from contact forces to margins, and its derivative by friction.
 
         The first rows are `slip_conditions` with all contacts. Then follow, for each end of a
         face, the conditions without this end. A wrench violates such a condition only if it opens
@@ -247,7 +247,7 @@ class HeldGrip:
         return self._slip_rows[friction]
 
     def _distances(self, rows: Array) -> Array:
-        """Return the distances (c,) of planes, rows (c, 2k) of contact forces, in wrenches [N]."""
+        """Return the distances (c,) in wrench space of planes, given as rows (c, 2k) on forces."""
         size = np.hypot.reduce(rows @ self.response.forces @ self.about_middle, axis=1)
         return rows @ self.state.forces / size
 

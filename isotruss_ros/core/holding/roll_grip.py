@@ -183,8 +183,8 @@ def _lay_down(grip: HeldGrip, changes: Iterator[int]) -> HeldGrip:
     """
     Return the grip with the far end of a face in contact, if it penetrates the bent tube.
 
-    The far end of a short face replaces the near one, after rolling over it; several short faces
-    may follow each other.
+    The far end of a short face replaces the near end, after rolling over the face; several short
+    faces may follow each other.
     """
     corners, done = grip.contacts.corners, NOTHING
     own = grip.state.normals * np.exp(-1j * grip.state.unknowns[2])
@@ -260,7 +260,7 @@ def _add(
 
 
 def _depth_in(grip: HeldGrip, number: int, depth: float) -> float:
-    """Return the penetration depth of the object in another member, whose tube is linear [m]."""
+    """Return the penetration depth of the object in a deformed member without contact [m]."""
     start, end = member_lines(grip.config)[[number]].T
     near = segment_gaps(grip.body, start, end)
     foot = float(near.shares[0]) * abs(end - start)

@@ -98,8 +98,8 @@ class SettledGrasp(
         Return the smallest additional wrench at which a member slips or opens [N].
 
         Moments are divided by the characteristic radius, d/2 of a disc. An end of a face may open
-        before; that is no slip. The margin is negative after slip; without an equilibrium see
-        `LostContact`.
+        at a smaller wrench; this is not counted as slip. The margin is negative after slip;
+        without an equilibrium see `LostContact`.
         """
         if self.lost is not None:
             return self.lost.slip_margin

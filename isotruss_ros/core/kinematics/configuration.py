@@ -249,7 +249,7 @@ def _targets(robot: Mechanism, roller_positions: Array) -> Targets:
 
 class ConfigurationTracker:
     """
-    Computes configurations at measured roller travel, each from the previous one.
+    Computes configurations at measured roller travel, each from the previous configuration.
 
     :param home: initial configuration, at zero roller travel.
     """

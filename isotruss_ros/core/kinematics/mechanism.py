@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 class Mechanism:
     """
-    Robot without a configuration; `Robot` adds home.
+    Robot without a configuration; the subclass `Robot` adds the configuration at home.
 
     :ivar name: the robot's name.
     :ivar frame: name of the robot's coordinate frame.

@@ -57,7 +57,7 @@ class Robot(
         return self._hash
 
     def __reduce__(self) -> tuple:
-        """Return the constructor arguments for pickling, shared by all copies."""
+        """Return the arguments for unpickling, which makes only one object of equal robots."""
         return _made_of, (pickle.dumps(self.description),)
 
     def configuration(

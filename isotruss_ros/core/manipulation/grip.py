@@ -36,7 +36,8 @@ class Grip:
     """
     An object with its grasping members, in any configuration.
 
-    :raises GraspError: not two or three different names, or an invalid coefficient.
+    :raises GraspError: the members are not two or three different names, or the coefficient is
+        invalid.
     """
 
     members: tuple[str, ...]  #: names `t/j-k` of two or three members

@@ -39,7 +39,7 @@ class WorkingRollers:
     count: int  #: number of all rollers
     places: Indices  #: (w,) indices of the working rollers
     cost: Array  #: (w, w) cost C^T C (11) of their speeds [-]
-    even: Array  #: (w, w) matrix E with |C E y| = |y|: variables y of unit cost [-]
+    even: Array  #: (w, w) matrix E such that the speeds E y have the cost |y|^2 [-]
 
     def take(self, rows: Array) -> Array:
         """

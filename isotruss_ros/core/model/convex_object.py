@@ -97,7 +97,7 @@ class ConvexObject:
 
     def friction_or(self, given: float | None) -> float:
         """
-        Return a given coefficient of friction, or without one the object's own or the default.
+        Return the coefficient of friction: `given`, else the object's own, else the default.
 
         :param given: coefficient for the grasp [-]; None: the object's own coefficient, or
             `DEFAULT_FRICTION` if that is unknown.

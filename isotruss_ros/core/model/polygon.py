@@ -238,7 +238,7 @@ class Polygon(Shape):
 
     @cached_property
     def _facing(self) -> tuple[Points, Points]:
-        """Return the conjugate normals (k,) of the sides after, and before, each vertex."""
+        """Return the conjugate normals (k,) of sides after, and of sides before, the vertices."""
         begins = self.normals.conj()
         return begins, np.roll(begins, 1)
 

@@ -33,7 +33,7 @@ class Law(NamedTuple):
         :param length: (k,) lengths L [m]: pinch point to pinch point for an axial law, else guide
             ring to guide ring.
         :param pressure: (k,) gauge pressures p [Pa].
-        :return: (k,) stiffnesses [N/m]; of a rotary law [N m/rad].
+        :return: (k,) stiffnesses: [N/m], or [N m/rad] for a rotary law.
         """
         with np.errstate(over='ignore', under='ignore'):
             return np.exp(np.log(self.C) + self.a * np.log(pressure) + self.b * np.log(length))

@@ -26,7 +26,7 @@ class Record:
     `data` replaces them. The `repr` shows the data of `headline`.
 
     :cvar headline: names of the data that are shown, the most important first.
-    :cvar data: names of all data; empty for fields and properties.
+    :cvar data: names of all data; if it is empty, the data are fields and properties.
     """
 
     headline: ClassVar[tuple[str, ...]] = ()
@@ -160,7 +160,7 @@ def _cell(values: Mapping[str, Any], key: str) -> str:
 
 
 def _show(value: Any) -> str:
-    """Return a value on one line, numbers to four digits."""
+    """Return a value on one line, with numbers to four digits."""
     if hasattr(value, 'to_dict'):
         return type(value).__name__
     if isinstance(value, enum.Enum):

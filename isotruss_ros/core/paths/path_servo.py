@@ -72,7 +72,7 @@ class PathServo:
     State of path following: settings, and the latest value of each input.
 
     :ivar rollers: input of the measured `RollerState`, for the feasibility of paths.
-    :ivar held_grip: input of the `GripRecord` of the loop that holds the object, for the
+    :ivar held_grip: input of the `GripRecord` from the control loop that holds the object, for the
         feasibility of paths.
     :ivar estimate: input of the `EstimatedTravel` with the roller offsets; None if there is none.
     :ivar tracker: tracker of the current or last path; None before the first path.
@@ -148,7 +148,7 @@ class PathServo:
         return Step(tracking.twist, outcome, message, tracking)
 
     def _last_feedback(self, now: float) -> ServoFeedback:
-        """Return the feedback on the last twist; a halt if it is unknown."""
+        """Return the feedback on the last twist; a halt if the feedback is unknown."""
         try:
             (given,) = require_fresh(now, self.timeout, status=self.servo_feedback)
         except InputError as error:

@@ -9,7 +9,7 @@ import math
 
 from isotruss_ros.core.inputs import HISTORY_DURATION, Timeline
 
-#: Smallest rate while limits slow the robot [-]; so the path can reach a part without limits.
+#: Smallest rate while limits slow the robot [-]; with it the path reaches parts free of limits.
 MIN_LIMITED_RATE = 0.1
 
 

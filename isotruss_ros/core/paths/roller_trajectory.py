@@ -175,7 +175,7 @@ class RollerTrajectoryServo:
         :param trajectory: new trajectory.
         :param now: time on the clock of the inputs [s].
         :param start: start time, before which the rollers are at rest [s]; None: at once.
-        :param tolerances: tolerances of the goal; None: the servo's own.
+        :param tolerances: tolerances of the goal; None: the default tolerances of the servo.
         :raises InputError: the joint states are missing, timed out or rejected.
         :raises ConfigurationError: the trajectory does not begin at the measured positions.
         """

@@ -35,9 +35,9 @@ MAX_TURN_STEP = 0.1
 MOTION_WEIGHT = 1e-4
 #: Length that scales rotations against gaps [m].
 TURNING_ARM = 0.3
-#: Smallest gap between the object and other parts, in tube diameters [-].
+#: Smallest gap between the object and the parts that do not grasp it, in tube diameters [-].
 CLEARANCE = 0.1
-#: Smallest distance between parts of the robot, and distance below which it is a constraint of the
+#: Smallest distance between parts of the robot, and largest distance that is constrained in a
 #: step, in mean member lengths [-].
 SELF_CLEARANCE, NEAR = 0.01, 0.15
 #: Largest overshoot of a grasping member, in tube diameters [-].

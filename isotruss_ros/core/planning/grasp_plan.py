@@ -61,7 +61,7 @@ class PlannedGrasp(
     travel: float  #: largest travel of a roller along the path [m]
     rigidity: float  #: smallest rigidity index along the path, 1 at home [-]
     path: Array  #: (k, r) roller positions from the current positions to the grasp [m]
-    touch: int  #: row of `path` at which all grasping members have contact first
+    touch: int  #: first row of `path` at which all grasping members have contact
 
     @property
     def module(self) -> str | None:

@@ -38,7 +38,7 @@ EVENNESS_TOLERANCE = 0.02
 #: tolerances, if not all residuals can vanish [-].
 RESIDUAL_WEIGHTS = np.array([1.0, 1.0, 0.05, 10.0, 10.0, 10.0])
 #: Largest displacement of the object by a change of the squeeze, in tube diameters [-]; a robot
-#: with few rollers cannot avoid it.
+#: with few rollers cannot avoid a displacement.
 MAX_SHIFT = 0.25
 #: Weight of roller travel [1/m^2].
 MOTION_WEIGHT = 2e4

@@ -116,7 +116,7 @@ class _Search:
         self.stopped, self.tally = False, SearchTally()
 
     def judge(self, closings: list[Closing], thorough: bool) -> None:
-        """Compute the grasps of all seeds, or unless `thorough` until enough grasps are found."""
+        """Compute the grasps of seeds; stop after enough grasps unless `thorough`."""
         self._known += len(closings)
         self._report()
         for grasp, tally in self._judge_each(closings):

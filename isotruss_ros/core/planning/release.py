@@ -107,8 +107,8 @@ def _unload(
     """
     Return the path of decreasing squeeze, and the closing motion at its end.
 
-    Without contact forces the path has only its start. A robot with few rollers cannot avoid to
-    move the object a little.
+    Without contact forces the path has only its start. A robot with few rollers displaces the
+    object a little.
     """
     path, diameter = [config], config.robot.description.tube_diameter
     if float(member_depths(config, closing.body).max()) <= FIRST_INDENTATION * diameter:

@@ -47,15 +47,15 @@ class GraspRequirements:
     external_wrench: tuple[float, float, float] = (0.0, 0.0, 0.0)
     module: str | None = None  #: module `t/j` at which the grasping members meet; None: any
     members: tuple[str, ...] | None = None  #: names of the two or three grasping members
-    squeeze: float | None = None  #: normal force of each member [N]; None: the best force
+    squeeze: float | None = None  #: normal force of each member [N]; None: the search chooses it
     min_slip_margin: float = 0.0  #: smallest `SettledGrasp.slip_margin`, not negative [N]
-    min_margin: float | None = None  #: smallest `GraspAnalysis.closure_margin` [N]; None: any
+    min_margin: float | None = None  #: smallest `GraspAnalysis.closure_margin` [N]; None: no bound
     max_contact_force: float = math.inf  #: largest normal force of a member [N]
     max_total_force: float = math.inf  #: largest sum of the normal forces [N]
     max_utilisation: float = MAX_UTILISATION  #: largest utilisation of a member [-]
     min_rigidity: float = 0.15  #: smallest rigidity index along the path, 1 at home
-    min_length: float | None = None  #: shortest member [m]; None: that of the robot file
-    max_length: float | None = None  #: longest member [m]; None: that of the robot file
+    min_length: float | None = None  #: smallest member length [m]; None: as in the robot file
+    max_length: float | None = None  #: largest member length [m]; None: as in the robot file
     measure: Measure = Measure.SLIP_MARGIN  #: criterion of the ranking
     #: displacement (x, y, angle) along which `STIFFNESS` is the stiffness [m, rad]
     direction: tuple[float, float, float] = (0.0, 1.0, 0.0)

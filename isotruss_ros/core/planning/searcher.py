@@ -92,7 +92,7 @@ class Searcher:
         :param config: configuration of the robot, see `plan_grasps`.
         :param body: the object.
         :param requirements: requirements of the grasps.
-        :param seed: seed of the search.
+        :param seed: seed of the random numbers of the search.
         :param time_limit: time limit of the search [s]; 0: no limit.
         """
         self._search, self._stop = Future(), Stop(time_limit)

@@ -65,7 +65,7 @@ class Violation:
 
 
 class RequirementError(IsotrussError):
-    """Error: a requirement is violated; its arguments are the fields of a `Violation`."""
+    """Error: a candidate violates a requirement; its arguments are the fields of a `Violation`."""
 
 
 @dataclass
@@ -79,7 +79,7 @@ class SearchTally:
 
     def record(self, violation: Violation) -> None:
         """
-        Store a violation if it is closer to an admissible grasp than the stored one.
+        Store a violation if it is closer to an admissible grasp than the stored violation.
 
         :param violation: violation of a candidate.
         """

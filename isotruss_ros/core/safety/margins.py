@@ -78,8 +78,8 @@ def object_distances(
 
     :param config: configuration of the robot.
     :param body: the object at its pose.
-    :param members: names of the grasping members; empty for a free object. These members are
-        excluded, and a module at which two of them meet, with the rods at its joint.
+    :param members: names of the grasping members; empty for a free object. Excluded are these
+        members, a module at which two of them meet, and the rods at the joint of this module.
     :param far: distance beyond which a lower bound of the distance may be returned [m].
     :param parts: indices of parts; by default, all parts. Parts are numbered: first the m members,
         then the m modules, then the m rods.

@@ -32,7 +32,7 @@ class BeliefStart:
     After a search without an equilibrium at the measured pose, every second call searches for a
     supposed equilibrium instead.
 
-    :ivar belief: the belief that the last call found; None before an equilibrium is held.
+    :ivar belief: estimated state of the grip that the last call found; None if it found none.
     """
 
     def __init__(self) -> None:
@@ -50,7 +50,7 @@ class BeliefStart:
         zeros: Array | None,
     ) -> HoldStatus:
         """
-        Search the equilibrium near the measured pose or a supposed one; return its hold status.
+        Search an equilibrium near the measured pose, or a supposed one; return its hold status.
 
         :param config: configuration of the robot.
         :param grip: grip with the object at its measured pose.
@@ -83,7 +83,7 @@ class BeliefStart:
         return hold
 
     def _suppose(self, config: Configuration, grip: Grip, zeros: float) -> Grip:
-        """Return the grip with the object at equal depths in the members, at first `zeros`."""
+        """Return the grip with the object equally deep in all members, at first `zeros` deep."""
         angle, depth = grip.body.pose.angle, self._depth or zeros
         placed = place_between(config, grip.members, grip.body.shape, angle, depth)
         return grip.moved_to(placed.body.pose)

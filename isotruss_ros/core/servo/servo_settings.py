@@ -51,7 +51,7 @@ class ServoSettings:
     bounds: ShapeBounds | None = DEFAULT_BOUNDS
     barriers: tuple[Barrier, ...] = ()  #: user-defined barriers
     limits: tuple[Limit, ...] = ()  #: user-defined limits besides those of the robot file
-    #: whether motion slides along limits of lengths and shapes, or stops
+    #: whether motion slides along limits of lengths and shapes; otherwise it is slowed and stops
     slide_along_limits: bool = True
     #: largest acceleration of a roller, except in halts [m/s^2]; None: the value of the robot file
     max_acceleration: float | None = None
@@ -70,6 +70,6 @@ class ServoInputs(NamedTuple):
     #: robot file
     pressures: Input = None
     estimate: Input = None  #: `EstimatedTravel` with the roller offsets
-    failed: frozenset[str] = frozenset()  #: names of failed rollers besides detected ones
+    failed: frozenset[str] = frozenset()  #: names of rollers that the client declares failed
     #: status and reason of a halt by the client; None if the client does not halt
     halt: tuple[Status, str] | None = None

@@ -33,7 +33,7 @@ from isotruss_ros.core.servo.loop_gains import choose_gain, DEFAULT_GAIN, gains_
 from isotruss_ros.core.servo.servo_settings import SqueezeSettings
 import numpy as np
 
-#: Time at rest after an oscillation, which halves the gain [s].
+#: Time at rest after an oscillation [s]; each oscillation also halves the gain.
 REST_TIME = 1.0
 #: Largest rate of the squeeze [N/s].
 MAX_FORCE_RATE = 10.0
@@ -65,7 +65,7 @@ class SqueezeControl:
         self.acknowledge()
 
     def acknowledge(self) -> None:
-        """Clear the fault and the estimated state of the grip after a client has reacted to it."""
+        """Clear the fault and the estimated grip after a client has reacted to the fault."""
         self.fault: GripFault | None = None
         self._softening, self._why = 1.0, ''
         self.reset()
@@ -243,7 +243,7 @@ class SqueezeControl:
         return gain * pose_difference(self.reference, here) - belief.drift[:3]
 
     def _begin(self, config: Configuration, grip: Grip, gripped: bool) -> HoldStatus:
-        """Start the belief; return its hold status."""
+        """Start the estimate of the grip; return the hold status."""
         gripped = gripped and self.fault is None
         hold = self._start.search(
             config, grip, self.settings, gripped, self._pressures, self._zeros
@@ -277,11 +277,11 @@ class SqueezeControl:
             self._fail(GripFault.SLIPPED, walked)
 
     def _fail(self, fault: GripFault, why: str) -> None:
-        """Latch a fault."""
+        """Store a fault of the grip, which remains until it is cleared."""
         self.fault, self._why = fault, why
 
     def _choose_gains(self, belief: GripBelief) -> None:
-        """Choose the gains by the settings or the natural frequency at the last derivatives."""
+        """Choose the gains from the settings, or else from the natural frequency."""
         settings, differentiated = self.settings, belief.differentiated
         if differentiated is not self._tuned:
             self._tuned, self._natural = differentiated, lowest_frequency(differentiated)

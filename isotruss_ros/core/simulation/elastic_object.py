@@ -72,7 +72,7 @@ class ElasticObject:
         """
         Set the external wrench, from the next step on.
 
-        :raises GraspError: not three finite numbers.
+        :raises GraspError: the wrench is not three finite numbers.
         """
         self._wrench = finite_array(wrench, 3, 'the external wrench (fx, fy, m)', GraspError)
         self._pulled_anew = True
@@ -98,7 +98,7 @@ class ElasticObject:
 
     @single_threaded
     def follow(self, config: Configuration) -> None:
-        """Move with the robot to a configuration; see `SimulatedObject.follow`."""
+        """Move the object with the robot; see `SimulatedObject.follow`."""
         if config is self._followed and not self._pulled_anew:
             return
         before, self._followed, self._pulled_anew = self._followed, config, False

@@ -65,10 +65,11 @@ class DrivenRollers:
 
     def command(self, velocities: ArrayLike) -> None:
         """
-        Set a command, which is valid until the next.
+        Set a command, which is valid until the next command.
 
         :param velocities: (r,) roller speeds [m/s].
-        :raises ConfigurationError: wrong shape or not finite; the previous command continues.
+        :raises ConfigurationError: the speeds have a wrong shape or are not finite; the previous
+            command continues.
         """
         self._command = self._robot.check_rollers(velocities, 'roller velocities [m/s]')
 
@@ -99,7 +100,7 @@ class SimulatedObject(Protocol):
 
     def follow(self, config: Configuration) -> None:
         """
-        Move with the robot to a configuration, in every step.
+        Move the object with the robot to a new configuration; it is called in every step.
 
         :param config: configuration of the robot.
         """
@@ -116,7 +117,7 @@ class SimulatedRobot(DrivenRollers):
     """
     Robot that integrates roller speeds; nodes and object follow by forward kinematics.
 
-    :ivar config: true configuration; without slip, at the `roller_positions`.
+    :ivar config: true configuration; without slip it is the configuration at `roller_positions`.
     :param simulated: object: a `RigidObject`, an `ElasticObject` or a user-defined object.
     :param faults: faults of the rollers.
     :param seed: seed of the noise.

@@ -98,8 +98,8 @@ class BeamColumns:
 
         :param longer: (k,) elongations l - l0 [m].
         :param turns: (k, 2) rotations of the ends relative to the chord [rad].
-        :param known: (k,) axial forces N about which the members are linearised; None: N of
-            stationary energy. Newton's method takes N as an unknown, because N of stiff members
+        :param known: (k,) axial forces N about which the members are linearised; None: the forces
+            of stationary energy. Newton's method takes N as an unknown, because N of stiff members
             has large errors in short steps.
         """
         rotary, turns = self.rotary, turns.T

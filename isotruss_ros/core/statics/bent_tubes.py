@@ -324,7 +324,7 @@ class BentTubes:
         return float(max(moved, slid))
 
     def _displace(self, ways: Array) -> tuple[Array, Array]:
-        """Return the changes of displacements (n, 3) and the motions (n, 3) of the nodes."""
+        """Return the changes (n, 3) of the nodes' displacements, and of the nodes' positions."""
         nodes = self._changes[0] @ ways
         moved = nodes.copy()
         if self.before is not None:

@@ -189,7 +189,7 @@ MAX_CUTS = 64
 
 class Chains(NamedTuple):
     """
-    Group of b members with p cuts each, without common end nodes.
+    Group of b members with p cuts each; no two of these members share an end node.
 
     :ivar parts: (b, p + 1) indices of the parts of each member, from start to end.
     :ivar inner: (b, 3 p) indices of the displacements at the cuts, in the order of the parts.

@@ -30,8 +30,9 @@ class Structure:
     """
     The frame of a robot in one configuration.
 
-    Nodes are first the joints, then B, C, D, E of each module. Each of the m modules has the
-    members AB, AC, BC, the tube pieces BD and CE, and one long tube piece DE'.
+    Nodes are first the joints, then B, C, D, E of each module. Members are grouped by kind, with m
+    members of each kind for m modules: sides AB, AC and BC, tube pieces BD and CE, and long tube
+    pieces DE'.
 
     :param config: configuration of the robot.
     :param pressures: gauge pressures [Pa], see `tube_pressures`.
@@ -73,7 +74,7 @@ class Structure:
 
     def locate(self, members: Indices, places: Array) -> tuple[Indices, Array, Array]:
         """
-        Return the pieces of tube at points, the positions on them and their directions.
+        Return the pieces of tube that contain points, the positions on them and their directions.
 
         :param members: (c,) index of the member of each point.
         :param places: (c,) distances from the members' starts [m].

@@ -143,9 +143,8 @@ class PowerLaw:
 
         :param length: (k,) lengths of whole members, pinch point to pinch point [m].
         :param pressure: (k,) gauge pressures, or one pressure for all [Pa].
-        :raises StructureError: a member is shorter than the distance of its guide rings from the
-            pinch points, a law gives no stiffness, or no beam has these stiffnesses. The message
-            names length and pressure.
+        :raises StructureError: a member is too short for its guide rings, a law gives no
+            stiffness, or no beam has these stiffnesses. The message names length and pressure.
         """
         length, pressure = broadcast_members(length, pressure)
         axial, transverse, rotary = self._end_stiffnesses(length, pressure)

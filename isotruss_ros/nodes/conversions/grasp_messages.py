@@ -150,7 +150,7 @@ def _planar(wrench: Wrench) -> tuple[float, float, float]:
 
 def to_state_message(report: GraspReport, frame: str) -> GraspState:
     """
-    Return the message of a report; if the report has no result, values are the most cautious.
+    Return the message of a report; without a result, its values are the most conservative.
 
     :param report: report of the grasp monitor.
     :param frame: name of the robot frame.

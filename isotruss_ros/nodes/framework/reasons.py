@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Log of reasons for a stop or a warning, in which repetitions are counted and not repeated."""
+"""Log of reasons for a stop or a warning; repetitions are counted instead of logged."""
 
 from __future__ import annotations
 

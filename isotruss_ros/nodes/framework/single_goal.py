@@ -161,7 +161,7 @@ class SingleGoal:
             self.client.goal = None if handle is None else _key(handle)
 
     def _stamp(self, result: Any) -> Any:
-        """Set the stamp of a result to the time at which the goal ended, if it has a stamp."""
+        """Return a result message; its stamp, if present, is the time at which the goal ended."""
         if hasattr(result, 'stamp'):
             result.stamp = self._node.get_clock().now().to_msg()
         return result

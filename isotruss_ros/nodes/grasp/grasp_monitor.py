@@ -155,7 +155,7 @@ def _analyze(
     """
     Return the report of an analysis without its time.
 
-    :param find: function from roller positions to the configuration.
+    :param find: function that returns the configuration at given roller positions.
     :param last: analysis of a similar grasp, used as initial guess; None: no initial guess.
     :param record: grip of the control loop that holds the object; None without such a loop.
     """

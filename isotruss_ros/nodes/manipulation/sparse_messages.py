@@ -49,7 +49,7 @@ class SparseMessages:
     :param topic: relative name of the topic.
     :param callback: function that receives a list of messages in the order of reception.
     :param missing: callback that receives the reason why a message may have been lost.
-    :param every: whether every message is required; if false, only the newest message is.
+    :param every: whether every message is required; if false, only the newest message is required.
     """
 
     def __init__(

@@ -80,7 +80,8 @@ class GraspSequences(TrackedShape):
     :param robot: the robot.
     """
 
-    held_grip: Input = None  #: StampedInput of the `GripRecord` of the loop that holds the object
+    #: StampedInput of the `GripRecord` of the control loop that holds the object
+    held_grip: Input = None
 
     def __init__(self, node: ManagedNode, robot: Robot) -> None:
         super().__init__(robot, node.values.command_timeout)

@@ -120,7 +120,7 @@ class SimulatedSensors:
     :param robot: the robot.
     :param values: parameters of `SENSOR_SPECS`.
     :param seed: random seed of noise and dropouts.
-    :raises ParameterError: the robot does not have the joint of a marker.
+    :raises ParameterError: the robot does not have a joint for which a marker is specified.
     """
 
     def __init__(self, node: ManagedNode, robot: Robot, values: Parameters, seed: int) -> None:
