@@ -39,27 +39,43 @@ class InputFault(enum.Enum):
 
 
 class RejectedInput(NamedTuple):
-    """A received but invalid input."""
+    """
+    A received but invalid input.
 
-    reason: str  #: fault in words
-    fault: InputFault = InputFault.INVALID  #: INVALID or STALE
+    :ivar reason: fault in words.
+    :ivar fault: INVALID or STALE.
+    """
+
+    reason: str
+    fault: InputFault = InputFault.INVALID
 
 
 class StampedInput(NamedTuple):
-    """A measured or commanded value."""
+    """
+    A measured or commanded value.
 
-    value: Any  #: the value
-    time: float  #: time at which it is valid [s]
-    #: last message rejected after `time`, with the reason; None if none was rejected
+    :ivar value: the value.
+    :ivar time: time at which it is valid [s].
+    :ivar rejected: last message rejected after `time`, with the reason; None if none was rejected.
+    """
+
+    value: Any
+    time: float
     rejected: RejectedInput | None = None
 
 
 class RollerState(NamedTuple):
-    """Measured state of the rollers."""
+    """
+    Measured state of the rollers.
 
-    positions: Array  #: (r,) roller travel since home [m]
-    velocities: Array  #: (r,) roller speeds [m/s]; zero for rollers without measured speed
-    offsets: Array | float = 0.0  #: (r,) estimated roller offsets that the positions include [m]
+    :ivar positions: (r,) roller travel since home [m].
+    :ivar velocities: (r,) roller speeds [m/s]; zero for rollers without measured speed.
+    :ivar offsets: (r,) estimated roller offsets that the positions include [m].
+    """
+
+    positions: Array
+    velocities: Array
+    offsets: Array | float = 0.0
 
 
 #: Latest value of an input; None before the first value.

@@ -41,61 +41,76 @@ class GraspAnalysis(
         'utilisation',
     ),
 ):
-    """Contact, closure and stiffness of a grasp with k contact points."""
+    """
+    Contact, closure and stiffness of a grasp with k contact points.
 
-    #: (k, 2) deformed points on the skin of the tubes, robot frame [m]; in the paper's model, on
-    #: the centre lines
+    :ivar points: (k, 2) deformed points on the skin of the tubes, robot frame [m]; in the paper's
+        model, on the centre lines.
+    :ivar members: (k,) index of the member of each point in `Robot.member_names`.
+    :ivar places: (k,) distance of each point from the member's start [m].
+    :ivar gaps: (k,) distances of the tube's skin from the object, not negative [m].
+    :ivar normals: (k, 2) outward unit normals of the object's surface. At a corner over which the
+        skin is folded, normals are nearly across the tube, see `turn_at_corners`. Then the sum of
+        normals times forces differs from `normal_wrench`, which is exact: by 0.3 % on an ellipse,
+        by a tenth and at most a quarter at sharp corners, not at all on discs.
+    :ivar normal_forces: (k,) normal forces along `normals`, not negative [N].
+    :ivar friction_forces: (k,) friction on the object along its tangents, counter-clockwise [N].
+    :ivar normal_wrench: wrench (fx, fy, m) of the tubes on the object without friction, about the
+        origin of its frame [N, N m]. Its forces are normal to the bent centre lines.
+    :ivar closed_by_friction: whether the object has contact and friction balances the normal
+        forces and the external wrench, equation (10). For a free object see `SettledGrasp`.
+    :ivar closure_residual: norm of the unbalanced wrench [N]; moments are about the centroid, over
+        half of the mean width, d/2 of a cylinder.
+    :ivar closure_tolerance: largest residual that counts as closure [N].
+    :ivar required_friction: smallest coefficient of friction with closure; infinite if none.
+    :ivar closure_margin: largest additional wrench that friction balances in every direction, with
+        moments over half of the mean width [N]; negative without closure.
+    :ivar contact_lengths: length of tube in contact by member, for members in contact [m].
+    :ivar contact_spans: start and end of the contact from the member's start by member, for
+        members in contact [m].
+    :ivar contact_forces: sum of the normal forces by member, for members in contact [N].
+    :ivar contact_widths: largest width of the contact around the tube by member, for members in
+        contact, at most half of the circumference [m]. This field and the next three are empty in
+        the paper's model.
+    :ivar contact_areas: area of contact by member, for members in contact [m^2].
+    :ivar contact_pressures: mean contact pressure by member, for members in contact [Pa].
+    :ivar peak_pressures: largest contact pressure by member, for members in contact [Pa].
+    :ivar flattened: names of the members whose contact is as wide as half of the circumference.
+        Their section is flat; depth and force are outside of the model.
+    :ivar utilisation: largest bending moment over the wrinkling moment, for all members [-]. A
+        tube wrinkles from 1 on; then the results are outside of the model.
+    :ivar utilisation_places: distance of this maximum from the member's start, for all members
+        [m].
+    :ivar center: origin of the object's frame, x + iy [m].
+    :ivar structure: the frame of the robot.
+    :ivar solved: solved contact, with the normals that are assessed at corners.
+    """
+
     points: Array
-    members: Indices  #: (k,) index of the member of each point in `Robot.member_names`
-    places: Array  #: (k,) distance of each point from the member's start [m]
-    gaps: Array  #: (k,) distances of the tube's skin from the object, not negative [m]
-    #: (k, 2) outward unit normals of the object's surface. At a corner over which the skin is
-    #: folded, normals are nearly across the tube, see `turn_at_corners`. Then the sum of normals
-    #: times forces differs from `normal_wrench`, which is exact: by 0.3 % on an ellipse, by a
-    #: tenth and at most a quarter at sharp corners, not at all on discs.
+    members: Indices
+    places: Array
+    gaps: Array
     normals: Array
-    normal_forces: Array  #: (k,) normal forces along `normals`, not negative [N]
-    #: (k,) friction on the object along its tangents, counter-clockwise [N]
+    normal_forces: Array
     friction_forces: Array
-    #: wrench (fx, fy, m) of the tubes on the object without friction, about the origin of its
-    #: frame [N, N m]. Its forces are normal to the bent centre lines.
     normal_wrench: Array
-    #: whether the object has contact and friction balances the normal forces and the external
-    #: wrench, equation (10). For a free object see `SettledGrasp`.
     closed_by_friction: bool
-    #: norm of the unbalanced wrench [N]; moments are about the centroid, over half of the mean
-    #: width, d/2 of a cylinder
     closure_residual: float
-    closure_tolerance: float  #: largest residual that counts as closure [N]
-    required_friction: float  #: smallest coefficient of friction with closure; infinite if none
-    #: largest additional wrench that friction balances in every direction, with moments over half
-    #: of the mean width [N]; negative without closure
+    closure_tolerance: float
+    required_friction: float
     closure_margin: float
-    #: length of tube in contact by member, for members in contact [m]
     contact_lengths: dict[str, float]
-    #: start and end of the contact from the member's start by member, for members in contact [m]
     contact_spans: dict[str, tuple[float, float]]
-    #: sum of the normal forces by member, for members in contact [N]
     contact_forces: dict[str, float]
-    #: largest width of the contact around the tube by member, for members in contact, at most half
-    #: of the circumference [m]. This field and the next three are empty in the paper's model.
     contact_widths: dict[str, float]
-    contact_areas: dict[str, float]  #: area of contact by member, for members in contact [m^2]
-    #: mean contact pressure by member, for members in contact [Pa]
+    contact_areas: dict[str, float]
     contact_pressures: dict[str, float]
-    #: largest contact pressure by member, for members in contact [Pa]
     peak_pressures: dict[str, float]
-    #: names of the members whose contact is as wide as half of the circumference. Their section is
-    #: flat; depth and force are outside of the model.
     flattened: tuple[str, ...]
-    #: largest bending moment over the wrinkling moment, for all members [-]. A tube wrinkles from
-    #: 1 on; then the results are outside of the model.
     utilisation: dict[str, float]
-    #: distance of this maximum from the member's start, for all members [m]
     utilisation_places: dict[str, float]
-    center: complex = field(repr=False)  #: origin of the object's frame, x + iy [m]
-    structure: Structure = field(repr=False)  #: the frame of the robot
-    #: solved contact, with the normals that are assessed at corners
+    center: complex = field(repr=False)
+    structure: Structure = field(repr=False)
     solved: SolvedContact = field(repr=False)
 
     @cached_property

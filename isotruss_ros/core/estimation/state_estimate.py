@@ -18,49 +18,75 @@ MAX_KNOWN_DEVIATION = 0.5
 
 @dataclass(frozen=True)
 class EstimatorSettings:
-    """Prior standard deviations and noise of the estimator's states."""
+    """
+    Prior standard deviations and noise of the estimator's states.
 
-    #: standard deviation of the roller offsets [m]; 1 mm after calibration with markers
+    :ivar zeros: standard deviation of the roller offsets [m]; 1 mm after calibration with markers.
+    :ivar slip: slip of a roller as a share of its travel, independent in each 0.1 m of travel [-].
+    :ivar drift: drift of the offsets per second, also at rest [m].
+    :ivar encoders: noise of an encoder reading [m].
+    :ivar load: wrench on a held object, moments over its characteristic radius [N].
+    :ivar load_time: correlation time of the wrench [s].
+    :ivar stiffness: relative error of the stiffness of robot and tubes [-].
+    :ivar joint_error: model error of the joints, and mounting offset of each marker [m].
+    :ivar marker_shift: common shift of all markers [m].
+    :ivar marker_turn: common rotation of all markers [rad].
+    :ivar pose_error: model error of the pose, rotations times the characteristic radius [m].
+    :ivar squeeze_error: relative model error of the squeeze [-].
+    """
+
     zeros: float = 0.01
-    #: slip of a roller as a share of its travel, independent in each 0.1 m of travel [-]
     slip: float = 0.02
-    drift: float = 3e-4  #: drift of the offsets per second, also at rest [m]
-    encoders: float = 1e-4  #: noise of an encoder reading [m]
-    load: float = 2.0  #: wrench on a held object, moments over its characteristic radius [N]
-    load_time: float = 0.3  #: correlation time of the wrench [s]
-    stiffness: float = 0.05  #: relative error of the stiffness of robot and tubes [-]
-    joint_error: float = 5e-4  #: model error of the joints, and mounting offset of each marker [m]
-    marker_shift: float = 3e-3  #: common shift of all markers [m]
-    marker_turn: float = 3e-3  #: common rotation of all markers [rad]
-    #: model error of the pose, rotations times the characteristic radius [m]
+    drift: float = 3e-4
+    encoders: float = 1e-4
+    load: float = 2.0
+    load_time: float = 0.3
+    stiffness: float = 0.05
+    joint_error: float = 5e-4
+    marker_shift: float = 3e-3
+    marker_turn: float = 3e-3
     pose_error: float = 5e-4
-    squeeze_error: float = 0.04  #: relative model error of the squeeze [-]
+    squeeze_error: float = 0.04
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class StateEstimate(Record, headline=('travel', 'pose', 'squeeze', 'left_out', 'slipping')):
-    """Estimate of configuration, object pose and squeeze, with their covariances."""
+    """
+    Estimate of configuration, object pose and squeeze, with their covariances.
 
-    time: float  #: time of the encoder readings [s]
-    offsets: Array  #: (r,) roller offsets, to be added to the encoder readings [m]
-    offset_covariance: Array  #: (r, r) covariance of the offsets [m^2]
-    travel: Array  #: (r,) corrected roller travel [m]
-    #: (j, 2) positions of the joints under the contact forces, in `Topology.joint_names` order [m]
+    :ivar time: time of the encoder readings [s].
+    :ivar offsets: (r,) roller offsets, to be added to the encoder readings [m].
+    :ivar offset_covariance: (r, r) covariance of the offsets [m^2].
+    :ivar travel: (r,) corrected roller travel [m].
+    :ivar joints: (j, 2) positions of the joints under the contact forces, in
+        `Topology.joint_names` order [m].
+    :ivar joint_covariance: (2j, 2j) covariance of (x0, y0, x1, y1, ...) [m^2].
+    :ivar pose: pose (x, y, angle) of the held object [m, rad]; None if the model does not hold it.
+    :ivar pose_covariance: (3, 3) covariance of the pose [m^2, m rad, rad^2].
+    :ivar squeeze: mean normal force of the members [N]; NaN if the model does not hold an object.
+    :ivar squeeze_deviation: standard deviation of the squeeze, with the stiffness error [N].
+    :ivar used: names of the joints whose last markers were accepted, sorted.
+    :ivar left_out: names of the joints whose last markers were rejected, sorted.
+    :ivar swapped: names of two joints whose markers are apparently swapped; empty otherwise.
+    :ivar slipping: names of slipping rollers, in `Robot.roller_names` order.
+    :ivar delay: delay of the poses beyond their stamps [s].
+    """
+
+    time: float
+    offsets: Array
+    offset_covariance: Array
+    travel: Array
     joints: Array
-    joint_covariance: Array  #: (2j, 2j) covariance of (x0, y0, x1, y1, ...) [m^2]
-    #: pose (x, y, angle) of the held object [m, rad]; None if the model does not hold it
+    joint_covariance: Array
     pose: Array | None = None
-    pose_covariance: Array | None = None  #: (3, 3) covariance of the pose [m^2, m rad, rad^2]
-    #: mean normal force of the members [N]; NaN if the model does not hold an object
+    pose_covariance: Array | None = None
     squeeze: float = math.nan
-    #: standard deviation of the squeeze, with the stiffness error [N]
     squeeze_deviation: float = math.nan
-    used: tuple[str, ...] = ()  #: names of the joints whose last markers were accepted, sorted
-    left_out: tuple[str, ...] = ()  #: names of the joints whose last markers were rejected, sorted
-    #: names of two joints whose markers are apparently swapped; empty otherwise
+    used: tuple[str, ...] = ()
+    left_out: tuple[str, ...] = ()
     swapped: tuple[str, ...] = ()
-    slipping: tuple[str, ...] = ()  #: names of slipping rollers, in `Robot.roller_names` order
-    delay: float = 0.0  #: delay of the poses beyond their stamps [s]
+    slipping: tuple[str, ...] = ()
+    delay: float = 0.0
 
 
 class EstimatedTravel(NamedTuple):

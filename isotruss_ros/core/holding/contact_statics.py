@@ -58,11 +58,17 @@ ContactConditions = Callable[[Array, Points], tuple[Array, Array]]
 
 
 class TubeModel(NamedTuple):
-    """Model of the tubes that hold an object."""
+    """
+    Model of the tubes that hold an object.
 
-    stiffness_scale: float = 1.0  #: ratio of the robot's stiffness to the model's [-]
-    paper_model: bool = False  #: whether tubes are straight, linear and round, as in the paper
-    #: gauge pressure [Pa], see `tube_pressures`; None: the pressure of the robot file
+    :ivar stiffness_scale: ratio of the robot's stiffness to the model's [-].
+    :ivar paper_model: whether tubes are straight, linear and round, as in the paper.
+    :ivar pressure: gauge pressure [Pa], see `tube_pressures`; None: the pressure of the robot
+        file.
+    """
+
+    stiffness_scale: float = 1.0
+    paper_model: bool = False
     pressure: Pressure | None = None
 
 

@@ -36,17 +36,20 @@ class Grip:
     """
     An object with its grasping members, in any configuration.
 
+    :ivar members: names `t/j-k` of two or three members.
+    :ivar body: the object at its pose in the robot frame.
+    :ivar friction: coefficient of friction between tubes and object; by default the object's own,
+        or `DEFAULT_FRICTION`.
+    :ivar corners: for each member, the indices of the corners in contact: one corner, or the
+        corners at both ends of a face. None: the contacts at the planned indentation, see
+        `Shape.contact_patch`.
     :raises GraspError: the members are not two or three different names, or the coefficient is
         invalid.
     """
 
-    members: tuple[str, ...]  #: names `t/j-k` of two or three members
-    body: ConvexObject  #: the object at its pose in the robot frame
-    #: coefficient of friction between tubes and object; by default the object's own, or
-    #: `DEFAULT_FRICTION`
+    members: tuple[str, ...]
+    body: ConvexObject
     friction: float = None  # type: ignore[assignment]  # a number from the start on
-    #: for each member, the indices of the corners in contact: one corner, or the corners at both
-    #: ends of a face. None: the contacts at the planned indentation, see `Shape.contact_patch`.
     corners: tuple[tuple[int, ...], ...] | None = None
 
     def __post_init__(self) -> None:

@@ -46,12 +46,16 @@ Solver: TypeAlias = Callable[[Array, Array, Rows], tuple[Array, float]]
 
 @dataclass(frozen=True)
 class LimitHandling:
-    """Behaviour of a command at binding limits."""
+    """
+    Behaviour of a command at binding limits.
 
-    #: whether the command slides along limits of the configuration; otherwise it is scaled
+    :ivar slide_along_limits: whether the command slides along limits of the configuration;
+        otherwise it is scaled.
+    :ivar period: period of the control loop, which determines the regularisation [s]; 0: no
+        regularisation, largest progress.
+    """
+
     slide_along_limits: bool = False
-    #: period of the control loop, which determines the regularisation [s]; 0: no regularisation,
-    #: largest progress
     period: float = 0.0
 
 

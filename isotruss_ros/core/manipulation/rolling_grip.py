@@ -34,20 +34,30 @@ import numpy as np
 
 @dataclass(frozen=True, eq=False)
 class RollingGrip:
-    """Grip in one configuration, with the rolling invariants of its k contacts."""
+    """
+    Grip in one configuration, with the rolling invariants of its k contacts.
 
-    config: Configuration  #: the configuration
-    grip: Grip  #: the grip, with the object at its pose
-    angles: Array  #: (m,) unwrapped angles of the normals in the object's frame [rad]
-    #: (k,) number of each contact's member within the grip: one contact for each member, or two
-    #: for a face
+    :ivar config: the configuration.
+    :ivar grip: the grip, with the object at its pose.
+    :ivar angles: (m,) unwrapped angles of the normals in the object's frame [rad].
+    :ivar owners: (k,) number of each contact's member within the grip: one contact for each
+        member, or two for a face.
+    :ivar corners: (k,) index of the polygon's corner in contact.
+    :ivar kept: (2, k) invariants: gaps from the centre lines, and anchors along the tubes [m].
+    :ivar sides: (m,) +1 for an object on the left of the member, -1 on the right.
+    :ivar shape: shape of the object for contacts, see `Shape.smoothed`.
+    :ivar misfit: largest deviation from the invariants [m]; it is not zero if members have come
+        closer, moved apart or slipped, because the rollers did not keep the contacts.
+    """
+
+    config: Configuration
+    grip: Grip
+    angles: Array
     owners: Indices
-    corners: Indices  #: (k,) index of the polygon's corner in contact
-    kept: Array  #: (2, k) invariants: gaps from the centre lines, and anchors along the tubes [m]
-    sides: Array  #: (m,) +1 for an object on the left of the member, -1 on the right
-    shape: Shape  #: shape of the object for contacts, see `Shape.smoothed`
-    #: largest deviation from the invariants [m]; it is not zero if members have come closer, moved
-    #: apart or slipped, because the rollers did not keep the contacts
+    corners: Indices
+    kept: Array
+    sides: Array
+    shape: Shape
     misfit: float = 0.0
 
     @classmethod

@@ -29,24 +29,28 @@ class ConvexObject:
     """
     Convex object at a pose in the robot frame.
 
+    :ivar shape: a `Disc`, `Polygon` or `Ellipse`, in the object's frame.
+    :ivar pose: pose of the object's frame in the robot frame (x, y, angle) [m, rad].
+    :ivar mass: mass of the object [kg]; None if unknown.
+    :ivar center_of_mass: centre of mass (x, y) in the object's frame [m]; None: the centroid of
+        the area.
+    :ivar friction: coefficient of friction between this object and the tubes [-]; None: the
+        coefficient that is given for the grasp.
+    :ivar center: origin of the object's frame in the robot frame, x + iy [m].
+    :ivar turn: direction of the object's x axis in the robot frame, cos + i sin.
+    :ivar middle: centroid of the area in the robot frame, x + iy [m].
+    :ivar arm: characteristic radius, half of the mean width [m]; moments are divided by it.
     :raises GraspError: a number is not finite or not within its range.
     """
 
-    shape: Shape  #: a `Disc`, `Polygon` or `Ellipse`, in the object's frame
-    pose: Pose = ORIGIN  #: pose of the object's frame in the robot frame (x, y, angle) [m, rad]
-    mass: float | None = None  #: mass of the object [kg]; None if unknown
-    #: centre of mass (x, y) in the object's frame [m]; None: the centroid of the area
+    shape: Shape
+    pose: Pose = ORIGIN
+    mass: float | None = None
     center_of_mass: tuple[float, float] | None = None
-    #: coefficient of friction between this object and the tubes [-]; None: the coefficient that is
-    #: given for the grasp
     friction: float | None = None
-    #: origin of the object's frame in the robot frame, x + iy [m]
     center: complex = field(init=False, repr=False, compare=False)
-    #: direction of the object's x axis in the robot frame, cos + i sin
     turn: complex = field(init=False, repr=False, compare=False)
-    #: centroid of the area in the robot frame, x + iy [m]
     middle: complex = field(init=False, repr=False, compare=False)
-    #: characteristic radius, half of the mean width [m]; moments are divided by it
     arm: float = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:

@@ -33,27 +33,48 @@ class Tube:
 
 @dataclass(frozen=True)
 class RobotDescription:
-    """Content of a robot file after the check of its form, before the check of its mechanics."""
+    """
+    Content of a robot file after the check of its form, before the check of its mechanics.
 
-    source: str  #: path of the robot file, for error messages
-    name: str  #: name of the robot
-    frame: str  #: name of the robot's coordinate frame
-    joints: Mapping[str, tuple[float, float]]  #: home positions (x, y) of the joints by name [m]
-    tubes: tuple[Tube, ...]  #: the closed tubes
-    module: Module  #: dimensions of the roller modules
-    tube_diameter: float  #: outer diameter of the tubes [m]
-    pressures: Mapping[str, float]  #: gauge pressures by tube, in the order of the file [Pa]
-    stiffness: Mapping[str, Any]  #: block `stiffness` of the robot file, unchanged
-    supports: Mapping[str, tuple[str, ...]]  #: grounded axes (`x`, `y`) by joint
-    max_speed: float  #: largest speed of a roller [m/s]
-    max_acceleration: float  #: largest acceleration of a roller [m/s^2]
-    min_length: float  #: smallest length of a member, pinch point to pinch point [m]
-    max_length: float  #: largest length of a member, pinch point to pinch point [m]
-    local_stiffness: float = 1.0  #: ratio of the flattening stiffness to the theoretical one [-]
-    stiffness_scale: float = 1.0  #: ratio of the tubes' stiffness to the model's [-]
-    tube_mass: float = 0.1  #: mass of the tubes per length [kg/m]
-    damping_ratio: float = 0.1  #: damping ratio of the slowest mode [-]
-    #: block `calibration` of the file: deviations of home and stiffness
+    :ivar source: path of the robot file, for error messages.
+    :ivar name: name of the robot.
+    :ivar frame: name of the robot's coordinate frame.
+    :ivar joints: home positions (x, y) of the joints by name [m].
+    :ivar tubes: the closed tubes.
+    :ivar module: dimensions of the roller modules.
+    :ivar tube_diameter: outer diameter of the tubes [m].
+    :ivar pressures: gauge pressures by tube, in the order of the file [Pa].
+    :ivar stiffness: block `stiffness` of the robot file, unchanged.
+    :ivar supports: grounded axes (`x`, `y`) by joint.
+    :ivar max_speed: largest speed of a roller [m/s].
+    :ivar max_acceleration: largest acceleration of a roller [m/s^2].
+    :ivar min_length: smallest length of a member, pinch point to pinch point [m].
+    :ivar max_length: largest length of a member, pinch point to pinch point [m].
+    :ivar local_stiffness: ratio of the flattening stiffness to the theoretical one [-].
+    :ivar stiffness_scale: ratio of the tubes' stiffness to the model's [-].
+    :ivar tube_mass: mass of the tubes per length [kg/m].
+    :ivar damping_ratio: damping ratio of the slowest mode [-].
+    :ivar calibration: block `calibration` of the file: deviations of home and stiffness.
+    """
+
+    source: str
+    name: str
+    frame: str
+    joints: Mapping[str, tuple[float, float]]
+    tubes: tuple[Tube, ...]
+    module: Module
+    tube_diameter: float
+    pressures: Mapping[str, float]
+    stiffness: Mapping[str, Any]
+    supports: Mapping[str, tuple[str, ...]]
+    max_speed: float
+    max_acceleration: float
+    min_length: float
+    max_length: float
+    local_stiffness: float = 1.0
+    stiffness_scale: float = 1.0
+    tube_mass: float = 0.1
+    damping_ratio: float = 0.1
     calibration: Mapping[str, Any] = field(default_factory=dict)
 
     @property

@@ -27,10 +27,11 @@ class Ellipse(Shape):
     """
     Ellipse around the origin of the object's frame, with axes along x and y.
 
+    :ivar semi_axes: half of the extent along x and along y [m].
     :raises GraspError: the semi-axes are not two positive numbers within range.
     """
 
-    semi_axes: tuple[float, float]  #: half of the extent along x and along y [m]
+    semi_axes: tuple[float, float]
     centroid: ClassVar[complex] = 0j
 
     def __post_init__(self) -> None:

@@ -22,11 +22,17 @@ MAX_SIZE, MAX_MASS = 10.0, 100.0
 
 
 class Pose(NamedTuple):
-    """Position x, y [m] and angle [rad] in the robot frame."""
+    """
+    Position x, y [m] and angle [rad] in the robot frame.
 
-    x: float  #: coordinate x in the robot frame [m]
-    y: float  #: coordinate y in the robot frame [m]
-    angle: float  #: angle, counter-clockwise from the x axis [rad]
+    :ivar x: coordinate x in the robot frame [m].
+    :ivar y: coordinate y in the robot frame [m].
+    :ivar angle: angle, counter-clockwise from the x axis [rad].
+    """
+
+    x: float
+    y: float
+    angle: float
 
 
 def pose_difference(pose: ArrayLike, other: ArrayLike) -> Array:

@@ -247,10 +247,11 @@ class Disc(Shape):
     """
     Circle around the origin of the object's frame.
 
+    :ivar diameter: diameter d [m].
     :raises GraspError: the diameter is not a positive number within range.
     """
 
-    diameter: float  #: diameter d [m]
+    diameter: float
     is_round: ClassVar[bool] = True
     centroid: ClassVar[complex] = 0j
 

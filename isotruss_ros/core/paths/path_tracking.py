@@ -63,15 +63,21 @@ class TrackingSettings:
     """
     Settings of path tracking.
 
+    :ivar position_tolerance: largest error of position [m].
+    :ivar angle_tolerance: largest error of orientation [rad].
+    :ivar position_gain: decay rate of the position error [1/s].
+    :ivar angle_gain: decay rate of the orientation error [1/s].
+    :ivar ramp_time: time from rest to the full speed of the path, and back [s].
+    :ivar progress_timeout: largest time without progress [s].
     :raises PathError: a value is invalid; the message names it and its valid range.
     """
 
-    position_tolerance: float = 0.01  #: largest error of position [m]
-    angle_tolerance: float = 0.2  #: largest error of orientation [rad]
-    position_gain: float = 2.0  #: decay rate of the position error [1/s]
-    angle_gain: float = 2.0  #: decay rate of the orientation error [1/s]
-    ramp_time: float = 0.5  #: time from rest to the full speed of the path, and back [s]
-    progress_timeout: float = 3.0  #: largest time without progress [s]
+    position_tolerance: float = 0.01
+    angle_tolerance: float = 0.2
+    position_gain: float = 2.0
+    angle_gain: float = 2.0
+    ramp_time: float = 0.5
+    progress_timeout: float = 3.0
 
     def __post_init__(self) -> None:
         """Raise PathError for values that are not positive numbers; gains may be 0."""

@@ -87,15 +87,24 @@ class GraspPlan(
     Sequence[PlannedGrasp],
     headline=('best', 'complete', 'closest_violation', 'computing_time'),
 ):
-    """Result of a grasp search; as a sequence it contains the grasps."""
+    """
+    Result of a grasp search; as a sequence it contains the grasps.
 
-    grasps: tuple[PlannedGrasp, ...]  #: distinct grasps, best first
-    complete: bool  #: whether the search was completed; false if it was stopped
-    #: violation of the candidate closest to an admissible grasp; None if there is a grasp
+    :ivar grasps: distinct grasps, best first.
+    :ivar complete: whether the search was completed; false if it was stopped.
+    :ivar closest_violation: violation of the candidate closest to an admissible grasp; None if
+        there is a grasp.
+    :ivar evaluations: number of evaluated configurations.
+    :ivar analyses: number of static analyses.
+    :ivar computing_time: computing time [s].
+    """
+
+    grasps: tuple[PlannedGrasp, ...]
+    complete: bool
     closest_violation: Violation | None
-    evaluations: int  #: number of evaluated configurations
-    analyses: int  #: number of static analyses
-    computing_time: float  #: computing time [s]
+    evaluations: int
+    analyses: int
+    computing_time: float
 
     @overload
     def __getitem__(self, place: int) -> PlannedGrasp: ...

@@ -36,14 +36,23 @@ MIN_STEP_SCALE = 0.05
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ReachedPose(Record, headline=('status', 'why', 'share', 'pose', 'roller_positions')):
-    """Result of the motion of a held object to a pose."""
+    """
+    Result of the motion of a held object to a pose.
 
-    config: Configuration  #: configuration at the end of the motion
-    pose: Pose  #: pose of the object at the end
-    share: float  #: share of the motion that is reached, 0 to 1
-    status: Status  #: OK if the pose is reached, else the status of the limit
-    why: str  #: limit in words; empty if the pose is reached
-    path: Array  #: (k, r) roller positions along the motion, from its start [m]
+    :ivar config: configuration at the end of the motion.
+    :ivar pose: pose of the object at the end.
+    :ivar share: share of the motion that is reached, 0 to 1.
+    :ivar status: OK if the pose is reached, else the status of the limit.
+    :ivar why: limit in words; empty if the pose is reached.
+    :ivar path: (k, r) roller positions along the motion, from its start [m].
+    """
+
+    config: Configuration
+    pose: Pose
+    share: float
+    status: Status
+    why: str
+    path: Array
 
     @property
     def roller_positions(self) -> Array:

@@ -44,11 +44,17 @@ FIRST_OPENING = 0.015
 
 @dataclass(frozen=True, eq=False)
 class Release:
-    """Path of a release, or the violated requirement."""
+    """
+    Path of a release, or the violated requirement.
 
-    path: Array  #: (k, r) roller positions from now on [m]; empty with a violation
-    apart: int  #: first row of `path` without contact
-    violation: Violation | None = None  #: violated requirement; None if the release is possible
+    :ivar path: (k, r) roller positions from now on [m]; empty with a violation.
+    :ivar apart: first row of `path` without contact.
+    :ivar violation: violated requirement; None if the release is possible.
+    """
+
+    path: Array
+    apart: int
+    violation: Violation | None = None
 
 
 @single_threaded

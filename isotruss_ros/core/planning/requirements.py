@@ -39,30 +39,45 @@ class GraspRequirements:
     The path `carry` is shifted to the held pose. A grasp is rejected if its object slips on this
     path, see `foresee_path`.
 
+    :ivar friction: coefficient of friction, not negative [-].
+    :ivar external_wrench: external wrench (fx, fy, m) on the object [N, N m].
+    :ivar module: module `t/j` at which the grasping members meet; None: any.
+    :ivar members: names of the two or three grasping members.
+    :ivar squeeze: normal force of each member [N]; None: the search chooses it.
+    :ivar min_slip_margin: smallest `SettledGrasp.slip_margin`, not negative [N].
+    :ivar min_margin: smallest `GraspAnalysis.closure_margin` [N]; None: no bound.
+    :ivar max_contact_force: largest normal force of a member [N].
+    :ivar max_total_force: largest sum of the normal forces [N].
+    :ivar max_utilisation: largest utilisation of a member [-].
+    :ivar min_rigidity: smallest rigidity index along the path, 1 at home.
+    :ivar min_length: smallest member length [m]; None: as in the robot file.
+    :ivar max_length: largest member length [m]; None: as in the robot file.
+    :ivar measure: criterion of the ranking.
+    :ivar direction: displacement (x, y, angle) along which `STIFFNESS` is the stiffness [m, rad].
+    :ivar carry: poses (x, y, angle) along which the object is carried after the grasp [m, rad].
+    :ivar paper_model: see `analyze_grasp`.
+    :ivar count: number of distinct grasps, at least 1.
     :raises GraspError: a value is invalid.
     """
 
-    friction: float = DEFAULT_FRICTION  #: coefficient of friction, not negative [-]
-    #: external wrench (fx, fy, m) on the object [N, N m]
+    friction: float = DEFAULT_FRICTION
     external_wrench: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    module: str | None = None  #: module `t/j` at which the grasping members meet; None: any
-    members: tuple[str, ...] | None = None  #: names of the two or three grasping members
-    squeeze: float | None = None  #: normal force of each member [N]; None: the search chooses it
-    min_slip_margin: float = 0.0  #: smallest `SettledGrasp.slip_margin`, not negative [N]
-    min_margin: float | None = None  #: smallest `GraspAnalysis.closure_margin` [N]; None: no bound
-    max_contact_force: float = math.inf  #: largest normal force of a member [N]
-    max_total_force: float = math.inf  #: largest sum of the normal forces [N]
-    max_utilisation: float = MAX_UTILISATION  #: largest utilisation of a member [-]
-    min_rigidity: float = 0.15  #: smallest rigidity index along the path, 1 at home
-    min_length: float | None = None  #: smallest member length [m]; None: as in the robot file
-    max_length: float | None = None  #: largest member length [m]; None: as in the robot file
-    measure: Measure = Measure.SLIP_MARGIN  #: criterion of the ranking
-    #: displacement (x, y, angle) along which `STIFFNESS` is the stiffness [m, rad]
+    module: str | None = None
+    members: tuple[str, ...] | None = None
+    squeeze: float | None = None
+    min_slip_margin: float = 0.0
+    min_margin: float | None = None
+    max_contact_force: float = math.inf
+    max_total_force: float = math.inf
+    max_utilisation: float = MAX_UTILISATION
+    min_rigidity: float = 0.15
+    min_length: float | None = None
+    max_length: float | None = None
+    measure: Measure = Measure.SLIP_MARGIN
     direction: tuple[float, float, float] = (0.0, 1.0, 0.0)
-    #: poses (x, y, angle) along which the object is carried after the grasp [m, rad]
     carry: tuple[tuple[float, float, float], ...] = ()
-    paper_model: bool = False  #: see `analyze_grasp`
-    count: int = 3  #: number of distinct grasps, at least 1
+    paper_model: bool = False
+    count: int = 3
 
     def __post_init__(self) -> None:
         """Check the values; names are checked against a robot at the begin of a search."""

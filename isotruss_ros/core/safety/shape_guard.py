@@ -42,15 +42,21 @@ class ShapeBounds:
     """
     Bounds of the configuration, and the bands in which the robot is slowed.
 
+    :ivar min_rigidity: smallest rigidity index, 1 at home; see `rigidity_index`.
+    :ivar min_clearance: smallest distance between parts of the robot [m].
+    :ivar min_object_clearance: smallest distance between object and robot [m].
+    :ivar rigidity_band: margin of the rigidity index below which the robot is slowed.
+    :ivar clearance_band: margin of the distances below which the robot is slowed [m].
+    :ivar rate: largest decay rate of a small margin [1/s].
     :raises ConfigurationError: a value is out of its range.
     """
 
-    min_rigidity: float = 0.2  #: smallest rigidity index, 1 at home; see `rigidity_index`
-    min_clearance: float = 0.02  #: smallest distance between parts of the robot [m]
-    min_object_clearance: float = 0.02  #: smallest distance between object and robot [m]
-    rigidity_band: float = 0.2  #: margin of the rigidity index below which the robot is slowed
-    clearance_band: float = 0.1  #: margin of the distances below which the robot is slowed [m]
-    rate: float = 5.0  #: largest decay rate of a small margin [1/s]
+    min_rigidity: float = 0.2
+    min_clearance: float = 0.02
+    min_object_clearance: float = 0.02
+    rigidity_band: float = 0.2
+    clearance_band: float = 0.1
+    rate: float = 5.0
 
     def __post_init__(self) -> None:
         """Check the values."""

@@ -37,20 +37,29 @@ HALT_STATUSES = (
 
 @dataclass(frozen=True)
 class Decision:
-    """Decision of one control cycle."""
+    """
+    Decision of one control cycle.
 
-    #: velocities of the rollers (zero in a halt), achieved twist, scale and status
+    :ivar command: velocities of the rollers (zero in a halt), achieved twist, scale and status.
+    :ivar twist: (3,) commanded twist vx, vy [m/s], omega [rad/s] of the object or joint; zero
+        without a command.
+    :ivar message: fault and its remedy in words; empty without a fault.
+    :ivar failed: names of the failed rollers, which are held at zero velocity.
+    :ivar frequency: lowest natural frequency of the held object [rad/s]; 0 if unknown.
+    :ivar pose_gain: gain of the pose control [1/s]; 0 without control.
+    :ivar squeeze: mean normal force of the members and its standard deviation [N]; None without
+        object.
+    :ivar pose_delay: delay of the measured poses beyond their stamps [s].
+    """
+
     command: RollerCommand
-    #: (3,) commanded twist vx, vy [m/s], omega [rad/s] of the object or joint; zero without a
-    #: command
     twist: Array
-    message: str  #: fault and its remedy in words; empty without a fault
-    failed: tuple[str, ...] = ()  #: names of the failed rollers, which are held at zero velocity
-    frequency: float = 0.0  #: lowest natural frequency of the held object [rad/s]; 0 if unknown
-    pose_gain: float = 0.0  #: gain of the pose control [1/s]; 0 without control
-    #: mean normal force of the members and its standard deviation [N]; None without object
+    message: str
+    failed: tuple[str, ...] = ()
+    frequency: float = 0.0
+    pose_gain: float = 0.0
     squeeze: tuple[float, float] | None = None
-    pose_delay: float = 0.0  #: delay of the measured poses beyond their stamps [s]
+    pose_delay: float = 0.0
 
 
 def describe_squeeze(squeeze: float, deviation: float) -> str:

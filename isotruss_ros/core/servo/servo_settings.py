@@ -21,43 +21,60 @@ DEFAULT_BOUNDS = ShapeBounds()
 
 @dataclass(frozen=True)
 class SqueezeSettings:
-    """Desired squeeze and settings of its control."""
+    """
+    Desired squeeze and settings of its control.
 
-    force: float  #: mean normal force of the grasping members, positive [N]
-    #: pose gain, which determines all gains [1/s]; None: see `choose_gain`
+    :ivar force: mean normal force of the grasping members, positive [N].
+    :ivar pose_gain: pose gain, which determines all gains [1/s]; None: see `choose_gain`.
+    :ivar frequency: measured lowest natural frequency [rad/s]; None: computed from the masses.
+    :ivar max_utilisation: bound on the utilisation of the tubes [-]. Commands that approach the
+        bound are slowed; beyond the bound, only commands that decrease the utilisation are
+        executed.
+    :ivar load: standard deviation of loads on the object [N]; 0: the value of `EstimatorSettings`.
+    :ivar zeros: standard deviation of the roller offsets without an estimator [m].
+    """
+
+    force: float
     pose_gain: float | None = None
-    #: measured lowest natural frequency [rad/s]; None: computed from the masses
     frequency: float | None = None
-    #: bound on the utilisation of the tubes [-]. Commands that approach the bound are slowed;
-    #: beyond the bound, only commands that decrease the utilisation are executed.
     max_utilisation: float = 1.0
-    #: standard deviation of loads on the object [N]; 0: the value of `EstimatorSettings`
     load: float = 0.0
-    zeros: float = 0.01  #: standard deviation of the roller offsets without an estimator [m]
+    zeros: float = 0.01
 
 
 @dataclass(frozen=True)
 class ServoSettings:
-    """Settings of the twist servo."""
+    """
+    Settings of the twist servo.
 
-    grip: Grip  #: grasping members, object and friction; the object's pose is an input
-    period: float  #: time from cycle to cycle [s]
-    timeout: float  #: largest age of inputs [s]; older inputs stop the rollers
-    #: joint that twists move without an object; None: twists move the object
+    :ivar grip: grasping members, object and friction; the object's pose is an input.
+    :ivar period: time from cycle to cycle [s].
+    :ivar timeout: largest age of inputs [s]; older inputs stop the rollers.
+    :ivar joint: joint that twists move without an object; None: twists move the object.
+    :ivar squeeze: settings of the squeeze control; None: the opening angle is kept.
+    :ivar bounds: bounds of the configuration; None: no guard and no barriers.
+    :ivar barriers: user-defined barriers.
+    :ivar limits: user-defined limits besides those of the robot file.
+    :ivar slide_along_limits: whether motion slides along limits of lengths and shapes; otherwise
+        it is slowed and stops.
+    :ivar max_acceleration: largest acceleration of a roller, except in halts [m/s^2]; None: the
+        value of the robot file.
+    :ivar failure_time: time without motion under a command after which a roller has failed [s].
+    :ivar pressure_timeout: largest age of pressures [s].
+    """
+
+    grip: Grip
+    period: float
+    timeout: float
     joint: str | None = None
-    #: settings of the squeeze control; None: the opening angle is kept
     squeeze: SqueezeSettings | None = None
-    #: bounds of the configuration; None: no guard and no barriers
     bounds: ShapeBounds | None = DEFAULT_BOUNDS
-    barriers: tuple[Barrier, ...] = ()  #: user-defined barriers
-    limits: tuple[Limit, ...] = ()  #: user-defined limits besides those of the robot file
-    #: whether motion slides along limits of lengths and shapes; otherwise it is slowed and stops
+    barriers: tuple[Barrier, ...] = ()
+    limits: tuple[Limit, ...] = ()
     slide_along_limits: bool = True
-    #: largest acceleration of a roller, except in halts [m/s^2]; None: the value of the robot file
     max_acceleration: float | None = None
-    #: time without motion under a command after which a roller has failed [s]
     failure_time: float = math.inf
-    pressure_timeout: float = PRESSURE_TIMEOUT  #: largest age of pressures [s]
+    pressure_timeout: float = PRESSURE_TIMEOUT
 
 
 class ServoInputs(NamedTuple):

@@ -27,13 +27,17 @@ class RollerFaults:
     encoders are on the rollers and do not measure slip, so the true configuration drifts from the
     measured configuration. The share of each roller is drawn once, uniformly between 0.5 and 1.5
     times `slip`.
+
+    :ivar speed_limit: bound at which commands are clipped [m/s].
+    :ivar noise: standard deviation of the speed of a moving roller, drawn in each step [m/s].
+    :ivar stuck: names of stuck rollers.
+    :ivar slip: mean slip as a share of the travel, 0 to 0.5 [-].
     """
 
-    speed_limit: float = float('inf')  #: bound at which commands are clipped [m/s]
-    #: standard deviation of the speed of a moving roller, drawn in each step [m/s]
+    speed_limit: float = float('inf')
     noise: float = 0.0
-    stuck: frozenset[str] = frozenset()  #: names of stuck rollers
-    slip: float = 0.0  #: mean slip as a share of the travel, 0 to 0.5 [-]
+    stuck: frozenset[str] = frozenset()
+    slip: float = 0.0
 
 
 class DrivenRollers:
