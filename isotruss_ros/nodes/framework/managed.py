@@ -42,7 +42,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
     `create_lifecycle_publisher`.
 
     If a step raises an `IsotrussError`, the node keeps its previous state; after any other
-    exception it is unconfigured. The reason is in the log and in the diagnostics.
+    exception the node is unconfigured. The reason is in the log and in the diagnostics.
 
     :cvar awaited: topics and actions that the active node needs, for the log.
     :ivar inputs: `Inputs` that `configure` creates; the diagnostics report their ages; None
