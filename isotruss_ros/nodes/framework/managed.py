@@ -37,7 +37,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
     Base class of managed nodes; a subclass overrides the steps of the life cycle.
 
     Entities (publishers, subscriptions, services, action servers, timers) that `configure` creates
-    are destroyed at cleanup; those that `activate` creates are destroyed at deactivation. A
+    are destroyed at cleanup; entities that `activate` creates are destroyed at deactivation. A
     publisher that must be silent while the node is inactive is created by
     `create_lifecycle_publisher`.
 
