@@ -52,7 +52,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
         were created.
     :ivar active: whether publishers are enabled; also true in transitions to and from `active`.
     :ivar diagnostics: diagnostic status of the node.
-    :ivar cycle: cycle of the active node; None without one.
+    :ivar cycle: control cycle of the active node; None if the node is not active or has no cycle.
     """
 
     awaited: ClassVar[tuple[str, ...]] = ()

@@ -127,8 +127,8 @@ def catch_signals() -> list[int]:
     """
     Catch stop signals; return a list to which the first received signal is appended.
 
-    The second signal raises KeyboardInterrupt. The first does not, because rclpy would turn it
-    into another error during a conversion from C.
+    The second signal raises KeyboardInterrupt. The first signal does not, because rclpy would turn
+    the exception into another error during a conversion from C.
     """
     received: list[int] = []
 
