@@ -85,7 +85,7 @@ def compare(cases: Sequence[Case] = CASES, phases: Sequence[Phase] = PHASES) -> 
         Check(
             'box carried between two sides: position', 1e3 * carried.position_error, 3.0, 'mm', LAG
         ),
-        Check('box carried between two sides: orientation', turned, 0.5, '°', 'the same'),
+        Check('box carried between two sides: orientation', turned, 0.5, '°', 'as above'),
     )
     return Section(
         'Boxes between sides that do not meet',

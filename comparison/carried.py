@@ -31,7 +31,7 @@ DASHES = {OPEN: '-', FEEDBACK: '--', REGULATED: '-.'}
 BOUNDS = {OPEN: (12.0, 1.5), FEEDBACK: (4.0, 0.5), REGULATED: (2.0, 0.3)}
 REASONS = {
     OPEN: 'the tubes are elastic, and the program assumes rigid tubes',
-    FEEDBACK: 'the same, reduced by feedback with a gain of 1/s',
+    FEEDBACK: 'as above, reduced by feedback with a gain of 1/s',
     REGULATED: 'the robot lags by drag and by the inertia of its masses',
 }
 
@@ -51,7 +51,7 @@ def compare(phases: Sequence[Phase] = figure_9()) -> Section:
             Check(f'Fig. 9, {name}: position', 1e3 * result.position_error, position, 'mm', reason)
         )
         turned = float(np.degrees(result.angle_error))
-        checks.append(Check(f'Fig. 9, {name}: orientation', turned, angle, '°', 'the same'))
+        checks.append(Check(f'Fig. 9, {name}: orientation', turned, angle, '°', 'as above'))
     rows = [
         (
             name,

@@ -361,7 +361,7 @@ def tabulate(carries: Sequence[Carry]) -> list[str]:
     kinds = {CLEAN: 'none', LOST: 'a pull that breaks the grip', NOTHING: 'nothing gripped'}
     groups += [(words, [c for c in carries if c.kind == kind]) for kind, words in kinds.items()]
     headings = ('fault', 'carries', 'arrived', 'refused', 'halted, held', 'lost')
-    headings += ('loss told after [s]', 'told after [mm]')
+    headings += ('loss reported after [s]', 'reported after [mm]')
     rows = [f'| {" | ".join(headings)} |', f'|{" --- |" * len(headings)}']
     for name, some in groups:
         if not some:

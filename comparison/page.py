@@ -37,7 +37,7 @@ def page(sections: Sequence[Section]) -> str:
     checks = [check.row() for section in sections for check in section.checks]
     before = ['', *(why for *_, why in checks)]
     rows = [
-        (*cells, 'the same' if why and why == other else why)
+        (*cells, 'as above' if why and why == other else why)
         for (*cells, why), other in zip(checks, before, strict=False)
     ]
     headings = ('compared', 'largest difference', 'bound', 'why it is not zero')

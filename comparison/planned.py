@@ -101,7 +101,7 @@ def compare(wanted: Sequence[Wanted] = WANTED) -> Section:
         )
     (arc,) = carried
     why = 'the rollers follow the path open loop, and the object moves in MuJoCo'
-    back = 'the squeeze is that of our model; it ends within 1.25 mm, and the robot swings to rest'
+    back = 'the servo controls the squeeze of our model; the path ends within 1.25 mm'
     return Section(
         'Planned grasps',
         'A free object lies on the ground with a friction force of half a newton. `plan_grasps` '
@@ -162,7 +162,7 @@ def _checks(
     off = max(abs(each.squeeze / each.planned - 1.0) for each in closed)
     away = max(each.away for each in closed)
     yield Check(f'squeeze after closing in place, {how}', 100.0 * off, bounds[0], '%', why)
-    yield Check(f'place after closing in place, {how}', 1e3 * away, bounds[1], 'mm', 'the same')
+    yield Check(f'place after closing in place, {how}', 1e3 * away, bounds[1], 'mm', 'as above')
 
 
 def _plan(wanted: Wanted) -> PlannedGrasp:

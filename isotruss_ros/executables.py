@@ -4,9 +4,9 @@
 """
 Executables of the package, run by `isotruss NAME` or `ros2 run isotruss_ros NAME`.
 
-setup.py reads the tables of this module before the package is installed, so the module imports no
-other one. The import of a node takes about a second. A signal during the import ends the process
-at once, because no roller moves yet.
+setup.py reads the tables of this module before the package is installed, so this module imports no
+other module of the package. The import of a node takes about a second. A signal during the import
+ends the process at once, because no roller moves yet.
 """
 
 from __future__ import annotations

@@ -106,8 +106,9 @@ def report(result: Interference) -> Report:
     raised = (PRESSURE + ATMOSPHERE) * np.array(DISPLACED) / VOLUME / PRESSURE
     return Report(
         heading='Fig. 6: interference stiffness',
-        picture='Left, stiffness over the position of the cylinder, the larger the higher, and '
-        "far above, dotted, the paper's model; right, stiffness at the middle over the pressure",
+        picture='Left, stiffness over the position of the cylinder, which is higher for a larger '
+        "cylinder; the paper's model, dotted, is far above; right, stiffness at the middle over "
+        'the pressure',
         stated='Cylinders of 2.54, 10.2 and 20.3 cm were pressed into a tube (10.2 cm, 76.2 cm '
         'long, 34.5 kPa). The model has discs of 12.7, 20.3 and 30.5 cm on the centre line. It '
         'agrees with the measurements for small cylinders. The measured stiffness increases with '

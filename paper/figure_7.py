@@ -88,7 +88,7 @@ def report(held: Sequence[Held]) -> Report:
         heading='Fig. 7: three configurations that grasp one object',
         picture='Above, three shapes of the robot around the same disc in the same place; below, '
         'each grasp magnified: forces on the object, friction included, regions of contact, bent '
-        'tubes, and dashed where they were',
+        'tubes, and dashed the tubes without load',
         stated='A nine-member robot grasps one object in one place in several configurations, '
         'each with its own contact forces, regions, deformation and stiffness.',
         computed=f'An object of {100 * 2.0 * BODY.arm:g} cm at '

@@ -21,9 +21,9 @@ INTRODUCTION = """\
 functions ([which computes which equation](equations.md)).
 
 **No measurement of the paper is in this package.** Only the captions of its figures and the
-headings of Table I were available. The figures here show results of the model, and the differences
-are those from the paper's text. The stiffness of the tube is [theoretical](tube_stiffness.md), and
-all forces depend on it.
+headings of Table I were available. The figures here show results of our model; each *difference*
+compares the model with the paper's text. The stiffness of the tube is
+[theoretical](tube_stiffness.md), and all forces depend on it.
 """
 
 

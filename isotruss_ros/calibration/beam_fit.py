@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike
 from scipy.optimize import least_squares
 
 #: Largest factor by which the search changes the constants from their initial estimate [-]; beyond
-#: it the stiffnesses do not depend on a constant.
+#: this factor the stiffnesses do not depend on a constant.
 SEARCH_FACTOR = 1e6
 #: Usual deviation of ln(stiffness) between trials of one tube, and smallest deviation of an
 #: outlier [-]. With a third of the latter, correct groups of tubes that do not behave like this

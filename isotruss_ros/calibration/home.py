@@ -86,7 +86,7 @@ def calibrate_home(
 
 
 def _require_determined(robot: Robot, known: Sequence[str], jacobian: Array) -> None:
-    """Raise MeasurementError for undetermined offsets; it names joints whose measurement helps."""
+    """Raise MeasurementError for undetermined offsets, naming joints that determine them."""
     values, modes = np.linalg.svd(jacobian)[1:]
     if len(values) == jacobian.shape[1] and values[-1] >= MIN_SINGULAR_RATIO * values[0]:
         return
@@ -117,7 +117,7 @@ def _refuse_misfit(
 
 def move_home(robot: Robot, zeros: Array) -> RobotDescription:
     """
-    Return the description of the same robot with another home.
+    Return the description of a robot with its home at another roller travel.
 
     :param robot: the robot.
     :param zeros: (r,) roller travel from the current to the other home [m].

@@ -46,7 +46,7 @@ def _tells(jacobian: Array) -> bool:
 
 
 def _corrections(robot: Robot, postures: Sequence[Posture]) -> Iterator[tuple[str, list[Posture]]]:
-    """Yield possible mistakes in words, each with the postures corrected for it."""
+    """Yield possible mistakes in words, each with the corrected postures."""
     for unit, size in UNITS.items():
         text = f'the markers are in {unit}: give them in m'
         yield text, [_scaled(each, size) for each in postures]

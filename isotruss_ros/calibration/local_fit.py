@@ -5,7 +5,8 @@
 Fit of the local stiffness of a tube to tests in which a cylinder is pressed into the tube.
 
 The fit to the other modes gives the constants of the beam. The only unknown is a factor on the
-local stiffness of module `flattening`; it is the same for all pressures, cylinders and depths.
+local stiffness of module `flattening`; this factor is equal for all pressures, cylinders and
+depths.
 """
 
 from __future__ import annotations

@@ -19,7 +19,7 @@ import numpy as np
 
 #: Modes of a beam's end stiffness, in the order of Fig. 2.
 MODES = ('axial', 'transverse', 'rotary')
-#: Mode of a cylinder pressed into the side of the tube, as in Fig. 6; it needs the cylinder's
+#: Mode of a cylinder pressed into the side of the tube, as in Fig. 6; its rows need the cylinder's
 #: diameter.
 INTERFERENCE = 'interference'
 DIAMETER = 'diameter'

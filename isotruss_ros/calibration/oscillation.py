@@ -33,8 +33,8 @@ def fit_oscillation(times: ArrayLike, poses: ArrayLike, arm: float) -> Oscillati
     """
     Fit one damped oscillation to the poses of an object after a push.
 
-    The coordinates have the same frequency and damping. Amplitudes and rest position follow by
-    linear least squares (variable projection, Golub and Pereyra 1973).
+    All coordinates have one common frequency and damping ratio. Amplitudes and rest position
+    follow by linear least squares (variable projection, Golub and Pereyra 1973).
 
     :param times: (n,) times of the poses, ascending [s].
     :param poses: (n, 3) x, y [m] and angle [rad].

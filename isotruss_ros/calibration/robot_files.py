@@ -84,7 +84,7 @@ def write_robot_file(
     Write a copy of the robot file with calibrated values, and preserve comments.
 
     :param robot: robot of the robot file.
-    :param path: path of the new file, which may be the old one.
+    :param path: path of the new file, which may be the path of the old file.
     :param home: calibrated home.
     :param stiffness: calibrated stiffness of the tubes.
     :raises MeasurementError: a file cannot be read or written.
@@ -106,7 +106,7 @@ def write_checked_rollers(robot: Robot, path: Path, names: Sequence[str]) -> Non
     Write a copy of the robot file with the names of the rollers whose motion was checked.
 
     :param robot: robot of the robot file.
-    :param path: path of the new file, which may be the old one.
+    :param path: path of the new file, which may be the path of the old file.
     :param names: names of the checked rollers.
     :raises MeasurementError: a file cannot be read or written.
     """

@@ -45,8 +45,9 @@ def calibrate_stiffness(
     Fit one stiffness factor to the displacements of joints under known forces by least squares.
 
     A robot that is softer than its model by a factor deforms like the model under a load that is
-    larger by this factor. The robot must hold no object: with one, a common factor on loads,
-    stiffness and contact forces does not change the geometry, so displacements do not show it.
+    larger by this factor. The robot must hold no object, because with an object a common factor on
+    loads, stiffness and contact forces does not change the geometry, so displacements do not show
+    it.
 
     :param config: configuration of the robot, with the rollers at rest.
     :param pull: forces (fx, fy) on joints in the robot frame, by joint [N].

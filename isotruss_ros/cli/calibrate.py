@@ -28,7 +28,7 @@ def home(arguments: Sequence[str] | None = None) -> int:
     """
     Fit and print the roller offsets, and write the robot file with the corrected home.
 
-    :param arguments: arguments of the command line; None: those of the process.
+    :param arguments: arguments of the command line; None: the arguments of the process.
     :return: exit code, 1 if the joints do not determine the result.
     """
     parser = _parser('calibrate_home', 'Find where the encoders read zero.')
@@ -40,7 +40,7 @@ def stiffness(arguments: Sequence[str] | None = None) -> int:
     """
     Fit and print the scale of the tube stiffness, and write it to the robot file.
 
-    :param arguments: arguments of the command line; None: those of the process.
+    :param arguments: arguments of the command line; None: the arguments of the process.
     :return: exit code, 1 if the joints do not determine the result.
     """
     parser = _parser('calibrate_stiffness', 'Find how stiff the tubes are, from a known pull.')

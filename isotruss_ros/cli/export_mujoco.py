@@ -22,7 +22,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     Write the model; return the exit code.
 
-    :param arguments: arguments of the command line; None: those of the process.
+    :param arguments: arguments of the command line; None: the arguments of the process.
     """
     options = _parser().parse_args(arguments)
     try:

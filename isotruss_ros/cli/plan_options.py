@@ -93,7 +93,7 @@ def requirements(options: argparse.Namespace) -> GraspRequirements:
 
 
 def _read_number(kind: type, high: float, words: str) -> Callable[[str], float]:
-    """Return a function that reads a number from 0 to a largest value."""
+    """Return a function that converts a text to a number between 0 and a largest value."""
 
     def read(text: str) -> float:
         try:

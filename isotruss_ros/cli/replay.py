@@ -98,7 +98,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     Show a recording again and again until Ctrl-C, or write a page that plays it.
 
-    :param arguments: arguments of the command line; None: those of the process.
+    :param arguments: arguments of the command line; None: the arguments of the process.
     :return: 0 after Ctrl-C or after the page was written, 1 if the recording cannot be shown.
     """
     parser = argparse.ArgumentParser(prog='isotruss replay', description=__doc__)

@@ -92,7 +92,7 @@ def sweep(
 
 def read_objects(path: Path) -> list[ConvexObject]:
     """
-    Read discs from a CSV file with the columns x, y and diameter [m], one in each row.
+    Read discs from a CSV file with the columns x, y and diameter [m], one disc in each row.
 
     :param path: path of the CSV file.
     :raises IsotrussError: a value is invalid; the message names the file, the row and the valid
@@ -118,7 +118,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     Compute the grasps of all pairs, and write each row as soon as it is computed.
 
-    :param arguments: arguments of the command line; None: those of the process.
+    :param arguments: arguments of the command line; None: the arguments of the process.
     :return: exit code.
     """
     parser = argparse.ArgumentParser(prog='python -m isotruss_ros.cli.sweep', description=__doc__)

@@ -71,7 +71,7 @@ class DemoClient(Node):
     :param roller_names: names of the rollers in the robot's order.
     :param sim_time: whether the node uses the time of `/clock`, as plants with masses require.
     :param truth: whether the true states of robot and object are recorded in place of the measured
-        states, and the state estimates with them.
+        states, and the state estimates as well.
     """
 
     def __init__(

@@ -38,8 +38,8 @@ def lock_domain(first: int) -> DomainLock:
     """
     Lock the first free ROS domain of this machine.
 
-    :param first: domain at which the search begins; it continues with the first of `DOMAINS` after
-        the last.
+    :param first: domain at which the search begins; the search continues with the first of
+        `DOMAINS` after the last.
     :raises DomainError: all domains are locked.
     """
     for turn in range(len(DOMAINS)):

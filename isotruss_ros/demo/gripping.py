@@ -27,8 +27,7 @@ Check = Callable[[], None]
 
 #: Timeout of a search [s]; a search takes some seconds, and longer on a busy machine.
 PLANNING_DEADLINE = 120.0
-#: Largest distance of a roller from its position at the end of the path, at which it has arrived
-#: [m].
+#: Largest distance of a roller from the end of its path at which the roller counts as arrived [m].
 ARRIVED = 1e-4
 #: Value in place of `ARRIVED` for estimated roller positions, which change with each marker
 #: message [m].

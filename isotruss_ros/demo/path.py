@@ -88,7 +88,7 @@ def figure_9(pull: Wrench | None = None) -> tuple[Phase, ...]:
     The object's angle is 0 at the start. After the rotation by 90 degrees, its x axis is normal to
     the arc.
 
-    :param pull: wrench on the object in the middle of the arc [N, N m]; None: no pull.
+    :param pull: external wrench on the object in the middle of the arc [N, N m]; None: no wrench.
     """
     quarter = 0.5 * math.pi
     return (

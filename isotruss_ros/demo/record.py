@@ -99,7 +99,7 @@ class PhaseRecord:
 
     def split(self, name: str, rollers: np.ndarray) -> tuple[PhaseRecord, PhaseRecord]:
         """
-        Split the record at the state that is closest to given roller positions.
+        Return the parts of the record before and after the state closest to some roller positions.
 
         :param name: name of the second part.
         :param rollers: (r,) roller positions [m].

@@ -33,7 +33,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     Run the nodes until Ctrl-C.
 
-    :param arguments: arguments of the command line; None: those of the process.
+    :param arguments: arguments of the command line; None: the arguments of the process.
     :return: 0 after Ctrl-C, 1 if a node has ended.
     """
     parser = argparse.ArgumentParser(prog='isotruss view', description=__doc__)

@@ -27,8 +27,8 @@ class DrivenRobot(DrivenRollers):
         `longest_step` [s].
     :param robot: the robot, initially at home.
     :param body: the object at its pose.
-    :param is_free: whether the object is free from the start; if not, it is fixed until the tubes
-        have come to rest on it.
+    :param is_free: whether the object is free from the start; if not, the object is fixed until
+        the tubes have come to rest on its surface.
     :param options: masses, friction, gravity and mesh.
     :param faults: simulated faults of the rollers.
     :param seed: random seed of roller noise and slip.

@@ -46,7 +46,7 @@ INERTIA, HINGE_DRAG = 1e-3, 0.05
 ARMATURE_FACTOR = 10.0
 #: Damping ratio of contacts [-]; at a ratio of 1, held objects crept by 0.7 mm/s.
 CONTACT_DAMPING_RATIO = 2.0
-#: MuJoCo's `solimpfriction` for the ground friction of modules; they then hardly creep.
+#: MuJoCo's `solimpfriction` for the ground friction of modules, with which modules hardly creep.
 FLOOR_SOLIMP = '0.9999 0.9999'
 #: Lever arm of friction under a disc with uniform pressure, relative to its radius [-].
 DISC_FRICTION_ARM = 2.0 / 3.0

@@ -29,7 +29,7 @@ class PlantRecorder:
     Recorder of a plant's states to a file.
 
     :param plant: the plant.
-    :param path: path of the file; an existing one is replaced.
+    :param path: path of the file; an existing file is replaced.
     :param rate: number of states per second of the times passed to `record` [Hz].
     :raises PlantError: the file cannot be written.
     """

@@ -34,7 +34,7 @@ LABELS = {
 
 def draw(analysis: Analysis, path: Path) -> None:
     """
-    Draw one column per mode, with the loads of one group above all groups' stiffnesses.
+    Draw a column of plots per mode, with loads of one group at the top and stiffnesses below.
 
     :param analysis: results of the fits.
     :param path: path of the file, whose extension selects the format.

@@ -19,7 +19,8 @@ PHONE_ASPECT = 0.6
 #: Height of the panel at the bottom of an upright screen, relative to the height of the screen
 #: [-].
 PANEL_SHARE = 0.38
-#: Style of upright screens, with the panel below the robot; its breakpoint is that of viser.
+#: Style of upright screens, with the panel below the robot; it applies up to the window width at
+#: which viser's layout changes.
 STYLE = f"""<style>
 @media (max-width: 36em) {{
   [style*="max-height: 60%"] {{

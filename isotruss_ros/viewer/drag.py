@@ -72,8 +72,8 @@ def place_on_circle(angle: float, near: float = 0.0) -> tuple[float, float]:
     Return the position of the rotation handle as (path, 0), with the path along its circle [m].
 
     :param angle: angle of the object [rad].
-    :param near: path that selects the turn: the returned path differs from it by at most half a
-        turn [m].
+    :param near: path that selects the turn: the returned path differs from `near` by at most half
+        a turn [m].
     """
     begin = near / LEVER_LENGTH
     return LEVER_LENGTH * (begin + math.remainder(angle - begin, 2.0 * math.pi)), 0.0

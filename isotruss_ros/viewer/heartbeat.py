@@ -4,10 +4,10 @@
 """
 Heartbeats that the pages of a view send, and the notice in a page that lost the server.
 
-A script in the page sends a message ten times a second from its main thread. It uses the websocket
-of viser, through viser's worker, which it captures when the worker is made. A worker of the script
-is its clock, because browsers slow down the timers of hidden pages. The heartbeat has the type of
-a response in viser's protocol, but answers no request.
+A script in the page sends a message ten times a second from its main thread. The script uses the
+websocket of viser through viser's worker, which the script captures when the page creates this
+worker. A worker of the script times the messages, because browsers slow down the timers of hidden
+pages. The heartbeat has the type of a response in viser's protocol, but answers no request.
 """
 
 from __future__ import annotations

@@ -64,7 +64,7 @@ BOUNDS = {setting.name: setting.bounds for setting in (*SETTINGS, *WRENCH)}
 
 def check_request(name: str, value: object, choices: Mapping[str, Sequence[str]]) -> None:
     """
-    Raise RequestError for a value that the control of a request cannot send.
+    Raise RequestError for a value that the slider or list of a request cannot send.
 
     :param name: name of the request.
     :param value: received value.

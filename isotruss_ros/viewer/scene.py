@@ -133,7 +133,7 @@ class Scene:
     def _add_support(
         self, scene: viser.SceneApi, joint: str, axes: Sequence[str]
     ) -> viser.SceneNodeHandle:
-        """Add a box at a fixed joint or a ball at a sliding joint, and return it."""
+        """Add and return a box at a fixed joint, or a ball at a sliding joint."""
         name, size = f'/supports/{joint}', 0.6 * self._diameter
         if len(axes) == 2:
             return scene.add_box(name, SUPPORT_COLOR, (2.0 * size,) * 3)

@@ -142,7 +142,7 @@ def check_place(what: str, x: float, y: float) -> None:
 
 def read_pose(what: str, message: PoseMessage) -> Pose:
     """
-    Return the pose of a message in the plane; height and tilt are ignored.
+    Return the planar pose of a message; height and tilt are ignored.
 
     :param what: name of the pose, for the error message.
     :param message: message of the pose.

@@ -59,7 +59,7 @@ REQUIRE_EMERGENCY_STOP = Spec(
 
 def read_described(values: Parameters) -> ConvexObject | None:
     """
-    Return the object of the parameter `object`; None for a disc of `object_diameter`.
+    Return the object of the parameter `object`; None if `object_diameter` defines a disc.
 
     :param values: parameters of a node.
     :raises IsotrussError: the description is invalid.

@@ -53,7 +53,7 @@ class Cycle:
         self._last = self._read = 0
         self._changed = time.monotonic()
         self.duration = 0.0  #: computing time of the last cycle [s]
-        #: Computing times of the cycles since the last summary, of limited number [s].
+        #: Computing times of the latest cycles since the last summary [s].
         self._times: deque[float] = deque(maxlen=10_000)
         #: Number of cycles counted for the measured rate, and time at which the count began [s].
         self._count, self._since = 0, None

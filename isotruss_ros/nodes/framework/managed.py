@@ -37,12 +37,12 @@ class ManagedNode(StoppableNode, LifecycleNode):
     Base class of managed nodes; a subclass overrides the steps of the life cycle.
 
     Entities (publishers, subscriptions, services, action servers, timers) that `configure` creates
-    are destroyed at cleanup; those that `activate` creates are destroyed at deactivation. A
+    are destroyed at cleanup; entities that `activate` creates are destroyed at deactivation. A
     publisher that must be silent while the node is inactive is created by
     `create_lifecycle_publisher`.
 
     If a step raises an `IsotrussError`, the node keeps its previous state; after any other
-    exception it is unconfigured. The reason is in the log and in the diagnostics.
+    exception the node is unconfigured. The reason is in the log and in the diagnostics.
 
     :cvar awaited: topics and actions that the active node needs, for the log.
     :ivar inputs: `Inputs` that `configure` creates; the diagnostics report their ages; None
@@ -52,7 +52,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
         were created.
     :ivar active: whether publishers are enabled; also true in transitions to and from `active`.
     :ivar diagnostics: diagnostic status of the node.
-    :ivar cycle: cycle of the active node; None without one.
+    :ivar cycle: control cycle of the active node; None if the node is not active or has no cycle.
     """
 
     awaited: ClassVar[tuple[str, ...]] = ()

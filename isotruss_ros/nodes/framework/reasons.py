@@ -30,7 +30,7 @@ class Reason(NamedTuple):
 
 class ReasonLog:
     """
-    Log that has a line when a reason changes; reasons that differ only in numbers are the same.
+    Log of changes of reasons; reasons that differ only in numbers count as one reason.
 
     :param log: function that logs a line.
     """

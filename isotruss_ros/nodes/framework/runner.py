@@ -127,8 +127,8 @@ def catch_signals() -> list[int]:
     """
     Catch stop signals; return a list to which the first received signal is appended.
 
-    The second signal raises KeyboardInterrupt. The first does not, because rclpy would turn it
-    into another error during a conversion from C.
+    The second signal raises KeyboardInterrupt. The first signal does not, because rclpy would turn
+    the exception into another error during a conversion from C.
     """
     received: list[int] = []
 
@@ -157,7 +157,7 @@ def run(kind: Callable[[], StoppableNode], args: Sequence[str] | None = None) ->
     Execute a node until it is interrupted or finished.
 
     :param kind: class of the node.
-    :param args: command line; None: that of the process.
+    :param args: command line; None: the command line of the process.
     :return: exit code: 0 if interrupted or finished, 1 after an error.
     :raises SystemExit: the help was printed, or an argument is invalid.
     """

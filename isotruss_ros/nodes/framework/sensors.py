@@ -92,7 +92,7 @@ class Inputs:
         oldest: float | None = None,
     ) -> Subscription:
         """
-        Subscribe to a topic, and store its latest value as an input.
+        Subscribe to a topic, and store the value of the newest message as an input.
 
         :param kind: type of the messages.
         :param topic: relative name of the topic.
@@ -103,8 +103,8 @@ class Inputs:
             topic.
         :param stops: whether an invalid message replaces the input, which stops the robot at once;
             otherwise the previous value remains valid.
-        :param take: callback that receives every StampedInput, also those with older stamps than
-            the stored one; None: no callback.
+        :param take: callback that receives every StampedInput, even if its stamp is older than the
+            stamp of the stored input; None: no callback.
         :param oldest: largest age of this input [s]; None: the largest age of all inputs applies.
         """
         words, oldest = words or topic.replace('_', ' ').replace('/', ' '), oldest or self._oldest

@@ -50,14 +50,14 @@ class SingleGoal:
     :param read: function that converts a goal to a request before the goal is accepted. It raises
         IsotrussError if the goal is invalid or the node is not ready; the active goal then
         continues.
-    :param refuse: function that converts an error of `read` to a result for the client; if it
-        returns None, the goal is rejected and only the log has the reason.
-    :param begin: callback that receives the request and starts the goal; it may end the goal at
-        once.
-    :param cancelled: callback that is called when a client cancels the goal; it must end the goal
-        soon.
-    :param preempted: callback that is called before `begin` if another goal is active; it must end
-        the other goal. It is not needed if `read` refuses a second goal.
+    :param refuse: function that converts an error of `read` to a result for the client; if the
+        function returns None, the goal is rejected and only the log has the reason.
+    :param begin: callback that receives the request and starts the goal; this callback may end the
+        goal at once.
+    :param cancelled: callback that is called when a client cancels the goal; this callback must
+        end the goal soon.
+    :param preempted: callback that is called before `begin` if another goal is active; this
+        callback must end the other goal. It is not needed if `read` refuses a second goal.
     :param supervised: whether the goal ends if the client that supervises it is lost.
     """
 

@@ -34,10 +34,10 @@ class TransformBroadcaster:
     """
     Broadcaster of the frames of object, contacts and modules, relative to the robot frame.
 
-    The object has two frames with the same origin: the object frame is fixed to it; the aligned
-    frame, in which wrenches are given, has axes parallel to the robot frame. The x axis of a
-    contact frame is the normal into the object. A module frame has its origin at the joint and its
-    x axis along the connection rod. Without `tf2_msgs` a warning is logged and nothing is
+    The object has two frames with the same origin: the object frame is fixed to the object; the
+    aligned frame, in which wrenches are given, has axes parallel to the robot frame. The x axis of
+    a contact frame is the normal into the object. A module frame has its origin at the joint and
+    its x axis along the connection rod. Without `tf2_msgs` a warning is logged and nothing is
     broadcast.
 
     :param node: publishing node.

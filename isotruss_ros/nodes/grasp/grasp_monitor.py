@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Grasp monitor, which analyses the grasp from the latest inputs, or reports why it cannot.
+Grasp monitor, which analyses the grasp from the latest inputs, or reports the fault of an input.
 
 A result is valid only for the inputs from which it was computed. It is discarded when an input is
 stale, missing or rejected.

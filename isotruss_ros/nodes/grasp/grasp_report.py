@@ -17,7 +17,7 @@ from isotruss_ros.core.model.convex_object import ConvexObject
 
 
 class GraspCode(enum.IntEnum):
-    """Codes of grasp reports, equal to those of isotruss_msgs/GraspState."""
+    """Codes of grasp reports, equal to the codes of isotruss_msgs/GraspState."""
 
     OK = 0
     WRINKLED = 1  #: a tube wrinkles, so the result is outside of the model's validity
@@ -83,7 +83,7 @@ class AnalyzedGrasp:
         Return the utilisation of each member; friction is included if the object is held.
 
         :return: for each member, the larger of its utilisations with fixed and free object [-],
-            and the distance from the member's start at which it occurs [m].
+            and the distance of the place of this utilisation from the member's start [m].
         """
         grasps = (self.analysis, self.settled) if self.settled.hold.at_rest else (self.analysis,)
         return {

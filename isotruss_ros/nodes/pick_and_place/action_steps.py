@@ -4,8 +4,8 @@
 """
 Clients of actions and services as generators, in which each `yield` is one tick of a node.
 
-A sequence of such steps does not block. To cancel it, the node throws `CancelledError` at a
-`yield`; the step then ends its goal before it raises the error.
+A sequence of such steps does not block. To cancel a sequence, the node throws `CancelledError` at
+a `yield`; the current step then ends its goal before the error leaves the step.
 """
 
 from __future__ import annotations
@@ -76,8 +76,8 @@ class ActionStep:
     Action of another node as a step of a sequence.
 
     DDS detects a restart of the server during a goal only after seconds. So the result is
-    requested repeatedly, because a restarted server rejects the goal, which it does not know. A
-    server that sends no feedback for some time counts as ended or hanging.
+    requested repeatedly, because a restarted server rejects the unknown goal. A server that sends
+    no feedback for some time counts as ended or hanging.
 
     :param node: node that has the client until it is destroyed.
     :param kind: type of the action.

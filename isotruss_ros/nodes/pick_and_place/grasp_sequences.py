@@ -66,8 +66,8 @@ RETURN_TOLERANCE = 1e-3
 CONFIRMATION_TIMEOUT = 5.0
 #: Longest wait for missing or stale inputs before a motion [s].
 INPUT_TIMEOUT = 1.0
-#: Longest accepted time without feedback of the planner [s]; it is shorter for nodes that move the
-#: robot.
+#: Longest accepted time without feedback of the planner [s]; the time is shorter for nodes that
+#: move the robot.
 PLANNER_TIMEOUT = 5.0
 PICK, PLACE, MOVE = PickObject.Feedback, PlaceObject.Feedback, MoveObject.Feedback
 
