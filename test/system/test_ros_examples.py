@@ -90,10 +90,11 @@ def assert_grasps_belong_to_the_motion(record):
         robot.configuration(rest.rollers), ConvexObject.disc(rest.pose[:2], 0.3)
     )
     assert expected.normal_forces.sum() > 1.0
+    # The node begins with its last result; the forces depend on that by 3e-6 at most.
     assert sum(contact.normal_force for contact in last.contacts) == pytest.approx(
-        expected.normal_forces.sum(), rel=1e-6
+        expected.normal_forces.sum(), rel=1e-5
     )
-    assert last.closure_residual == pytest.approx(expected.closure_residual, rel=1e-6)
+    assert last.closure_residual == pytest.approx(expected.closure_residual, rel=1e-5)
     assert last.contact_members == list(expected.contact_lengths)
 
 
