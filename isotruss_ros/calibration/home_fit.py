@@ -47,10 +47,12 @@ class HomeFit(NamedTuple):
     @property
     def errors(self) -> tuple[Array, Array]:
         """
-        Return the estimated errors of the measured coordinates, and their shares in the residuals.
+        Return the estimated errors of the measured coordinates, and their visible fractions.
 
-        :return: estimated errors (k, 2), which are |residual| / share [m]; and the share (k, 2) of
-            each error that is visible in its residual, which is sqrt(1 - leverage) [-].
+        The visible fraction of an error is the part that appears in its residual.
+
+        :return: errors (k, 2), |residual| / fraction [m]; and fractions (k, 2), sqrt(1 - leverage)
+            [-].
         """
         basis = np.linalg.qr(self.jacobian)[0]
         left = np.sqrt(np.clip(1.0 - (basis**2).sum(axis=1), 1e-6, 1.0)).reshape(-1, 2)
@@ -109,7 +111,9 @@ def fit_home(robot: Robot, postures: Sequence[Posture], moved: bool = False) -> 
 
 def home_jacobian(robot: Robot, postures: Sequence[Posture]) -> Array:
     """
-    Return the derivatives (2k, r) of the joint positions by the roller offsets at zero offsets.
+    Return the derivatives (2k, r) of joint positions with respect to roller offsets.
+
+    They are evaluated at zero offsets.
 
     :param robot: robot of the robot file.
     :param postures: postures of the robot without object.
@@ -121,7 +125,7 @@ def home_jacobian(robot: Robot, postures: Sequence[Posture]) -> Array:
 
 
 def _rates(shapes: Sequence[Configuration], joints: Sequence[Indices]) -> Array:
-    """Return the derivatives (2k, r) of joint positions by roller travel."""
+    """Return the derivatives (2k, r) of joint positions with respect to roller travel."""
     count = len(shapes[0].roller_positions)
     rows = [
         shape.node_jacobian.reshape(-1, 2, count)[each].reshape(-1, count)

@@ -329,7 +329,7 @@ class CommandHistory:
 
     def record(self, now: float, speeds: Array) -> None:
         """
-        Record a command from now on.
+        Record a command that is valid from the time `now`.
 
         :param now: time of the command, not before the previous one [s].
         :param speeds: (r,) commanded roller speeds [m/s].
@@ -340,7 +340,7 @@ class CommandHistory:
 
     def travel(self, begin: float, end: float, before: Array) -> Array:
         """
-        Return the roller travel by the commands between two times, (r,) [m].
+        Return the roller travel due to the commands between two times, (r,) [m].
 
         :param begin: begin of the interval [s].
         :param end: end of the interval [s]; before the begin, the travel is negative.

@@ -34,7 +34,10 @@ LABELS = {
 
 def draw(analysis: Analysis, path: Path) -> None:
     """
-    Draw a column of plots per mode, with loads of one group at the top and stiffnesses below.
+    Draw one column of plots for each deformation mode.
+
+    The upper plot shows the measured and fitted loads of one group of measurements, the lower plot
+    the stiffnesses of all groups.
 
     :param analysis: results of the fits.
     :param path: path of the file, whose extension selects the format.

@@ -30,8 +30,8 @@ class ContactPoints:
     The points are nodes of the frame, ordered by member and by distance from its start.
 
     Each point is in one of p pieces of tube. Its displacement is the sum of two parts: the first
-    by the displacements of the piece's ends, the second by forces on the piece while its ends are
-    fixed. The compliance is stored in these two parts, along and across the bent members.
+    is due to the displacements of the piece's ends, the second to forces on the piece while its
+    ends are fixed. The compliance is stored in these two parts, along and across the bent members.
 
     :ivar points: (c,) points on the centre lines, extrapolated to zero contact forces, x + iy [m].
     :ivar skin: (c,) points on the skin toward the object; in the paper's model, `points` [m].
@@ -248,7 +248,7 @@ def find_contact_points(
     """
     Place contact points on the members within reach of an object.
 
-    :param structure: the frame of the robot.
+    :param structure: structural model of the robot.
     :param surface: surface that the points meet: the object's surface, or for round tubes its
         offset by the tube radius.
     :param spacing: distance of the points along the tube [m].

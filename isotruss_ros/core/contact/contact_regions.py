@@ -29,7 +29,7 @@ def find_wrinkling(
     """
     Return the utilisation of the tubes under contact forces, and the tension of their walls.
 
-    :param structure: the frame of the robot.
+    :param structure: structural model of the robot.
     :param contact_points: candidate contact points.
     :param contact: contact with its forces.
     :return: utilisation of the members, and (c,) tension of the wall at each point, along the
@@ -57,7 +57,7 @@ def assess_members(structure: Structure, solved: SolvedContact) -> dict[str, Any
     """
     Return the fields of a `GraspAnalysis` that are dictionaries by member.
 
-    :param structure: the frame of the robot.
+    :param structure: structural model of the robot.
     :param solved: the solved contact.
     """
     robot, (points, contact, length, spans, _) = structure.config.robot, solved

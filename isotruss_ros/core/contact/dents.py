@@ -65,7 +65,9 @@ class SkinIndentation:
 
     def __call__(self, force: float) -> tuple[float, float]:
         """
-        Return the depth [m] and its derivative by the force [m/N]; linear beyond the table.
+        Return the depth [m] and its derivative with respect to the force [m/N].
+
+        The depth is extrapolated linearly beyond the table.
 
         :param force: normal force [N]; a search may pass a negative force, which has a negative
             depth.
@@ -86,11 +88,11 @@ class SkinIndentation:
 
     def second_rates(self, force: float) -> tuple[float, float, float]:
         """
-        Return the second derivative of the depth by the force, and derivatives by the pressure.
+        Return second derivatives of the depth, and its derivative with respect to pressure.
 
         :param force: normal force [N].
-        :return: derivatives of the depth: second by the force [m/N^2]; by the tube's gauge
-            pressure [m/Pa]; by force and pressure [m/(N Pa)].
+        :return: second derivative with respect to the force [m/N^2]; derivative with respect to
+            the tube's gauge pressure [m/Pa]; mixed second derivative [m/(N Pa)].
         """
         size, sign = max(abs(force), 1e-9), math.copysign(1.0, force)
         piece, x, beyond, stretch = self._locate(force)
@@ -103,7 +105,7 @@ class SkinIndentation:
 
     @functools.cached_property
     def _place_rates(self) -> Array:
-        """Return the derivatives (n + 1,) of the table's 2/3 powers by the gauge pressure."""
+        """Return the pressure derivatives (n + 1,) of the 2/3 powers in the table."""
         kernel, tube, rates = self._kernel, self._tube, [0.0]
         for spacing, forces in self._presses:
             # The sum of q, where C q = -gaps, changes by -l . C' q, where C l = 1.
@@ -119,7 +121,7 @@ class SkinIndentation:
 
     @functools.cached_property
     def _spline_rate(self) -> scipy.interpolate.PPoly:
-        """Return the derivative of the spline by the pressure, for fixed depths of its nodes."""
+        """Return the pressure derivative of the spline, for fixed depths of its nodes."""
         spline, moved = self._spline, self._place_rates
         third = 6.0 * spline.c[0]
         # Where a place moves by m, the spline changes by -m times its slope, and the curvature of
@@ -146,7 +148,7 @@ class Indentation:
 
     def __call__(self, forces: Array) -> tuple[Array, Array]:
         """
-        Return the depths (k,) [m], and their derivatives (k,) by the normal forces [m/N].
+        Return the depths (k,) [m], and their derivatives (k,) with respect to forces [m/N].
 
         :param forces: (k,) normal forces [N].
         """
@@ -158,7 +160,7 @@ class Indentation:
 
     def second_rates(self, forces: Array) -> Array:
         """
-        Return the second derivatives of the depths by forces, and derivatives by pressures.
+        Return second derivatives of the depths, and derivatives with respect to pressures.
 
         :param forces: (k,) normal forces [N].
         :return: (3, k) see `SkinIndentation.second_rates`.

@@ -36,11 +36,15 @@ class Flattening:
     """Local compliance of the tubes' sections under transverse forces from one side."""
 
     radius: float  #: tube radius R [m]
-    stiffness: Array  #: (t, n) k_n of modes with extent along the tube, per unit length [N/m^2]
-    tension: Array  #: (t, n) G_n of these modes [N]
-    rest: Array  #: (t,) compliance of all further modes for a line load [m^2/N]
+    #: (t, n) k_n of the modes whose deformation spreads along the tube, per unit length [N/m^2]
+    stiffness: Array
+    #: (t, n) tension G_n, which couples neighbouring sections in these modes [N]
+    tension: Array
+    #: (t,) compliance for a line load of the other modes, whose deformation does not spread along
+    #: the tube [m^2/N]
+    rest: Array
     pressure: Array  #: (t,) gauge pressure p in each tube [Pa]
-    tension_rate: Array  #: (t, n) derivative of G_n by the pressure [N/Pa]
+    tension_rate: Array  #: (t, n) derivative of G_n with respect to p [N/Pa]
 
     @property
     def reach(self) -> Array:
@@ -81,7 +85,7 @@ class Flattening:
 
     def compliance_rates(self, count: int, spacing: float) -> Array:
         """
-        Return the derivatives of the compliance between points by the gauge pressure.
+        Return the derivatives of the compliance between points with respect to pressure.
 
         :param count: number of distances, which are 0, 1, ... spacings.
         :param spacing: spacing of the points [m].
@@ -141,7 +145,7 @@ def flattening(
     :param radius: tube radius R [m].
     :param pressure: (t,) gauge pressure p in each tube [Pa].
     :param fabric: E t and G t of the wall; None for f_n = 0, without an effect of the fabric.
-    :param modes: number of the highest ring mode with extent along the tube.
+    :param modes: number n of the highest ring mode whose deformation spreads along the tube.
     :param local_stiffness: ratio of a measured tube's local stiffness to this theory [-].
     """
     n = np.arange(2, modes + 1)

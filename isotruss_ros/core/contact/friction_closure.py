@@ -27,10 +27,10 @@ FACET_BATCH = 4096
 
 @dataclass(frozen=True, eq=False)
 class FrictionClosure:
-    """Balance of a wrench by bounded friction forces."""
+    """Balance of a wrench by bounded friction forces; d is the mean width of the object."""
 
     closed: bool  #: whether the residual is at most `tolerance`
-    residual: float  #: norm of the unbalanced wrench, with moments over d/2 [N]
+    residual: float  #: norm of the unbalanced wrench (fx, fy, m / (d/2)) [N]
     tolerance: float  #: largest residual that counts as closure [N]
     #: (k,) friction on the object along the tangents, counter-clockwise [N]
     friction_forces: Array
@@ -50,8 +50,8 @@ def balance_by_friction(
     :param normal_forces: (k,) normal forces N_i, not negative [N].
     :param load: (3,) resultant of the other forces on the object: fx, fy, m / (d/2) [N].
     :param friction: coefficient of friction mu, not negative.
-    :param levers: (k,) lever arms of the tangential forces over half of the object's mean width
-        [-]; 1 for a cylinder.
+    :param levers: (k,) lever arms of the tangential forces, divided by half of the object's mean
+        width [-]; 1 for a cylinder.
     """
     touching = normal_forces > 0.0
     segments = np.column_stack([tangents, levers])[touching] * normal_forces[touching, None]

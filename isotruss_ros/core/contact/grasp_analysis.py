@@ -59,12 +59,12 @@ class GraspAnalysis(
         origin of its frame [N, N m]. Its forces are normal to the bent centre lines.
     :ivar closed_by_friction: whether the object has contact and friction balances the normal
         forces and the external wrench, equation (10). For a free object see `SettledGrasp`.
-    :ivar closure_residual: norm of the unbalanced wrench [N]; moments are about the centroid, over
-        half of the mean width, d/2 of a cylinder.
+    :ivar closure_residual: norm of the unbalanced wrench [N]; moments are about the centroid and
+        divided by half of the mean width, d/2 of a cylinder.
     :ivar closure_tolerance: largest residual that counts as closure [N].
     :ivar required_friction: smallest coefficient of friction with closure; infinite if none.
     :ivar closure_margin: largest additional wrench that friction balances in every direction, with
-        moments over half of the mean width [N]; negative without closure.
+        moments divided by half of the mean width [N]; negative without closure.
     :ivar contact_lengths: length of tube in contact by member, for members in contact [m].
     :ivar contact_spans: start and end of the contact from the member's start by member, for
         members in contact [m].
@@ -82,7 +82,7 @@ class GraspAnalysis(
     :ivar utilisation_places: distance of this maximum from the member's start, for all members
         [m].
     :ivar center: origin of the object's frame, x + iy [m].
-    :ivar structure: the frame of the robot.
+    :ivar structure: structural model of the robot.
     :ivar solved: solved contact, with the normals that are assessed at corners.
     """
 
@@ -118,7 +118,8 @@ class GraspAnalysis(
         """
         Return the stiffness of the object with sticking contacts, (3, 3) [N/m, N, N m].
 
-        It is the derivative of the wrench (fx, fy, m) by the displacement (dx, dy, dtheta).
+        It is the derivative of the wrench (fx, fy, m) with respect to the displacement (dx, dy,
+        dtheta).
 
         :raises SolverError: the contact compliance is not positive definite.
         """

@@ -69,7 +69,9 @@ class LostContact:
 
     def slip_margin_rates(self) -> tuple[Array, Array]:
         """
-        Return the derivatives of the slip margin by roller travel (r,) and by pose (3,).
+        Return the derivatives of the slip margin with respect to roller travel and pose.
+
+        :return: (r,) derivatives with respect to roller travel, and (3,) with respect to the pose.
 
         :raises ConfigurationError: the configuration is singular.
         """
@@ -80,7 +82,7 @@ class LostContact:
 
     @cached_property
     def _distances(self) -> tuple[Array, Array, Array]:
-        """Return the gaps of the tubes' skins, with derivatives by the nodes and by the pose."""
+        """Return the gaps of the tubes, and their derivatives with respect to nodes and pose."""
         return collision_model(self.config.robot).body_distances(
             self.config, self.body, self.members
         )

@@ -70,7 +70,7 @@ def refine_contact(
     """
     Solve the contact of flattening tubes with points refined in the contact regions.
 
-    :param structure: the frame of the robot.
+    :param structure: structural model of the robot.
     :param surface: surface of the object.
     :param spacing: largest distance of the points [m].
     :param flattening: local compliance of the tubes.
@@ -234,7 +234,7 @@ class _Search:
         bent: BentTubes | None = None,
         before: SolvedContact | None = None,
     ) -> SolvedContact:
-        """Place points with a spacing, and solve with the surface at this resolution."""
+        """Solve with candidate points and a surface resolved at the spacing `distance`."""
         known = None if before is None else (before.points, before.contact.push)
         points = find_contact_points(
             self.structure, self.surface, distance, self.flattening, windows, bent, known

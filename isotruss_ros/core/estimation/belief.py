@@ -22,7 +22,7 @@ class Expectation(NamedTuple):
     """Measurement model linearised at a state."""
 
     values: Array  #: (m,) predicted measurement
-    rates: Array  #: (m, n) Jacobian by the state
+    rates: Array  #: (m, n) Jacobian of this prediction with respect to the state
 
 
 @dataclass(frozen=True, eq=False)

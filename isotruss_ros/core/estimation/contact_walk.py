@@ -25,7 +25,7 @@ class _Sum(NamedTuple):
     moved: Array  #: (3,) sum of all earlier corrections of the pose [m]
     walked: Array  #: (3, 3) covariance of the random walk [m^2]
     unsure: Array  #: (3, 3) covariance of contacts and pose [m^2]
-    considered: Array  #: (3, c) derivatives of the pose by considered states
+    considered: Array  #: (3, c) derivatives of the pose with respect to considered states
 
 
 class ContactWalk:
@@ -53,11 +53,12 @@ class ContactWalk:
 
     def attach(self, change: Array) -> None:
         """
-        Exclude from the sums a change of the derivatives by a search for a new equilibrium.
+        Exclude from the sums a change of the derivatives due to a search for an equilibrium.
 
         Such a change does not move the pose.
 
-        :param change: (3, c) change of the derivatives of the pose by the considered states.
+        :param change: (3, c) change of the derivatives of the pose with respect to the considered
+            states.
         """
         self._attached = self._attached + change
 
@@ -77,8 +78,9 @@ class ContactWalk:
         :param moved: (3,) correction of the pose by contacts and unexplained pose [m].
         :param unsure: (3, 3) prior covariance of contacts and unexplained pose [m^2].
         :param noise: (3, 3) covariance of pose noise and load [m^2].
-        :param considered: (3, c) derivatives of the pose by the considered states, such as roller
-            offsets. Where they change, an error of a considered state moves the pose.
+        :param considered: (3, c) derivatives of the pose with respect to the considered states,
+            such as roller offsets. Where they change, an error of a considered state moves the
+            pose.
         :param spread: (c, c) covariance of the considered states.
         """
         considered = considered - self._attached

@@ -66,7 +66,7 @@ class _Rates(NamedTuple):
 
     @classmethod
     def zero(cls, size: int) -> _Rates:
-        """Return zero derivatives by `size` quantities."""
+        """Return zero derivatives with respect to `size` quantities."""
         return cls(np.zeros((3, size)), np.zeros(size))
 
 
@@ -203,7 +203,11 @@ class GripBelief:
         return float(off @ np.linalg.solve(spread, off)) <= MAX_DEVIATIONS**2
 
     def joint_rates(self) -> Array:
-        """Return the derivatives (2j, r) of the joints by the roller offsets at a fixed object."""
+        """
+        Return the derivatives (2j, r) of the joint positions with respect to roller offsets.
+
+        The object's pose is held constant.
+        """
         found, grasp = self._gradient, self._differentiated
         count, owners = len(self._corrected), grasp.contacts.owners
         travel = travel_rates(grasp.config, grasp.contacts.members)
@@ -248,7 +252,7 @@ class GripBelief:
 
     @property
     def slope(self) -> float:
-        """Return the derivative of the squeeze by the grip's opening, negative [N/m]."""
+        """Return the derivative of the squeeze with respect to the opening, negative [N/m]."""
         return self.grasp.squeeze_stiffness()
 
     def follow(
@@ -493,7 +497,7 @@ class GripBelief:
         self._lag[1] *= left
 
     def _take(self, grasp: HeldGrip) -> None:
-        """Set the equilibrium, and the derivatives by the state in it."""
+        """Set the equilibrium, and the derivatives with respect to the state in it."""
         self.grasp, self.grip = grasp, grasp.touching(self._friction)
         # Corrections of the contacts since, with which the equilibrium is not solved yet.
         self._anchors = grasp.anchors
@@ -528,7 +532,7 @@ class GripBelief:
         self._sensitivity[:SHIFTS] = sensitivity[:SHIFTS]
 
     def _differentiate(self, grasp: HeldGrip) -> None:
-        """Compute the derivatives by roller offsets at fixed contacts, and by stiffness."""
+        """Compute the derivatives with respect to offsets at fixed contacts, and to stiffness."""
         found, count = held_gradient(grasp), len(grasp.config.roller_positions)
         travel = travel_rates(grasp.config, grasp.contacts.members)
         along, anchors = grasp.statics.sides[:, None] * travel, slice(count + 4, None)

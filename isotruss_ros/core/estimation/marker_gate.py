@@ -41,7 +41,8 @@ def judge_markers(
 
     :param innovation: (k, 2) measured minus predicted joint positions [m].
     :param covariance: (2k, 2k) covariance of the innovation [m^2].
-    :param by_rollers: (2k, r) derivatives of the joint positions by roller travel [-].
+    :param by_rollers: (2k, r) derivatives of the joint positions with respect to roller travel
+        [-].
     :param reach: (r,) largest possible slip of each roller [m].
     :return: (k,) mask of the consistent markers, and (r,) slip that makes them consistent [m].
     """

@@ -38,7 +38,7 @@ class OffsetFilter:
         places = robot.home.nodes[:joints]
         lever = (places - places.mean(axis=0)) @ [[0.0, 1.0], [-1.0, 0.0]]
         shift = np.tile(np.eye(2), (joints, 1))
-        #: Jacobian of all marker positions by their constant errors.
+        #: Jacobian of all marker positions with respect to their constant errors.
         self._constant = np.column_stack([shift, lever.ravel(), np.eye(2 * joints)])
         sizes = settings.marker_shift, settings.marker_turn, settings.joint_error
         variances = np.repeat([settings.zeros, *sizes], [self._count, 2, 1, 2 * joints]) ** 2
@@ -87,7 +87,7 @@ class OffsetFilter:
         Return the marker model linearised at a state.
 
         :param values: (2j,) joint positions x0, y0, x1, y1, ... [m].
-        :param rates: (2j, r) Jacobian of the joint positions by the offsets.
+        :param rates: (2j, r) Jacobian of the joint positions with respect to the offsets.
         :param rows: (m,) indices of the measured coordinates.
         :param mean: (n,) state; None: the mean of the belief.
         """

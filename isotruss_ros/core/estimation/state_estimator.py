@@ -277,20 +277,24 @@ class StateEstimator:
         return belief if belief.squeeze > belief.squeeze_deviation else None
 
     def _place_joints(self, readings: Array, offsets: Array) -> tuple[Array, Array]:
-        """Return the joint positions (2j,) [m] and their Jacobian (2j, r) by the offsets."""
+        """
+        Return the joint positions and their Jacobian with respect to the offsets.
+
+        :return: (2j,) positions [m], and (2j, r) Jacobian.
+        """
         count, belief = 2 * len(self._robot.topology.joint_names), self.belief
         config = self._config = self._config.moved_to(readings + offsets)
         places, rates = config.nodes.ravel()[:count], config.node_jacobian[:count]
         if belief is None:
             return places, rates
-        # Displacement by the contact forces, and its derivative by the offsets.
+        # Displacement due to the contact forces, and its derivative with respect to the offsets.
         held, own = belief.grasp.config, belief.joint_rates()
         beyond = own - held.node_jacobian[:count]
         displaced = held_joints(belief.grasp).ravel() - held.nodes.ravel()[:count]
         return places + displaced + beyond @ (offsets - self._zeros.offsets), rates + beyond
 
     def _encoder_noise(self, rates: Array) -> Array:
-        """Return the covariance (m, m) of coordinates by encoder noise, from a Jacobian (m, r)."""
+        """Return the covariance (m, m) of coordinates due to encoder noise; Jacobian (m, r)."""
         return self.settings.encoders**2 * rates @ rates.T
 
     def _in_time(self, time: float) -> bool:

@@ -149,7 +149,7 @@ def find_dents(
     """
     Return the depths of the dents at all contacts as functions of the normal forces.
 
-    :param structure: the frame of the robot.
+    :param structure: structural model of the robot.
     :param body: the object at its pose.
     :param contacts: contacts of the object.
     :param tubes: model of the tubes.

@@ -105,7 +105,7 @@ class ContactForces:
         normal forces N_i [N]; friction T_i on the tubes, counter-clockwise around the object [N].
     :ivar normals: (k,) unit normals from the object toward the tubes.
     :ivar loads: (k, 3) loads on the tubes: forces along and across members [N], moments [N m].
-    :ivar jacobian: (3 + 4k, 3 + 4k) Jacobian of the equations by the unknowns.
+    :ivar jacobian: (3 + 4k, 3 + 4k) Jacobian of the equations with respect to the unknowns.
     """
 
     unknowns: Array
@@ -150,10 +150,10 @@ class GripResponse:
     Response to a small wrench (fx, fy, m / arm) [N] at k sticking contacts.
 
     :ivar change: (3 + 4k, 3) change of the unknowns, see `ContactForces`.
-    :ivar squeeze: (3,) change of the mean normal force of the members by the wrench [-].
+    :ivar squeeze: (3,) change of the mean normal force of the members due to the wrench [-].
     :ivar arm: characteristic radius, see `ConvexObject.arm` [m].
-    :ivar squeeze_stiffness: derivative of the mean normal force by the opening of the members, see
-        `HeldGrip.squeeze_stiffness` [N/m].
+    :ivar squeeze_stiffness: derivative of the mean normal force with respect to the opening of the
+        members, see `HeldGrip.squeeze_stiffness` [N/m].
     :ivar ends: (e,) contacts that are an end of a face.
     :ivar opening: (e, 2k) change of normal and friction forces as an end opens, relative to its
         tension [-].

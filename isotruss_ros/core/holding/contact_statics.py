@@ -52,8 +52,8 @@ MAX_MOVE = 0.5
 MAX_TURN, MAX_INCLINATION = 0.2, 0.5
 #: Compliance that scales friction forces to lengths, so that one tolerance bounds both [m/N].
 SOFTNESS = 1e-4
-#: Conditions of friction or rolling: residual (k,), and its derivatives (k, 3 + 4k) by the
-#: unknowns, as functions of unknowns and normals.
+#: Conditions of friction or rolling: residual (k,), and its derivatives (k, 3 + 4k) with respect
+#: to the unknowns, as functions of unknowns and normals.
 ContactConditions = Callable[[Array, Points], tuple[Array, Array]]
 
 
@@ -77,10 +77,11 @@ class _Pushes(NamedTuple):
 
     local: Points  #: (k,) normals, along + i across the members
     skin: Array  #: (k,) distance of the dented skin from the centre line [m]
-    softs: Array  #: (k,) derivatives of the dents by the normal forces [m/N]
+    softs: Array  #: (k,) derivatives of the dents' depths with respect to the normal forces [m/N]
     force: Points  #: (k,) forces on the tubes, along + i across [N]
     loads: Array  #: (k, 3) forces along and across [N] and moments [N m]
-    rates: Array  #: (3, 3, k) derivatives by inclination, normal and friction force
+    #: (3, 3, k) derivatives of the loads with respect to inclination, normal and friction force
+    rates: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,7 +149,7 @@ class ContactStatics:
 
     @functools.cached_property
     def _constant(self) -> tuple[Array, Array]:
-        """Return derivatives (3, k, 3) of the balance by loads, and the Jacobian's constants."""
+        """Return derivatives (3, k, 3) of the balance with respect to loads, and constants."""
         places, count = self.places, len(self.sides)
         pushes, jacobian = np.zeros((3, count, 3)), np.zeros((places.size, places.size))
         forces = -self.bent.axis[:, None] * [1.0, 1j]
@@ -164,8 +165,9 @@ class ContactStatics:
         """
         Return the residual (3 + 4k,) of the equations, and the state with their Jacobian.
 
-        Rows are first touch along and across the member and inclination, contact by contact; then
-        balance; then the conditions.
+        Order of the rows: for each contact, the conditions that object and member touch (along the
+        member, across it, and in inclination); then the balance of the object; then the conditions
+        of friction or rolling.
 
         :param unknowns: unknowns (3 + 4k,), see `ContactForces`.
         :param wrench: (fx, fy, m / arm) on the object [N].
@@ -217,7 +219,7 @@ class ContactStatics:
 
     def rolling_rows(self, unknowns: Array, normals: Points) -> Array:
         """
-        Return the derivatives (k, 3 + 4k) of the rolling invariants by the unknowns.
+        Return the derivatives (k, 3 + 4k) of the rolling invariants with respect to unknowns.
 
         :param unknowns: unknowns (3 + 4k,), see `ContactForces`.
         :param normals: (k,) unit normals from the object toward the tubes.

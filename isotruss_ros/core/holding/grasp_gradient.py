@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Exact derivatives of a settled grasp by the parameters of an optimiser.
+Exact derivatives of a settled grasp with respect to the parameters of an optimiser.
 
 Slip margin and stiffness need second derivatives of the equations F of equilibrium. With sticking
 contacts, J y_w = -F_w gives the response y_w to a wrench, where J is the Jacobian with the
@@ -36,7 +36,7 @@ class GraspGradient(
     headline=('parameters', 'gives_way', 'slip_margin', 'most_used', 'needs_most'),
 ):
     """
-    Derivatives of a `SettledGrasp` by p parameters, while its contacts are constant.
+    Derivatives of a `SettledGrasp` with respect to p parameters, with constant contacts.
 
     Without an equilibrium, only the derivatives of pose and slip margin are not zero, see
     `LostContact`.
@@ -68,7 +68,7 @@ class GraspGradient(
     needs_most: tuple[str, ...]
     utilisation: Array
     most_used: tuple[str, ...]
-    # For second derivatives: how parameters and unknowns change, behind them by a unit wrench.
+    # For second derivatives: how parameters and unknowns change, behind them for a unit wrench.
     _changes: tuple[LoadedTubes, Array] | None
 
     @property
@@ -126,7 +126,7 @@ class GraspGradient(
 @single_threaded
 def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
     """
-    Return the derivatives of a settled grasp by the parameters of an optimiser.
+    Return the derivatives of a settled grasp with respect to the parameters of an optimiser.
 
     The equations of equilibrium, F(y, p) = 0, give y' = -F_y^-1 F_p, with the Jacobian F_y and the
     derivatives F_p at constant unknowns y. Second derivatives are computed when slip margin or
@@ -222,7 +222,7 @@ def _response_rates(grip: HeldGrip, tubes: LoadedTubes, change: Array) -> Array:
 
 
 def _equation_changes(grip: HeldGrip, tubes: LoadedTubes, change: Array, moved: Array) -> Array:
-    """Return the derivatives of the equations by all parameters, in a moved state (3 + 4k,)."""
+    """Return the derivatives of the equations with respect to parameters, in a moved state."""
     statics, places = grip.statics, grip.state.places
     unknowns = grip.state.unknowns + moved
 
@@ -248,7 +248,7 @@ def _slip_margin_rates(
     """Return the derivatives (t, p) of the slip margin [N], and the critical members."""
     grip = settled.equilibrium
     response, begin = grip.response, grip.state.places.normal.start
-    rows, presses = grip.slip_rows(settled.friction)  # and their derivative by friction
+    rows, presses = grip.slip_rows(settled.friction)  # and their derivative d/dmu
     reserve, slope, size = grip.slip_reserves(settled.friction)
     nearest, turn = _find_largest(-reserve / size), grip.about_middle
     # By wrenches about the middle of the object, which moves around the origin as it turns.

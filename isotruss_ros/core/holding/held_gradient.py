@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Derivatives of a held object and its robot by the parameters of the estimator."""
+"""Derivatives of a held object and its robot with respect to the parameters of the estimator."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class HeldGradient:
     """
 
     pose: Array  #: (3, p) derivatives of the pose (x, y, angle)
-    normal_forces: Array  #: (m, p) derivatives of the normal forces by grasping member
+    normal_forces: Array  #: (m, p) derivatives of the normal forces of the grasping members
     #: (2j, p) derivatives of the joint positions (x0, y0, x1, y1, ...), in the order of
     #: `Topology.joint_names`
     joints: Array

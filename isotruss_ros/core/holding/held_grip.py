@@ -202,13 +202,18 @@ class HeldGrip:
 
     @functools.cached_property
     def about_middle(self) -> Array:
-        """Return the matrix (3, 3) that converts wrenches about the centroid to the origin."""
+        """
+        Return the matrix (3, 3) that changes the reference point of moments.
+
+        It converts a wrench (fx, fy, m / arm) with its moment about the centroid into the wrench
+        with its moment about the origin of the object's frame.
+        """
         away = (self.body.middle - self.body.center) / self.arm
         return np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-away.imag, away.real, 1.0]])
 
     def slip_reserves(self, friction: float) -> tuple[Array, Array, Array]:
         """
-        Return the values of `slip_rows` and their derivatives by a wrench.
+        Return the values of `slip_rows` and their derivatives with respect to a wrench.
 
         :param friction: coefficient between tube and object.
         :return: (c,) values [N], (c, 3) derivatives, and (c,) norms of the derivatives for
@@ -221,7 +226,9 @@ class HeldGrip:
 
     def slip_rows(self, friction: float) -> tuple[Array, Array]:
         """
-        Return the matrix (c, 2k) from contact forces to margins, and its derivative by friction.
+        Return the matrix (c, 2k) from contact forces to margins, and its friction derivative.
+
+        The second array is the derivative with respect to the coefficient of friction.
 
         The first rows are `slip_conditions` with all contacts. Then follow, for each end of a
         face, the conditions without this end. A wrench violates such a condition only if it opens
@@ -332,7 +339,9 @@ class HeldGrip:
 
     def squeeze_stiffness(self) -> float:
         """
-        Return the derivative of the squeeze by the opening of the members, negative [N/m].
+        Return the derivative of the squeeze with respect to the members' opening [N/m].
+
+        It is negative.
 
         For two members the opening is the distance between their contacts. For three members it is
         twice the displacement of each member away from the object.
@@ -380,7 +389,9 @@ def scaled_wrench(wrench: Array | None, arm: float) -> Array:
 
 def travel_rates(config: Configuration, members: Indices) -> Array:
     """
-    Return the derivatives (k, r) of the tube travel at members' starts by roller travel [-].
+    Return the derivatives (k, r) of the tube travel with respect to roller travel [-].
+
+    The tube travel is taken at the members' starts.
 
     :param config: configuration of the robot.
     :param members: (k,) indices of the members.

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Derivatives by parameters of the equilibrium of a held object and of the loaded robot."""
+"""Derivatives of a held object's equilibrium and the loaded robot with respect to parameters."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class GraspParameters(NamedTuple):
 
 class ContactRates(NamedTuple):
     """
-    Derivatives of k contacts by p parameters.
+    Derivatives of k contacts with respect to p parameters.
 
     :ivar feet: (k, p) derivatives of the positions along the members [m].
     :ivar normals: (k, p) rotations of the bent tubes' normals [rad].
@@ -76,7 +76,7 @@ class ContactRates(NamedTuple):
 
 class TubeRates(NamedTuple):
     """
-    Derivatives of the tubes of a robot by p parameters.
+    Derivatives of the tubes' displacements and forces with respect to p parameters.
 
     :ivar give: (k, p) displacements of the contact points, along + i across the members [m].
     :ivar slope: (k, p) rotations of the bent centre lines at the contacts [rad].
@@ -92,7 +92,7 @@ class TubeRates(NamedTuple):
 
 class LoadedTubes:
     """
-    Bent tubes of a robot with a held object, with derivatives by p parameter changes.
+    Bent tubes of a robot with a held object, and their derivatives for p parameter changes.
 
     :ivar moved: (N, p) velocities of the nodes of the configuration, x + iy [m].
     :ivar spins: (k, p) rotations of the contacts' members [rad].
@@ -139,7 +139,7 @@ class LoadedTubes:
 
     def at(self, grip: HeldGrip) -> LoadedTubes:
         """
-        Return the derivatives by the same changes in another state of the same configuration.
+        Return the derivatives for the same changes in another state of the same configuration.
 
         :param grip: equilibrium of the object in that state.
         """
@@ -228,9 +228,11 @@ class LoadedTubes:
 
     def joints(self, rates: TubeRates) -> Array:
         """
-        Return the derivatives (2j, p) of the joint positions (x0, y0, x1, y1, ...) [m].
+        Return the derivatives (2j, p) of the joint positions for the p parameter changes [m].
 
-        :param rates: derivatives of the tubes.
+        The rows are x0, y0, x1, y1, ...; each column belongs to one parameter change in `chosen`.
+
+        :param rates: derivatives of the tubes' displacements and forces for the same changes.
         """
         count = len(self._grip.config.robot.topology.joint_names)
         moved = self.moved[:count]

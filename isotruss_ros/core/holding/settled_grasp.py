@@ -150,7 +150,8 @@ class SettledGrasp(
         """
         Return the stiffness of the object with sticking contacts, (3, 3) [N/m, N, N m].
 
-        It is the wrench (fx, fy, m) by displacement (dx, dy, dtheta); zero without equilibrium.
+        It is the derivative of the wrench (fx, fy, m) with respect to the displacement (dx, dy,
+        dtheta). It is zero if there is no equilibrium.
         """
         response = None if self.equilibrium is None else self.equilibrium.response
         return np.zeros((3, 3)) if response is None else response.stiffness

@@ -89,7 +89,12 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
 
     @cached_property
     def matrix(self) -> Array:
-        """Return the dense square matrix of (12): tube, module, bisection and ground rows."""
+        """
+        Return the constraint Jacobian of equation (12) as a dense square matrix.
+
+        Its rows are the constraints of the tube lengths, of the modules, of the bisections, and of
+        the supports.
+        """
         matrix = self.robot.constraints.matrix_of(self.gradients)
         return matrix if isinstance(matrix, np.ndarray) else matrix.toarray()
 
@@ -118,7 +123,9 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
     @single_threaded
     def node_jacobian(self) -> Array:
         """
-        Return the Jacobian (2n, r) of node positions (x0, y0, ...) by roller travel, from (12).
+        Return the Jacobian (2n, r) of the nodes with respect to roller travel, from (12).
+
+        The rows are x0, y0, x1, y1, ...
 
         :raises ConfigurationError: the configuration is singular.
         """

@@ -113,7 +113,9 @@ class Constraints:
 
     def matrix(self, points: Points) -> Array | csc_matrix:
         """
-        Return the Jacobian of the residual by the node coordinates (x0, y0, x1, y1, ...).
+        Return the Jacobian of the residual with respect to the node coordinates.
+
+        The columns are x0, y0, x1, y1, ...
 
         :param points: (n,) nodes [m].
         :return: (5m + g, 2n) matrix, dense, or sparse for a large robot.
@@ -122,10 +124,10 @@ class Constraints:
 
     def gradients(self, points: Points) -> Points:
         """
-        Return the entries of the matrix; each is the gradient of a row by a node, x + iy.
+        Return the entries of the matrix; each is the gradient of a row for a node, x + iy.
 
         :param points: (n,) nodes [m].
-        :return: (13m,) entries: first those of the 4m lengths (see `Targets`) by the end nodes
+        :return: (13m,) entries: first those of the 4m lengths (see `Targets`) for the end nodes
             [-], then their negatives, for the start nodes, and last the 5m entries of the
             bisection rows [1/m].
         """
@@ -161,7 +163,7 @@ class Constraints:
 
     def second_derivative(self, points: Points, weights: Array, motions: Array) -> Array:
         """
-        Return the gradient of the scalar weights^T matrix motion by the node coordinates.
+        Return the gradient of weights^T matrix motion with respect to the node coordinates.
 
         The second derivatives are d2|v|[a, b] = (n . a) (n . b) / |v| with the unit normal n of v,
         and d2t[a, b] = -Im(a b / v^2) with the direction angle t of v.
@@ -169,7 +171,8 @@ class Constraints:
         :param points: (n,) nodes [m].
         :param weights: (5m + g, p) factors of the rows, one column for each scalar.
         :param motions: (2n, p) velocities of the nodes, one column for each scalar.
-        :return: (2n, p) derivatives by the node coordinates, one column for each scalar.
+        :return: (2n, p) derivatives with respect to the node coordinates, one column for each
+            scalar.
         """
         m = self._topology.n_modules
         stretched = (points[self._heads] - points[self._tails])[:, None]

@@ -64,7 +64,7 @@ def _middles(points: Points, nodes: Indices) -> Points:
 
 
 def _add(rows: Points, nodes: Indices, gradients: Points) -> None:
-    """Add to each row the gradients by the two nodes of a midpoint."""
+    """Add to each row the gradients for the two nodes of a midpoint."""
     row = np.arange(len(rows))
     for own in nodes:
         rows[row, own] += 0.5 * gradients
@@ -129,7 +129,7 @@ class CollisionModel:
 
     def gradients(self, config: Configuration, pairs: Indices) -> Array:
         """
-        Return the gradients of pairs' distances by the nodes.
+        Return the gradients of pairs' distances with respect to the nodes.
 
         :param config: configuration of the robot.
         :param pairs: (k,) indices of pairs.
@@ -187,7 +187,7 @@ class CollisionModel:
         self, config: Configuration, parts: Indices | slice, shares: Array, normals: Points
     ) -> Points:
         """
-        Return the gradients (by the nodes) of the distances between parts and fixed points.
+        Return the node gradients of the distances between parts and fixed points.
 
         :param config: configuration of the robot.
         :param parts: (k,) indices of parts.

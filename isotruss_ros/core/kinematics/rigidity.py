@@ -76,9 +76,9 @@ class RigidityIndex:
 
     def gradients(self, config: Configuration, modes: Modes) -> Array:
         """
-        Return the gradients of the scaled singular values by the nodes, u^T dM v / s_home.
+        Return the gradients of the scaled singular values with respect to the nodes.
 
-        s_home is the smallest singular value at home.
+        They are u^T dM v / s_home; s_home is the smallest singular value at home.
 
         :param config: configuration of the robot.
         :param modes: all or the first modes in this configuration.

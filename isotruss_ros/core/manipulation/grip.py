@@ -139,8 +139,8 @@ class MemberNodes(NamedTuple):
     lines: Indices  #: (k, 2) nodes B at the members' starts, and C at their ends
     driven: Indices  #: (d,) positions in `members` of those that start at a driven module
     rollers: Indices  #: (d,) indices of the rollers of these modules
-    #: (4 k,) flat indices of the nonzero entries of an array (3 k, n), three rows of gradients by
-    #: the nodes for each member; for `member_rows`
+    #: (4 k,) flat indices of the nonzero entries of an array (3 k, n), three rows of gradients
+    #: with respect to the nodes for each member; for `member_rows`
     entries: Indices
 
 

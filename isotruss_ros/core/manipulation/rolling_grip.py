@@ -207,7 +207,7 @@ class _Touch(NamedTuple):
     """Gaps and anchors of the k contacts of an object, which rolling keeps constant."""
 
     values: Array  #: (2, k) gaps and anchors, see `RollingGrip.kept` [m]
-    rows: Array  #: (2 k, 3) derivatives of gaps and anchors by the object's twist
+    rows: Array  #: (2 k, 3) derivatives of gaps and anchors with respect to the object's twist
 
 
 class _Lines(NamedTuple):

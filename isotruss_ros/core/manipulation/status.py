@@ -77,7 +77,7 @@ class RollerCommand(
     :ivar limiting: names of the rollers, members and parts whose limits bind.
     :ivar reachable_dof: number of independent motions of the object that the working rollers can
         produce, 0 to 3; 0 in a halt without valid inputs.
-    :ivar motion: (3, r) Jacobian of the twist by roller speeds; None in a halt.
+    :ivar motion: (3, r) Jacobian of the twist with respect to roller speeds; None in a halt.
     :ivar contact_rows: (g, r) contact constraints on the roller speeds; None in a halt.
     """
 

@@ -119,8 +119,8 @@ class Reach(NamedTuple):
     """
 
     working: WorkingRollers  #: the working rollers
-    #: (3, r) Jacobian of the twist by the speeds of all rollers; for joints, (k, r) Jacobian of
-    #: their velocities
+    #: (3, r) Jacobian of the twist with respect to the speeds of all rollers; for joints, (k, r)
+    #: Jacobian of their velocities
     motion: Array
     #: (k + g, w) rows of (20) on the speeds of the working rollers [-]: components of the twist
     #: along the directions, then the contact constraints that the rollers can violate

@@ -125,7 +125,7 @@ class ConvexObject:
 
     def smoothed(self, length: float) -> ConvexObject:
         """
-        Return the object with the smooth outline that its corners sample, see `Shape.smoothed`.
+        Return the object with the smooth outline that it approximates, see `Shape.smoothed`.
 
         :param length: length [m]; only shorter faces are taken for chords of a smooth outline.
         """

@@ -30,7 +30,7 @@ class Polygon(Shape):
     """
     Convex polygon with sharp corners, or with corners rounded by arcs tangent to both sides.
 
-    A polygon with many corners may sample a smooth outline, see `smoothed`.
+    A polygon with many corners may approximate a smooth outline, see `smoothed`.
 
     :ivar vertices: (x, y) of three or more vertices in the object's frame [m], in either sense,
         without repetition of the first. They are stored counter-clockwise.
@@ -256,10 +256,10 @@ class Polygon(Shape):
 
     def smoothed(self, length: float) -> Shape:
         """
-        Return the smooth curve that the corners sample, or the polygon if they sample none.
+        Return the smooth curve that the polygon approximates, or the polygon if there is none.
 
-        The corners sample a smooth curve if all corners turn by less than `MAX_SAMPLE_TURN`, all
-        faces are shorter than `length`, and a convex curve through the corners exists.
+        The polygon approximates a smooth curve if all corners turn by less than `MAX_SAMPLE_TURN`,
+        all faces are shorter than `length`, and a convex curve through the corners exists.
 
         :param length: length [m]; only shorter faces are taken for chords of a smooth curve.
         """

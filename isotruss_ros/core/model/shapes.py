@@ -220,9 +220,9 @@ class Shape(ABC):
 
     def smoothed(self, length: float) -> Shape:
         """
-        Return the smooth shape that this shape samples, or the shape if it samples none.
+        Return the smooth shape that this shape approximates, or this shape if there is none.
 
-        A polygon with many corners samples a smooth curve through them.
+        A polygon with many corners may approximate a smooth curve through these corners.
 
         :param length: length [m]; only shorter faces are taken for chords of a smooth curve.
         """

@@ -18,7 +18,7 @@ class PathClock:
     Path time from 0 to the path's duration, at a rate from 0 to 1.
 
     :ivar time: path time [s].
-    :ivar rate: derivative of path time by time [-].
+    :ivar rate: derivative of path time with respect to time [-].
     :ivar ramp_time: time from rest to rate 1, and back [s].
     :ivar waited: time since the last progress [s].
     :ivar period: period of the control loop [s]; may vary along the path.

@@ -128,7 +128,9 @@ class PathTracker:
 
     def allow_for_inertia(self, frequency: float) -> None:
         """
-        Lengthen the ramps of path time; deviations by inertia then stay within the tolerances.
+        Lengthen the acceleration and deceleration times, to limit deviations due to inertia.
+
+        These deviations then stay within the position and angle tolerances.
 
         :param frequency: lowest natural frequency of the held object [rad/s]; 0 if unknown.
         """

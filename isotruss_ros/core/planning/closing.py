@@ -57,7 +57,7 @@ class SearchState:
     config: Configuration  #: the configuration
     #: (3m,) gaps between the object and the members, modules and rods [m]; negative if indented
     gaps: Array
-    gaps_by_nodes: Array  #: (3m, 2n) derivatives of the gaps by the node coordinates [-]
+    gaps_by_nodes: Array  #: (3m, 2n) derivatives of the gaps with respect to node coordinates [-]
     modes: Modes  #: modes of the smallest singular values; the first is the rigidity index
     distances: Array  #: (p,) distances of the pairs of `CollisionModel` [m]
 

@@ -102,8 +102,8 @@ class ActiveValues(NamedTuple):
 
     indices: Indices  #: (k,) indices of the values
     values: Array  #: (k,) values
-    node_rows: Array  #: (k, 2n) derivatives by the node coordinates
-    #: (k, r) derivatives by roller travel that are added to those by the nodes; None: zero
+    node_rows: Array  #: (k, 2n) derivatives with respect to the node coordinates
+    #: (k, r) derivatives with respect to roller travel at fixed nodes; None: zero
     roller_rows: Array | None = None
 
 
@@ -164,11 +164,11 @@ class BarrierViolation(NamedTuple):
 
 class BarrierLimit:
     """
-    Values of one barrier near its bound in one configuration, as a limit on the rollers.
+    Limit on roller speeds by the values of one barrier near its bound in one configuration.
 
     :ivar barrier: the barrier.
     :ivar indices: (k,) indices of the values.
-    :ivar matrix: (k, r) derivatives by roller travel.
+    :ivar matrix: (k, r) derivatives with respect to roller travel.
     :param active: values near the bound, see `Barrier.active`.
     """
 
@@ -230,7 +230,7 @@ def _admissible_share(room: Array, slope: Array, change: Array) -> Array:
     value at the end.
 
     :param room: largest decrease, not negative.
-    :param slope: derivative of the margin by the share at the start.
+    :param slope: derivative of the margin with respect to the share, at the start.
     :param change: change of the margin by the whole motion.
     """
     root = np.sqrt(np.maximum(slope**2 - 4.0 * (change - slope) * room, 0.0))

@@ -105,8 +105,8 @@ def grip_gradients(config: Configuration, grip: Grip, parts: Indices) -> tuple[A
     :param config: configuration of the robot.
     :param grip: the grip, with rolling contacts.
     :param parts: (k,) indices of parts.
-    :return: (k, 2n) gradients by the nodes, due to the motion of the parts, and (k, r) gradients
-        by roller travel, due to the motion of the object [-].
+    :return: (k, 2n) gradients with respect to the nodes, due to the motion of the parts, and (k,
+        r) gradients with respect to roller travel, due to the motion of the object [-].
     :raises GraspError: see `find_contacts`.
     :raises ConfigurationError: the configuration is singular.
     """

@@ -102,7 +102,7 @@ class ShapeGuard:
 
     def watch(self, config: Configuration, grip: Grip | None) -> Watch:
         """
-        Return the barrier values near their bounds in one configuration, as limits on a command.
+        Return limits on a command, one for each barrier with values near its bound.
 
         :param config: predicted configuration at the midpoint of a command's sample.
         :param grip: grip at that time; None without an object.
@@ -128,7 +128,7 @@ class ShapeGuard:
 
 class Watch:
     """
-    Barrier values near their bounds in one configuration, as limits on a command.
+    Limits on a command, one for each barrier with values near its bound in one configuration.
 
     :ivar limits: limits for `solve_twist`.
     :param config: predicted configuration at the midpoint of the command's sample.

@@ -4,7 +4,8 @@
 """
 Limits on the rate at which commands use slip margin and utilisation.
 
-The gradients by roller travel are identified online from past travel (least mean squares).
+The gradients with respect to roller travel are identified online from past travel (least mean
+squares).
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ class UsageLimits:
     """
 
     def __init__(self, grasp: HeldGrip) -> None:
-        #: Gradients of utilisation and slip margin by roller travel, by least mean squares.
+        #: Gradients of utilisation and slip margin with respect to roller travel.
         self._rates = np.zeros((2, len(grasp.config.roller_positions)))
         self._take(grasp)
 

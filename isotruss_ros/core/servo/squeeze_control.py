@@ -94,7 +94,11 @@ class SqueezeControl:
         return None if self.belief is None else self.belief.grasp
 
     def lose(self) -> None:
-        """Handle the loss of the object: latch a fault and reset."""
+        """
+        Discard the estimated grip after a loss of the object, and latch a fault if it was held.
+
+        The desired pose is discarded too. The fault remains until `acknowledge`.
+        """
         had = self.belief is not None or self._lost is not None
         if had and self.fault is None:
             self._fail(GripFault.NOT_HELD, 'the object is not between the members')
@@ -138,7 +142,11 @@ class SqueezeControl:
 
     @property
     def squeeze(self) -> tuple[float, float] | None:
-        """Return the mean normal force and its standard deviation [N]; None before `follow`."""
+        """
+        Return the estimated mean normal force of the members, and its standard deviation [N].
+
+        The result is None before `follow`.
+        """
         belief = self.belief
         return None if belief is None else (belief.squeeze, belief.squeeze_deviation)
 

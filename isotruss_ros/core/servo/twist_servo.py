@@ -141,7 +141,8 @@ class TwistServo:
         Replace some inputs.
 
         :param inputs: values by the names of fields of `ServoInputs`.
-        :raises GraspError: the robot has no such failed roller; then nothing changes.
+        :raises GraspError: a roller named as failed does not exist in the robot; then no input is
+            replaced.
         """
         if 'failed' in inputs:
             inputs['failed'] = frozenset(inputs['failed'])

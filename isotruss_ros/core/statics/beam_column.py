@@ -33,11 +33,13 @@ CHORD = np.array(
 
 class EndForces(NamedTuple):
     """
-    Forces of k bent members, and their derivatives by chord length l and end rotations t1, t2.
+    Forces of k bent members, and their derivatives with respect to (l, t1, t2).
+
+    These are the chord length l and the end rotations t1 and t2 relative to the chord.
 
     :ivar pull: (k,) axial forces N [N].
     :ivar moments: (k, 2) moments at start and end [N m].
-    :ivar stiffness: (k, 3, 3) derivatives of (N, M1, M2) by (l, t1, t2).
+    :ivar stiffness: (k, 3, 3) derivatives of (N, M1, M2) with respect to (l, t1, t2).
     :ivar stressed: (k,) N and (k,) M1 + M2 for the geometric stiffness. They are the values before
         the step of Newton's method that makes the energy stationary in N.
     :ivar gap: (k,) missing elongations before this step, which the forces include [m].
@@ -56,8 +58,8 @@ class BeamColumns:
 
     :ivar length: (k,) rest lengths l0 [m].
     :ivar stretch: (k,) axial compliance l0 / EA [m/N].
-    :ivar rotary: (3, 3, k) rotational stiffnesses: derivatives of M1 by t1, M1 by t2 and M2 by t2;
-        each is a polynomial of degree 2 in N.
+    :ivar rotary: (3, 3, k) rotational stiffnesses dM1/dt1, dM1/dt2 and dM2/dt2; each is a
+        polynomial of degree 2 in N.
     :param length: (k,) rest lengths l0 [m].
     :param axial: (k,) EA [N].
     :param flexural: (k,) EI [N m^2]; zero for a bar.

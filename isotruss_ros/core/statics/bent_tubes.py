@@ -6,7 +6,8 @@ Compliance of the tubes at k load points, where the frame is cut, linearised abo
 
 The place of a load point is its distance from its member's start. If the load point moves along
 the member, the part of the tube before it becomes longer and the part behind it shorter. So the
-responses are affine in loads and places.
+responses, which are the displacements and inclinations at the load points, are affine in loads and
+places.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ import numpy as np
 FOLLOWED_MOTION = 1e-4
 #: Weight of a load point's motion relative to a node's motion in `BentTubes.distance` [-].
 PLACE_SHARE = 0.2
-#: Smallest distance of a cut from other cuts and from the ends of its piece of tube [m].
+#: Minimum length of the parts into which the load points cut the members [m].
 SHORTEST_PART = 1e-3
 
 
@@ -75,13 +76,13 @@ class BentTubes:
     inclination of the bent centre line [rad]. At a force the line has a kink; its inclination is
     the mean of both sides.
 
-    :ivar structure: frame of the robot.
+    :ivar structure: structural model of the robot.
     :ivar members: (k,) index of the member of each load point in `Robot.member_names`.
     :ivar places: (k,) distances of the load points from the members' starts [m].
-    :ivar stiffness: stiffness of the structure relative to its model [-].
+    :ivar stiffness: factor on the modelled stiffness [-].
     :ivar linear: whether the structure is linear about straight tubes, as in the paper.
     :ivar before: state about which the tubes are linearised; None: the state without loads.
-    :ivar shortest: smallest distance of a cut from the ends of its piece of tube [m].
+    :ivar shortest: minimum length of the parts into which the load points cut the members [m].
     """
 
     structure: Structure
@@ -204,7 +205,7 @@ class BentTubes:
 
     @cached_property
     def _changes(self) -> tuple[Array, Array]:
-        """Return motions (n, 3, p) of nodes, and multipliers, by loads, places and residual."""
+        """Return changes (n, 3, p) of nodes, and multipliers, for loads, places and residual."""
         tangent, count = self.tangent, len(self.members)
         units = self._spread(np.eye(3 * count).reshape(count, 3, -1))
         known = np.zeros((count, 3)) if self.before is None else self.before.loads
@@ -223,7 +224,11 @@ class BentTubes:
 
     @cached_property
     def _place_rates(self) -> tuple[Array, Array, Array]:
-        """Return derivatives of loads (3 n, k), inclinations (k, k), forces (2 k, 3) by places."""
+        """
+        Return the derivatives of loads, inclinations and forces with respect to `places`.
+
+        :return: derivatives of loads (3 n, k), inclinations (k, k) and forces (2 k, 3).
+        """
         frame, tangent, count = self.frame, self.tangent, len(self.members)
         carried, inclined = np.zeros((len(frame.points) * 3, count)), np.zeros((count, count))
         if self.before is None:
@@ -258,7 +263,7 @@ class BentTubes:
 
     @cached_property
     def _rows(self) -> tuple[Array, Array]:
-        """Return the responses (k, 3) in this state, and their changes (k, 3, p) by `_changes`."""
+        """Return the responses (k, 3) in this state, and their derivatives (k, 3, p)."""
         frame, tangent, back = self.frame, self.tangent, self.axis.conj()
         moved, _ = self._changes
         own = tangent.displacements[frame.nodes]
@@ -280,7 +285,11 @@ class BentTubes:
 
     @cached_property
     def rates(self) -> Array:
-        """Return the derivatives of the responses by the places, (k, 3, k) [1/m]."""
+        """
+        Return the derivatives of the responses with respect to `places`, (k, 3, k) [1/m].
+
+        The responses are the displacements and inclinations at the load points.
+        """
         count = len(self.members)
         found = self._rows[1][..., self._moving].copy()
         own = np.arange(count)
@@ -354,11 +363,11 @@ class BentTubes:
 
     def update(self, loads: Array, places: Array, structure: Structure | None = None) -> BentTubes:
         """
-        Return the tubes linearised about the predicted state.
+        Return the tubes linearised about the state that this linearisation predicts under loads.
 
         :param loads: (k, 3) loads at the load points.
         :param places: (k,) distances of the load points from the members' starts [m].
-        :param structure: new frame of the robot; None: unchanged.
+        :param structure: new structural model of the robot; None: unchanged.
         """
         return BentTubes(
             structure or self.structure,

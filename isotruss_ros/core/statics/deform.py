@@ -37,7 +37,7 @@ class Deformation(Record, headline=('reactions', 'displacements')):
     """
     Response of the robot to loads.
 
-    :ivar structure: frame of the robot.
+    :ivar structure: structural model of the robot.
     :ivar frame: frame of the structure with cuts at the loads on tubes.
     :ivar loads: (n, 3) loads fx, fy [N], m [N m] on the frame's nodes.
     :ivar state: displacements, reactions and member forces of the frame.

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Derivatives of the robot's frame by roller travel and pressures.
+Derivatives of the robot's structural model with respect to roller travel and pressures.
 
 Only rest lengths and sections of the tubes depend on these parameters; displaced nodes, bisections
 (3) and supports are constant.
@@ -19,7 +19,7 @@ import numpy as np
 
 def section_rates(tubes: BentTubes, moved: Points, inflated: Array) -> Array:
     """
-    Return the changes (4, c, p) of the sections of the cut frame's members, by p parameters.
+    Return the changes (4, c, p) of the sections of the cut frame's members, for p parameters.
 
     A section is rest length [m], EA [N], EI [N m^2] and GA [N]. Sections of modules are constant.
     The positions of the cuts along the members are constant.

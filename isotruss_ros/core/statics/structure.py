@@ -28,7 +28,7 @@ import numpy as np
 
 class Structure:
     """
-    The frame of a robot in one configuration.
+    Structural model of a robot in one configuration: a frame of members and nodes.
 
     Nodes are first the joints, then B, C, D, E of each module. Members are grouped by kind, with m
     members of each kind for m modules: sides AB, AC and BC, tube pieces BD and CE, and long tube
@@ -190,7 +190,7 @@ def frame_layout(robot: Mechanism) -> FrameLayout:
 
 def structure_of(config: Configuration, pressure: Pressure | None = None) -> Structure:
     """
-    Return the frame of a robot in one configuration, from a cache of the last few.
+    Return the structural model of a robot in one configuration, from a cache.
 
     :param config: configuration of the robot.
     :param pressure: gauge pressure [Pa], see `tube_pressures`; None: the pressure of the robot

@@ -35,9 +35,9 @@ class CondensedChains(NamedTuple):
     Cut members whose inner points are eliminated by static condensation.
 
     :ivar chains: the cut members.
-    :ivar inverse: (b, 3 p, 3 p) displacements of the inner points by loads on them, while the
-        member ends are fixed.
-    :ivar spread: (b, 3 p, 6) displacements of the inner points by displacements of the ends.
+    :ivar inverse: (b, 3 p, 3 p) displacements of the inner points due to unit loads on them, while
+        the member ends are fixed.
+    :ivar spread: (b, 3 p, 6) displacements of the inner points for unit displacements of the ends.
     :ivar stiffness: (b, 3 p, 3 p) stiffness of the inner points with fixed member ends.
     """
 
@@ -71,7 +71,7 @@ class Tangent:
     :ivar axis: (k,) unit vectors of the chords, x + iy.
     :ivar length: (k,) lengths of the chords [m].
     :ivar forces: forces of the members.
-    :ivar motions: (k, 4, 6) stretch, sway and end rotations by displacements of the ends.
+    :ivar motions: (k, 4, 6) stretch, sway and end rotations for unit displacements of the ends.
     :ivar stretched: (k,) elongations [m], and (k, 2) end rotations relative to chords [rad].
     :ivar gaps: (c,) violations of the constraints.
     :ivar stiffness: (k, 4, 4) stiffness of the members by stretch, sway and end rotations.
@@ -273,7 +273,9 @@ class Tangent:
         shear_rates: Array | float,
     ) -> Array:
         """
-        Return the changes (p, c) of `slopes` by (N, M1, M2) and GA while the nodes are fixed.
+        Return the changes (p, c) of `slopes` caused by given changes of (N, M1, M2) and GA.
+
+        The nodes are fixed. Each of the c columns is one set of changes.
 
         :param parts: (p,) indices of the members.
         :param end: (p,) 1 for a member's start, 2 for its end.
@@ -287,7 +289,7 @@ class Tangent:
 
     def force_changes(self, moved: Array) -> tuple[Array, Array]:
         """
-        Return the changes of (N, M1, M2) (k, 3, c) and chord lengths (k, c) by node motion.
+        Return the changes of (N, M1, M2) (k, 3, c) and chord lengths (k, c) due to node motion.
 
         :param moved: (n, 3, c) displacements of all nodes.
         """
@@ -372,10 +374,10 @@ def _condense(matrices: Array, chains: Chains) -> CondensedChains:
 
 def chord_motions(direction: Points) -> Array:
     """
-    Return stretch and sway of chords and rotations of their ends, by displacements of the ends.
+    Return stretch, sway and end rotations of chords for unit displacements of their ends.
 
     :param direction: (k,) unit vectors of the chords, x + iy.
-    :return: (k, 4, 6) derivatives by (ux, uy, theta) at start and end.
+    :return: (k, 4, 6) derivatives with respect to (ux, uy, theta) at start and end.
     """
     x, y = direction.real, direction.imag
     values = np.zeros((7, len(direction)))

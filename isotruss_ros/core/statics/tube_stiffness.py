@@ -198,7 +198,7 @@ class TubeSections:
 
         :param length: (k,) lengths, pinch point to pinch point [m].
         :param pressure: (k,) gauge pressures [Pa].
-        :return: derivatives by length, and by gauge pressure, (3, k) each.
+        :return: derivatives with respect to length, and to gauge pressure, (3, k) each.
         """
         shares = (
             DIFFERENCE_STEP * np.array([[1.0, -1.0, 0.0, 0.0], [0.0, 0.0, 1.0, -1.0]])[:, :, None]

@@ -51,7 +51,7 @@ def find_utilisation(
 
     Between loads the moment of a compressed piece is a sine, so its maximum may be inside.
 
-    :param structure: frame of the robot.
+    :param structure: structural model of the robot.
     :param frame: the frame with cuts at the loads on tubes.
     :param end_forces: (k, 6) forces on the frame's members, see `FrameState.end_forces`.
     :param pulls: (k,) axial forces on the frame's members, see `FrameState.bowing` [N].
@@ -99,7 +99,7 @@ def tube_pieces(structure: Structure, frame: Frame) -> tuple[Indices, Indices]:
     """
     Return the indices of the tube parts in a cut frame, and the robot's member of each part.
 
-    :param structure: frame of the robot.
+    :param structure: structural model of the robot.
     :param frame: the frame with cuts at the loads on tubes.
     """
     first = structure.pieces[0, 0]
