@@ -47,8 +47,8 @@ LENGTH_SPREAD = 0.02
 MAX_STEPS = 3
 EVERYWHERE = np.array([-np.inf, np.inf])
 #: Bound of the next motion in the iteration for the bent tubes, relative to the displacements of
-#: the skin [-]. The forces then depend on the initial guess by 3e-6 at most, since gaps of contacts
-#: are closed to `ROUNDING`.
+#: the skin [-]. The forces then depend on the initial guess by 3e-6 at most, since the gaps of
+#: contacts are closed to `ROUNDING`.
 SETTLED_SHARE = 5e-8
 #: Shares of the bending by the contact forces, tried one after another [-].
 BENT_SHARES = (1.0, 0.5, 0.2, 0.0)
