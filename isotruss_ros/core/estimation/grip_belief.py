@@ -380,13 +380,13 @@ class GripBelief:
         return self._condition(rates, np.diag(self.noise.variances))
 
     def _shift_deviations(self) -> Array:
-        """Return the standard deviations (m,) of shifts: 0.4 of a shift that causes slip [m]."""
+        """Return the standard deviations (m,) of shifts: twice a shift that causes slip [m]."""
         grasp, most = self.grasp, self._friction * self.grasp.squeeze
         members = np.eye(len(grasp.members))[grasp.contacts.owners]
         presses, rubs = (members.T @ f for f in np.split(grasp.state.forces, 2))
         left = np.maximum(self._friction * presses - np.abs(rubs), 0.1 * most)
         rates = np.diag(members.T @ self._anchored[grasp.state.places.friction] @ members)
-        return np.minimum(0.4 * left / np.maximum(np.abs(rates), left / ANY), ANY)
+        return np.minimum(2.0 * left / np.maximum(np.abs(rates), left / ANY), ANY)
 
     def _hold(self, grasp: HeldGrip) -> HoldStatus:
         """Return the hold status of an equilibrium; `UNSTABLE` if it has no response to loads."""
