@@ -106,7 +106,7 @@ def _press_in(search: _Search, refused: IsotrussError, step: float) -> SolvedCon
         thinner = replace(flattening, radius=flattening.radius - (1.0 - reached - step) * depth)
         pressed = replace(search, flattening=thinner, steady=True)
         try:
-            before = pressed.refine(before, follow=True)
+            before = pressed.refine(before)
         except (SolverError, StructureError):
             step *= 0.5
             continue
@@ -164,16 +164,17 @@ class _Search:
     flattening: Flattening
     solver: ContactSolver
     budget: int | None
-    #: Whether the first motion that grows ends the iteration for the bent tubes.
+    #: Whether the search only follows the previous contact, and the first motion that grows ends
+    #: the iteration for the bent tubes.
     steady: bool = False
 
-    def refine(self, previous: SolvedContact | None, follow: bool = False) -> SolvedContact:
+    def refine(self, previous: SolvedContact | None) -> SolvedContact:
         """Find the contact regions, refine the points in them, and bend the tubes."""
         found, settled, clear = previous, False, True
         if found is not None:
             found, settled = self.solve(found, limited=True)
             clear = self.budget is not None or _is_division_clear(found.spans, self.spacing)
-        if found is None or not (follow or (settled and clear)):
+        if found is None or not (self.steady or (settled and clear)):
             found, settled = self.find(SEARCH * self.spacing, None, estimate_contact), False
             if not _touched(found.spans).any():
                 return self.solve_everywhere()

@@ -219,10 +219,7 @@ class HeldGrip:
         :return: (c,) values [N], (c, 3) derivatives, and (c,) norms of the derivatives for
             wrenches about the centroid.
         """
-        rows = self.slip_rows(friction)[0]
-        slope = rows @ self.response.forces
-        # Of any friction, squares may overflow.
-        return rows @ self.state.forces, slope, np.hypot.reduce(slope @ self.about_middle, axis=1)
+        return self._reserves(self.slip_rows(friction)[0])
 
     def slip_rows(self, friction: float) -> tuple[Array, Array]:
         """
@@ -246,17 +243,19 @@ class HeldGrip:
         for end, opening in zip(response.ends.tolist(), response.opening, strict=True):
             opens = np.eye(1, rows.shape[1], end)
             without = rows + np.outer(rows @ opening, opens)
-            farther = self._distances(without) > self._distances(opens)
+            (left, _, size), (gap, _, span) = self._reserves(without), self._reserves(opens)
+            farther = left / size > gap / span
             found.append(np.where(farther[:, None], without, opens))
             more = presses + np.outer(presses @ opening, opens)
             rates.append(np.where(farther[:, None], more, 0.0))
         self._slip_rows[friction] = np.concatenate(found), np.concatenate(rates)
         return self._slip_rows[friction]
 
-    def _distances(self, rows: Array) -> Array:
-        """Return the distances (c,) in wrench space of planes, given as rows (c, 2k) on forces."""
-        size = np.hypot.reduce(rows @ self.response.forces @ self.about_middle, axis=1)
-        return rows @ self.state.forces / size
+    def _reserves(self, rows: Array) -> tuple[Array, Array, Array]:
+        """Return values, derivatives and norms, as `slip_reserves`, of rows (c, 2k) of forces."""
+        slope = rows @ self.response.forces
+        # Of any friction, squares may overflow.
+        return rows @ self.state.forces, slope, np.hypot.reduce(slope @ self.about_middle, axis=1)
 
     @functools.cached_property
     def _slip_rows(self) -> dict[float, tuple[Array, Array]]:

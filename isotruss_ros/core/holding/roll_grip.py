@@ -186,7 +186,7 @@ def _lay_down(grip: HeldGrip, changes: Iterator[int]) -> HeldGrip:
     The far end of a short face replaces the near end, after rolling over the face; several short
     faces may follow each other.
     """
-    corners, done = grip.contacts.corners, NOTHING
+    corners, done = grip.contacts.corners, set[int]()
     own = grip.state.normals * np.exp(-1j * grip.state.unknowns[2])
     for k, face in open_faces(grip.statics):
         short = is_short(grip.statics, face)
@@ -195,7 +195,7 @@ def _lay_down(grip: HeldGrip, changes: Iterator[int]) -> HeldGrip:
             rolled if short else far_end_depth(grip.statics, grip.state, k, face) > 0.0
         ):
             continue
-        done = np.append(done, k)
+        done.add(k)
         laid = None if next(changes, None) is None else _lay(grip, k, face)
         # In a longer motion the object rolls over the face, and this end lifts again.
         laid = None if laid is None else _lift_ends(laid, changes)

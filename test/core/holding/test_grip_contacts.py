@@ -30,7 +30,7 @@ def grip_of(normal, friction, owners, response):
     grip = SimpleNamespace(
         state=state, contacts=contacts, response=response, _slip_rows={}, about_middle=np.eye(3)
     )
-    for name in ('slip_reserves', 'slip_rows', '_distances'):
+    for name in ('slip_reserves', 'slip_rows', '_reserves'):
         setattr(grip, name, partial(getattr(HeldGrip, name), grip))
     return grip
 
