@@ -44,9 +44,9 @@ class Topic(NamedTuple):
     #: previous value remains valid
     stops: bool = False
     timeout: str = 'command_timeout'  #: parameter with the largest age
-    #: function that merges a message, which has a part of the input, with earlier messages; it
-    #: returns None as long as parts are missing
-    merge: Callable[[Received], Received | None] | None = None
+    #: function that merges a message, which has a part of the input, with earlier messages at the
+    #: current time [s]; it returns None as long as parts are missing
+    merge: Callable[[Received, float], Received | None] | None = None
 
 
 class Gate:
@@ -62,7 +62,7 @@ class Gate:
         header is stamped at reception.
     :param topic: the topic.
     :param take: callback that receives a `StampedInput`, whose time is not in the future, or a
-        `RejectedInput`.
+        `RejectedInput`, and the current time [s].
     :param oldest: largest age [s]; None: the parameter of the topic.
     :param every: whether all messages are processed, not only the newest.
     """
@@ -71,7 +71,7 @@ class Gate:
         self,
         node: StoppableNode,
         topic: Topic,
-        take: Callable[[Received], None],
+        take: Callable[[Received, float], None],
         oldest: float | None,
         every: bool,
     ) -> None:
@@ -97,24 +97,26 @@ class Gate:
 
     def settle(self) -> None:
         """Check the queued messages again."""
+        now = self._node.now()
         for _ in range(len(self.waiting)):
             message, why = self.waiting.popleft()
             try:
-                self._pass_on(message)
+                self._pass_on(message, now)
             except NoTransformError as error:
                 self.waiting.append((message, str(error)))
             except MessageError as error:
-                self._take(RejectedInput(str(error)))
+                self._take(RejectedInput(str(error)), now)
             except InputError as error:
-                self._take(RejectedInput(why) if why else RejectedInput(str(error), error.fault))
+                rejected = RejectedInput(why) if why else RejectedInput(str(error), error.fault)
+                self._take(rejected, now)
 
-    def _pass_on(self, message: Any) -> None:
+    def _pass_on(self, message: Any, now: float) -> None:
         """Pass the value of a valid message on."""
-        time = now = self._node.now()
+        time = now
         if hasattr(message, 'header'):
             setting, stamp = self._setting, read_stamp(message.header)
             oldest = self._oldest or getattr(self._node.values, setting)
             time = check_stamp(self._name, stamp, now, oldest, setting, self._skew)
         value = self._read(message)
         if value is not None:
-            self._take(StampedInput(value, time))
+            self._take(StampedInput(value, time), now)

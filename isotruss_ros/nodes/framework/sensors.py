@@ -117,14 +117,14 @@ class Inputs:
         :param oldest: largest age of this input [s]; None: the largest age of all inputs.
         """
 
-        def receive(given: Received) -> None:
-            received = given if topic.merge is None else topic.merge(given)
+        def receive(given: Received, now: float) -> None:
+            received = given if topic.merge is None else topic.merge(given, now)
             if received is None:
                 return
             valid = isinstance(received, StampedInput)
             erased = topic.stops and not valid and received.fault is InputFault.INVALID
             kept = None if erased else self._latest(name)
-            self._store(name, keep_latest(kept, received, self._node.now()))
+            self._store(name, keep_latest(kept, received, now))
             if valid and take is not None:
                 take(received)  # type: ignore[arg-type]
 
@@ -161,10 +161,10 @@ class Inputs:
         }
         return topics[name]
 
-    def _merge(self, received: Received) -> Received:
+    def _merge(self, received: Received, now: float) -> Received:
         """Merge messages of single rollers to a state of all, and add the estimated offsets."""
         if isinstance(received, StampedInput):
-            self._parts.take(received.value, received.time, self._node.now())
+            self._parts.take(received.value, received.time, now)
             received = self._parts.merged()
         estimate = self._latest('estimate') if 'estimate' in self._gates else None
         if isinstance(estimate, StampedInput):
@@ -175,9 +175,8 @@ class Inputs:
             received = received._replace(value=state)
         return received
 
-    def _merge_pressures(self, received: Received) -> Received | None:
+    def _merge_pressures(self, received: Received, now: float) -> Received | None:
         """Add the pressure of one tube to the pressures of all tubes."""
-        now = self._node.now()
         if isinstance(received, RejectedInput):
             self._bad_pressure = received, now
             return received
