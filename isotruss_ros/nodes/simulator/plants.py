@@ -100,9 +100,10 @@ class StaticPlant(SimulatedRobot):
             self.elastic.external_wrench = np.asarray(wrench)
 
 
-def make_plant(
-    robot: Robot, body: ConvexObject, values: Parameters, in_real_time: bool
-) -> StaticPlant | DrivenRobot:
+Plant = StaticPlant | DrivenRobot
+
+
+def make_plant(robot: Robot, body: ConvexObject, values: Parameters, in_real_time: bool) -> Plant:
     """
     Return the plant that the parameters of the node specify.
 

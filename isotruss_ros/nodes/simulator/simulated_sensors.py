@@ -12,13 +12,12 @@ import math
 from geometry_msgs.msg import PoseStamped
 from isotruss_ros.core import Pose, Robot
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.mujoco_plant.driven_robot import DrivenRobot
 from isotruss_ros.nodes.conversions.marker_messages import to_joint_markers
 from isotruss_ros.nodes.conversions.messages import make_header, to_pose_message
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import FixedSpec, ParameterError, Parameters, Spec
 from isotruss_ros.nodes.framework.topics import RELIABLE
-from isotruss_ros.nodes.simulator.plants import StaticPlant
+from isotruss_ros.nodes.simulator.plants import Plant
 import numpy as np
 from numpy.typing import ArrayLike
 from sensor_msgs.msg import JointState, MultiDOFJointState
@@ -133,7 +132,7 @@ class SimulatedSensors:
         self._object_pose = make(PoseStamped, 'object_pose', RELIABLE)
         self._joint_markers = make(MultiDOFJointState, 'joint_markers', RELIABLE)
 
-    def publish(self, now: float, plant: StaticPlant | DrivenRobot) -> None:
+    def publish(self, now: float, plant: Plant) -> None:
         """
         Publish the measurements that have arrived.
 
@@ -163,19 +162,15 @@ class SimulatedSensors:
             self._object_pose.publish(PoseStamped(header=header, pose=message))
         if not self._marked:
             return
-
-        def read() -> Array:
-            return self._marker_places(plant.joints)
-
-        for time, measured in self._markers.measure(now, read, *tracker, values.tracker_noise):
+        places = [self._robot.topology.joint_names.index(name) for name in self._marked]
+        noise = values.tracker_noise
+        for time, measured in self._markers.measure(
+            now, lambda: plant.joints[places], *tracker, noise
+        ):
             seen = np.flatnonzero(np.isfinite(measured[:, 0]))
             markers = to_joint_markers({self._marked[i]: measured[i] for i in seen})
             markers.header = make_header(time, self._robot.frame)
             self._joint_markers.publish(markers)
-
-    def _marker_places(self, joints: Array) -> Array:
-        """Return the positions (k, 2) of the joints with markers [m]."""
-        return joints[[self._robot.topology.joint_names.index(name) for name in self._marked]]
 
 
 def _find_marked(robot: Robot, values: Parameters) -> tuple[str, ...]:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from geometry_msgs.msg import PoseStamped, WrenchStamped
 from isotruss_ros.core import Robot
-from isotruss_ros.mujoco_plant.driven_robot import DrivenRobot
 from isotruss_ros.nodes.conversions.grasp_messages import to_contact_wrench
 from isotruss_ros.nodes.conversions.marker_messages import to_joint_markers
 from isotruss_ros.nodes.conversions.messages import make_header, to_pose_message
@@ -15,7 +14,7 @@ from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import FixedSpec, ParameterError
 from isotruss_ros.nodes.framework.topics import EVENTS, RELIABLE
-from isotruss_ros.nodes.simulator.plants import StaticPlant
+from isotruss_ros.nodes.simulator.plants import Plant
 from rclpy.time import Time
 from rosgraph_msgs.msg import Clock as ClockMessage
 from sensor_msgs.msg import MultiDOFJointState
@@ -38,7 +37,7 @@ class SimulatedTruth:
         self._joints = make(MultiDOFJointState, 'truth/joint_markers', RELIABLE)
         self._forces = make(WrenchStamped, 'truth/contact_forces', EVENTS)
 
-    def publish(self, now: float, plant: StaticPlant | DrivenRobot) -> None:
+    def publish(self, now: float, plant: Plant) -> None:
         """
         Publish the true states on those topics that have subscribers.
 
