@@ -5,6 +5,7 @@
 ROS nodes, the interface between messages and `isotruss_ros.core`.
 
 Entry points: a module or a package for each node, run by `isotruss_ros.executables`.
+In all modules `now` is the time of the node's clock [s].
 Imports `core` and the packages that precede `nodes` in test/style/test_architecture.py.
 """
 

@@ -151,11 +151,7 @@ def read_pose(what: str, message: PoseMessage) -> Pose:
 
 
 def to_pose_message(pose: Pose) -> PoseMessage:
-    """
-    Return the message of a planar pose.
-
-    :param pose: (x, y, angle) [m, rad].
-    """
+    """Return the message of a planar pose."""
     message = PoseMessage()
     message.position.x, message.position.y = pose.x, pose.y
     message.orientation.z = math.sin(0.5 * pose.angle)

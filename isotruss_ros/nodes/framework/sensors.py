@@ -55,7 +55,6 @@ class Inputs:
     - `pressures`: gauge pressures (t,) [Pa] from `tube_pressures`, once a message of each tube has
       arrived; the stamp is the oldest stamp of these messages.
 
-    :param robot: robot with the rollers, tubes and frame of the messages.
     :param holder: object whose attributes are the inputs; None: the inputs themselves.
     :param oldest: largest age of an input [s]; None: the parameters of the node.
     """
@@ -252,7 +251,6 @@ class TrackedShape:
         """
         Return the configuration at the latest joint states.
 
-        :param now: time on the clock of the inputs [s].
         :raises InputError: the joint states are missing, stale or invalid.
         :raises ConfigurationError: no configuration exists at these roller positions.
         """

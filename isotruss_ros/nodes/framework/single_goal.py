@@ -48,7 +48,6 @@ class SingleGoal:
     :ivar kind: type of the action.
     :ivar client: watch for the loss of the client that supervises the goal; None if goals are not
         supervised.
-    :param node: node that offers the action until it is destroyed.
     :param kind: type of the action.
     :param name: relative name of the action.
     :param read: function that converts a goal to a request before the goal is accepted. It raises

@@ -29,11 +29,7 @@ START_TIMEOUT = 1.0
 
 
 class ClientWatch:
-    """
-    Watch for the loss of the client that supervises a goal, by the time of its last heartbeat.
-
-    :param node: node that subscribes until it is destroyed.
-    """
+    """Watch for the loss of a goal's supervising client, by the time of its last heartbeat."""
 
     def __init__(self, node: LifecycleNode) -> None:
         self.goal: bytes | None = None

@@ -78,7 +78,6 @@ class ActionStep:
     requested repeatedly, because a restarted server rejects the unknown goal. A server that sends
     no feedback for some time counts as ended or hanging.
 
-    :param node: node that has the client until it is destroyed.
     :param kind: type of the action.
     :param name: relative name of the action.
     :param beat: function that publishes the client's heartbeat for a goal; it is called in each
@@ -211,7 +210,6 @@ def set_parameters(client: Client, values: dict[str, float | str]) -> Steps:
     """
     Set parameters of another node, as a step of a sequence.
 
-    :param client: client of the node's service `set_parameters`.
     :param values: values by name.
     :raises StepError: the node does not exist, or refuses a value.
     """

@@ -73,11 +73,7 @@ PICK, PLACE, MOVE = PickObject.Feedback, PlaceObject.Feedback, MoveObject.Feedba
 
 
 class GraspSequences(TrackedShape):
-    """
-    Sequences of actions of `grasp_planner`, `manipulation` and `path_follower`.
-
-    :param node: node that has the clients until it is destroyed.
-    """
+    """Sequences of actions of `grasp_planner`, `manipulation` and `path_follower`."""
 
     #: StampedInput of the `GripRecord` of the control loop that holds the object
     held_grip: Input = None
