@@ -58,7 +58,7 @@ class GraspPlanner(ManagedNode):
         self._searcher = Searcher(self.values.workers)
         self._shape = TrackedShape(self.robot, self.values.command_timeout)
         self.inputs = Inputs(self, self.robot, self._shape)
-        self.inputs.keep_joint_states()
+        self.inputs.keep('rollers', 'estimate')
         # Exists while the node is inactive as well, so that a goal that ends then gets its result.
         self._goal = SingleGoal(
             self,

@@ -23,6 +23,7 @@ from isotruss_ros.nodes.conversions.path_messages import read_object_path
 from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.commands import create_twist_publisher
 from isotruss_ros.nodes.framework.cycle import Cycle
+from isotruss_ros.nodes.framework.gate import Topic
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import Parameters, Spec
 from isotruss_ros.nodes.framework.sensors import Inputs
@@ -87,12 +88,9 @@ class PathFollower(ManagedNode):
             self, values.use_stamped_twist, self.robot.frame
         )
         self.inputs = Inputs(self, self.robot, self._servo)
-        self.inputs.keep_object_pose()
-        self.inputs.keep_joint_states()
-        self.inputs.keep(
-            ManipulationStatus, 'manipulation/status', _read_status, 'servo_feedback', 'status'
-        )
-        self.inputs.keep_held_grip()
+        self.inputs.keep('pose', 'rollers', 'estimate', 'held_grip')
+        statuses = Topic(ManipulationStatus, 'manipulation/status', _read_status, 'status')
+        self.inputs.keep_topic('servo_feedback', statuses)
         # Exists while the node is inactive as well, so that a goal that ends then gets its result.
         self._goal = SingleGoal(
             self,

@@ -16,6 +16,7 @@ from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.inputs import InputError
 from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
+from isotruss_ros.nodes.framework.gate import Topic
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.sensors import Inputs
 from isotruss_ros.nodes.framework.single_goal import BusyError, Ending, SingleGoal
@@ -53,10 +54,8 @@ class PickAndPlace(ManagedNode):
         """Create clients and subscriptions, and offer the actions."""
         sequences = self._sequences = GraspSequences(self, self.robot)
         self.inputs = Inputs(self, self.robot, sequences)
-        self.inputs.keep_joint_states()
-        self.inputs.keep_object_pose()
-        self.inputs.keep(GraspState, 'grasp/state', lambda state: state, 'grasp')
-        self.inputs.keep_held_grip()
+        self.inputs.keep('rollers', 'estimate', 'pose', 'held_grip')
+        self.inputs.keep_topic('grasp', Topic(GraspState, 'grasp/state', lambda state: state))
         # Exists while the node is inactive as well, so that a goal that ends then gets its result.
         self._actions = [
             self._offer(PickObject, 'pick_object', sequences.check_pick, sequences.pick),
