@@ -2,11 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Closing in place: the squeeze on a free object increases while the object is at rest.
+Closing in place: the squeeze on a free object is increased without moving the object.
 
-Two members have force closure at first contact. Then contacts roll, by the mechanics of the
-elastic plant, and the squeeze increases at constant pose of the object. A path that is computed
-for a fixed object would displace a free one by several centimetres.
+Two members have force closure from the first contact on. Then the rollers move such that the
+squeeze increases while the object keeps its pose; the motion is computed with rolling contacts and
+elastic tubes. A motion computed for a fixed object would displace a free object by several
+centimetres.
 """
 
 from __future__ import annotations
@@ -40,11 +41,11 @@ CLOSING_STEP = 0.12
 #: Largest increment of the squeeze of three members between waypoints [N]; the squeeze at most
 #: doubles from one waypoint to the next.
 MAX_SQUEEZE_STEP = 4.0
-#: Displacement below which the object is at rest, with rotations times the characteristic radius
-#: [m].
+#: Largest displacement of an object that counts as unmoved, with rotations times the
+#: characteristic radius [m].
 REST_TOLERANCE = 1e-4
-#: Factor on the increments after the first violation of a bound [-]; the second violation ends the
-#: closing.
+#: Factor by which the increments are reduced after the first violation of a bound [-]; the second
+#: violation ends the closing.
 REFINEMENT = 0.34
 
 
@@ -52,7 +53,7 @@ def close_in_place(
     touch: Configuration, closing: Closing, needs: GraspRequirements
 ) -> Iterator[ClosedGrip]:
     """
-    Yield grips with increasing squeeze until a bound is reached.
+    Yield grips with increasing squeeze until a requirement would be violated.
 
     :param touch: configuration in which the members touch the object.
     :param closing: closing motion with members and object.
@@ -83,7 +84,7 @@ def close_in_place(
 
 
 def _hold(touch: Configuration, closing: Closing) -> HeldGrip:
-    """Return the first equilibrium of the object."""
+    """Return the first equilibrium of the object between the members."""
     diameter = touch.robot.description.tube_diameter
     one, other = contact_ends(closing.body, closing.normals(touch), 0.5 * diameter)
     depth = FIRST_INDENTATION if (one == other).all() else FACE_INDENTATION
@@ -92,7 +93,7 @@ def _hold(touch: Configuration, closing: Closing) -> HeldGrip:
 
 
 def _judge(grasp: HeldGrip, closing: Closing, needs: GraspRequirements) -> ClosedGrip:
-    """Return a grip with its loads; raise RequirementError on slip or a violated bound."""
+    """Return a grip with its loads; raise RequirementError if it slips or violates a bound."""
     _check_hold(grasp, needs.friction)
     closing.tally.analyses += 1
     moved = pose_difference(grasp.pose, closing.body.pose) * (1.0, 1.0, grasp.arm)

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Result of the grasp search: grasps with their paths."""
+"""Result of the grasp search: grasps with the paths that lead to them."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from isotruss_ros.core.planning.violations import Violation
 
 class ClosedGrip(NamedTuple):
     """
-    A grip with contact forces on the object.
+    Grip with contact forces on the object, reached by closing.
 
-    The slip margin is zero if the free object is not held, and None if the grip violates
-    requirements; see `SettledGrasp.slip_margin`.
+    Its slip margin (see `SettledGrasp`) is zero if the free object is not held, and None if the
+    grip violates requirements.
     """
 
     config: Configuration  #: configuration of the robot
@@ -39,10 +39,10 @@ class PlannedGrasp(
     Record, headline=('members', 'squeeze', 'slip_margin', 'utilisation', 'roller_positions')
 ):
     """
-    Grasp that fulfils the requirements, with the path to it.
+    Grasp that fulfils the requirements, with the path that leads to it.
 
-    The path is linear between its rows. Friction closure (10) is computed for a fixed object; an
-    object that is held may be without closure.
+    The rollers move linearly between the rows of the path. Closure by friction (10) is computed
+    for a fixed object; a free object may be held without it.
     """
 
     grip: Grip  #: grasping members, and the object at its pose after closing
@@ -72,7 +72,7 @@ class PlannedGrasp(
 
     @property
     def outside_model(self) -> bool:
-        """Return whether a tube wrinkles; then all results are invalid."""
+        """Return whether a tube wrinkles, which makes all results invalid."""
         return self.utilisation > 1.0
 
     @property
@@ -88,12 +88,12 @@ class GraspPlan(
     headline=('best', 'complete', 'closest_violation', 'computing_time'),
 ):
     """
-    Result of a grasp search; as a sequence it contains the grasps.
+    Result of a grasp search, usable as a sequence of the grasps.
 
     :ivar grasps: distinct grasps, best first.
     :ivar complete: whether the search was completed; false if it was stopped.
-    :ivar closest_violation: violation of the candidate closest to an admissible grasp; None if
-        there is a grasp.
+    :ivar closest_violation: requirement violated by the candidate closest to an admissible grasp;
+        None if there is a grasp.
     :ivar evaluations: number of evaluated configurations.
     :ivar analyses: number of static analyses.
     :ivar computing_time: computing time [s].
@@ -113,7 +113,7 @@ class GraspPlan(
     def __getitem__(self, place: slice) -> tuple[PlannedGrasp, ...]: ...
 
     def __getitem__(self, place: int | slice) -> PlannedGrasp | tuple[PlannedGrasp, ...]:
-        """Return a grasp or a slice of the grasps."""
+        """Return the grasp at an index, or the grasps of a slice."""
         return self.grasps[place]
 
     @property
@@ -128,7 +128,7 @@ class GraspPlan(
 
 @dataclass(frozen=True)
 class Progress:
-    """Progress of a grasp search."""
+    """Counts that describe the progress of a grasp search."""
 
     evaluations: int  #: number of evaluated configurations so far
     found: int  #: number of grasps so far

@@ -74,7 +74,7 @@ class SqueezeControl:
         self.reset()
 
     def reset(self) -> None:
-        """Discard the estimated grip and the desired pose; the next measured pose restarts them."""
+        """Discard the estimated grip and the desired pose; a new measured pose restarts them."""
         self.belief: GripBelief | None = None
         self._lost: HoldStatus | None = None  # by the belief before
         self.reference: Array | None = None

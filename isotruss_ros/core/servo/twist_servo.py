@@ -330,7 +330,7 @@ class TwistServo:
         return config, grip, last
 
     def _watch(self, squeeze: SqueezeControl, status: Status, now: float) -> None:
-        """Update the belief of the grip while the object rests; discard it if inputs are invalid."""
+        """Update the belief of the grip while the object rests; discard it on invalid inputs."""
         before = self._regulated
         if before is not None and 0.0 <= now - before < WATCH_PERIOD:
             squeeze.rest()
