@@ -76,7 +76,7 @@ class ContactPoints:
 
     def move(self, push: Points) -> tuple[Array, Array]:
         """
-        Return how forces change the nodes' displacements (n, 3) and constraint forces (c,).
+        Return the changes of nodes' displacements (n, 3) and constraint forces (c,) by forces.
 
         :param push: (c,) forces on the points, x + iy [N].
         """
@@ -114,7 +114,7 @@ class ContactPoints:
 
     def about(self, bent: BentTubes, push: Points | None = None) -> ContactPoints:
         """
-        Return the same points on tubes that are linearised about another state.
+        Return these points on tubes that are linearised about another state.
 
         :param bent: the tubes linearised about the other state.
         :param push: (c,) forces on the points in that state, x + iy [N]. If they are given, the
@@ -294,7 +294,7 @@ def find_contact_points(
 
 
 def _move(tubes: BentTubes, push: Points) -> tuple[Array, Array]:
-    """Return how forces change displacements (n, 3) and constraint forces (c,) of nodes."""
+    """Return the changes of displacements (n, 3) and constraint forces (c,) by forces."""
     tangent, frame = tubes.tangent, tubes.frame
     loads = np.zeros((len(frame.points), 3))
     loads[frame.nodes, 0], loads[frame.nodes, 1] = push.real, push.imag

@@ -45,7 +45,7 @@ class Flattening:
     #: the tube [m^2/N]
     rest: Array
     pressure: Array  #: (t,) gauge pressure p in each tube [Pa]
-    tension_rate: Array  #: (t, n) derivative of G_n with respect to p [N/Pa]
+    tension_rate: Array  #: (t, n) derivatives of G_n with respect to p [N/Pa]
 
     @property
     def reach(self) -> Array:

@@ -197,7 +197,7 @@ class _Search:
 
     @property
     def room(self) -> Array:
-        """Return how far points extend before and behind a contact region, (2,) [m]."""
+        """Return the extent of the points before and behind a contact region, (2,) [m]."""
         return self.spacing * np.array([-1.0, 1.0])
 
     def solve(self, before: SolvedContact, limited: bool) -> tuple[SolvedContact, bool]:

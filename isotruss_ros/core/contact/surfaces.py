@@ -30,7 +30,7 @@ class Surface:
 
     body: ConvexObject  #: the object at its pose
     margin: float  #: offset of the surface [m]
-    shape: Shape  #: shape of the object; its corners are rounded to the resolution of the points
+    shape: Shape  #: shape of the object, with corners rounded to the resolution of the points
     center: complex  #: the centroid of the object's area, x + iy [m]
     reach: float  #: upper bound of the distance of surface points from the centre [m]
 

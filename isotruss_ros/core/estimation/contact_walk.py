@@ -24,7 +24,7 @@ class _Sum(NamedTuple):
     time: float  #: time of the correction [s]
     moved: Array  #: (3,) sum of all earlier corrections of the pose [m]
     walked: Array  #: (3, 3) covariance of the random walk [m^2]
-    unsure: Array  #: (3, 3) covariance of contacts and pose [m^2]
+    unsure: Array  #: (3, 3) covariance of contacts and unexplained pose [m^2]
     considered: Array  #: (3, c) derivatives of the pose with respect to considered states
 
 

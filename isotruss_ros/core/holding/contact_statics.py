@@ -77,7 +77,7 @@ class TubeModel(NamedTuple):
 class _Pushes(NamedTuple):
     """Loads of k contacts on the tubes."""
 
-    local: Points  #: (k,) normals, along + i across the members
+    local: Points  #: (k,) normals in member axes, along + i across
     skin: Array  #: (k,) distance of the dented skin from the centre line [m]
     softs: Array  #: (k,) derivatives of the dents' depths with respect to the normal forces [m/N]
     force: Points  #: (k,) forces on the tubes, along + i across [N]
@@ -94,7 +94,7 @@ class ContactStatics:
     body: ConvexObject  #: the object at its measured pose
     contacts: PressedContacts  #: the k contacts
     tube_radius: float  #: radius of the tubes [m]
-    sides: Array  #: (k,) +1 for an object on the right of its member (from start to end), else -1
+    sides: Array  #: (k,) +1 if the object is on the right of the member, else -1
     indentation: Indentation  #: depths of the dents in the skin as functions of the normal forces
     #: (k, 3) offsets of the equations of touch along and across [m] and of inclination [rad]; or
     #: one number for all offsets

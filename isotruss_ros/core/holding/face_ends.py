@@ -43,7 +43,7 @@ def far_end_depth(
     statics: ContactStatics, state: ContactForces, k: int, face: Face, gap: float = 0.0
 ) -> float:
     """
-    Return how deep a face's far end penetrates the bent tube; negative if it is apart [m].
+    Return the depth of a face's far end in the bent tube; negative if it is apart [m].
 
     :param statics: equations of equilibrium of the object.
     :param state: solution of the equations.

@@ -41,7 +41,7 @@ LEFT_MARGIN = 0.01
 
 
 class HoldStatus(enum.Enum):
-    """Whether an object is held, or which condition is violated."""
+    """Hold status: the object is held, or one of the conditions for this is violated."""
 
     HELD = 'held'
     NO_CONTACT = 'fewer than two members press on the object'

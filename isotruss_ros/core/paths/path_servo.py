@@ -45,8 +45,8 @@ class ServoFeedback(NamedTuple):
     """Feedback of the manipulation node on the execution of the last twist."""
 
     code: int  #: status code, see `Status`
-    scale: float  #: executed share of the twist, 0 to 1
-    message: str  #: reason of the status in words
+    scale: float  #: factor by which limits reduced the twist, 0 to 1
+    message: str  #: sentence with the reason of the status
     frequency: float = 0.0  #: lowest natural frequency of the held object [rad/s]; 0 if unknown
 
 
@@ -54,8 +54,8 @@ class Step(NamedTuple):
     """Output of the path servo in one control cycle."""
 
     twist: Array  #: (3,) twist of the object, robot frame [m/s, rad/s]
-    outcome: PathOutcome | None  #: result of path following; None while the path is active
-    message: str  #: result in words
+    outcome: PathOutcome | None  #: result of path following; None while it goes on
+    message: str  #: sentence with the result
     tracking: Tracking | None  #: state of the tracking; None if unknown
 
 

@@ -43,10 +43,10 @@ MAX_FEEDBACK_SHARE = 0.5
 class PathPhase(enum.Enum):
     """Phases of path following."""
 
-    FOLLOWING = enum.auto()  #: path time runs at full rate
-    SLOWED = enum.auto()  #: path time runs slower: the robot lags or is at its limits
+    FOLLOWING = enum.auto()  #: path time advances at full rate
+    SLOWED = enum.auto()  #: path time advances more slowly: the robot lags or is at its limits
     HELD = enum.auto()  #: the robot and path time are stopped
-    SETTLING = enum.auto()  #: path time is at the end, the object not yet within tolerance
+    SETTLING = enum.auto()  #: path time is at its end, but the object is not yet within tolerance
     REACHED = enum.auto()  #: the object is within tolerance of the end
     #: the object is farther from the path than the tolerance, or it has not come close enough to
     #: the end in time
@@ -103,7 +103,7 @@ class Tracking(NamedTuple):
     angle_error: float  #: error of orientation at the time of the measurement, not negative [rad]
     progress: float  #: path time relative to the path's duration, 0 to 1
     time_left: float  #: remaining time at full rate [s]
-    message: str  #: result in words and numbers; empty before a final phase
+    message: str  #: sentence with the result; empty before a final phase
 
 
 class PathTracker:

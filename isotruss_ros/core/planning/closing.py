@@ -28,11 +28,11 @@ FIRST_INDENTATION = 1e-3
 class Closing:
     """Object, grasping members, bounds and targets of a closing motion."""
 
-    body: ConvexObject  #: the object at rest
+    body: ConvexObject  #: the object, which does not move
     members: tuple[int, ...]  #: indices of the grasping members
-    limits: tuple[Limit, ...]  #: limits of a step, which is treated as a motion of 1 s
+    limits: tuple[Limit, ...]  #: limits on a step, which is regarded as a motion of 1 s
     min_rigidity: float  #: smallest rigidity index, 1 at home [-]
-    friction_angle: float = 0.0  #: half angle of the usable friction cones [rad]
+    friction_angle: float = 0.0  #: half angle of the friction cones that may be used [rad]
     #: (r,) roller positions toward which rollers move if the closing leaves them free [m]; None:
     #: no such positions
     nominal_posture: Array | None = None
@@ -59,7 +59,7 @@ class SearchState:
     #: (3m,) gaps between the object and the members, modules and rods [m]; negative if indented
     gaps: Array
     gaps_by_nodes: Array  #: (3m, 2n) derivatives of the gaps with respect to node coordinates [-]
-    modes: Modes  #: modes of the smallest singular values; the first is the rigidity index
+    modes: Modes  #: smallest singular values; the first is the rigidity index
     distances: Array  #: (p,) distances of the pairs of `CollisionModel` [m]
 
     @property

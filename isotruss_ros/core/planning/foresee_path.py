@@ -33,10 +33,10 @@ MIN_STEP_SCALE = 0.5
 class Foresight(NamedTuple):
     """Predicted motion of a held object along a path, see `foresee_path`."""
 
-    pose: Pose  #: last pose that is reached
-    share: float  #: share of the path that is reached, 0 to 1
+    pose: Pose  #: pose at the end of the predicted motion
+    share: float  #: fraction of the path that is reached, 0 to 1
     slip_margin: float  #: smallest slip margin on the path [N]
-    why: str  #: reason of an early end; empty at the end of the path
+    why: str  #: reason for an end before the end of the path; otherwise empty
 
 
 @single_threaded

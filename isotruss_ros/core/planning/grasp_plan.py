@@ -29,7 +29,7 @@ class ClosedGrip(NamedTuple):
     config: Configuration  #: configuration of the robot
     body: ConvexObject  #: the object at its pose after closing
     analysis: GraspAnalysis  #: analysis of the fixed object
-    loads: dict[str, float]  #: loads by requirement, see `GraspRequirements.find_loads`
+    loads: dict[str, float]  #: loads, see `GraspRequirements.find_loads`
     squeeze: float  #: mean normal force of the grasping members [N]
     slip_margin: float | None  #: slip margin of the free object [N]
 
@@ -49,19 +49,20 @@ class PlannedGrasp(
     members: tuple[str, ...]  #: names `t/j-k` of all members in contact with the object
     config: Configuration  #: configuration of the robot in the grasp
     analysis: GraspAnalysis  #: analysis of the fixed object
-    score: float  #: score by the required measure; larger is better
+    score: float  #: score by the required criterion; larger is better
     squeeze: float  #: mean normal force of the grasping members on the free object [N]
     slip_margin: float  #: slip margin of the free object [N]; zero if not held
     closure_margin: float  #: closure margin of the fixed object [N]; negative without closure
     required_friction: float  #: required friction of the fixed object [-]
     max_contact_force: float  #: largest normal force on the fixed or the free object [N]
-    total_force: float  #: larger of the two sums of normal forces on fixed and free object [N]
-    utilisation: float  #: largest utilisation of a member [-]; above 1, outside of the model
+    #: larger of the sums of normal forces on the fixed and on the free object [N]
+    total_force: float
+    utilisation: float  #: largest utilisation of a member [-]; the model holds below 1
     nonlinearity: float  #: nonlinearity of the contact forces, see `GraspAnalysis` [-]
     travel: float  #: largest travel of a roller along the path [m]
     rigidity: float  #: smallest rigidity index along the path, 1 at home [-]
     path: Array  #: (k, r) roller positions from the current positions to the grasp [m]
-    touch: int  #: first row of `path` at which all grasping members have contact
+    touch: int  #: index of the first row of `path` with all grasping members in contact
 
     @property
     def module(self) -> str | None:
@@ -133,5 +134,5 @@ class Progress:
     evaluations: int  #: number of evaluated configurations so far
     found: int  #: number of grasps so far
     best: float | None  #: score of the best grasp; None if no grasp was found
-    share: float  #: computed share of the candidates of all rounds begun so far, 0 to 1
+    share: float  #: fraction of the candidates computed, in all rounds begun so far, 0 to 1
     time_left: float | None  #: estimated remaining time [s]; None without an estimate

@@ -40,8 +40,8 @@ class SearchOutcome(enum.IntEnum):
 class Answer(NamedTuple):
     """Result of a search in the background."""
 
-    outcome: SearchOutcome  #: final code
-    message: str  #: result in words
+    outcome: SearchOutcome  #: code of the outcome
+    message: str  #: sentence with the result
     plan: GraspPlan | None = None  #: the plan; None without a search, or after a failure
 
 

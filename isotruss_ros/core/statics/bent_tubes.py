@@ -124,7 +124,7 @@ class BentTubes:
 
     def bent_to(self, before: Displaced | None) -> BentTubes:
         """
-        Return the same tubes, linearised about another state.
+        Return these tubes, linearised about another state.
 
         :param before: the other state; None: the state without loads.
         """
@@ -134,7 +134,7 @@ class BentTubes:
 
     def bent_like(self, others: BentTubes) -> BentTubes:
         """
-        Return the same tubes, linearised about a state taken from the tubes of a similar robot.
+        Return these tubes, linearised about a state taken from the tubes of a similar robot.
 
         :param others: tubes of the similar robot.
         """

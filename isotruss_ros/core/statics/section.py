@@ -36,7 +36,7 @@ class SectionStiffness(NamedTuple):
 
     axial: Array  #: (k,) EA [N]
     flexural: Array  #: (k,) EI [N m^2]
-    shear: Array  #: (k,) GA [N], infinite for no shear deformation
+    shear: Array  #: (k,) GA [N]; infinite without shear deformation
 
 
 class Fabric(NamedTuple):

@@ -179,7 +179,7 @@ class TubeSections:
     """Section stiffness of a tube: that of a model times a measured factor."""
 
     model: TubeStiffness  #: the stiffness model
-    scale: float = 1.0  #: ratio of the tube's stiffness to the model's, positive [-]
+    scale: float = 1.0  #: ratio of the tube's true stiffness to the modelled one [-]
 
     @property
     def fabric(self) -> Fabric | None:

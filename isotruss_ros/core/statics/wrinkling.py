@@ -37,9 +37,9 @@ def wrinkling_moment(pressure: float, radius: float) -> float:
 class Utilisation(NamedTuple):
     """Utilisation of the m members of a robot under loads."""
 
-    used: Array  #: (m,) largest |M| / M_w on each member; infinite if compression exceeds the pull
+    used: Array  #: (m,) largest |M| / M_w on each member; infinite if the wall has no tension
     place: Array  #: (m,) distance of this maximum from the member's start [m]
-    piece: Indices  #: (m,) index of the frame's member with the maximum
+    piece: Indices  #: (m,) index of the frame's member in which the maximum is
     kind: Indices  #: (m,) 0 if the maximum is at this member's start, 1 at its end, 2 inside
 
 
