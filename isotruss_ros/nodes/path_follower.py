@@ -27,7 +27,7 @@ from isotruss_ros.nodes.framework.gate import Topic
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import Parameters, Spec
 from isotruss_ros.nodes.framework.sensors import Inputs
-from isotruss_ros.nodes.framework.single_goal import Ending, SingleGoal
+from isotruss_ros.nodes.framework.single_goal import SingleGoal
 import numpy as np
 
 SPECS = (
@@ -53,13 +53,6 @@ FEEDBACK = (*LAST_ERRORS, 'progress', 'time_left')
 NO_FEEDBACK = FollowObjectPath.Feedback(
     position_error=np.nan, angle_error=np.nan, progress=0.0, time_left=np.nan
 )
-
-#: Final state of a goal for each outcome; a goal with any other outcome is aborted.
-ENDINGS = {
-    PathOutcome.REACHED: Ending.SUCCEEDED,
-    PathOutcome.CANCELLED: Ending.CANCELED,
-    PathOutcome.PREEMPTED: Ending.ABORTED,
-}
 
 
 class PathFollower(ManagedNode):
@@ -174,7 +167,7 @@ class PathFollower(ManagedNode):
         self._waiting = None
         self._publish_twist(np.zeros(3))
         result = _to_result(outcome, message, self._servo.tracker, self._last)
-        self._goal.report_end(outcome, ENDINGS, result, 'no path to follow')
+        self._goal.report_end(outcome, result, 'no path to follow')
 
     # -- The cycle --
 

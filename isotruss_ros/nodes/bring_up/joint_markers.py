@@ -46,8 +46,6 @@ class JointMarkers:
     Recent messages of `joint_markers` and `joint_states`.
 
     :ivar inputs: subscriptions, with the last input of each topic.
-    :param node: subscribing node.
-    :param robot: the robot.
     """
 
     def __init__(self, node: StoppableNode, robot: Robot) -> None:

@@ -60,7 +60,6 @@ class Gate:
     :ivar words: name of the input in texts.
     :param node: subscribing node, whose clock is compared with the stamps. A message without a
         header is stamped at reception.
-    :param topic: the topic.
     :param take: callback that receives a `StampedInput`, whose time is not in the future, or a
         `RejectedInput`, and the current time [s].
     :param oldest: largest age [s]; None: the parameter of the topic.

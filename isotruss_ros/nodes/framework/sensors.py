@@ -56,7 +56,6 @@ class Inputs:
     - `pressures`: gauge pressures (t,) [Pa] from `tube_pressures`, once a message of each tube has
       arrived; the stamp is the oldest stamp of these messages.
 
-    :param node: subscribing node.
     :param robot: robot with the rollers, tubes and frame of the messages.
     :param holder: object whose attributes are the inputs; None: the inputs themselves.
     :param oldest: largest age of an input [s]; None: the parameters of the node.
@@ -111,7 +110,6 @@ class Inputs:
         Subscribe to a topic, and store the value of the newest message as an input.
 
         :param name: name of the input.
-        :param topic: its topic.
         :param take: callback that receives every StampedInput, even if its stamp is older than the
             stamp of the stored input.
         :param oldest: largest age of this input [s]; None: the largest age of all inputs.

@@ -19,7 +19,7 @@ from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.gate import Topic
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.sensors import Inputs
-from isotruss_ros.nodes.framework.single_goal import BusyError, Ending, SingleGoal
+from isotruss_ros.nodes.framework.single_goal import BusyError, SingleGoal
 from isotruss_ros.nodes.pick_and_place.action_steps import (
     CancelledError,
     StepError,
@@ -31,12 +31,6 @@ from isotruss_ros.nodes.pick_and_place.grasp_sequences import GraspSequences
 SPECS = (*common.OBJECT_SPECS, common.COMMAND_TIMEOUT)
 #: Period of the ticks of a sequence [s].
 TICK_PERIOD = 0.02
-
-#: Final state of a goal for each outcome; a goal with any other outcome is aborted.
-ENDINGS = {
-    StepOutcome.SUCCEEDED: Ending.SUCCEEDED,
-    StepOutcome.CANCELLED: Ending.CANCELED,
-}
 
 
 class PickAndPlace(ManagedNode):
@@ -155,7 +149,7 @@ class PickAndPlace(ManagedNode):
         if isinstance(ended, MoveObject.Result):
             left = self._sequences.distance_left(goal.request.path)
             ended.position_error, ended.angle_error = left
-        goal.report_end(outcome, ENDINGS, ended, 'no goal', f'{goal.kind.__name__}: ')
+        goal.report_end(outcome, ended, 'no goal', f'{goal.kind.__name__}: ')
 
 
 def _find_outcome(error: IsotrussError) -> StepOutcome:

@@ -51,8 +51,6 @@ def place_at_start(robot: Robot, values: Parameters) -> ConvexObject:
     """
     Return the object at its initial pose in the robot frame, which is equal for all plants.
 
-    :param robot: the robot.
-    :param values: parameters of `SPECS`.
     :raises IsotrussError: a parameter is invalid, or the object does not fit.
     """
     angle, indentation = values.object_angle, values.indentation

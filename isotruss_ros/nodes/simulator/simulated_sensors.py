@@ -116,9 +116,6 @@ class SimulatedSensors:
     """
     Sensors of a simulated robot and its object.
 
-    :param node: publishing node.
-    :param robot: the robot.
-    :param values: parameters of `SENSOR_SPECS`.
     :param seed: random seed of noise and dropouts.
     :raises ParameterError: the robot does not have a joint for which a marker is specified.
     """
@@ -144,7 +141,6 @@ class SimulatedSensors:
         :param now: current time of the simulated robot [s].
         :param travel: (r,) roller travel since home [m].
         :param speeds: (r,) roller speeds [m/s].
-        :param pose: pose of the object.
         :param joints: function that returns the joint positions (j, 2) [m].
         """
         values, step = self._values, self._values.encoder_step

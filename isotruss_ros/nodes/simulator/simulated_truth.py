@@ -30,12 +30,7 @@ CLOCK_SPEED = FixedSpec(
 
 
 class SimulatedTruth:
-    """
-    Publisher of `truth/object_pose`, `truth/joint_markers` and `truth/contact_forces`.
-
-    :param node: publishing node.
-    :param robot: the simulated robot.
-    """
+    """Publisher of `truth/object_pose`, `truth/joint_markers` and `truth/contact_forces`."""
 
     def __init__(self, node: ManagedNode, robot: Robot) -> None:
         self._robot = robot
@@ -55,7 +50,6 @@ class SimulatedTruth:
         Publish the true states on those topics that have subscribers.
 
         :param now: current time of the simulated robot [s].
-        :param pose: pose of the object.
         :param joints: function that returns the joint positions (j, 2) [m].
         :param forces: function that returns the normal forces on the object by member [N].
         """
