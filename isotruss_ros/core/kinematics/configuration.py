@@ -227,7 +227,7 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
         return Configuration(self.robot, self.roller_positions + travel, points)
 
     def _lengthened(self, lengths: Array) -> Points:
-        """Return the nodes (n,) after m members lengthen by given amounts, to first order [m]."""
+        """Return the nodes (n,) after the members lengthen by (m,), to first order by (12) [m]."""
         right = np.zeros(self.robot.constraints.n_rows)
         right[: self.robot.topology.n_modules] = lengths
         return self.points + (self._nearby or self.factor).solve(right).view(np.complex128)
