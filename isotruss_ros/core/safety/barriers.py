@@ -231,5 +231,5 @@ class RigidityBarrier:
         return self._index.modes(config).values[indices]
 
     def names(self, indices: Indices) -> list[str]:
-        """Return the name `the rigidity of the shape` for every singular value."""
+        """Return `the rigidity of the shape` for each singular value; see `Barrier.names`."""
         return ['the rigidity of the shape'] * len(indices)
