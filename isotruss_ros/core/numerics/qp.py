@@ -35,7 +35,7 @@ from isotruss_ros.core.numerics.tolerances import (
 )
 import numpy as np
 import scipy
-from scipy.linalg import cholesky, lapack, solve_triangular
+from scipy.linalg import cholesky, lapack, lstsq, solve_triangular
 
 #: Tolerance of the inequalities if active constraints are nearly dependent (else `ROUNDING`),
 #: relative to the largest coefficient times 1 + |x|; and relative duality gap of |y|^2 [-].
@@ -121,15 +121,12 @@ def _inequalities(problem: QuadraticProgram) -> tuple[Array, Array]:
 
 def _free_space(problem: QuadraticProgram) -> tuple[Array, Array]:
     """Return an orthonormal null space (n, f) of the equalities, and one solution (n,)."""
-    n = len(problem.gradient)
     if problem.equality is None:
+        n = len(problem.gradient)
         return np.eye(n), np.zeros(n)
     k = len(problem.equality)
-    packed, tau, _, _ = lapack.dgeqrf(np.asfortranarray(problem.equality.T))
-    square = np.zeros((n, n), order='F')
-    square[:, :k] = packed
-    basis, _, _ = lapack.dorgqr(square, tau)
-    start, _ = lapack.dtrtrs(packed[:k], problem.target, trans=1)
+    basis, factor = np.linalg.qr(problem.equality.T, mode='complete')
+    start = solve_triangular(factor[:k], problem.target, trans='T', check_finite=False)
     return basis[:, k:], basis[:, :k] @ start
 
 
@@ -189,19 +186,12 @@ def find_nearest(columns: Array, room: Array, size: float, relaxation: float) ->
 
 def solve_least_squares(matrix: Array, right: Array) -> Array:
     """
-    Return the minimum-norm least-squares solution of matrix x = right.
-
-    It replaces `numpy.linalg.lstsq(matrix, right, rcond=COINCIDENCE)`, without singular values.
+    Return the minimum-norm least-squares solution of matrix x = right, by pivoted QR.
 
     :param matrix: (m, n) matrix of any rank, with m and n at least 1.
     :param right: (m,) right-hand side.
     """
-    rows, columns = matrix.shape
-    padded = np.zeros((max(rows, columns), 1))
-    padded[:rows, 0] = right
-    pivots = np.zeros(columns, dtype=np.intc)
-    work = 16 * len(padded)
-    return lapack.dgelsy(matrix, padded, pivots, COINCIDENCE, work)[1][:columns, 0]
+    return lstsq(matrix, right, COINCIDENCE, check_finite=False, lapack_driver='gelsy')[0]
 
 
 def solve_complementarity(compliance: Array, gaps: Array, active: Flags) -> tuple[Array, Flags]:
