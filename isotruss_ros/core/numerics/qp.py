@@ -5,7 +5,7 @@
 Strictly convex quadratic programs (QP), solved by SciPy's nonnegative least squares.
 
     minimize   1/2 x^T P x + q^T x
-    subject to A x = b,  G x <= h,  lower <= x <= upper
+    subject to A x = b,  G x <= h
 
 The null space of the equalities and the Cholesky factor L of P reduce it to the least distance
 problem (Lawson and Hanson, Solving Least Squares Problems, 1974, chapter 23, LDP):
@@ -52,9 +52,6 @@ class QuadraticProgram(NamedTuple):
     gradient: Array  #: (n,) vector q
     rows: Array  #: (l, n) matrix G
     bounds: Array  #: (l,) vector h; infinite entries do not bound
-    #: (n,) lower bounds of x, possibly infinite; None: no lower and upper bounds
-    lower: Array | None = None
-    upper: Array | None = None  #: (n,) upper bounds of x; None if `lower` is None
     equality: Array | None = None  #: (k, n) matrix A of full row rank; None: no equalities
     target: Array | None = None  #: (k,) vector b
 
@@ -66,7 +63,8 @@ def solve_qp(problem: QuadraticProgram) -> Array | None:
     :param problem: quadratic program.
     :return: (n,) optimal point; None if none is found, or P is not positive definite.
     """
-    rows, bounds = _inequalities(problem)
+    bounded = problem.bounds < np.inf
+    rows, bounds = problem.rows[bounded], problem.bounds[bounded]
     free, start = _free_space(problem)
     largest = np.abs(rows).max(initial=SMALLEST_NORMAL)
     if not free.shape[1]:  # LAPACK takes no empty factor
@@ -106,17 +104,6 @@ def solve_qp(problem: QuadraticProgram) -> Array | None:
             left = bounds[active] - rows[active] @ found
             step = solve_least_squares(turned[:, active].T, left)
     return best
-
-
-def _inequalities(problem: QuadraticProgram) -> tuple[Array, Array]:
-    """Return matrix C and bounds d of all inequalities C x <= d."""
-    rows, bounds = problem.rows, problem.bounds
-    if problem.lower is not None and problem.upper is not None:
-        unit = np.eye(len(problem.gradient))
-        rows = np.concatenate([rows, unit, -unit])
-        bounds = np.concatenate([bounds, problem.upper, -problem.lower])
-    kept = bounds < np.inf
-    return (rows, bounds) if kept.all() else (rows[kept], bounds[kept])
 
 
 def _free_space(problem: QuadraticProgram) -> tuple[Array, Array]:
