@@ -24,12 +24,7 @@ MAX_OFFSET = 1.0
 
 
 def to_estimate_message(estimate: StateEstimate, robot: Robot) -> StateEstimateMessage:
-    """
-    Return the message of an estimate.
-
-    :param estimate: estimate of the state.
-    :param robot: the robot.
-    """
+    """Return the message of an estimate."""
     message = StateEstimateMessage(
         roller_names=list(robot.roller_names),
         travel=estimate.travel.tolist(),
@@ -60,8 +55,6 @@ def read_estimate(message: StateEstimateMessage, robot: Robot) -> EstimatedTrave
     """
     Return the roller offsets and their covariance from a message, for a control loop.
 
-    :param message: message of the topic `state_estimate`.
-    :param robot: the robot.
     :raises MessageError: the message has another frame or other rollers, or an offset or
         covariance is not finite.
     """

@@ -101,7 +101,6 @@ def read_query(
     """
     Return the query of a request; values other than the object are checked by the analysis.
 
-    :param request: request of the service `analyze_grasp`.
     :param spacing: spacing of the contact points along the tubes [m].
     :param paper_model: whether the paper's model is used, see `analyze_grasp`.
     :raises MessageError: the request describes no object, two objects, or an invalid object.
@@ -152,7 +151,6 @@ def to_state_message(report: GraspReport, frame: str) -> GraspState:
     """
     Return the message of a report; without a result, its values are the most conservative.
 
-    :param report: report of the grasp monitor.
     :param frame: name of the robot frame.
     """
     state = GraspState(code=int(report.code), message=report.message)

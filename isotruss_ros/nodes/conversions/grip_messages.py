@@ -22,8 +22,6 @@ def to_grip_message(record: GripRecord, robot: Robot, when: float) -> HeldGripMe
     """
     Return the message of a held grip.
 
-    :param record: record of the grip.
-    :param robot: robot that holds the object.
     :param when: time of the grip [s].
     """
     contacts = record.contacts
@@ -44,8 +42,6 @@ def read_grip(message: HeldGripMessage, robot: Robot) -> GripRecord:
     """
     Return the record of a held grip.
 
-    :param message: message of the topic `manipulation/grip`.
-    :param robot: robot that holds the object.
     :raises MessageError: the message has another frame, contacts that the robot cannot have, lists
         of different lengths, or values that are not finite.
     """

@@ -9,7 +9,6 @@ from collections.abc import Sequence
 
 from isotruss_ros.core import Robot
 from isotruss_ros.core.errors import quote, StructureError
-from isotruss_ros.core.inputs import RollerState
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.statics.section import tube_pressures
 from isotruss_ros.nodes.conversions.messages import MAX_DISTANCE, MessageError
@@ -68,30 +67,11 @@ def read_roller_part(message: JointState, names: Sequence[str]) -> dict[int, tup
     return dict(zip(found, read, strict=True))
 
 
-def read_roller_state(message: JointState, names: Sequence[str]) -> RollerState:
-    """
-    Return travel (r,) [m] and speeds (r,) [m/s] of all rollers in a message.
-
-    :param message: joint states, see `read_roller_part`.
-    :param names: names of the rollers, in the order of the result.
-    :raises MessageError: a roller is missing, or `read_roller_part` raises the error.
-    """
-    part = read_roller_part(message, names)
-    missing = [name for number, name in enumerate(names) if number not in part]
-    if missing:
-        raise MessageError(
-            f'joint states: rollers {", ".join(missing)} are missing; must name {", ".join(names)}'
-        )
-    values = np.array([part[number] for number in range(len(names))])
-    return RollerState(values[:, 0], values[:, 1])
-
-
 def read_tube_pressure(message: FluidPressure, robot: Robot, ambient: float) -> tuple[str, float]:
     """
     Return the name of a tube and its gauge pressure [Pa] from a message.
 
     :param message: message of the topic `tube_pressures`, with the tube in `header.frame_id`.
-    :param robot: the robot.
     :param ambient: ambient pressure that is subtracted [Pa]; 0 if the message has gauge pressure.
     :raises MessageError: the tube is unknown, or the pressure is not positive.
     """

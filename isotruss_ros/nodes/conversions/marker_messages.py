@@ -20,8 +20,6 @@ def read_joint_markers(
     """
     Return the measured position (x, y, z) of each joint by name, in the message's frame [m].
 
-    :param message: message of the topic `joint_markers`.
-    :param robot: the robot.
     :raises MessageError: the numbers of names and transforms differ, a joint is unknown or
         repeated, or a position is not finite.
     """

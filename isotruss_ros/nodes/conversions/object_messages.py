@@ -27,11 +27,7 @@ SHAPE_NAMES = {
 
 
 def describes_object(message: ObjectMessage) -> bool:
-    """
-    Return whether a message describes an object, valid or not; an empty message does not.
-
-    :param message: message of an object.
-    """
+    """Return whether a message describes an object, valid or not; an empty message does not."""
     return message != NO_OBJECT
 
 
@@ -39,7 +35,6 @@ def read_object_message(message: ObjectMessage, pose: PoseMessage) -> ConvexObje
     """
     Return the object that a message describes, at a pose.
 
-    :param message: message of the object.
     :param pose: pose of the object's frame in the robot frame.
     :raises MessageError: the message does not describe an object or has a field of another shape,
         or the pose is invalid. The text names the field as a key of an object file, and the vertex
@@ -73,7 +68,6 @@ def to_object_message(body: ConvexObject) -> ObjectMessage:
     """
     Return the message of an object without its pose.
 
-    :param body: the object at any pose.
     :raises GraspError: messages cannot describe its shape.
     """
     shape: Any = body.shape

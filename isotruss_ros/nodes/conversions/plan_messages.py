@@ -42,8 +42,6 @@ def read_goal(
     """
     Return the arguments of the search that a goal requests.
 
-    :param goal: goal of the action.
-    :param robot: the robot.
     :param described: object at any pose, used for goals that describe no object; None: no such
         object.
     :raises MessageError: the goal has no pose, another frame, no object, two objects, or a number
@@ -121,12 +119,7 @@ def _read_body(goal: PlanGrasp.Goal, described: ConvexObject | None) -> ConvexOb
 
 
 def to_result_message(answer: Answer, robot: Robot) -> PlanGrasp.Result:
-    """
-    Return the result message of a search.
-
-    :param answer: result of the search.
-    :param robot: the robot.
-    """
+    """Return the result message of a search."""
     plan = answer.plan
     if plan is None:
         return PlanGrasp.Result(code=int(answer.outcome), message=answer.message)

@@ -57,7 +57,6 @@ class RobotFrame:
         Return a transformation that uses the transforms received by a node, if tf2 is installed.
 
         :param node: node that subscribes to `/tf` and `/tf_static`.
-        :param robot: the robot.
         """
         if Buffer is None:
             return cls(robot)
