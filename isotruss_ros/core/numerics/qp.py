@@ -70,8 +70,7 @@ def solve_qp(problem: QuadraticProgram) -> Array | None:
     if not free.shape[1]:  # LAPACK takes no empty factor
         excess = (rows @ start - bounds).max(initial=0.0)
         return start if excess <= LOOSE_TOLERANCE * largest * (1.0 + np.abs(start).max()) else None
-    whole = problem.equality is None
-    curvature = problem.hessian if whole else free.T @ problem.hessian @ free
+    curvature = free.T @ problem.hessian @ free
     # Scaled variables: P has penalties up to 1e8 beside costs of 1.
     scale = 1.0 / np.sqrt(np.maximum(curvature.diagonal(), SMALLEST_NORMAL))
     factor, failed = lapack.dpotrf(scale[:, None] * curvature * scale, lower=1)
@@ -81,7 +80,7 @@ def solve_qp(problem: QuadraticProgram) -> Array | None:
     # y = L^T z + offset: distance from the unconstrained minimum.
     slope = free.T @ (problem.hessian @ start + problem.gradient)
     offset, _ = lapack.dtrtrs(factor, slope, lower=1)
-    turned, _ = lapack.dtrtrs(factor, (rows * scale if whole else rows @ free).T, lower=1)
+    turned, _ = lapack.dtrtrs(factor, (rows @ free).T, lower=1)
     room = bounds - rows @ start + offset @ turned
     best: Array | None = None
     least = LOOSE_TOLERANCE
