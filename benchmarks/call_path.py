@@ -3,31 +3,39 @@
 """
 Length of the call paths of a twist, closure and the flag `held`, in files and moves.
 
-The first table has three calls: one control cycle of `TwistServo.decide` with fresh inputs of a
-moving robot; one `analyze_grasp`, which computes closure by (10); and one `GraspMonitor.report`
-after robot and object have moved, which includes `settle_grasp`. `sys.setprofile` counts the
-called files of the package, and the moves: calls and returns between two of these files. The
-second table has the number of files that the parts of the core import, directly or indirectly, and
-their lines. Each row includes the rows before it.
+The first table has four calls: one control cycle of `TwistServo.decide` with fresh inputs of a
+moving robot; one cycle of the node `manipulation`, from the messages to the command; one
+`analyze_grasp`, which computes closure by (10); and one `GraspMonitor.report` after robot and
+object have moved, which includes `settle_grasp`. `sys.setprofile` counts the called files of the
+package, and the moves: calls and returns between two of these files. The second table has the
+number of files that the parts of the core import, directly or indirectly, and their lines. Each
+row includes the rows before it.
 """
 
 from __future__ import annotations
 
 import ast
 from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 from pathlib import Path
 import sys
 from types import FrameType
 
 from benchmarks.measuring import Table
+from geometry_msgs.msg import PoseStamped
 import isotruss_ros
 from isotruss_ros import core
 from isotruss_ros.core.inputs import RollerState, StampedInput
 from isotruss_ros.core.safety.roller_failure import FAILURE_TIME
 from isotruss_ros.core.servo.servo_settings import ServoSettings
+from isotruss_ros.nodes.conversions import messages
 from isotruss_ros.nodes.grasp.grasp_monitor import GraspMonitor
 from isotruss_ros.nodes.grasp.grasp_report import GraspCode, GraspQuery
+from isotruss_ros.nodes.manipulation.node import Manipulation
 import numpy as np
+import rclpy
+from rclpy.parameter import Parameter
+from sensor_msgs.msg import JointState
 
 PACKAGE = str(Path(isotruss_ros.__file__).parent)
 MODULE, DIAMETER, PERIOD, TWIST = 'east/Q', 0.3, 0.005, (0.02, 0.03, 0.1)
@@ -105,6 +113,30 @@ def control_cycle() -> tuple[list[str], int]:
     return min(paths[-5:], key=lambda path: path[1])
 
 
+def node_tick() -> tuple[list[str], int]:
+    """Trace the shortest of the last ticks of `manipulation`, each with fresh messages."""
+    rclpy.init()
+    values = {'grip_module': MODULE, 'failure_time': 0.0}
+    node = Manipulation([Parameter(name, value=value) for name, value in values.items()])
+    take = {each.topic_name.strip('/'): each.callback for each in node.subscriptions}
+    x, y = core.tangent_center(node.robot.home, MODULE, DIAMETER)
+    paths = []
+    for step in range(CYCLES):
+        header = messages.make_header(node.now(), node.robot.frame)
+        names, travel = node.robot.roller_names, 1e-6 * step
+        pose = messages.to_pose_message(core.Pose(x, y + 0.1 * travel, 0.0))
+        given = {
+            'cmd_vel': messages.to_twist_message(TWIST),
+            'joint_states': JointState(header=header, name=names, position=[travel] * len(names)),
+            'object_pose': PoseStamped(header=header, pose=pose),
+        }
+        received = [partial(take[topic], message) for topic, message in given.items()]
+        paths.append(trace(lambda calls=received: [call() for call in (*calls, node.cycle.run)]))
+    assert node.details()['status'] == core.Status.OK.name, node.details()
+    rclpy.shutdown()
+    return min(paths[-5:], key=lambda path: path[1])
+
+
 def closure() -> tuple[list[str], int]:
     """Trace one analysis of a grasp in a new configuration."""
     robot = core.load_robot('nine_member')
@@ -168,6 +200,7 @@ def tables() -> Iterator[Table]:
     rows = []
     for name, run in (
         ('twist to roller command', control_cycle),
+        ('tick of the node: twist', node_tick),
         ('closure by (10)', closure),
         ('flag of the node: held', analysis_cycle),
     ):

@@ -17,7 +17,6 @@ from isotruss_ros.core import IsotrussError, Pose, Status
 from isotruss_ros.demo.path import Phase, Wrench
 from isotruss_ros.demo.record import PhaseRecord, Snapshot
 from isotruss_ros.nodes.conversions.grasp_messages import to_wrench_message
-from isotruss_ros.nodes.conversions.joint_state_messages import read_roller_state
 from isotruss_ros.nodes.conversions.messages import (
     make_header,
     name_aligned_frame,
@@ -25,6 +24,7 @@ from isotruss_ros.nodes.conversions.messages import (
     read_stamp,
     to_twist_message,
 )
+from isotruss_ros.nodes.conversions.sensor_messages import read_roller_part
 from isotruss_ros.nodes.framework.topics import RELIABLE
 import numpy as np
 from rclpy.executors import SingleThreadedExecutor
@@ -149,7 +149,8 @@ class DemoClient(Node):
                 self._rest, self._moved = here, self._stamp
 
     def _take_joints(self, message: JointState) -> None:
-        self.rollers = read_roller_state(message, self._roller_names).positions + self._offsets
+        read = read_roller_part(message, self._roller_names)
+        self.rollers = np.array([read[i][0] for i in range(len(read))]) + self._offsets
         speed = max(map(abs, message.velocity), default=0.0)
         self._record.max_roller_speed = max(self._record.max_roller_speed, speed)
 

@@ -141,7 +141,7 @@ def _play(
     shared = common | {'object_diameter': OBJECT_DIAMETER, 'friction': FRICTION}
     gripping = shared | {'grip_module': GRIP_MODULE, 'rate': rate}
     x, y = OBJECT_CENTER
-    lying = {'plant': plant, 'object_is_free': True, 'object_x': x, 'object_y': y}
+    lying = {'plant': plant, 'object_is_free': True, 'object_pose': [x, y, 0.0]}
     # With noise, a loop that expects loads takes errors of a millimetre for some newtons.
     real = options.sensors == REAL
     pull = None if real else PULL

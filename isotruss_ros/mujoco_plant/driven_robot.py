@@ -9,10 +9,12 @@ from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import Pose
+from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.simulation.simulated_robot import DrivenRollers, RollerFaults
 from isotruss_ros.mujoco_plant.options import PlantOptions
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 import numpy as np
+from numpy.typing import ArrayLike
 
 #: Simulated time in which the tubes come to rest on an object that is grasped at the start [s].
 SETTLING_TIME = 1.0
@@ -23,6 +25,7 @@ class DrivenRobot(DrivenRollers):
     Robot and object in MuJoCo, driven by rollers with encoders.
 
     :ivar plant: the robot in MuJoCo.
+    :ivar dropped: None, since MuJoCo reports no reason of a loss of the object.
     :ivar lag: total time that was not simulated, because a call of `advance` asked for more than
         `longest_step` [s].
     :param robot: the robot, initially at home.
@@ -50,6 +53,7 @@ class DrivenRobot(DrivenRollers):
         longest_step: float = float('inf'),
     ) -> None:
         super().__init__(robot, faults, seed)
+        self.dropped = None
         self.plant = MujocoPlant(robot, [body], options)
         self._config = robot.home
         self.lag = 0.0
@@ -63,6 +67,25 @@ class DrivenRobot(DrivenRollers):
     def object_pose(self) -> Pose:
         """Return the object's pose in the robot frame."""
         return self.plant.object_pose()
+
+    @property
+    def joints(self) -> Array:
+        """Return the joint positions, (j, 2) [m]."""
+        return self.plant.nodes[: len(self._config.robot.topology.joint_names)]
+
+    @property
+    def normal_forces(self) -> dict[str, float]:
+        """Return the normal force of each member on the object [N]."""
+        return {name: force.normal for name, force in self.plant.contact_forces().items()}
+
+    def pull(self, wrench: ArrayLike) -> None:
+        """
+        Set the external wrench on the object.
+
+        :param wrench: wrench (fx, fy, m) about the centre of the object [N, N m].
+        :raises PlantError: the wrench is not finite.
+        """
+        self.plant.pull(wrench)
 
     def place_object(self, pose: Pose) -> None:
         """

@@ -28,6 +28,7 @@ from isotruss_ros.nodes.conversions.markers import to_marker_array
 from isotruss_ros.nodes.conversions.messages import make_header, name_aligned_frame
 from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.cycle import Cycle
+from isotruss_ros.nodes.framework.gate import Topic
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import Spec
 from isotruss_ros.nodes.framework.sensors import Inputs
@@ -85,11 +86,9 @@ class GraspAnalysisNode(ManagedNode):
         self._arrays = self.create_lifecycle_publisher(MarkerArray, 'grasp/markers', RELIABLE)
         self._transforms = TransformBroadcaster(self, self.robot)
         self.inputs = Inputs(self, self.robot, self._monitor)
-        self.inputs.keep_joint_states()
-        self.inputs.keep_object_pose()
-        self.inputs.keep_tube_pressures()
-        self.inputs.keep_held_grip()
-        self.inputs.keep(WrenchStamped, 'external_wrench', self._read_wrench, 'wrench')
+        self.inputs.keep('rollers', 'estimate', 'pose', 'pressures', 'held_grip')
+        wrenches = Topic(WrenchStamped, 'external_wrench', self._read_wrench)
+        self.inputs.keep_topic('wrench', wrenches)
 
     def _read_wrench(self, message: WrenchStamped) -> tuple[float, float, float]:
         """Return the external wrench of a message in the aligned frame or the object's frame."""

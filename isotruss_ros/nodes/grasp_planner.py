@@ -21,7 +21,7 @@ from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import FixedSpec
 from isotruss_ros.nodes.framework.sensors import Inputs, TrackedShape
-from isotruss_ros.nodes.framework.single_goal import BusyError, Ending, SingleGoal
+from isotruss_ros.nodes.framework.single_goal import BusyError, SingleGoal
 
 SPECS = (
     common.OBJECT,
@@ -32,12 +32,6 @@ SPECS = (
 )
 #: Period at which the node checks whether a search has finished [s].
 POLLING_PERIOD = 0.02
-
-#: Final state of a goal for each outcome; a goal with any other outcome is aborted.
-ENDINGS = {
-    SearchOutcome.FOUND: Ending.SUCCEEDED,
-    SearchOutcome.CANCELLED: Ending.CANCELED,
-}
 
 
 class GraspPlanner(ManagedNode):
@@ -58,7 +52,7 @@ class GraspPlanner(ManagedNode):
         self._searcher = Searcher(self.values.workers)
         self._shape = TrackedShape(self.robot, self.values.command_timeout)
         self.inputs = Inputs(self, self.robot, self._shape)
-        self.inputs.keep_joint_states()
+        self.inputs.keep('rollers', 'estimate')
         # Exists while the node is inactive as well, so that a goal that ends then gets its result.
         self._goal = SingleGoal(
             self,
@@ -139,4 +133,4 @@ class GraspPlanner(ManagedNode):
     def _end(self, answer: Answer) -> None:
         """Publish the result of the goal."""
         result = to_result_message(answer, self.robot)
-        self._goal.report_end(answer.outcome, ENDINGS, result, 'no search')
+        self._goal.report_end(answer.outcome, result, 'no search')

@@ -23,10 +23,11 @@ from isotruss_ros.nodes.conversions.path_messages import read_object_path
 from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.commands import create_twist_publisher
 from isotruss_ros.nodes.framework.cycle import Cycle
+from isotruss_ros.nodes.framework.gate import Topic
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import Parameters, Spec
 from isotruss_ros.nodes.framework.sensors import Inputs
-from isotruss_ros.nodes.framework.single_goal import Ending, SingleGoal
+from isotruss_ros.nodes.framework.single_goal import SingleGoal
 import numpy as np
 
 SPECS = (
@@ -52,13 +53,6 @@ FEEDBACK = (*LAST_ERRORS, 'progress', 'time_left')
 NO_FEEDBACK = FollowObjectPath.Feedback(
     position_error=np.nan, angle_error=np.nan, progress=0.0, time_left=np.nan
 )
-
-#: Final state of a goal for each outcome; a goal with any other outcome is aborted.
-ENDINGS = {
-    PathOutcome.REACHED: Ending.SUCCEEDED,
-    PathOutcome.CANCELLED: Ending.CANCELED,
-    PathOutcome.PREEMPTED: Ending.ABORTED,
-}
 
 
 class PathFollower(ManagedNode):
@@ -87,12 +81,9 @@ class PathFollower(ManagedNode):
             self, values.use_stamped_twist, self.robot.frame
         )
         self.inputs = Inputs(self, self.robot, self._servo)
-        self.inputs.keep_object_pose()
-        self.inputs.keep_joint_states()
-        self.inputs.keep(
-            ManipulationStatus, 'manipulation/status', _read_status, 'servo_feedback', 'status'
-        )
-        self.inputs.keep_held_grip()
+        self.inputs.keep('pose', 'rollers', 'estimate', 'held_grip')
+        statuses = Topic(ManipulationStatus, 'manipulation/status', _read_status, 'status')
+        self.inputs.keep_topic('servo_feedback', statuses)
         # Exists while the node is inactive as well, so that a goal that ends then gets its result.
         self._goal = SingleGoal(
             self,
@@ -176,7 +167,7 @@ class PathFollower(ManagedNode):
         self._waiting = None
         self._publish_twist(np.zeros(3))
         result = _to_result(outcome, message, self._servo.tracker, self._last)
-        self._goal.report_end(outcome, ENDINGS, result, 'no path to follow')
+        self._goal.report_end(outcome, result, 'no path to follow')
 
     # -- The cycle --
 

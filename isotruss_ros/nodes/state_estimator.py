@@ -27,7 +27,7 @@ from isotruss_ros.core.inputs import (
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.servo.decision import describe_squeeze
 from isotruss_ros.core.statics.sag import find_sag
-from isotruss_ros.nodes.conversions.estimate_messages import to_estimate_message
+from isotruss_ros.nodes.conversions.state_messages import to_estimate_message
 from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.managed import ManagedNode
@@ -81,18 +81,14 @@ class StateEstimatorNode(ManagedNode):
     _last: StateEstimate | None = None
     #: Result in words of the last test whether the robot sags, and time of the test [s].
     _sag, _sought = '', -math.inf
-    rollers: Input = None
-    pose: Input = None
-    markers: Input = None
-    pressures: Input = None
 
     def configure(self) -> None:
         """Create the publisher and the subscriptions."""
-        self.inputs = Inputs(self, self.robot, self)
-        self.inputs.keep_encoders(take=self._take_encoders)
-        self.inputs.keep_object_pose(take=self._take_pose, oldest=HISTORY_DURATION)
-        self.inputs.keep_joint_markers(take=self._take_markers, oldest=HISTORY_DURATION)
-        self.inputs.keep_tube_pressures()
+        self.inputs = Inputs(self, self.robot)
+        self.inputs.keep('rollers', take=self._take_encoders)
+        self.inputs.keep('pose', take=self._take_pose, oldest=HISTORY_DURATION)
+        self.inputs.keep('markers', take=self._take_markers, oldest=HISTORY_DURATION)
+        self.inputs.keep('pressures')
         self._begin()
         self._estimates = self.create_lifecycle_publisher(
             StateEstimateMessage, 'state_estimate', RELIABLE
@@ -172,7 +168,7 @@ class StateEstimatorNode(ManagedNode):
     def _take_pressures(self, now: float) -> str:
         """Use fresh measured pressures in the model; if there are none, return the reason."""
         try:
-            found = fresh_pressures(now, self.values.pressure_timeout, self.pressures)
+            found = fresh_pressures(now, self.values.pressure_timeout, self.inputs.pressures)
         except InputError as error:
             return str(error)
         self._estimator.take_pressures(found)
@@ -182,26 +178,26 @@ class StateEstimatorNode(ManagedNode):
         """Return a warning if the robot without object sags under its weight; else empty."""
         if not 0.0 <= now - self._sought < SAG_PERIOD:
             self._sought, self._sag = now, ''
-            if estimate.pose is None and isinstance(self.markers, StampedInput):
+            if estimate.pose is None and isinstance(self.inputs.markers, StampedInput):
                 readings = estimate.travel - estimate.offsets
-                sag = find_sag(self.robot.configuration(readings), self.markers.value)
+                sag = find_sag(self.robot.configuration(readings), self.inputs.markers.value)
                 self._sag = str(sag) if sag is not None and sag.is_upright else ''
         return self._sag
 
     def _step(self, now: float) -> None:
-        stale = self._take_pressures(now)
+        stale, inputs = self._take_pressures(now), self.inputs
         self._take_waiting()
         try:
-            require_fresh(now, self.values.command_timeout, joint_states=self.rollers)
+            require_fresh(now, self.values.command_timeout, joint_states=inputs.rollers)
             estimate = self._estimator.estimate()
         except IsotrussError as error:
-            bad = self.rollers is not None
+            bad = inputs.rollers is not None
             level = DiagnosticStatus.ERROR if bad else DiagnosticStatus.WARN
             self.diagnostics.set_status(level, str(error))
             return
         self._last = estimate
         self._estimates.publish(to_estimate_message(estimate, self.robot))
-        rejected = [_rejection(given) for given in (self.rollers, self.pose, self.markers)]
+        rejected = map(_rejection, (inputs.rollers, inputs.pose, inputs.markers))
         found = stale, *rejected, _describe_doubts(estimate), self._find_sag(now, estimate)
         doubts = '; '.join(filter(None, found))
         if doubts:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from isotruss_ros.core.inputs import InputFault, RejectedInput, RollerState, StampedInput, Timeline
+from isotruss_ros.core.inputs import InputFault, RejectedInput, RollerState, StampedInput
 import numpy as np
 
 
@@ -23,7 +23,7 @@ class RollerParts:
     def __init__(self, names: Sequence[str]) -> None:
         self._names = names
         #: Position [m] + 1j speed [m/s] of each roller.
-        self._readings = [Timeline() for _ in names]
+        self._readings: list[list[tuple[float, complex]]] = [[] for _ in names]
 
     def clear(self) -> None:
         """Discard all readings."""
@@ -41,10 +41,12 @@ class RollerParts:
         """
         for number, (position, speed) in part.items():
             readings = self._readings[number]
-            if readings and readings.last[0] > now:
+            if readings and readings[-1][0] > now:
                 readings.clear()
-            if not readings or time >= readings.last[0]:
-                readings.add(time, complex(position, speed))
+            if not readings or time > readings[-1][0]:
+                readings.append((time, complex(position, speed)))
+            elif time == readings[-1][0]:
+                readings[-1] = time, complex(position, speed)
 
     def merged(self) -> StampedInput | RejectedInput:
         """Return the `RollerState` of all rollers; a rejection if a roller was never read."""
@@ -55,11 +57,12 @@ class RollerParts:
                 f'joint states: rollers {", ".join(missing)} are missing; must name '
                 f'{", ".join(self._names)}, in one message or in parts'
             )
-        times = [known.last[0] for known in readings]
+        times = [known[-1][0] for known in readings]
         time, newest = min(times), max(times)
-        values = np.array([known.at(time) for known in readings])
         for known in readings:
-            known.discard_before(time)
+            while len(known) > 1 and known[1][0] <= time:
+                del known[0]
+        values = np.array([np.interp(time, *zip(*known, strict=True)) for known in readings])
         behind = None
         if time < newest:
             oldest = self._names[times.index(time)]

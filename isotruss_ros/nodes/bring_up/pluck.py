@@ -67,9 +67,8 @@ class Pluck(StoppableNode):
         self._times: list[float] = []
         self._poses: list[tuple[float, ...]] = []
         self._status: ManipulationStatus | None = None
-        self.pose = None
-        self._inputs = Inputs(self, robot, self, MAX_TOPIC_AGE)
-        self._inputs.keep_object_pose(take=self._take_pose)
+        self._inputs = Inputs(self, robot, oldest=MAX_TOPIC_AGE)
+        self._inputs.keep('pose', take=self._take_pose)
         self.create_subscription(
             ManipulationStatus, 'manipulation/status', self._take_status, RELIABLE
         )

@@ -18,7 +18,6 @@ from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.parameters import ROBOT, Spec
 from isotruss_ros.nodes.framework.runner import StoppableNode
-from isotruss_ros.nodes.framework.sensors import Inputs
 from isotruss_ros.nodes.framework.topics import LATCHED, RELIABLE
 import numpy as np
 from sensor_msgs.msg import JointState
@@ -42,7 +41,6 @@ class Preflight(StoppableNode):
     Node that receives messages for some time and checks them, without motion.
 
     :ivar faults: names of the failed checks.
-    :ivar pose: input of the object's `Pose`.
     """
 
     node_name = 'preflight'
@@ -52,7 +50,6 @@ class Preflight(StoppableNode):
         """Create the subscriptions, and start to record."""
         self._robot = load_robot(self.values.robot)
         self._markers = JointMarkers(self, self._robot)
-        self.pose = None
         self._joint_states: list[JointState] = []
         self._poses: list[PoseStamped] = []
         self._stops: list[Bool] = []
@@ -64,8 +61,8 @@ class Preflight(StoppableNode):
             (Bool, 'emergency_stop', self._stops, LATCHED),
         ):
             self.create_subscription(kind, topic, kept.append, quality)
-        self._inputs = Inputs(self, self._robot, self, MAX_TOPIC_AGE)
-        self._inputs.keep_object_pose()
+        self._inputs = self._markers.inputs
+        self._inputs.keep('pose')
         self._checks: dict[str, Callable[[], str]] = {
             'encoders': self._check_encoders,
             'zeros': self._check_zeros,
@@ -91,8 +88,8 @@ class Preflight(StoppableNode):
         self.done = True
 
     def _check_encoders(self) -> str:
-        found = self._check_live('joint_states', self._markers.rollers)
-        self._travel = self._markers.rollers.value.positions
+        found = self._check_live('joint_states', self._inputs.rollers)
+        self._travel = self._inputs.rollers.value.positions
         return found
 
     def _check_zeros(self) -> str:
@@ -126,7 +123,7 @@ class Preflight(StoppableNode):
 
     def _check_pose(self) -> str:
         self._inputs.settle()
-        return self._check_live('object_pose', self.pose)
+        return self._check_live('object_pose', self._inputs.pose)
 
     def _check_stop(self) -> str:
         if not self._stops:

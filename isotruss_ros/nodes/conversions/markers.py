@@ -47,7 +47,6 @@ def to_marker_array(report: GraspReport, frame: str, time: float) -> MarkerArray
     """
     Return the markers of a report; the first marker deletes all earlier markers.
 
-    :param report: report of the grasp monitor.
     :param frame: name of the robot frame.
     :param time: stamp of the markers [s].
     """

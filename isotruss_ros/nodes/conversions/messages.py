@@ -30,11 +30,7 @@ class MessageError(IsotrussError, ValueError):
 
 
 def read_stamp(header: Header) -> float:
-    """
-    Return the stamp of a header [s].
-
-    :param header: header of a message.
-    """
+    """Return the stamp of a header [s]."""
     return header.stamp.sec + 1e-9 * header.stamp.nanosec
 
 
@@ -53,7 +49,6 @@ def read_twist(twist: Twist) -> tuple[float, float, float]:
     """
     Return the planar twist (vx, vy, omega) of a message [m/s, rad/s].
 
-    :param twist: twist of the object.
     :raises MessageError: a component is not finite, or a component out of the plane is not zero.
     """
     linear, angular = twist.linear, twist.angular
@@ -73,7 +68,6 @@ def check_frame(what: str, header: Header, frame: str) -> None:
     Raise MessageError for a frame other than the robot frame; an empty name is accepted.
 
     :param what: name of the message, for the error message.
-    :param header: header of the message.
     :param frame: name of the robot frame.
     :raises MessageError: the header names another frame; the message names both frames.
     """
@@ -145,7 +139,6 @@ def read_pose(what: str, message: PoseMessage) -> Pose:
     Return the planar pose of a message; height and tilt are ignored.
 
     :param what: name of the pose, for the error message.
-    :param message: message of the pose.
     :raises MessageError: a value is not finite or too large, or the quaternion is not a rotation.
     """
     position, q = message.position, message.orientation

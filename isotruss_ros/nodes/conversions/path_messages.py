@@ -28,7 +28,6 @@ def read_object_path(
     """
     Return the object path of a goal; None for a single pose at which the object already is.
 
-    :param message: poses of the object.
     :param speed: speed of the object's centre along the path [m/s].
     :param turn_rate: largest angular velocity [rad/s].
     :param robot: the robot; the length of its tubes limits the poses.
@@ -76,7 +75,6 @@ def to_trajectory_message(
     """
     Return the message of a roller trajectory.
 
-    :param robot: the robot.
     :param positions: (k, r) roller positions of the waypoints [m].
     :param times: (k,) times of the waypoints, from 0 [s].
     """
@@ -100,9 +98,5 @@ def to_duration(seconds: float) -> Duration:
 
 
 def read_duration(duration: Duration) -> float:
-    """
-    Return the duration of a message [s].
-
-    :param duration: message of the duration.
-    """
+    """Return the duration of a message [s]."""
     return duration.sec + 1e-9 * duration.nanosec

@@ -61,7 +61,6 @@ def read_described(values: Parameters) -> ConvexObject | None:
     """
     Return the object of the parameter `object`; None if `object_diameter` defines a disc.
 
-    :param values: parameters of a node.
     :raises IsotrussError: the description is invalid.
     """
     return read_object(values.object) if values.object else None
@@ -71,7 +70,6 @@ def read_body(values: Parameters) -> ConvexObject:
     """
     Return the object of the parameter `object`, else the disc of `object_diameter`.
 
-    :param values: parameters of a node.
     :raises IsotrussError: the description is invalid.
     """
     return read_described(values) or ConvexObject(Disc(values.object_diameter))
@@ -81,7 +79,6 @@ def check_grip(robot: Robot, values: Mapping[str, Value]) -> None:
     """
     Raise IsotrussError if the robot does not have the grip's module or members.
 
-    :param robot: the robot.
     :param values: new values of parameters by name; other parameters are ignored.
     :raises IsotrussError: a module or member does not exist, or the number of different members is
         not two or three.
@@ -106,7 +103,6 @@ def select_grip(robot: Robot, values: Parameters) -> tuple[str, ...]:
     Return the members named by `grip`; without names, the members at the module `grip_module`.
 
     :param robot: the robot, whose last module is used if neither parameter names one.
-    :param values: parameters of a node.
     """
     module = values.grip_module or robot.module_names[-1]
     return named_members(values.grip) or members_at(robot, module)

@@ -181,7 +181,6 @@ def create_steady_timer(node: Node, period: float, callback: Callable[[], None])
     """
     Return a timer of the steady clock, which simulated time and clock changes do not affect.
 
-    :param node: node that owns the timer.
     :param period: period of the callbacks [s].
     :param callback: function without arguments.
     """

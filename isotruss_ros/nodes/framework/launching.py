@@ -107,8 +107,10 @@ def _declare(name: str, default: Value | None, description: str) -> DeclareLaunc
 def _describe_node(executable: str, specs: Sequence[Spec]) -> Node:
     parameters = {}
     for spec in specs:
-        # All lists are lists of texts.
-        kind = list[str] if isinstance(spec.default, list) else type(spec.default)
+        default = spec.default
+        kind: type = type(default)
+        if isinstance(default, list):
+            kind = list[float] if isinstance(default[0], float) else list[str]
         given = LaunchConfiguration(spec.name)
         parameters[spec.name] = ParameterValue(given, value_type=kind)
     optional = NODES.get(executable) is not None

@@ -283,11 +283,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
 
 
 def log_refusals(node: Node) -> None:
-    """
-    Make rclpy log its errors about negative times and invalid transitions instead of raising them.
-
-    :param node: node whose rclpy methods are wrapped.
-    """
+    """Make rclpy log errors about negative times and invalid transitions, and not raise them."""
     for entity in (*node.subscriptions, *node.services):
         name = getattr(entity, 'topic_name', '') or getattr(entity, 'service_name', '')
         # The callbacks of rclpy itself are methods, until they are replaced here.

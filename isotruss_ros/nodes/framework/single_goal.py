@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 import enum
 import math
 import time
@@ -28,6 +28,10 @@ class Ending(enum.Enum):
     SUCCEEDED = 'succeed'
     CANCELED = 'canceled'
     ABORTED = 'abort'
+
+
+#: Final states of goals by the names of their outcomes; zero is success, others are aborted.
+ENDINGS = {'CANCELLED': Ending.CANCELED, 'PREEMPTED': Ending.ABORTED}
 
 
 class BusyError(IsotrussError):
@@ -122,32 +126,23 @@ class SingleGoal:
         """
         End the active goal; the client receives the result when the executor spins next.
 
-        :param ending: final state of the goal.
         :param result: message of the result.
         """
         self._ended[_key(self._handle)].set_result((ending, self._stamp(result)))
         self._set_active(None)
 
-    def report_end(
-        self,
-        outcome: enum.Enum,
-        endings: Mapping[Any, Ending],
-        result: Any,
-        idle: str,
-        prefix: str = '',
-    ) -> None:
+    def report_end(self, outcome: enum.IntEnum, result: Any, idle: str, prefix: str = '') -> None:
         """
         End the active goal, and report its result in diagnostics and log.
 
-        :param outcome: final code.
-        :param endings: final state for each code; a goal with any other code is aborted.
         :param result: message of the result.
         :param idle: text of the diagnostics after the goal.
         :param prefix: text before the reported result.
         """
-        self.end(endings.get(outcome, Ending.ABORTED), result)
+        good, logger = outcome == 0 or outcome.name in ENDINGS, self._node.get_logger()
+        ending = ENDINGS.get(outcome.name, Ending.ABORTED)
+        self.end(Ending.SUCCEEDED if outcome == 0 else ending, result)
         text = f'{prefix}{outcome.name.lower().replace("_", " ")}: {result.message}'
-        good, logger = outcome in endings, self._node.get_logger()
         level = DiagnosticStatus.OK if good else DiagnosticStatus.WARN
         self._node.diagnostics.set_status(level, f'{idle}; last goal {text}')
         if good:

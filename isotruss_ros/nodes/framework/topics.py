@@ -78,7 +78,6 @@ def take_waiting(taken: list[Any], subscription: Subscription, most: int) -> lis
     Return a message, followed by the queued messages in order.
 
     :param taken: list with the message that the callback has received; it may be empty.
-    :param subscription: subscription with the queue.
     :param most: largest number of returned messages.
     """
     messages = list(taken)

@@ -39,9 +39,6 @@ class TransformBroadcaster:
     a contact frame is the normal into the object. A module frame has its origin at the joint and
     its x axis along the connection rod. Without `tf2_msgs` a warning is logged and nothing is
     broadcast.
-
-    :param node: publishing node.
-    :param robot: the robot.
     """
 
     def __init__(self, node: ManagedNode, robot: Robot) -> None:
@@ -66,7 +63,6 @@ class TransformBroadcaster:
         """
         Publish the transforms from the robot frame.
 
-        :param config: measured configuration of the robot.
         :param pose: pose of the object, robot frame.
         :param contacts: contact frames by member, see `find_contact_frames`.
         :param time: time of the measurements [s].
@@ -101,9 +97,6 @@ def find_contact_frames(
 
     The origin of a frame is the centre of pressure, x + iy [m]. The x axis is the normal into the
     object, a unit vector x + iy.
-
-    :param analysis: analysis of the grasp.
-    :param robot: robot to which the members belong.
     """
     frames, forces = {}, analysis.normal_forces
     for number in sorted(set(analysis.members[forces > 0.0].tolist())):
@@ -116,9 +109,5 @@ def find_contact_frames(
 
 
 def name_module_frames(robot: Robot) -> list[str]:
-    """
-    Return the names of the modules' frames in `Robot.module_names` order.
-
-    :param robot: the robot.
-    """
+    """Return the names of the modules' frames in `Robot.module_names` order."""
     return [f'{robot.frame}_{name.replace("/", "_")}' for name in robot.module_names]

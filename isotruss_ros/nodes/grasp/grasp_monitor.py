@@ -71,8 +71,6 @@ class GraspMonitor:
     :ivar wrench: input of the external wrench (fx, fy, m) on the object [N, N m]; None: zero.
     :ivar pressures: input of the gauge pressures (t,) of the tubes in the order of the robot file
         [Pa]; None: the pressures of the robot file are used.
-    :param robot: the robot.
-    :param query: settings of the analysis without roller positions.
     :param timeout: largest age of inputs [s].
     """
 

@@ -41,19 +41,11 @@ class FailedRollers:
         node.offer(SERVICE, self._reset)
 
     def select_named(self, robot: Robot) -> frozenset[str]:
-        """
-        Return the rollers of the robot that the topic names.
-
-        :param robot: the robot.
-        """
+        """Return the rollers of the robot that the topic names."""
         return self._named & frozenset(robot.roller_names)
 
     def find_fault(self, robot: Robot) -> str | None:
-        """
-        Return the reason why the rollers that the topic names are unknown; None if they are known.
-
-        :param robot: the robot.
-        """
+        """Return the reason why the rollers of the topic are unknown; None if they are known."""
         if self._unknown is not None:
             return self._unknown
         try:
@@ -63,12 +55,7 @@ class FailedRollers:
         return None
 
     def follow(self, detector: FailureDetector, robot: Robot) -> None:
-        """
-        Copy the detected failures to the failure detector of a new servo.
-
-        :param detector: failure detector of the new servo.
-        :param robot: robot of the new servo.
-        """
+        """Copy the detected failures to the failure detector of a new servo."""
         if self._detector is not None:
             detector.failed = self._detector.failed & frozenset(robot.roller_names)
         self._detector = detector
@@ -94,11 +81,7 @@ class FailedRollers:
 
 
 def describe_reachable_twists(servo: TwistServo) -> str:
-    """
-    Describe the twists of the object that the working rollers can produce.
-
-    :param servo: servo with its latest inputs.
-    """
+    """Describe the twists of the object that the working rollers can produce."""
     rollers, pose = servo.inputs.rollers, servo.inputs.pose
     if not isinstance(rollers, StampedInput) or not isinstance(pose, StampedInput):
         return 'unknown without joint states and object pose'

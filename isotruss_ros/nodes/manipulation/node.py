@@ -15,6 +15,7 @@ from isotruss_ros.nodes.conversions.messages import check_frame, read_twist
 from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.commands import RollerCommands
 from isotruss_ros.nodes.framework.cycle import Cycle
+from isotruss_ros.nodes.framework.gate import Topic
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import ParameterError, Spec, Value
 from isotruss_ros.nodes.framework.topics import NEWEST, take_waiting
@@ -80,10 +81,9 @@ class Manipulation(ManagedNode):
         inputs = self.inputs = ServoSubscriptions(self, self.robot, self._servo)
         stamped = values.use_stamped_twist
         kind, read = (TwistStamped, self._read_stamped_twist) if stamped else (Twist, read_twist)
-        self._twists = inputs.keep(kind, 'cmd_vel', read, 'twist', 'twist', stops=True)
-        inputs.keep_joint_states()
-        inputs.keep_object_pose()
-        inputs.keep_tube_pressures()
+        twists = Topic(kind, 'cmd_vel', read, 'twist', stops=True)
+        self._twists = inputs.keep_topic('twist', twists)
+        inputs.keep('rollers', 'estimate', 'pose', 'pressures')
         self.create_timer(TYPE_CHECK_PERIOD, self._check_twist_type)
 
     def prepare(self, settings: ServoSettings) -> ServoSettings:

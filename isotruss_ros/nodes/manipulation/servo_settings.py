@@ -18,8 +18,8 @@ from isotruss_ros.core.safety.roller_failure import FAILURE_TIME
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
 from isotruss_ros.core.servo.decision import Decision
 from isotruss_ros.core.servo.servo_settings import ServoSettings, SqueezeSettings
-from isotruss_ros.nodes.conversions.grip_messages import to_grip_message
 from isotruss_ros.nodes.conversions.messages import make_header, to_twist_message
+from isotruss_ros.nodes.conversions.state_messages import to_grip_message
 from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import Parameters, Spec
@@ -124,8 +124,6 @@ def make_settings(
     """
     Return the settings of the servo that the parameters specify.
 
-    :param robot: the robot.
-    :param values: parameters of the node.
     :param described: object of the parameter `object`; None for a disc with the parameter
         `object_diameter`.
     :param joint: joint that is moved by twists; None: twists move the object.
@@ -162,12 +160,7 @@ class ServoSubscriptions(Inputs):
 
 
 class StatusReport:
-    """
-    Publisher of the servo's decisions, which is created at each configuration of the node.
-
-    :param node: publishing node.
-    :param robot: the robot.
-    """
+    """Publisher of the servo's decisions, which is created at each configuration of the node."""
 
     def __init__(self, node: ManagedNode, robot: Robot) -> None:
         self._publisher = node.create_lifecycle_publisher(
@@ -182,7 +175,6 @@ class StatusReport:
         """
         Publish the state of the held object, at most once in `GRIP_PERIOD`.
 
-        :param grasp: equilibrium of the held object; None if no object is held.
         :param now: time of the cycle [s].
         """
         if grasp is None or 0.0 <= now - self._told < GRIP_PERIOD:
@@ -194,7 +186,6 @@ class StatusReport:
         """
         Publish a decision; log it if the twist is not executed as commanded.
 
-        :param decision: decision of this cycle.
         :param now: time of the cycle [s].
         """
         command, cycle = decision.command, self._node.cycle

@@ -61,7 +61,6 @@ class StepError(IsotrussError, RuntimeError):
 
     :ivar outcome: final code.
     :ivar details: further fields of the result.
-    :param outcome: final code.
     :param message: reason in words.
     :param details: further fields of the result.
     """

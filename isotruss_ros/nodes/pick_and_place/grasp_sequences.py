@@ -77,7 +77,6 @@ class GraspSequences(TrackedShape):
     Sequences of actions of `grasp_planner`, `manipulation` and `path_follower`.
 
     :param node: node that has the clients until it is destroyed.
-    :param robot: the robot.
     """
 
     #: StampedInput of the `GripRecord` of the control loop that holds the object
@@ -109,32 +108,17 @@ class GraspSequences(TrackedShape):
         self._thread.shutdown(wait=False, cancel_futures=True)
 
     def check_pick(self, goal: PickObject.Goal) -> None:
-        """
-        Raise IsotrussError for a goal whose grasp search is invalid at any pose of the object.
-
-        :param goal: goal of the action.
-        :raises IsotrussError: see `read_goal`.
-        """
+        """Raise IsotrussError for a goal whose search is invalid at any pose of the object."""
         anywhere = PoseStamped(header=make_header(0.0, self._robot.frame))
         read_goal(self._to_search_goal(goal, anywhere), self._robot, self._described)
 
     def check_place(self, goal: PlaceObject.Goal) -> None:
-        """
-        Raise MessageError for an invalid clearance.
-
-        :param goal: goal of the action.
-        :raises MessageError: the clearance is not a positive number.
-        """
+        """Raise MessageError for a clearance that is not a positive number."""
         if not 0.0 < goal.clearance < math.inf:
             raise MessageError(f'clearance {goal.clearance} m: must be a positive number')
 
     def check_move(self, goal: MoveObject.Goal) -> None:
-        """
-        Raise IsotrussError for an invalid path.
-
-        :param goal: goal of the action.
-        :raises IsotrussError: see `read_object_path`.
-        """
+        """Raise IsotrussError for an invalid path."""
         known = isinstance(self.pose, StampedInput)
         here = self.pose.value if known else Pose(0.0, 0.0, 0.0)
         read_object_path(goal.path, goal.speed, goal.turn_rate, self._robot, False, here)
@@ -169,7 +153,6 @@ class GraspSequences(TrackedShape):
         """
         Return the distance [m] and angle [rad] between the object and the last pose of a path.
 
-        :param path: path of a goal.
         :return: distance and angle; NaN if a pose is unknown.
         """
         try:
@@ -189,8 +172,6 @@ class GraspSequences(TrackedShape):
 
         If the closing grip has displaced the object, the object is moved back.
 
-        :param goal: goal of the action.
-        :return: result of the action.
         :raises IsotrussError: the object is not held.
         """
         self.stage = PICK.PLANNING
@@ -244,8 +225,6 @@ class GraspSequences(TrackedShape):
         """
         Unload the object in place, open the grip, retreat, and confirm that the object is free.
 
-        :param goal: goal of the action.
-        :return: result of the action.
         :raises IsotrussError: the object is not free.
         """
         self.stage = PLACE.PLANNING
@@ -288,8 +267,6 @@ class GraspSequences(TrackedShape):
         """
         Move the held object along a path.
 
-        :param goal: goal of the action.
-        :return: result of the action.
         :raises IsotrussError: the object is not at the end of the path.
         """
         self.stage = MOVE.MOVING

@@ -16,9 +16,10 @@ from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.inputs import InputError
 from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
+from isotruss_ros.nodes.framework.gate import Topic
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.sensors import Inputs
-from isotruss_ros.nodes.framework.single_goal import BusyError, Ending, SingleGoal
+from isotruss_ros.nodes.framework.single_goal import BusyError, SingleGoal
 from isotruss_ros.nodes.pick_and_place.action_steps import (
     CancelledError,
     StepError,
@@ -30,12 +31,6 @@ from isotruss_ros.nodes.pick_and_place.grasp_sequences import GraspSequences
 SPECS = (*common.OBJECT_SPECS, common.COMMAND_TIMEOUT)
 #: Period of the ticks of a sequence [s].
 TICK_PERIOD = 0.02
-
-#: Final state of a goal for each outcome; a goal with any other outcome is aborted.
-ENDINGS = {
-    StepOutcome.SUCCEEDED: Ending.SUCCEEDED,
-    StepOutcome.CANCELLED: Ending.CANCELED,
-}
 
 
 class PickAndPlace(ManagedNode):
@@ -53,10 +48,8 @@ class PickAndPlace(ManagedNode):
         """Create clients and subscriptions, and offer the actions."""
         sequences = self._sequences = GraspSequences(self, self.robot)
         self.inputs = Inputs(self, self.robot, sequences)
-        self.inputs.keep_joint_states()
-        self.inputs.keep_object_pose()
-        self.inputs.keep(GraspState, 'grasp/state', lambda state: state, 'grasp')
-        self.inputs.keep_held_grip()
+        self.inputs.keep('rollers', 'estimate', 'pose', 'held_grip')
+        self.inputs.keep_topic('grasp', Topic(GraspState, 'grasp/state', lambda state: state))
         # Exists while the node is inactive as well, so that a goal that ends then gets its result.
         self._actions = [
             self._offer(PickObject, 'pick_object', sequences.check_pick, sequences.pick),
@@ -156,7 +149,7 @@ class PickAndPlace(ManagedNode):
         if isinstance(ended, MoveObject.Result):
             left = self._sequences.distance_left(goal.request.path)
             ended.position_error, ended.angle_error = left
-        goal.report_end(outcome, ENDINGS, ended, 'no goal', f'{goal.kind.__name__}: ')
+        goal.report_end(outcome, ended, 'no goal', f'{goal.kind.__name__}: ')
 
 
 def _find_outcome(error: IsotrussError) -> StepOutcome:

@@ -51,7 +51,6 @@ class ObjectGoals:
     """
     Clients of the actions `pick_object` and `place_object`.
 
-    :param node: node of the clients.
     :param report: callback that receives the progress of a goal in words.
     """
 
@@ -92,7 +91,6 @@ class NodeRestart:
     """
     Reconfiguration of the simulator and other nodes by their life cycle services.
 
-    :param node: node of the clients.
     :param report: callback that receives the result of a restart in words.
     """
 
