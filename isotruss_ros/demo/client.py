@@ -17,7 +17,6 @@ from isotruss_ros.core import IsotrussError, Pose, Status
 from isotruss_ros.demo.path import Phase, Wrench
 from isotruss_ros.demo.record import PhaseRecord, Snapshot
 from isotruss_ros.nodes.conversions.grasp_messages import to_wrench_message
-from isotruss_ros.nodes.conversions.joint_state_messages import read_roller_part
 from isotruss_ros.nodes.conversions.messages import (
     make_header,
     name_aligned_frame,
@@ -25,6 +24,7 @@ from isotruss_ros.nodes.conversions.messages import (
     read_stamp,
     to_twist_message,
 )
+from isotruss_ros.nodes.conversions.sensor_messages import read_roller_part
 from isotruss_ros.nodes.framework.topics import RELIABLE
 import numpy as np
 from rclpy.executors import SingleThreadedExecutor

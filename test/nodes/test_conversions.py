@@ -27,11 +27,6 @@ from isotruss_ros.nodes.conversions.grasp_messages import (
     read_external_wrench,
     to_wrench_message,
 )
-from isotruss_ros.nodes.conversions.joint_state_messages import (
-    read_roller_part,
-    read_tube_pressure,
-)
-from isotruss_ros.nodes.conversions.marker_messages import read_joint_markers, to_joint_markers
 from isotruss_ros.nodes.conversions.messages import (
     make_header,
     MessageError,
@@ -41,6 +36,12 @@ from isotruss_ros.nodes.conversions.messages import (
     to_twist_message,
 )
 from isotruss_ros.nodes.conversions.plan_messages import to_duration
+from isotruss_ros.nodes.conversions.sensor_messages import (
+    read_joint_markers,
+    read_roller_part,
+    read_tube_pressure,
+    to_joint_markers,
+)
 from isotruss_ros.nodes.framework.robot_frame import RobotFrame
 import numpy as np
 from probe import DIAMETER, MODULE, N, ROBOT

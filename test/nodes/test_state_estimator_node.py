@@ -8,14 +8,14 @@ from isotruss_ros.core.estimation import state_estimate
 from isotruss_ros.core.estimation.state_estimator import StateEstimator
 from isotruss_ros.core.statics.sag import Sag
 from isotruss_ros.nodes import state_estimator
-from isotruss_ros.nodes.conversions.estimate_messages import read_estimate, to_estimate_message
-from isotruss_ros.nodes.conversions.marker_messages import to_joint_markers
 from isotruss_ros.nodes.conversions.messages import (
     make_header,
     MessageError,
     read_pose,
     read_stamp,
 )
+from isotruss_ros.nodes.conversions.sensor_messages import to_joint_markers
+from isotruss_ros.nodes.conversions.state_messages import read_estimate, to_estimate_message
 from isotruss_ros.nodes.manipulation.node import Manipulation
 from isotruss_ros.nodes.simulator.node import Simulator
 from isotruss_ros.nodes.state_estimator import StateEstimatorNode

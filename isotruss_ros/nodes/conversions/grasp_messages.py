@@ -22,7 +22,7 @@ from isotruss_ros.nodes.conversions.messages import (
     name_contact_frame,
     name_object_frame,
 )
-from isotruss_ros.nodes.conversions.object_messages import describes_object, read_object_message
+from isotruss_ros.nodes.conversions.object_messages import read_described
 from isotruss_ros.nodes.grasp.grasp_report import GraspQuery, GraspReport
 import numpy as np
 
@@ -105,19 +105,19 @@ def read_query(
     :param paper_model: whether the paper's model is used, see `analyze_grasp`.
     :raises MessageError: the request describes no object, two objects, or an invalid object.
     """
-    body = _read_described(request)
-    if body is None:
-        body = ConvexObject.disc((request.center.x, request.center.y), request.diameter)
+    body = _read_body(request)
     wrench = _planar(request.external_wrench)
     rollers = tuple(request.roller_positions)
     friction = request.friction if body.friction is None else body.friction
     return GraspQuery(rollers, body, friction, wrench, spacing, paper_model)
 
 
-def _read_described(request: AnalyzeGrasp.Request) -> ConvexObject | None:
-    """Return the object that a request describes; None for a disc."""
-    if not describes_object(request.object):
-        if request.diameter == 0.0:
+def _read_body(request: AnalyzeGrasp.Request) -> ConvexObject:
+    """Return the object of a request: a disc, or the described object."""
+    diameter, center = request.diameter, request.center
+    body = read_described(request.object, request.object_pose, 'diameter', diameter)
+    if body is None:
+        if diameter == 0.0:
             raise MessageError(
                 'diameter 0.0 m: must be positive, that of a disc at `center`; or `object` must '
                 'describe what is at `object_pose`'
@@ -127,19 +127,13 @@ def _read_described(request: AnalyzeGrasp.Request) -> ConvexObject | None:
                 'object_pose: must be left out where there is no `object`; the place of a disc '
                 'is `center`'
             )
-        return None
-    if request.diameter != 0.0:
-        raise MessageError(
-            f'diameter {request.diameter} m, beside an `object`: must be 0, as the object is '
-            'described; or leave `object` out for a disc'
-        )
-    if request.center != Point():
-        center = request.center
+        return ConvexObject.disc((center.x, center.y), diameter)
+    if center != Point():
         raise MessageError(
             f'center ({center.x}, {center.y}), beside an `object`: must be left out; the place of '
             'an object is `object_pose`'
         )
-    return read_object_message(request.object, request.object_pose)
+    return body
 
 
 def _planar(wrench: Wrench) -> tuple[float, float, float]:
@@ -159,16 +153,15 @@ def to_state_message(report: GraspReport, frame: str) -> GraspState:
         state.closure_residual = state.required_friction = math.inf
         state.closure_margin = -math.inf
         return state
-    settled = report.grasp.settled
+    settled, analysis = report.grasp.settled, report.grasp.analysis
     state.held = report.held
     state.force_closure = report.force_closure
     state.hold_message = settled.reason
-    state.slip_margin, state.slip_direction = settled.slip_margin, settled.slip_direction
-    state.displacement = settled.displacement
     state.grasping_members = list(settled.normal_forces)
     state.squeeze = list(settled.normal_forces.values())
     state.friction_used = list(settled.friction_used.values())
-    analysis = report.grasp.analysis
+    state.slip_margin, state.slip_direction = settled.slip_margin, settled.slip_direction
+    state.displacement = settled.displacement
     state.closed_by_friction = analysis.closed_by_friction
     for name in ('closure_residual', 'closure_tolerance', 'required_friction', 'closure_margin'):
         setattr(state, name, getattr(analysis, name))

@@ -17,7 +17,6 @@ from isotruss_ros.core.model.object_file import make_object, SHAPES
 from isotruss_ros.nodes.conversions.messages import MessageError, read_pose
 import numpy as np
 
-NO_OBJECT = ObjectMessage()
 #: Name of a shape in object files, by its code in messages.
 SHAPE_NAMES = {
     ObjectMessage.DISC: 'disc',
@@ -26,20 +25,25 @@ SHAPE_NAMES = {
 }
 
 
-def describes_object(message: ObjectMessage) -> bool:
-    """Return whether a message describes an object, valid or not; an empty message does not."""
-    return message != NO_OBJECT
-
-
-def read_object_message(message: ObjectMessage, pose: PoseMessage) -> ConvexObject:
+def read_described(
+    message: ObjectMessage, pose: PoseMessage, name: str, diameter: float
+) -> ConvexObject | None:
     """
-    Return the object that a message describes, at a pose.
+    Return the object that a request describes, at a pose; None if its description is empty.
 
-    :param pose: pose of the object's frame in the robot frame.
+    :param name: name of the request's field with the diameter of a disc.
+    :param diameter: diameter of a disc [m].
     :raises MessageError: the message does not describe an object or has a field of another shape,
-        or the pose is invalid. The text names the field as a key of an object file, and the vertex
-        or side of a polygon.
+        the pose is invalid, or there is a diameter as well. The text names the field as a key of
+        an object file, and the vertex or side of a polygon.
     """
+    if message == ObjectMessage():
+        return None
+    if diameter != 0.0:
+        raise MessageError(
+            f'{name} {diameter} m, beside an `object`: must be 0, as the object is described; or '
+            'leave `object` out for a disc'
+        )
     place = read_pose('object_pose', pose)
     if message.shape not in SHAPE_NAMES:
         known = ', '.join(f'{number} (a {name})' for number, name in SHAPE_NAMES.items())

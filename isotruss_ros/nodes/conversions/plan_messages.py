@@ -19,7 +19,7 @@ from isotruss_ros.core.planning.searcher import Answer
 from isotruss_ros.core.planning.violations import export_violation
 from isotruss_ros.nodes.conversions.grasp_messages import read_external_wrench
 from isotruss_ros.nodes.conversions.messages import check_frame, MessageError, read_pose
-from isotruss_ros.nodes.conversions.object_messages import describes_object, read_object_message
+from isotruss_ros.nodes.conversions.object_messages import read_described
 from isotruss_ros.nodes.conversions.path_messages import to_duration, to_trajectory_message
 import numpy as np
 
@@ -101,13 +101,9 @@ def _read_carry(goal: PlanGrasp.Goal) -> tuple[tuple[float, float, float], ...]:
 def _read_body(goal: PlanGrasp.Goal, described: ConvexObject | None) -> ConvexObject:
     """Return the object of the goal, else of the parameter `object`, at the goal's pose."""
     pose, diameter = goal.object_pose.pose, goal.object_diameter
-    if describes_object(goal.object):
-        if diameter != 0.0:
-            raise MessageError(
-                f'object_diameter {diameter} m, beside an `object`: must be 0, as the object is '
-                'described; or leave `object` out for a disc'
-            )
-        return read_object_message(goal.object, pose)
+    body = read_described(goal.object, pose, 'object_diameter', diameter)
+    if body is not None:
+        return body
     if diameter != 0.0:
         return ConvexObject.disc((pose.position.x, pose.position.y), diameter)
     if described is None:

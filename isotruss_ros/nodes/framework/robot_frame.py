@@ -12,8 +12,8 @@ from geometry_msgs.msg import PoseStamped, Quaternion
 from isotruss_ros.core import Pose, Robot
 from isotruss_ros.core.errors import quote
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.nodes.conversions.marker_messages import read_joint_markers
 from isotruss_ros.nodes.conversions.messages import check_place, MessageError, read_pose
+from isotruss_ros.nodes.conversions.sensor_messages import read_joint_markers
 import numpy as np
 from rclpy.node import Node
 from rclpy.time import Time

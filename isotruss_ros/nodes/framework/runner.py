@@ -17,8 +17,8 @@ from isotruss_ros.core import IsotrussError
 from isotruss_ros.nodes.framework import MODULES
 from isotruss_ros.nodes.framework.command_line import explain_refusal, refuse_arguments
 from isotruss_ros.nodes.framework.cycle import Cycle, PacedExecutor
+from isotruss_ros.nodes.framework.diagnostics import ReasonLog
 from isotruss_ros.nodes.framework.parameters import Parameters, Spec
-from isotruss_ros.nodes.framework.reasons import ReasonLog
 import rclpy
 from rclpy.logging import LoggingSeverity, set_logger_level
 from rclpy.node import Node

@@ -26,12 +26,11 @@ from isotruss_ros.core.inputs import (
     StampedInput,
 )
 from isotruss_ros.core.kinematics.configuration import ConfigurationTracker
-from isotruss_ros.nodes.conversions.estimate_messages import read_estimate
-from isotruss_ros.nodes.conversions.grip_messages import read_grip
-from isotruss_ros.nodes.conversions.joint_state_messages import (
+from isotruss_ros.nodes.conversions.sensor_messages import (
     read_roller_part,
     read_tube_pressure,
 )
+from isotruss_ros.nodes.conversions.state_messages import read_estimate, read_grip
 from isotruss_ros.nodes.framework.gate import Gate, Received, Topic
 from isotruss_ros.nodes.framework.robot_frame import RobotFrame
 from isotruss_ros.nodes.framework.runner import StoppableNode

@@ -20,9 +20,8 @@ from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import FixedSpec, ParameterError
 from isotruss_ros.nodes.framework.topics import RELIABLE
-from isotruss_ros.nodes.simulator.plants import KINEMATIC, make_plant, MUJOCO
-from isotruss_ros.nodes.simulator.simulated_object import place_at_start
-from isotruss_ros.nodes.simulator.simulated_object import SPECS as OBJECT_SPECS
+from isotruss_ros.nodes.simulator.plants import KINEMATIC, make_plant, MUJOCO, place_at_start
+from isotruss_ros.nodes.simulator.plants import SPECS as OBJECT_SPECS
 from isotruss_ros.nodes.simulator.simulated_sensors import SENSOR_SPECS, SimulatedSensors
 from isotruss_ros.nodes.simulator.simulated_truth import CLOCK_SPEED, ClockSource, SimulatedTruth
 import numpy as np

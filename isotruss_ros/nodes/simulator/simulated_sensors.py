@@ -12,8 +12,8 @@ import math
 from geometry_msgs.msg import PoseStamped
 from isotruss_ros.core import Pose, Robot
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.nodes.conversions.marker_messages import to_joint_markers
 from isotruss_ros.nodes.conversions.messages import make_header, to_pose_message
+from isotruss_ros.nodes.conversions.sensor_messages import to_joint_markers
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import FixedSpec, ParameterError, Parameters, Spec
 from isotruss_ros.nodes.framework.topics import RELIABLE

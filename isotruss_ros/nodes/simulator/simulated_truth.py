@@ -8,8 +8,8 @@ from __future__ import annotations
 from geometry_msgs.msg import PoseStamped, WrenchStamped
 from isotruss_ros.core import Robot
 from isotruss_ros.nodes.conversions.grasp_messages import to_contact_wrench
-from isotruss_ros.nodes.conversions.marker_messages import to_joint_markers
 from isotruss_ros.nodes.conversions.messages import make_header, to_pose_message
+from isotruss_ros.nodes.conversions.sensor_messages import to_joint_markers
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import FixedSpec, ParameterError
