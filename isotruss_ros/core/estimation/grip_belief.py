@@ -287,9 +287,11 @@ class GripBelief:
         change = pose_difference(rolled.pose, np.array(before.pose) + self._pending[:3])
         travel = config.roller_positions - before.config.roller_positions
         if self._moved_zeros.any():
-            # The object stays where it was measured: its model was off by so much.
-            self.bias = self.bias - self._even * change
-            travel, change = travel - self._moved_zeros, np.zeros(3)
+            # Corrected offsets do not move the object: its model was off by so much.
+            travel = travel - self._moved_zeros
+            moved = grip_jacobian(before.config, self.grip)[:3] @ travel
+            moved = moved + elapsed * self.drift[:3]
+            self.bias, change = self.bias - self._even * (change - moved), moved
         else:
             self._learn(before, rolled, travel, change, elapsed)
         self._travelled = self._travelled + change

@@ -146,10 +146,6 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
             would have no length; or the straight line in roller travel passes a singular
             configuration or takes more than `MAX_NEWTON_ITERATIONS` steps.
         """
-        return self._reached(roller_positions, nearby)
-
-    def _reached(self, roller_positions: ArrayLike, nearby: Factor | None) -> Configuration:
-        """Return the result of `moved_to`, without restricting BLAS to one thread."""
         robot, start, goal = self.robot, self.roller_positions, self._checked(roller_positions)
         goal_targets = _targets(robot, goal)
         goal_lengths = goal_targets.lengths[: robot.topology.n_modules]
@@ -222,15 +218,11 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
             return self
         if np.abs(travel).max() > MAX_FIRST_ORDER_TRAVEL:
             return self.moved_to(self.roller_positions + travel)
-        # With Ldot = C phidot.
-        points = self._lengthened(self.robot.topology.incidence @ travel)
-        return Configuration(self.robot, self.roller_positions + travel, points)
-
-    def _lengthened(self, lengths: Array) -> Points:
-        """Return the nodes (n,) after the members lengthen by (m,), to first order by (12) [m]."""
+        # (12) with Ldot = C phidot.
         right = np.zeros(self.robot.constraints.n_rows)
-        right[: self.robot.topology.n_modules] = lengths
-        return self.points + (self._nearby or self.factor).solve(right).view(np.complex128)
+        right[: self.robot.topology.n_modules] = self.robot.topology.incidence @ travel
+        moved = (self._nearby or self.factor).solve(right).view(np.complex128)
+        return Configuration(self.robot, self.roller_positions + travel, self.points + moved)
 
     def roller_rows(self, node_rows: Array) -> Array:
         """
@@ -277,7 +269,7 @@ class ConfigurationTracker:
             if ahead is not None and ahead.has_factor_for(roller_positions):
                 start, nearby = ahead, ahead.factor
             try:
-                self._last = start._reached(roller_positions, nearby)
+                self._last = start.moved_to(roller_positions, nearby)
             except ConfigurationError:
                 self._last = self._home.moved_to(roller_positions)
         return self._last

@@ -204,8 +204,8 @@ def find_contacts(config: Configuration, grip: Grip) -> list[GripContact]:
     """
     nodes = find_members(config.robot, grip.members)
     tube = config.robot.description.tube_diameter
-    body = grip.body.smoothed(0.5 * tube)
-    inside, back = body.middle, body.turn.conjugate()
+    body, shape = grip.body, grip.body.shape.smoothed(0.5 * tube)
+    inside, back = body.center + body.turn * shape.centroid, body.turn.conjugate()
     found: list[GripContact] = []
     places: list[tuple[float, float]] = []
     fits = True
@@ -215,11 +215,11 @@ def find_contacts(config: Configuration, grip: Grip) -> list[GripContact]:
         side = math.copysign(1.0, (axis.conjugate() * (inside - start)).imag)
         normal = -1j * side * axis
         if grip.corners is None:
-            patch = body.shape.contact_patch(normal * back, 0.5 * tube)
+            patch = shape.contact_patch(normal * back, 0.5 * tube)
             touched = [(end.corner, end.point) for end in patch]
         else:
             corners = grip.corners[owner]
-            touched = [(k, body.shape.point_at(k, normal * back)) for k in corners]
+            touched = [(k, shape.point_at(k, normal * back)) for k in corners]
         for corner, own_point in touched:
             point = body.center + body.turn * own_point
             found.append(GripContact(owner, start, normal, point, corner, side))

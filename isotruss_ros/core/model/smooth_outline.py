@@ -61,10 +61,8 @@ class SmoothOutline(Shape):
     @cached_property
     def perimeter(self) -> float:
         """Return the length of the outline [m]."""
-        angle = self._angles[-1:]
-        last = np.array([len(self.vertices) - 1])
-        begin, end = self._at(np.array([0]), self._angles[:1]), self._at(last, angle)
-        return float((end[0] + end[2] - begin[0] - begin[2])[0])
+        integral = self._functions[0]
+        return float(integral(self._angles[-1]) - integral(self._angles[0]))
 
     @cached_property
     def reach(self) -> float:
@@ -79,25 +77,15 @@ class SmoothOutline(Shape):
         return float(np.angle(-1j * tangents[0])) + np.append(0.0, np.cumsum(turns))
 
     @cached_property
-    def _pieces(self) -> Array:
-        """
-        Return the coefficients (4, 7, n) of polynomials between corners, highest power first.
-
-        The four polynomials in the angle from the corner are the integral of h, h itself, and the
-        first two derivatives of h.
-        """
+    def _functions(self) -> list[scipy.interpolate.PPoly]:
+        """Return functions of the normal's angle: the integral of h, h itself, h' and h''."""
         away = self.corners - self.centroid
         heights = (away * np.exp(-1j * self._angles[:-1])).real
         spline = scipy.interpolate.make_interp_spline(
             self._angles, np.append(heights, heights[0]), k=5, bc_type='periodic'
         )
-        found = scipy.interpolate.PPoly.from_spline(spline.antiderivative())
-        inside = found.x.searchsorted(self._angles[:-1], 'right') - 1
-        rows, powers = [found.c[:, inside]], np.arange(len(found.c))[::-1, None]
-        for _ in range(3):
-            # The constant comes last, and vanishes.
-            rows.append(np.roll(rows[-1] * powers, 1, axis=0))
-        return np.array(rows)
+        integral = scipy.interpolate.PPoly.from_spline(spline.antiderivative())
+        return [integral, *(integral.derivative(order) for order in (1, 2, 3))]
 
     @cached_property
     def _sampled(self) -> Array:
@@ -117,14 +105,7 @@ class SmoothOutline(Shape):
     def _around(self, angles: Array) -> Array:
         """Return (4, k) values at angles (k,): the integral of h, h itself, h' and h''."""
         angles = self._angles[0] + (angles - self._angles[0]) % (2.0 * np.pi)
-        pieces = self._angles[1:-1].searchsorted(angles, 'right')
-        return self._at(pieces, angles)
-
-    def _at(self, pieces: Indices, angles: Array) -> Array:
-        """Return the values (4, k) of the polynomials `_pieces` at given angles."""
-        count = self._pieces.shape[1]
-        powers = (angles - self._angles[pieces]) ** np.arange(count)[::-1, None]
-        return np.einsum('dpk,pk->dk', self._pieces[:, :, pieces], powers)
+        return np.array([function(angles) for function in self._functions])
 
     def support_points(self, normals: Points) -> Points:
         """Return the points where tangents touch the surface; see `Shape.support_points`."""

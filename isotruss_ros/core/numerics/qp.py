@@ -5,7 +5,7 @@
 Strictly convex quadratic programs (QP), solved by SciPy's nonnegative least squares.
 
     minimize   1/2 x^T P x + q^T x
-    subject to A x = b,  G x <= h,  lower <= x <= upper
+    subject to A x = b,  G x <= h
 
 The null space of the equalities and the Cholesky factor L of P reduce it to the least distance
 problem (Lawson and Hanson, Solving Least Squares Problems, 1974, chapter 23, LDP):
@@ -35,7 +35,7 @@ from isotruss_ros.core.numerics.tolerances import (
 )
 import numpy as np
 import scipy
-from scipy.linalg import cholesky, lapack, solve_triangular
+from scipy.linalg import cholesky, lapack, lstsq, solve_triangular
 
 #: Tolerance of the inequalities if active constraints are nearly dependent (else `ROUNDING`),
 #: relative to the largest coefficient times 1 + |x|; and relative duality gap of |y|^2 [-].
@@ -52,9 +52,6 @@ class QuadraticProgram(NamedTuple):
     gradient: Array  #: (n,) vector q
     rows: Array  #: (l, n) matrix G
     bounds: Array  #: (l,) vector h; infinite entries do not bound
-    #: (n,) lower bounds of x, possibly infinite; None: no lower and upper bounds
-    lower: Array | None = None
-    upper: Array | None = None  #: (n,) upper bounds of x; None if `lower` is None
     equality: Array | None = None  #: (k, n) matrix A of full row rank; None: no equalities
     target: Array | None = None  #: (k,) vector b
 
@@ -66,14 +63,14 @@ def solve_qp(problem: QuadraticProgram) -> Array | None:
     :param problem: quadratic program.
     :return: (n,) solution; None if none is found, or if P is not positive definite.
     """
-    rows, bounds = _inequalities(problem)
+    bounded = problem.bounds < np.inf
+    rows, bounds = problem.rows[bounded], problem.bounds[bounded]
     free, start = _free_space(problem)
     largest = np.abs(rows).max(initial=SMALLEST_NORMAL)
     if not free.shape[1]:  # LAPACK takes no empty factor
         excess = (rows @ start - bounds).max(initial=0.0)
         return start if excess <= LOOSE_TOLERANCE * largest * (1.0 + np.abs(start).max()) else None
-    whole = problem.equality is None
-    curvature = problem.hessian if whole else free.T @ problem.hessian @ free
+    curvature = free.T @ problem.hessian @ free
     # Scaled variables: P has penalties up to 1e8 beside costs of 1.
     scale = 1.0 / np.sqrt(np.maximum(curvature.diagonal(), SMALLEST_NORMAL))
     factor, failed = lapack.dpotrf(scale[:, None] * curvature * scale, lower=1)
@@ -83,7 +80,7 @@ def solve_qp(problem: QuadraticProgram) -> Array | None:
     # y = L^T z + offset: distance from the unconstrained minimum.
     slope = free.T @ (problem.hessian @ start + problem.gradient)
     offset, _ = lapack.dtrtrs(factor, slope, lower=1)
-    turned, _ = lapack.dtrtrs(factor, (rows * scale if whole else rows @ free).T, lower=1)
+    turned, _ = lapack.dtrtrs(factor, (rows @ free).T, lower=1)
     room = bounds - rows @ start + offset @ turned
     best: Array | None = None
     least = LOOSE_TOLERANCE
@@ -108,28 +105,14 @@ def solve_qp(problem: QuadraticProgram) -> Array | None:
     return best
 
 
-def _inequalities(problem: QuadraticProgram) -> tuple[Array, Array]:
-    """Return matrix C and bounds d of all inequalities C x <= d."""
-    rows, bounds = problem.rows, problem.bounds
-    if problem.lower is not None and problem.upper is not None:
-        unit = np.eye(len(problem.gradient))
-        rows = np.concatenate([rows, unit, -unit])
-        bounds = np.concatenate([bounds, problem.upper, -problem.lower])
-    kept = bounds < np.inf
-    return (rows, bounds) if kept.all() else (rows[kept], bounds[kept])
-
-
 def _free_space(problem: QuadraticProgram) -> tuple[Array, Array]:
     """Return an orthonormal basis (n, f) of the equalities' null space, and one solution (n,)."""
-    n = len(problem.gradient)
     if problem.equality is None:
+        n = len(problem.gradient)
         return np.eye(n), np.zeros(n)
     k = len(problem.equality)
-    packed, tau, _, _ = lapack.dgeqrf(np.asfortranarray(problem.equality.T))
-    square = np.zeros((n, n), order='F')
-    square[:, :k] = packed
-    basis, _, _ = lapack.dorgqr(square, tau)
-    start, _ = lapack.dtrtrs(packed[:k], problem.target, trans=1)
+    basis, factor = np.linalg.qr(problem.equality.T, mode='complete')
+    start = solve_triangular(factor[:k], problem.target, trans='T', check_finite=False)
     return basis[:, k:], basis[:, :k] @ start
 
 
@@ -190,20 +173,12 @@ def find_nearest(columns: Array, room: Array, size: float, relaxation: float) ->
 
 def solve_least_squares(matrix: Array, right: Array) -> Array:
     """
-    Return the minimum-norm least-squares solution of matrix x = right.
-
-    It equals `numpy.linalg.lstsq(matrix, right, rcond=COINCIDENCE)`, but computes no singular
-    values.
+    Return the minimum-norm least-squares solution of matrix x = right, by pivoted QR.
 
     :param matrix: (m, n) matrix of any rank, with m and n at least 1.
     :param right: (m,) right-hand side.
     """
-    rows, columns = matrix.shape
-    padded = np.zeros((max(rows, columns), 1))
-    padded[:rows, 0] = right
-    pivots = np.zeros(columns, dtype=np.intc)
-    work = 16 * len(padded)
-    return lapack.dgelsy(matrix, padded, pivots, COINCIDENCE, work)[1][:columns, 0]
+    return lstsq(matrix, right, COINCIDENCE, check_finite=False, lapack_driver='gelsy')[0]
 
 
 def solve_complementarity(compliance: Array, gaps: Array, active: Flags) -> tuple[Array, Flags]:

@@ -18,6 +18,7 @@ from isotruss_ros.core.inputs import Input, require_fresh, RollerState
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.numerics.arrays import Array, finite_array
 from isotruss_ros.core.paths.object_path import MAX_DURATION
+from isotruss_ros.core.paths.path_tracking import TrackingSettings
 from isotruss_ros.core.paths.trajectory_tolerances import TrajectoryTolerances
 import numpy as np
 from numpy.typing import ArrayLike
@@ -33,8 +34,8 @@ START_TOLERANCE = 0.01
 MAX_LAG = 5e-3
 #: Time within the end tolerance after which a trajectory ends [s].
 REST_TIME = 0.1
-#: Largest time without progress [s].
-PROGRESS_TIMEOUT = 3.0
+#: Largest time without progress, the default of paths [s].
+PROGRESS_TIMEOUT = TrackingSettings.progress_timeout
 #: Largest advance of trajectory time in a cycle [s]; larger advances would cut corners.
 MAX_TIME_STEP = 0.2
 

@@ -130,14 +130,13 @@ def solve_step(state: SearchState, closing: Closing, targets: Array, share: floa
     if closing.nominal_posture is not None:
         nominal = np.clip(closing.nominal_posture - config.roller_positions, -longest, longest)
     rows, least = _bound_rows(state, closing, targets)
+    unit = np.eye(len(longest))
     found = solve_qp(
         QuadraticProgram(
-            matrix.T @ matrix + MOTION_WEIGHT * np.eye(len(nominal)),
+            matrix.T @ matrix + MOTION_WEIGHT * unit,
             -matrix.T @ aim - MOTION_WEIGHT * nominal,
-            -rows,
-            -least,
-            -longest,
-            longest,
+            np.concatenate([-rows, unit, -unit]),
+            np.concatenate([-least, longest, longest]),
         )
     )
     if found is None:

@@ -22,8 +22,8 @@ from isotruss_ros.core.numerics.tolerances import ROUNDING
 import numpy as np
 import scipy
 
-#: Fraction of the friction angle that may be used in planned closed grips, and in open grips [-].
-CONE_SHARE, USED_SHARE = 0.75, 0.85
+#: Fraction of the friction angle that may be used in planned grips [-].
+CONE_SHARE = 0.85
 #: Weight of the members' rotation relative to the friction angle [-].
 TURN_WEIGHT = 0.3
 

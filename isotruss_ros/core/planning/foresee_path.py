@@ -21,13 +21,12 @@ from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import Pose, pose_difference
 from isotruss_ros.core.numerics.arrays import Array, finite_array, finite_rows, MAX_MAGNITUDE
 from isotruss_ros.core.numerics.blas_threads import single_threaded
+from isotruss_ros.core.planning.reach_pose import MIN_STEP_SCALE
 import numpy as np
 
 #: Length of a step, with rotations times the characteristic radius [m], and largest number of
 #: steps [-]; long paths have longer steps.
 STEP, MAX_STEPS = 0.005, 400
-#: Smallest factor by which limits may scale a step [-]; a smaller factor ends the path.
-MIN_STEP_SCALE = 0.5
 
 
 class Foresight(NamedTuple):

@@ -12,6 +12,7 @@ from isotruss_ros.core.errors import IsotrussError
 from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip
+from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.planning.approach import approach
 from isotruss_ros.core.planning.closing import Closing
 from isotruss_ros.core.planning.closing_in_place import close_in_place
@@ -24,6 +25,7 @@ from isotruss_ros.core.safety.margins import shape_margins
 import numpy as np
 
 
+@single_threaded  # also in the processes of an executor
 def judge_candidate(
     config: Configuration, closing: Closing, needs: GraspRequirements
 ) -> tuple[PlannedGrasp | None, SearchTally]:

@@ -12,7 +12,7 @@ from isotruss_ros.core.errors import ConfigurationError, GraspError, SolverError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.limit_handling import LimitHandling
-from isotruss_ros.core.manipulation.limits import default_limits
+from isotruss_ros.core.manipulation.limits import APPROACH_RATE, default_limits
 from isotruss_ros.core.manipulation.rolling_grip import RollingGrip
 from isotruss_ros.core.manipulation.solve_twist import solve_twist_ahead
 from isotruss_ros.core.manipulation.status import Status
@@ -27,8 +27,6 @@ from numpy.typing import ArrayLike
 
 #: Length of a step of the object, with rotations times the characteristic radius [m].
 STEP = 2e-3
-#: Speed of the twists [m/s]. It is so low that limits slow the object only close to them.
-STEP_SPEED = 0.02
 #: Smallest factor by which limits may shorten a step [-]; a smaller factor ends the motion, so the
 #: number of steps is bounded.
 MIN_STEP_SCALE = 0.05
@@ -107,7 +105,7 @@ def _take_step(
 ) -> tuple[RollingGrip | None, Status, str]:
     """Return the grip after a displacement (3,), or None at a limit; then status and reason."""
     config, grip = rolling.config, rolling.grip
-    duration = STEP / STEP_SPEED
+    duration = 1.0 / APPROACH_RATE  # in one step a length reaches its bound
     watch = guard.watch(config, grip)
     limits = (*default_limits(config.robot), *watch.limits)
     command = solve_twist_ahead(

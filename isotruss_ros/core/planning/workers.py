@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 import contextlib
 import multiprocessing
@@ -15,11 +14,6 @@ import os
 import signal
 import threading
 
-#: Environment for one BLAS thread per process, set before NumPy is loaded; more threads would
-#: compete for the cores.
-SINGLE_THREAD_ENVIRONMENT = dict.fromkeys(
-    ('OPENBLAS_NUM_THREADS', 'OMP_NUM_THREADS', 'MKL_NUM_THREADS'), '1'
-)
 #: Niceness of the workers [-], which gives priority to control loops.
 NICENESS = 5
 #: Largest number of processes [-].
@@ -66,13 +60,12 @@ class WorkerPool(contextlib.AbstractContextManager):
 
 
 class _Worker(SpawnProcess):
-    """Process with one BLAS thread that ignores Ctrl-C."""
+    """Process that ignores Ctrl-C."""
 
     def start(self) -> None:
         before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:
-            with _environment(SINGLE_THREAD_ENVIRONMENT):
-                super().start()
+            super().start()
         finally:
             signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
@@ -81,21 +74,6 @@ class _Context(SpawnContext):
     """Multiprocessing context whose processes are workers."""
 
     Process = _Worker
-
-
-@contextlib.contextmanager
-def _environment(values: dict[str, str]) -> Iterator[None]:
-    """Set environment variables for the processes that start inside the `with` block."""
-    before = {name: os.environ.get(name) for name in values}
-    os.environ.update(values)
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
 
 
 def _begin(wanted: Connection) -> None:

@@ -18,6 +18,7 @@ import math
 
 from isotruss_ros.core.estimation.contact_walk import JUMP_LENGTH
 from isotruss_ros.core.estimation.grip_belief import GripBelief
+from isotruss_ros.core.estimation.state_estimate import MAX_KNOWN_DEVIATION
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, LEFT_MARGIN
 from isotruss_ros.core.holding.loaded_frame import lowest_frequency
 from isotruss_ros.core.inputs import steady_pressures
@@ -84,7 +85,7 @@ class SqueezeControl:
         self.gains: LoopGains = gains_of(DEFAULT_GAIN)
         self._swings, self._rest = SwingWatch(), 0.0
         self._velocity, self._elapsed, self._slipped = np.zeros(3), 0.0, 0.0
-        self._stamp = -math.inf
+        self._stamp, self._excess = -math.inf, 0.0
         self._start = BeliefStart()
 
     def rest(self) -> None:
@@ -213,7 +214,7 @@ class SqueezeControl:
         if self.fault is GripFault.OSCILLATES:
             still = np.zeros(len(belief.grasp.config.roller_positions))
             return RollerCommand(still, np.zeros(3), 0.0, self.fault.value)
-        missing = self.gains.squeeze * (self.settings.force - belief.regulated_squeeze)
+        missing = self.gains.squeeze * (self._desired_squeeze(belief) - belief.regulated_squeeze)
         rate = max(-MAX_FORCE_RATE, min(missing - belief.drift[3], MAX_FORCE_RATE))
         opening = rate / belief.slope
         if self.fault is not None:
@@ -232,6 +233,17 @@ class SqueezeControl:
                 limiting=(*slowed.limiting, 'the slip margin'),
             )
         return belief.usage.limit_utilisation(command, period, self.settings.max_utilisation)
+
+    def _desired_squeeze(self, belief: GripBelief) -> float:
+        """
+        Return the desired squeeze [N].
+
+        A squeeze that would be unknown exceeds the setting by as much as it did at first. Opening
+        the grip could release the object, which no pose would show before the object is moved.
+        """
+        force = self.settings.force
+        known = belief.squeeze_deviation <= MAX_KNOWN_DEVIATION * force
+        return force if known else force + self._excess
 
     def advance(self, twist: Array, command: RollerCommand, missing: Array | float = 0.0) -> None:
         """
@@ -264,6 +276,8 @@ class SqueezeControl:
         )
         if self._start.belief is not None:
             self.belief = self._start.belief
+            least = (1.0 - 2.0 * self.belief.settings.squeeze_error) * self.belief.squeeze
+            self._excess = max(least - self.settings.force, 0.0)
             self._choose_gains(self.belief)
             self._swings = SwingWatch(self.frequency)
         if self._lost is not None and hold is not HoldStatus.HELD and self.fault is None:

@@ -12,12 +12,7 @@ from typing import NamedTuple
 
 from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
-from isotruss_ros.core.numerics.factorization import (
-    count_negative_pivots,
-    Factor,
-    factorize,
-    invert_symmetric,
-)
+from isotruss_ros.core.numerics.factorization import count_negative_pivots, Factor, factorize
 from isotruss_ros.core.numerics.tolerances import EPSILON
 from isotruss_ros.core.statics.beam_column import BeamColumns, EndForces
 from isotruss_ros.core.statics.frame_assembly import FrameAssembly
@@ -367,7 +362,7 @@ def _condense(matrices: Array, chains: Chains) -> CondensedChains:
     whole = whole.reshape(several, 3 * count + 3, -1)
     inner, ends = slice(3, -3), np.array([0, 1, 2, -3, -2, -1])
     stiffness, coupling = whole[:, inner, inner], whole[:, inner][:, :, ends]
-    inverse = invert_symmetric(stiffness)
+    inverse = np.linalg.inv(stiffness)
     spread = -inverse @ coupling
     matrices[chains.parts[:, 0]] = whole[:, ends][:, :, ends] + coupling.swapaxes(1, 2) @ spread
     return CondensedChains(chains, inverse, spread, stiffness)

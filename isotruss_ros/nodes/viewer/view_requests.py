@@ -169,7 +169,7 @@ class NodeRestart:
         self._report(f'{what}: {rejected or "active"}')
 
     def _restore_grip(self, squeeze: float) -> Generator[Callable[[], Future], Any, str]:
-        """Set the grip of `manipulation` to the simulator's, because a pick may have changed it."""
+        """Set the grip of `manipulation` to the simulator's; a pick may have changed it before."""
         names = [IS_FREE, *GRIP]
         answer = yield partial(self._get.call_async, GetParameters.Request(names=names))
         is_free, *grip = answer.values
