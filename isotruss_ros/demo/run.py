@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Demonstration: a grasp is planned and closed, and the object is carried and pulled at."""
+"""Demonstration: a grasp is planned and closed; the object is carried, and a force acts on it."""
 
 from __future__ import annotations
 

@@ -103,7 +103,7 @@ class StateEstimatorNode(ManagedNode):
         self.cycle = Cycle(self, self._step, self._begin)
 
     def cleanup(self) -> None:
-        """Release the robot."""
+        """Discard the robot and its estimator."""
         self._estimator = self._last = None
 
     def details(self) -> dict[str, object]:

@@ -27,6 +27,7 @@ class Control:
         Give control to a browser that requests it, if no other browser is in control.
 
         A browser that has left or no longer requests control loses it.
+
         :param wishes: for the index of each connected browser, whether it requests control.
         """
         if self.browser is not None and not wishes.get(self.browser, False):

@@ -33,6 +33,7 @@ class ContactWalk:
     Sums of pose corrections, compared with the spread expected without slip.
 
     The spread is due to a random walk of the contacts, pose noise and load.
+
     :ivar length: norm of the largest sum, with rotations times the characteristic radius [m].
     :ivar deviations: largest ratio of a sum to its expected standard deviation [-].
     """

@@ -66,7 +66,7 @@ class StateEstimator:
 
     @property
     def grip(self) -> Grip | None:
-        """Return the grip of a measured object; None if there is none."""
+        """Return the grip that may hold an object; None if there is none."""
         return self._grip
 
     @grip.setter

@@ -80,9 +80,10 @@ def attach_grip(
     """
     Find the equilibrium of an object near its measured pose, with unknown contact history.
 
+    The contact history is how the contacts rolled before; `rest` lists what is assumed instead.
+
     :param config: configuration of the robot.
-    :param body: the object at its measured pose. The contact history is how the contacts rolled
-    before; `rest` lists what is assumed instead.
+    :param body: the object at its measured pose.
     :param members: (m,) indices of the two or three grasping members; None: the members that the
         object overlaps, or if it overlaps fewer than two, the two nearest.
     :param external_wrench: (fx, fy, m) on the object about its frame's origin [N, N m]; None:

@@ -96,8 +96,8 @@ class ContactStatics:
     tube_radius: float  #: radius of the tubes [m]
     sides: Array  #: (k,) +1 if the object is on the right of the member, else -1
     indentation: Indentation  #: depths of the dents in the skin as functions of the normal forces
-    #: (k, 3) offsets of the equations of touch along and across [m] and of inclination [rad]; or
-    #: one number for all offsets
+    #: (k, 3) constants added to the equations of touch along and across [m] and of inclination
+    #: [rad]; or one number for all of them
     given: Array | float = 0.0
 
     @functools.cached_property
@@ -238,10 +238,12 @@ class ContactStatics:
 
     def anchors(self, unknowns: Array, normals: Points, travel: Array, angles: Array) -> Array:
         """
-        Return the rolling invariants (k,) of the contacts [m].
+        Return the rolling invariants (k,), which are constant while the contacts roll [m].
 
-        A_i = kappa_i (s_i - phi_i) - arc(arg nu_i - theta); kappa_i is -1 if the object is on the
-        right of the member, otherwise 1.
+        A_i = kappa_i (s_i - phi_i) - arc(arg nu_i - theta), where s_i is the position along the
+        member, phi_i the travel of the tube, arc the arc length along the object's surface, nu_i
+        the normal and theta the object's angle; kappa_i is -1 if the object is on the right of the
+        member, otherwise 1.
 
         :param unknowns: unknowns (3 + 4k,), see `ContactForces`.
         :param normals: (k,) unit normals from the object toward the tubes.
@@ -265,7 +267,8 @@ class ContactStatics:
         Return the equilibrium found by Newton's method from initial unknowns; None if it fails.
 
         :param start: (3 + 4k,) initial unknowns.
-        :param wrench: (fx, fy, m / arm) on the object [N].
+        :param wrench: external wrench (fx, fy, m / arm) on the object [N]; arm is the object's
+            characteristic radius.
         :param conditions: conditions of friction or rolling.
         :param steps: largest number of Newton steps.
         """
@@ -301,7 +304,8 @@ class ContactStatics:
         Return the equilibrium from initial unknowns, with tubes linearised about this equilibrium.
 
         :param start: (3 + 4k,) initial unknowns.
-        :param wrench: (fx, fy, m / arm) on the object [N].
+        :param wrench: external wrench (fx, fy, m / arm) on the object [N]; arm is the object's
+            characteristic radius.
         :param conditions: conditions of friction or rolling.
         :param steps: largest number of Newton steps for each linearisation.
         :param reach: the tubes are linearised anew if a node has moved by more than this [m].

@@ -44,6 +44,7 @@ def maximize_progress(
     Return the speeds u with the largest progress s in a direction, at least cost.
 
     All quantities are dimensionless, and |u| is of order 1.
+
     :param cost: (r, r) matrix C^T C, positive definite.
     :param equality: (k, r) matrix J of full row rank.
     :param direction: (k,) value of J u at s = 1.

@@ -18,6 +18,7 @@ def arrow_of(wrench: Sequence[float]) -> str:
     Return an arrow character for the direction of a planar wrench; empty for zero.
 
     If the moment m / arm is larger than the force, the arrow shows the sense of rotation.
+
     :param wrench: (fx, fy, m / arm) [N], with the characteristic radius as arm.
     """
     fx, fy, m = wrench

@@ -36,6 +36,7 @@ def polygon_moments(corners: Points) -> tuple[float, complex, float]:
     Return the integrals of 1, z and |z|^2 over the area of a polygon, with z = x + iy.
 
     They are multiplied by -1 if the vertices are clockwise.
+
     :param corners: (k,) vertices of the polygon, x + iy [m].
     """
     following = np.roll(corners, -1)

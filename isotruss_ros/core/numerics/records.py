@@ -121,6 +121,7 @@ def is_equal(value: Any, other: Any) -> bool:
     Return whether two values are equal; arrays are compared element by element.
 
     NaN counts as equal to NaN.
+
     :param value: first value.
     :param other: second value.
     """

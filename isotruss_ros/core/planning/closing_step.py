@@ -50,6 +50,7 @@ def press(config: Configuration, closing: Closing, depths: Array) -> Configurati
     Return the configuration in which the grasping members indent by given depths.
 
     The object does not move.
+
     :param config: initial configuration.
     :param closing: closing motion with members and object.
     :param depths: (s,) indentation of each grasping member by the object [m].

@@ -122,9 +122,10 @@ def find_facing(
     """
     Return directions of two members that admit force closure, near the current directions.
 
+    They minimise a weighted sum of the required friction angle and the rotation.
+
     :param body: the object at its pose.
-    :param normals: (2,) current unit vectors from the object toward the members, robot frame. The
-    directions minimise the required friction and the rotation.
+    :param normals: (2,) current unit vectors from the object toward the members, robot frame.
     :param angle: half angle of the friction cones that may be used [rad].
     :param tube_radius: radius of the members [m].
     :param turning: weight of the members' rotation relative to the required friction angle [-].

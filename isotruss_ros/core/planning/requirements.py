@@ -117,6 +117,7 @@ class GraspRequirements:
         Return the largest loads of a grasp, each the larger value of fixed and free object.
 
         The keys of the result are the names of the requirements that bound these loads.
+
         :param analysis: analysis of the fixed object.
         :param normal_forces: normal forces of the members on the free object [N].
         :param utilisation: utilisation of the members under the normal forces on the free object

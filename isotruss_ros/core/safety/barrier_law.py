@@ -62,6 +62,7 @@ class BarrierLaw:
         Return the largest allowed rates of decrease (k,) of margins; infinite above the band.
 
         The unit is the unit of the margin per second.
+
         :param margins: (k,) margins.
         """
         return self._class_k(np.maximum(margins - self.safety_margin, 0.0))

@@ -30,7 +30,7 @@ MAX_SQUEEZE_GAIN = 5.0
 class LoopGains(NamedTuple):
     """Gains and filter time of the squeeze control."""
 
-    pose: float  #: gain of the pose error of the model [1/s]
+    pose: float  #: gain of the error of the modelled pose [1/s]
     squeeze: float  #: gain of the squeeze error [1/s]
     bias: float  #: rate at which the unexplained pose follows the measured poses [1/s]
     filter_time: float  #: time constant of each of the two low-pass filters on the load [s]

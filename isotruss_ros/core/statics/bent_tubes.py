@@ -56,6 +56,7 @@ class PlaceChanges(NamedTuple):
     Changes of the frame if load points move along their members under constant loads.
 
     Each of the p columns is one motion of the load points.
+
     :ivar nodes: (n, 3, p) displacements of the nodes [m, rad].
     :ivar inclined: (k, p) changes of the inclinations at the load points if the nodes were fixed
         [rad].
@@ -400,6 +401,7 @@ class BentTubes:
         Return the changes of the frame due to additional loads and to motion of the load points.
 
         Each of the p columns is one change.
+
         :param loads: (k, 3, p) additional loads at the load points.
         :param places: (k, p) motion of the load points along the members [m].
         :return: (n, 3, p) displacements of the nodes due to the loads, and the changes due to the

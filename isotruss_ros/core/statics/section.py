@@ -197,6 +197,7 @@ def as_floats(block: Mapping[str, Any]) -> dict[str, float]:
     Return a block with its numbers converted to floats.
 
     Unlike integers, floats that overflow become infinite.
+
     :param block: block of a robot file.
     """
     return {key: float(value) for key, value in block.items()}

@@ -219,6 +219,7 @@ class Tangent:
         Return the changes (p, 3, c) of (N, M1, M2) of p members due to changes of their sections.
 
         The nodes are fixed. Each of the c columns is one change.
+
         :param parts: (p,) indices of the members.
         :param changes: (4, p, c) changes of rest lengths [m], EA [N], EI [N m^2] and GA [N].
         """

@@ -65,7 +65,9 @@ def read_twist(twist: Twist) -> tuple[float, float, float]:
 
 def check_frame(what: str, header: Header, frame: str) -> None:
     """
-    Raise MessageError if a header names another frame than the robot's; '' is accepted.
+    Raise MessageError if a header names another frame than the robot frame.
+
+    An empty name is accepted.
 
     :param what: name of the message, for the error message.
     :param frame: name of the robot frame.

@@ -62,6 +62,7 @@ def read_described(values: Parameters) -> ConvexObject | None:
     Return the object that the parameter `object` describes; None if it is empty.
 
     Then the parameter `object_diameter` defines a disc.
+
     :raises IsotrussError: the description is invalid.
     """
     return read_object(values.object) if values.object else None

@@ -91,6 +91,7 @@ class Manipulation(ManagedNode):
         Return the settings of the servo; subclasses override it to add limits and barriers.
 
         It is called after each change of a parameter.
+
         :param settings: settings that the parameters specify.
         """
         return settings
@@ -115,7 +116,7 @@ class Manipulation(ManagedNode):
             self.get_logger().warning('not every subscriber has acknowledged the zero command')
 
     def cleanup(self) -> None:
-        """Release the robot; the record of failed rollers remains."""
+        """Discard the robot and its servo; the record of failed rollers remains."""
         self._servo = self._trajectory = None
 
     def details(self) -> dict[str, object]:

@@ -77,6 +77,7 @@ class GraspSequences(TrackedShape):
     Sequences of actions that pick, place and move an object.
 
     The actions are those of `grasp_planner`, `manipulation` and `path_follower`.
+
     :param node: node that has the clients until it is destroyed.
     """
 

@@ -173,7 +173,7 @@ class Simulator(ManagedNode):
         self._truth.publish(now, self._plant)
 
     def details(self) -> dict[str, object]:
-        """Return for the diagnostics by how much MuJoCo lags behind the clock."""
+        """Return the time by which MuJoCo lags behind the clock, for the diagnostics."""
         lag = self._plant.lag
         return {} if lag is None else {'lag of the simulation [s]': round(lag, 3)}
 
