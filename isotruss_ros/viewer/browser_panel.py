@@ -18,7 +18,7 @@ PANEL_ORDER = -9.0
 
 class BrowserPanel:
     """
-    Switch to request control, and commands that only the browser in control sees.
+    Switch to request control, and commands that only the browser in control has.
 
     :param client: the browser.
     :param choices: possible values for the name of each request.
