@@ -87,6 +87,7 @@ class Diagnostics:
 
     :ivar hardware_id: name of the robot after it is loaded. It is reported with the node's
         namespace, because several robots may have the same name.
+    :param node: `StoppableNode` that publishes until it is destroyed.
     :param details: function that returns the values of a report as a dictionary.
     """
 
