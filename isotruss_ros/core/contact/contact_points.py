@@ -60,7 +60,7 @@ class ContactPoints:
     ends: Array
     dents: Array
     bent: BentTubes | None = None
-    _kept: dict[bytes, Array] = field(default_factory=dict, init=False, repr=False)
+    _kept: dict[bytes, Array] = field(default_factory=dict, repr=False)
     _moves: dict[int, tuple] = field(default_factory=dict, init=False, repr=False)
 
     def pushed(self, push: Points) -> Array:
@@ -130,13 +130,15 @@ class ContactPoints:
         )
 
     @property
-    def motion_since_factored(self) -> float:
-        """Return the largest motion of nodes since the compliance was computed [m]."""
-        return self._apart(self.bent)
+    def response_error(self) -> float:
+        """Return the relative error of the compliance, which was computed in another state [-]."""
+        return self._response_error(self.bent)
 
-    def _apart(self, bent: BentTubes) -> float:
-        """Return the largest motion of nodes from the factorised state to another state [m]."""
-        return float(np.abs(bent.tangent.points - self.bent.tangent.factored.points).max())
+    def _response_error(self, bent: BentTubes) -> float:
+        """Return the relative error of responses by the factorised frame in another state [-]."""
+        tangent = self.bent.tangent
+        moved = float(np.abs(bent.tangent.points - tangent.factored.points).max())
+        return TUBE_CURVATURE * moved + bent.tangent.length_change(tangent)
 
     def lend(self, bent: BentTubes) -> bool:
         """
@@ -146,19 +148,19 @@ class ContactPoints:
         """
         alike = not bent.is_straight and bent.structure.pressures == self.bent.structure.pressures
         # Errors shrink a hundredfold by each motion.
-        near = alike and TUBE_CURVATURE * self._apart(bent) <= 0.01
+        near = alike and self._response_error(bent) <= 0.01
         if near:
             bent.tangent.borrow(self.bent.tangent)
         return near
 
     def is_parallel(self, bent: BentTubes, spacing: float) -> bool:
         """
-        Return whether other points have the same spacing and the same number on each member.
+        Return whether other points have the same spacing and nearly the same places.
 
-        :param bent: the tubes linearised at the other points.
+        :param bent: the tubes linearised at the other points, to which the frame was lent.
         :param spacing: spacing of the other points [m].
         """
-        return spacing == self.spacing and np.array_equal(bent.frame.whole, self.bent.frame.whole)
+        return spacing == self.spacing and bent.tangent.chains is self.bent.tangent.chains
 
     def normal_compliance(self, normals: Points) -> Array:
         """

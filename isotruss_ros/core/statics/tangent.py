@@ -175,6 +175,17 @@ class Tangent:
             kept['_lent'] = replace(self, motions=motions, length=length, forces=forces)
         self.__dict__.update(kept)
 
+    def length_change(self, other: Tangent) -> float:
+        """
+        Return the largest relative change in length of parts whose stiffness would be borrowed [-].
+
+        :param other: frame linearised about a similar state.
+        """
+        frame, known = self._frame, other._linear._frame
+        if not np.array_equal(frame.whole, known.whole):
+            return 0.0
+        return float(np.abs(known.length / frame.length - 1.0).max())
+
     @property
     def _linear(self) -> Tangent:
         """Return the linearised frame whose matrix is used in `respond`: another or this one."""
