@@ -101,12 +101,12 @@ class ContactPoints:
             return self.bent.bent_to(None)
         moved, multipliers = (share * each for each in self.move(push))
         tangent = self.bent.tangent
-        _, pull = tangent.changed_forces(moved)
+        forces, _ = tangent.changed_forces(moved)
         displaced = Displaced(
             tangent.displacements + moved,
             tangent.multipliers + multipliers,
             np.zeros((len(push), 3)),
-            pull,
+            forces[:, 0],
         )
         return self.bent.bent_to(displaced)
 

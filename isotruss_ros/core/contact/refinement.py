@@ -281,9 +281,7 @@ class _Search:
         least = 1e-3 if self.budget is None else 0.1
         for _ in range(MAX_SEARCH_STEPS):
             distance = points.distance(contact.push)
-            ratio = max(
-                TUBE_CURVATURE * distance + points.response_error, least, distance / last
-            )
+            ratio = max(TUBE_CURVATURE * distance + points.response_error, least, distance / last)
             reach = np.abs(contact.displacements).max(initial=0.0)
             settled = ratio * distance <= max(SETTLED_SHARE * reach, COINCIDENCE)
             shorter = ratio <= 0.5

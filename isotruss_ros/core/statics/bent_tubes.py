@@ -358,7 +358,7 @@ class BentTubes:
         moved, nodes = self._displace(ways)
         displacements = tangent.displacements + moved
         multipliers = tangent.multipliers + self._changes[1] @ ways
-        pull = tangent.forces.pull + self._force_changes(ways, nodes)[0][:, 0]
+        pull = tangent.forces.values[:, 0] + self._force_changes(ways, nodes)[0][:, 0]
         return Displaced(displacements, multipliers, loads, pull)
 
     def update(self, loads: Array, places: Array, structure: Structure | None = None) -> BentTubes:
@@ -447,11 +447,8 @@ class BentTubes:
         """
         tangent, ways = self.tangent, self._ways(loads, places)
         changes, longer = self._force_changes(ways, self._displace(ways)[1])
-        pull, moments = (
-            tangent.forces.pull + changes[:, 0],
-            tangent.forces.moments + changes[:, 1:],
-        )
-        ends = end_forces(pull, moments, tangent.length + longer)
+        forces = tangent.forces.values + changes
+        ends, pull = end_forces(forces, tangent.length + longer), forces[:, 0]
         return self.stiffness / self.share * ends, 0.0 * pull if self.linear else pull
 
     def _force_changes(self, ways: Array, nodes: Array) -> tuple[Array, Array]:

@@ -178,11 +178,11 @@ def test_a_borrowed_factor_converges_in_the_ratio_of_the_motion_between(seed):
         left = (loads.ravel() - tangent.carried)[:, None]
         moved, multipliers = tangent.respond(left, -tangent.gaps[:, None])
         motions.append(np.abs(moved.reshape(-1, 3)[:, :2]).max())
-        _, pull = tangent.changed_forces(moved.reshape(-1, 3))
+        forces, _ = tangent.changed_forces(moved.reshape(-1, 3))
         tangent = frame.tangent(
             tangent.displacements + moved.reshape(-1, 3),
             tangent.multipliers + multipliers[:, 0],
-            pull,
+            forces[:, 0],
         )
         tangent.borrow(lender)
     assert motions[1] < 20.0 * motions[0] ** 2
