@@ -10,14 +10,10 @@ from dataclasses import dataclass, field, replace
 from isotruss_ros.core.contact.flattening import Flattening
 from isotruss_ros.core.contact.surfaces import Surface
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
-from isotruss_ros.core.statics.bent_tubes import BentTubes, Displaced
+from isotruss_ros.core.statics.bent_tubes import BentTubes, Displaced, TUBE_CURVATURE
 from isotruss_ros.core.statics.structure import Structure
 import numpy as np
 
-#: Factor of convergence of the iteration for the bent tubes [1/m]. The ratio of a motion to the
-#: previous motion is this factor times the sum of the previous motion and the motion since the
-#: compliance was computed.
-TUBE_CURVATURE = 15.0
 #: Smallest distance of a point from the end of its piece of tube, relative to the spacing [-].
 SHORTEST_SHARE = 0.2
 

@@ -21,7 +21,6 @@ from isotruss_ros.core.contact.contact_points import (
     ContactPoints,
     ContactState,
     find_contact_points,
-    TUBE_CURVATURE,
 )
 from isotruss_ros.core.contact.flattening import Flattening
 from isotruss_ros.core.contact.grasp_analysis import SolvedContact
@@ -30,7 +29,7 @@ from isotruss_ros.core.errors import IsotrussError, SolverError, StructureError
 from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.numerics.arrays import Array, Flags, Points
 from isotruss_ros.core.numerics.tolerances import COINCIDENCE, MAX_SEARCH_STEPS, ROUNDING
-from isotruss_ros.core.statics.bent_tubes import BentTubes
+from isotruss_ros.core.statics.bent_tubes import BentTubes, TUBE_CURVATURE
 from isotruss_ros.core.statics.structure import Structure
 import numpy as np
 

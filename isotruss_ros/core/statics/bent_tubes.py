@@ -18,16 +18,19 @@ from typing import NamedTuple
 
 from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
-from isotruss_ros.core.numerics.tolerances import MAX_SEARCH_STEPS, NEGLIGIBLE_SHARE, ROUNDING
+from isotruss_ros.core.numerics.tolerances import MAX_SEARCH_STEPS, NEGLIGIBLE_SHARE
 from isotruss_ros.core.statics.cut_frame import CutFrame, keep_apart
 from isotruss_ros.core.statics.frame import Frame
 from isotruss_ros.core.statics.structure import Structure
 from isotruss_ros.core.statics.tangent import end_forces, Tangent
 import numpy as np
 
-#: Largest motion of a node [m] without a new linearisation while a motion is followed; for an
-#: equilibrium it is `ROUNDING`. The remaining error is 15 /m times the square of the motion.
-FOLLOWED_MOTION = 1e-4
+#: Relative error of responses that are linearised about another state, per motion of a node [1/m].
+#: The error of a predicted state is this factor times the square of the motion.
+TUBE_CURVATURE = 15.0
+#: Largest motion of a node [m] without a new linearisation: in an equilibrium, whose response has
+#: then a negligible error, and while a motion is followed.
+SETTLED_MOTION, FOLLOWED_MOTION = NEGLIGIBLE_SHARE / TUBE_CURVATURE, 1e-4
 #: Weight of a load point's motion relative to a node's motion in `BentTubes.distance` [-].
 PLACE_SHARE = 0.2
 #: Minimum length of the parts into which the load points cut the members [m].
@@ -388,7 +391,7 @@ class BentTubes:
         """
         bent = self
         for _ in range(MAX_SEARCH_STEPS):
-            if bent.distance(loads, places) <= ROUNDING:
+            if bent.distance(loads, places) <= SETTLED_MOTION:
                 return bent
             bent = bent.update(loads, places)
         raise StructureError(f'the bent tubes did not settle in {MAX_SEARCH_STEPS} steps')
