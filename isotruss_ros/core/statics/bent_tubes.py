@@ -22,7 +22,7 @@ from isotruss_ros.core.numerics.tolerances import MAX_SEARCH_STEPS, NEGLIGIBLE_S
 from isotruss_ros.core.statics.cut_frame import CutFrame, keep_apart
 from isotruss_ros.core.statics.frame import Frame
 from isotruss_ros.core.statics.structure import Structure
-from isotruss_ros.core.statics.tangent import end_forces, Tangent
+from isotruss_ros.core.statics.tangent import end_forces, Slopes, Tangent
 import numpy as np
 
 #: Relative error of responses that are linearised about another state, per motion of a node [1/m].
@@ -199,25 +199,28 @@ class BentTubes:
         displacements, multipliers, _, pull = self.before
         return self.frame.tangent(displacements, multipliers, pull)
 
-    def _spread(self, loads: Array) -> Array:
-        """Return loads (k, 3, p) at the load points as loads (3 n, p) on the nodes."""
-        frame, found = self.frame, np.zeros((len(self.frame.points), 3, loads.shape[2]))
-        plane = (loads[:, 0] + 1j * loads[:, 1]) * self.axis[:, None]
-        found[frame.nodes] = np.stack([plane.real, plane.imag, loads[:, 2]], axis=1)
-        return found.reshape(-1, loads.shape[2]) * (self.share / self.stiffness)
+    @cached_property
+    def _units(self) -> Array:
+        """Return the unit loads at the load points as loads (3 n, 3 k) on the nodes."""
+        frame, count = self.frame, len(self.members)
+        found = np.zeros((len(frame.points), 3, count, 3))
+        x, y = self.axis.real, self.axis.imag
+        own, ones = np.arange(count), np.ones(count)
+        turns = np.array([[x, -y, 0.0 * x], [y, x, 0.0 * x], [0.0 * x, 0.0 * x, ones]])
+        found[frame.nodes, :, own] = turns.transpose(2, 0, 1)
+        return found.reshape(-1, 3 * count) * (self.share / self.stiffness)
 
     @cached_property
     def _changes(self) -> tuple[Array, Array]:
         """Return changes (n, 3, p) of nodes, and multipliers, for loads, places and residual."""
-        tangent, count = self.tangent, len(self.members)
-        units = self._spread(np.eye(3 * count).reshape(count, 3, -1))
-        known = np.zeros((count, 3)) if self.before is None else self.before.loads
-        left = self._spread(known[:, :, None]) - tangent.carried[:, None]
-        moved, multipliers = tangent.respond(
-            np.hstack([units, -self._place_rates[0], left]),
-            np.append(np.zeros((len(tangent.gaps), 4 * count)), -tangent.gaps[:, None], axis=1),
-        )
-        return moved.reshape(-1, 3, 4 * count + 1), multipliers
+        tangent, units, left = self.tangent, self._units, -self.tangent.carried
+        if self.before is not None:
+            left = left + units @ self.before.loads.ravel()
+        loads = np.column_stack([units, -self._place_rates[0], left])
+        gaps = np.zeros((len(tangent.gaps), loads.shape[1]))
+        gaps[:, -1] = -tangent.gaps
+        moved, multipliers = tangent.respond(loads, gaps)
+        return moved.reshape(-1, 3, loads.shape[1]), multipliers
 
     @property
     def _moving(self) -> slice:
@@ -236,7 +239,7 @@ class BentTubes:
         carried, inclined = np.zeros((len(frame.points) * 3, count)), np.zeros((count, count))
         if self.before is None:
             return carried, inclined, np.zeros((2 * count, 3))
-        parts, end = self._parts
+        parts, _ = self._parts
         # The part before a place becomes longer as this moves, the one behind it shorter.
         ways = np.append(self._cut[1], -self._cut[1])[:, None, None]
         lengthened = np.zeros((4, 2 * count, 1))
@@ -250,7 +253,7 @@ class BentTubes:
         longer = (parts[:, None] == frame.before) * self._cut[1]
         longer -= (parts[:, None] == frame.behind) * self._cut[1]
         changes = by_length * longer[:, None]
-        inclined = self._mean(tangent.slope_rates(parts, end, changes, 0.0))
+        inclined = self._mean((self._slopes.by_forces[:, None] @ changes)[:, 0])
         return carried, inclined, rates[..., 0]
 
     @cached_property
@@ -258,6 +261,11 @@ class BentTubes:
         """Return the parts (2 k,) before and behind load points; and their ends there, 2 or 1."""
         count = len(self.members)
         return np.append(self.frame.before, self.frame.behind), np.repeat([2, 1], count)
+
+    @cached_property
+    def _slopes(self) -> Slopes:
+        """Return the inclinations before and behind each load point."""
+        return self.tangent.slopes(*self._parts)
 
     def _mean(self, sides: Array) -> Array:
         """Return the mean (k, ...) of the values (2 k, ...) before and behind each load point."""
@@ -273,7 +281,7 @@ class BentTubes:
         there = (own[:, 0] + 1j * own[:, 1]) * back
         nodes = moved[frame.nodes]
         along = (nodes[:, 0] + 1j * nodes[:, 1]) * back[:, None]
-        slope = self._mean(tangent.slopes(*self._parts))
+        slope = self._mean(self._slopes.values)
         inclined = self.inclination_changes(moved)
         return (
             np.stack([there.real, there.imag, slope], axis=1),
@@ -419,7 +427,8 @@ class BentTubes:
 
         :param moved: (n, 3, p) displacements ux, uy [m], theta [rad].
         """
-        return self._mean(self.tangent.slope_changes(*self._parts, moved))
+        ends = moved.reshape(-1, moved.shape[2])[self.frame.places[self._parts[0]]]
+        return self._mean((self._slopes.by_ends @ ends)[:, 0])
 
     def node_changes(self, loads: Array) -> Array:
         """
@@ -478,7 +487,8 @@ class BentTubes:
         carried = np.zeros((3 * len(frame.points), changes.shape[2]))
         np.subtract.at(carried, frame.places, tangent.nodal_forces(every, rates))
         moved, _ = tangent.respond(carried)
-        moved, (parts, end) = moved.reshape(-1, 3, changes.shape[2]), self._parts
-        shear = changes[3, parts] / frame.members.shear[parts, None]
-        inclined = self._mean(tangent.slope_rates(parts, end, rates[parts], shear))
+        moved, (parts, _) = moved.reshape(-1, 3, changes.shape[2]), self._parts
+        _, _, by_forces, by_shear = self._slopes
+        shear = (by_shear / frame.members.shear[parts])[:, None] * changes[3, parts]
+        inclined = self._mean((by_forces[:, None] @ rates[parts])[:, 0] + shear)
         return moved, inclined + self.inclination_changes(moved), rates

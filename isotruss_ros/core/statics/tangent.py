@@ -43,6 +43,23 @@ class CondensedChains(NamedTuple):
     stiffness: Array
 
 
+class Slopes(NamedTuple):
+    """
+    Inclinations of the bent centre lines at p ends of members, and their derivatives.
+
+    :ivar values: (p,) inclinations [rad].
+    :ivar by_ends: (p, 1, 6) derivatives with respect to (ux, uy, theta) at start and end.
+    :ivar by_forces: (p, 3) derivatives with respect to N, M1 and M2 while the nodes are fixed.
+    :ivar by_shear: (p,) derivatives with respect to the logarithm of GA while the nodes and N, M1
+        and M2 are fixed.
+    """
+
+    values: Array
+    by_ends: Array
+    by_forces: Array
+    by_shear: Array
+
+
 class FactoredFrame(NamedTuple):
     """
     Factorised matrix of (4), which also serves for responses in similar states.
@@ -255,9 +272,9 @@ class Tangent:
         """
         return self.motions[parts, :3].swapaxes(1, 2) @ rates
 
-    def slopes(self, parts: Indices, end: Indices) -> Array:
+    def slopes(self, parts: Indices, end: Indices) -> Slopes:
         """
-        Return the inclinations of the bent centre lines at ends of members, (p,) [rad].
+        Return the inclinations of the bent centre lines at ends of members.
 
         It is the rotation of the section less its shear angle. Relative to the chord it is (t -
         Q/GA) / (1 + N/GA) with the transverse force Q.
@@ -265,30 +282,20 @@ class Tangent:
         :param parts: (p,) indices of the members.
         :param end: (p,) 1 for a member's start, 2 for its end.
         """
-        turned, skew, softness, *_ = self._shear(parts, end)
-        return (turned + skew / softness)[:, 0]
-
-    def slope_rates(
-        self,
-        parts: Indices,
-        end: Indices,
-        rates: Array,
-        shear_rates: Array | float,
-    ) -> Array:
-        """
-        Return the changes (p, c) of `slopes` caused by given changes of (N, M1, M2) and GA.
-
-        The nodes are fixed. Each of the c columns is one set of changes.
-
-        :param parts: (p,) indices of the members.
-        :param end: (p,) 1 for a member's start, 2 for its end.
-        :param rates: (p, 3, c) changes of N, M1 and M2.
-        :param shear_rates: (p, c) relative changes of GA.
-        """
-        _, skew, softness, shear, across = self._shear(parts, end)
-        change = (rates[:, 1] + rates[:, 2]) / self.length[parts, None] - across * shear_rates
-        pulled = rates[:, 0] - self.forces.values[parts, :1] * shear_rates
-        return -(change + skew / softness * pulled) / shear / softness
+        frame, length, own = self._frame, self.length[parts], np.arange(len(parts))
+        shear, (pull, first, second) = frame.members.shear[parts], self.forces.values[parts].T
+        across = (first + second) / length
+        softness = 1.0 + pull / shear
+        inclined = (self.stretched[1][parts, end - 1] - across / shear) / softness
+        aside, turned = -1.0 / (shear * softness), np.angle(self.axis[parts] / frame.axis[parts])
+        by_forces = np.array([aside * inclined, aside / length, aside / length]).T
+        by_chord = np.zeros((len(parts), 1, 4))
+        by_chord[:, :, :3] = by_forces[:, None] @ self.forces.stiffness[parts]
+        by_chord[:, 0, 0] -= aside * across / length
+        by_chord[own, 0, end] += 1.0 / softness
+        by_chord[:, 0, 3] = 1.0
+        by_ends = by_chord @ self.motions[parts]
+        return Slopes(turned + inclined, by_ends, by_forces, -aside * (across + pull * inclined))
 
     def force_changes(self, moved: Array) -> tuple[Array, Array]:
         """
@@ -296,37 +303,9 @@ class Tangent:
 
         :param moved: (n, 3, c) displacements of all nodes.
         """
-        chords = self._chord_changes(slice(None), moved)
+        ends = moved.reshape(-1, moved.shape[2])[self._frame.places]
+        chords = self.motions @ ends
         return self.forces.stiffness @ chords[:, :3], chords[:, 0]
-
-    def _chord_changes(self, parts: Indices | slice, moved: Array) -> Array:
-        """Return changes of length, end rotations and rotation (p, 4, c) of the chords."""
-        ends = moved.reshape(-1, moved.shape[2])[self._frame.places[parts]]
-        return self.motions[parts] @ ends
-
-    def slope_changes(self, parts: Indices, end: Indices, moved: Array) -> Array:
-        """
-        Return the changes (p, c) of `slopes` by motion of the nodes.
-
-        :param parts: (p,) indices of the members.
-        :param end: (p,) 1 for a member's start, 2 for its end.
-        :param moved: (n, 3, c) displacements of all nodes.
-        """
-        turns = self._chord_changes(parts, moved)
-        _, _, softness, shear, across = self._shear(parts, end)
-        turning = turns[np.arange(len(parts)), end]
-        turning += across / shear / self.length[parts, None] * turns[:, 0]
-        rates = self.forces.stiffness[parts] @ turns[:, :3]
-        return turns[:, 3] + turning / softness + self.slope_rates(parts, end, rates, 0.0)
-
-    def _shear(self, parts: Indices, end: int) -> tuple[Array, ...]:
-        """Return the chord's rotation, t - Q/GA, 1 + N/GA, GA and Q, (p, 1) each; see `slopes`."""
-        shear, (pull, *moments) = self._frame.members.shear[parts], self.forces.values[parts].T
-        turned = np.angle(self.axis[parts] * self._frame.axis[parts].conj())
-        across = sum(moments) / self.length[parts]
-        skew = self.stretched[1][parts, end - 1] - across / shear
-        every = turned, skew, 1.0 + pull / shear, shear, across
-        return tuple(each[:, None] for each in every)
 
     @property
     def is_stable(self) -> bool:
