@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from isotruss_ros.core.contact.flattening import Flattening
 from isotruss_ros.core.contact.surfaces import Surface
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
-from isotruss_ros.core.statics.bent_tubes import BentTubes, Displaced, TUBE_CURVATURE
+from isotruss_ros.core.statics.bent_tubes import BentTubes, Displaced
 from isotruss_ros.core.statics.structure import Structure
 import numpy as np
 
@@ -128,13 +128,7 @@ class ContactPoints:
     @property
     def response_error(self) -> float:
         """Return the relative error of the compliance, which was computed in another state [-]."""
-        return self._response_error(self.bent)
-
-    def _response_error(self, bent: BentTubes) -> float:
-        """Return the relative error of responses by the factorised frame in another state [-]."""
-        tangent = self.bent.tangent
-        moved = float(np.abs(bent.tangent.points - tangent.factored.points).max())
-        return TUBE_CURVATURE * moved + bent.tangent.length_change(tangent)
+        return self.bent.tangent.response_error(self.bent.tangent)
 
     def lend(self, bent: BentTubes) -> bool:
         """
@@ -144,7 +138,7 @@ class ContactPoints:
         """
         alike = not bent.is_straight and bent.structure.pressures == self.bent.structure.pressures
         # Errors shrink a hundredfold by each motion.
-        near = alike and self._response_error(bent) <= 0.01
+        near = alike and self.bent.tangent.response_error(bent.tangent) <= 0.01
         if near:
             bent.tangent.borrow(self.bent.tangent)
         return near
@@ -289,18 +283,16 @@ def find_contact_points(
 
 def _move(tubes: BentTubes, push: Points) -> tuple[Array, Array]:
     """Return changes of displacements (n, 3) and multipliers (c,), see `ContactPoints.move`."""
-    tangent, frame = tubes.tangent, tubes.frame
-    loads = np.zeros((len(frame.points), 3))
-    loads[frame.nodes, 0], loads[frame.nodes, 1] = push.real, push.imag
-    left = (loads.ravel() - tangent.carried)[:, None]
-    moved, multipliers = tangent.respond(left, -tangent.gaps[:, None])
-    return moved.reshape(-1, 3), multipliers[:, 0]
+    loads = np.zeros((len(tubes.frame.points), 3))
+    loads[tubes.frame.nodes, 0], loads[tubes.frame.nodes, 1] = push.real, push.imag
+    moved, multipliers = tubes.tangent.balance(loads.ravel())
+    return moved[..., 0], multipliers[:, 0]
 
 
 def _line(tubes: BentTubes, moved: Array) -> tuple[Points, Points]:
-    """Return points (c,) on tubes after displacements (3 n,), and the tubes' directions (c,)."""
+    """Return points (c,) on tubes after displacements (n, 3), and the tubes' directions (c,)."""
     tangent, nodes = tubes.tangent, tubes.frame.nodes
-    there = tangent.displacements[nodes, :2] + moved.reshape(-1, 3)[nodes, :2]
+    there = tangent.displacements[nodes, :2] + moved[nodes, :2]
     axis = tubes.axis * np.exp(1j * tangent.displacements[nodes, 2])
     return tubes.frame.points[nodes] + there @ (1.0, 1j), axis
 
@@ -319,12 +311,10 @@ def points_on_members(
     nodes, count, chains = frame.nodes, len(frame.nodes), tangent.chains
     # Unit loads on the ends of pieces, and what the state takes without loads.
     ends = np.concatenate([np.zeros(0, int), *(each.chains.ends.ravel() for each in chains)])
-    loads = np.zeros((len(tangent.carried), len(ends) + 1))
-    loads[ends, np.arange(len(ends))], loads[:, -1] = 1.0, -tangent.carried
-    gaps = np.zeros((len(tangent.gaps), len(ends) + 1))
-    gaps[:, -1] = -tangent.gaps
-    moved, _ = tangent.respond(loads, gaps)
-    points, axis = _line(tubes, moved[:, -1])
+    loads = np.zeros((3 * len(frame.points), len(ends)))
+    loads[ends, np.arange(len(ends))] = 1.0
+    moved, _ = tangent.balance(np.zeros(len(loads)), loads)
+    points, axis = _line(tubes, moved[..., -1])
     inside, spread = np.zeros((2, count, 2, count)), np.zeros((2, count, len(ends)))
     begin = 0
     for (_, inner, _), inverses, spreads, _ in chains:
@@ -350,7 +340,7 @@ def points_on_members(
         axis=axis,
         inside=inside,
         spread=spread,
-        ends=moved[ends, :-1],
+        ends=moved.reshape(len(loads), -1)[ends, :-1],
         dents=dents,
         bent=tubes,
     )

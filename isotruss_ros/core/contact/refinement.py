@@ -29,8 +29,9 @@ from isotruss_ros.core.errors import IsotrussError, SolverError, StructureError
 from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.numerics.arrays import Array, Flags, Points
 from isotruss_ros.core.numerics.tolerances import COINCIDENCE, MAX_SEARCH_STEPS, ROUNDING
-from isotruss_ros.core.statics.bent_tubes import BentTubes, TUBE_CURVATURE
+from isotruss_ros.core.statics.bent_tubes import BentTubes
 from isotruss_ros.core.statics.structure import Structure
+from isotruss_ros.core.statics.tangent import TUBE_CURVATURE
 import numpy as np
 
 #: Spacing of the search, and margin of its points around a region, relative to the final spacing

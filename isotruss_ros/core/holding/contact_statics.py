@@ -37,8 +37,8 @@ from isotruss_ros.core.holding.contact_forces import (
 )
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array, Points
-from isotruss_ros.core.numerics.tolerances import MAX_NEWTON_ITERATIONS, MAX_SEARCH_STEPS
-from isotruss_ros.core.statics.bent_tubes import BentTubes, SETTLED_MOTION
+from isotruss_ros.core.numerics.tolerances import MAX_NEWTON_ITERATIONS, MAX_SEARCH_STEPS, ROUNDING
+from isotruss_ros.core.statics.bent_tubes import BentTubes
 from isotruss_ros.core.statics.section import Pressure
 import numpy as np
 from scipy.linalg import lapack
@@ -298,7 +298,7 @@ class ContactStatics:
         wrench: Array,
         conditions: ContactConditions,
         steps: int = MAX_NEWTON_ITERATIONS,
-        reach: float = SETTLED_MOTION,
+        reach: float = ROUNDING,
     ) -> tuple[ContactStatics, ContactForces] | None:
         """
         Return the equilibrium near a start, and the equations with tubes linearised about it.

@@ -11,8 +11,7 @@ from typing import NamedTuple
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.numerics.arrays import Array, Points
-from isotruss_ros.core.numerics.tolerances import NEGLIGIBLE_SHARE
-from isotruss_ros.core.statics.bent_tubes import SETTLED_MOTION
+from isotruss_ros.core.numerics.tolerances import NEGLIGIBLE_SHARE, ROUNDING
 from isotruss_ros.core.statics.frame_rates import section_rates
 from isotruss_ros.core.statics.wrinkling import find_utilisation, use_sections
 import numpy as np
@@ -112,7 +111,7 @@ class LoadedTubes:
         chosen: Array,
         parameters: GraspParameters,
         sections: Array | None = None,
-        reach: float = SETTLED_MOTION,
+        reach: float = ROUNDING,
     ) -> None:
         self._grip, self._chosen, self._parameters = grip, chosen, parameters
         state, statics = grip.state, grip.statics

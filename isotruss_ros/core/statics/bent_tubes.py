@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
-from isotruss_ros.core.numerics.tolerances import MAX_SEARCH_STEPS, NEGLIGIBLE_SHARE
+from isotruss_ros.core.numerics.tolerances import MAX_SEARCH_STEPS, NEGLIGIBLE_SHARE, ROUNDING
 from isotruss_ros.core.statics.cut_frame import CutFrame, keep_apart
 from isotruss_ros.core.statics.frame import Frame
 from isotruss_ros.core.statics.structure import Structure
@@ -28,9 +28,9 @@ import numpy as np
 #: Relative error of responses that are linearised about another state, per motion of a node [1/m].
 #: The error of a predicted state is this factor times the square of the motion.
 TUBE_CURVATURE = 15.0
-#: Largest motion of a node [m] without a new linearisation: in an equilibrium, whose response has
-#: then a negligible error, and while a motion is followed.
-SETTLED_MOTION, FOLLOWED_MOTION = NEGLIGIBLE_SHARE / TUBE_CURVATURE, 1e-4
+#: Largest motion of a node [m] without a new linearisation while a motion is followed; for an
+#: equilibrium it is `ROUNDING`.
+FOLLOWED_MOTION = 1e-4
 #: Weight of a load point's motion relative to a node's motion in `BentTubes.distance` [-].
 PLACE_SHARE = 0.2
 #: Minimum length of the parts into which the load points cut the members [m].
@@ -213,14 +213,12 @@ class BentTubes:
     @cached_property
     def _changes(self) -> tuple[Array, Array]:
         """Return changes (n, 3, p) of nodes, and multipliers, for loads, places and residual."""
-        tangent, units, left = self.tangent, self._units, -self.tangent.carried
+        units = self._units
+        loads = np.column_stack([units, -self._place_rates[0]])
+        applied = np.zeros(len(units))
         if self.before is not None:
-            left = left + units @ self.before.loads.ravel()
-        loads = np.column_stack([units, -self._place_rates[0], left])
-        gaps = np.zeros((len(tangent.gaps), loads.shape[1]))
-        gaps[:, -1] = -tangent.gaps
-        moved, multipliers = tangent.respond(loads, gaps)
-        return moved.reshape(-1, 3, loads.shape[1]), multipliers
+            applied = units @ self.before.loads.ravel()
+        return self.tangent.balance(applied, loads)
 
     @property
     def _moving(self) -> slice:
@@ -399,7 +397,7 @@ class BentTubes:
         """
         bent = self
         for _ in range(MAX_SEARCH_STEPS):
-            if bent.distance(loads, places) <= SETTLED_MOTION:
+            if bent.distance(loads, places) <= ROUNDING:
                 return bent
             bent = bent.update(loads, places)
         raise StructureError(f'the bent tubes did not settle in {MAX_SEARCH_STEPS} steps')

@@ -170,16 +170,15 @@ class Frame(FrameAssembly):
         tangent = self.rest if start is None else start
         origin, reach = tangent.displacements, np.inf
         for count in range(MAX_NEWTON_ITERATIONS):
-            left = (loads.ravel() - tangent.carried)[:, None]
-            step, multipliers = tangent.respond(left, -tangent.gaps[:, None])
-            displacements = tangent.displacements + step.reshape(-1, 3)
-            size = float(np.abs(step.reshape(-1, 3)[:, :2]).max())
+            step, multipliers = tangent.balance(loads.ravel())
+            displacements = tangent.displacements + step[..., 0]
+            size = float(np.abs(step[:, :2]).max())
             if count == 0:
                 reach = size
             # What ends elsewhere than the linear response tends to is another branch.
             elif not np.abs(displacements - origin)[:, :2].max() <= growth * reach:
                 return None
-            changes, _ = tangent.force_changes(step.reshape(-1, 3, 1))
+            changes, _ = tangent.force_changes(step)
             pull = tangent.forces.values[:, 0] + changes[:, 0, 0]
             with np.errstate(over='ignore', invalid='ignore', divide='ignore'):
                 tangent = self.tangent(

@@ -25,6 +25,10 @@ from isotruss_ros.core.statics.frame_pattern import Chains
 import numpy as np
 from scipy.sparse import csc_matrix
 
+#: Relative error of responses that are linearised about another state, per motion of a node [1/m].
+#: The error of a predicted state is this factor times the square of the motion.
+TUBE_CURVATURE = 15.0
+
 
 class CondensedChains(NamedTuple):
     """
@@ -98,11 +102,6 @@ class Tangent:
     _constraints: tuple[Array, Array, Points]  # see `TurnRows.linearize`
     _frame: FrameAssembly
 
-    @property
-    def gaps(self) -> Array:
-        """Return the violations (c,) of the constraints."""
-        return self._constraints[1]
-
     @cached_property
     def _condensed(self) -> tuple[Array, list[CondensedChains]]:
         """Return the stiffness (k, 6, 6) of members by their ends, and the condensed chains."""
@@ -168,6 +167,21 @@ class Tangent:
             moved[inner] = inverse @ loads[inner] + spread @ moved[ends]
         return moved, found[free:]
 
+    def balance(self, applied: Array, loads: Array | None = None) -> tuple[Array, Array]:
+        """
+        Return the changes of the state by loads, and in the last column the step to equilibrium.
+
+        :param applied: (3 n,) loads in the equilibrium [N], [N m].
+        :param loads: (3 n, p) additional loads of the other columns; None: no other columns.
+        :return: changes (n, 3, p + 1) of displacements, and (c, p + 1) of multipliers.
+        """
+        left, gaps = applied - self.carried, self._constraints[1]
+        columns = left[:, None] if loads is None else np.column_stack([loads, left])
+        opened = np.zeros((len(gaps), columns.shape[1]))
+        opened[:, -1] = -gaps
+        moved, multipliers = self.respond(columns, opened)
+        return moved.reshape(-1, 3, columns.shape[1]), multipliers
+
     def borrow(self, other: Tangent) -> None:
         """
         Use the factorised matrix of the frame in a similar state.
@@ -191,16 +205,18 @@ class Tangent:
             kept['_lent'] = replace(self, motions=motions, length=length, forces=forces)
         self.__dict__.update(kept)
 
-    def length_change(self, other: Tangent) -> float:
+    def response_error(self, state: Tangent) -> float:
         """
-        Return the largest relative change in length of parts with the same cuts [-].
+        Return the relative error of responses by the factorised matrix in another state [-].
 
-        :param other: frame linearised about a similar state.
+        :param state: frame linearised about the other state.
         """
-        frame, known = self._frame, other._linear._frame
-        if not np.array_equal(frame.whole, known.whole):
-            return 0.0
-        return float(np.abs(known.length / frame.length - 1.0).max())
+        frame, known = state._frame, self._linear._frame
+        moved = float(np.abs(state.points - self.factored.points).max())
+        longer = 0.0
+        if np.array_equal(frame.whole, known.whole):
+            longer = float(np.abs(known.length / frame.length - 1.0).max())
+        return TUBE_CURVATURE * moved + longer
 
     @property
     def _linear(self) -> Tangent:
