@@ -39,6 +39,11 @@ from sensor_msgs.msg import JointState
 
 PACKAGE = str(Path(isotruss_ros.__file__).parent)
 MODULE, DIAMETER, PERIOD, TWIST = 'east/Q', 0.3, 0.005, (0.02, 0.03, 0.1)
+ROBOT = core.load_robot('nine_member')
+#: Object pressed into the corner at the module.
+PRESSED = core.ConvexObject.disc(
+    core.tangent_center(ROBOT.home, MODULE, DIAMETER, 0.002), DIAMETER
+)
 #: Number of cycles after which the rollers have accelerated to the twist [-].
 CYCLES = 60
 
@@ -90,11 +95,10 @@ def trace(call: Callable[[], object]) -> tuple[list[str], int]:
 
 def control_cycle() -> tuple[list[str], int]:
     """Trace the shortest of the last cycles of the twist servo."""
-    robot = core.load_robot('nine_member')
-    center = core.tangent_center(robot.home, MODULE, DIAMETER)
-    grip = core.Grip.at_module(robot, MODULE, core.ConvexObject.disc(center, DIAMETER))
-    servo = core.TwistServo(robot, ServoSettings(grip, PERIOD, 0.2, failure_time=FAILURE_TIME))
-    held = core.RollingGrip.attach(robot.home, grip)
+    center = core.tangent_center(ROBOT.home, MODULE, DIAMETER)
+    grip = core.Grip.at_module(ROBOT, MODULE, core.ConvexObject.disc(center, DIAMETER))
+    servo = core.TwistServo(ROBOT, ServoSettings(grip, PERIOD, 0.2, failure_time=FAILURE_TIME))
+    held = core.RollingGrip.attach(ROBOT.home, grip)
     positions = held.config.roller_positions
     now, paths = 0.0, []
     for _ in range(CYCLES):
@@ -103,7 +107,7 @@ def control_cycle() -> tuple[list[str], int]:
             twist=StampedInput(TWIST, now),
             rollers=StampedInput(RollerState(positions, np.zeros(len(positions))), now - 0.002),
         )
-        held = held.moved_to(robot.configuration(positions))
+        held = held.moved_to(ROBOT.configuration(positions))
         servo.receive(pose=StampedInput(held.pose, now - 0.002))
         paths.append(trace(lambda now=now, found=found: found.append(servo.decide(now))))
         positions = positions + PERIOD * found[0].command.roller_velocities
@@ -139,23 +143,17 @@ def node_tick() -> tuple[list[str], int]:
 
 def closure() -> tuple[list[str], int]:
     """Trace one analysis of a grasp in a new configuration."""
-    robot = core.load_robot('nine_member')
-    cylinder = core.ConvexObject.disc(
-        core.tangent_center(robot.home, MODULE, DIAMETER, 0.002), DIAMETER
-    )
-    core.analyze_grasp(robot.home, cylinder)
-    config = robot.configuration(np.full(len(robot.roller_names), 1e-5))
-    return trace(lambda: core.analyze_grasp(config, cylinder))
+    core.analyze_grasp(ROBOT.home, PRESSED)
+    config = ROBOT.configuration(np.full(len(ROBOT.roller_names), 1e-5))
+    return trace(lambda: core.analyze_grasp(config, PRESSED))
 
 
 def analysis_cycle() -> tuple[list[str], int]:
     """Trace one analysis of the grasp monitor after some cycles."""
-    robot = core.load_robot('nine_member')
-    x, y = core.tangent_center(robot.home, MODULE, DIAMETER, 0.002)
-    disc = core.ConvexObject.disc((x, y), DIAMETER)
-    monitor = GraspMonitor(robot, GraspQuery((), disc, 0.5, (0.0, 0.0, 0.0), 0.005), 0.5)
+    x, y, _ = PRESSED.pose
+    monitor = GraspMonitor(ROBOT, GraspQuery((), PRESSED, 0.5, (0.0, 0.0, 0.0), 0.005), 0.5)
     for step in range(5):
-        positions = np.full(len(robot.roller_names), 1e-5 * step)
+        positions = np.full(len(ROBOT.roller_names), 1e-5 * step)
         rollers = RollerState(positions, np.zeros(len(positions)))
         monitor.rollers = StampedInput(rollers, float(step))
         monitor.pose = StampedInput(core.Pose(x, y - 1e-5 * step, 0.0), float(step))
