@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Robot in MuJoCo with the interface of `core.SimulatedRobot`."""
+"""Robot and object in MuJoCo, with the interface of `core.SimulatedRobot`."""
 
 from __future__ import annotations
 
@@ -25,21 +25,21 @@ class DrivenRobot(DrivenRollers):
     Robot and object in MuJoCo, driven by rollers with encoders.
 
     :ivar plant: the robot in MuJoCo.
-    :ivar dropped: None, since MuJoCo reports no reason of a loss of the object.
-    :ivar lag: total time that was not simulated, because a call of `advance` asked for more than
+    :ivar dropped: None, because MuJoCo reports no reason why an object is lost.
+    :ivar lag: total time that was skipped because `advance` was called with more than
         `longest_step` [s].
     :param robot: the robot, initially at home.
     :param body: the object at its pose.
-    :param is_free: whether the object is free from the start; if not, the object is fixed until
-        the tubes have come to rest on its surface.
+    :param is_free: whether the object is free from the start; if not, it is fixed until the tubes
+        have come to rest on its surface.
     :param options: masses, friction, gravity and mesh.
     :param faults: simulated faults of the rollers.
     :param seed: random seed of roller noise and slip.
     :param longest_step: longest simulated time in one call of `advance` [s].
     :raises PlantError: MuJoCo is not installed, or the start is unstable.
-    :raises GraspError: the robot does not have the roller that `faults` names as stuck.
+    :raises GraspError: a roller that `faults` names as stuck does not exist.
     :raises ConfigurationError: the slip of the rollers is out of its range.
-    :raises StructureError: the stiffness model has no stiffness at a member's length.
+    :raises StructureError: the stiffness model is invalid for the length of a member.
     """
 
     def __init__(
@@ -102,8 +102,8 @@ class DrivenRobot(DrivenRollers):
         Simulate a time interval with the commanded roller speeds.
 
         :param duration: length of the interval, not negative [s].
-        :raises ConfigurationError: no configuration exists at the commanded roller travel; then
-            the rollers block.
+        :raises ConfigurationError: no configuration exists at the commanded roller travel, so the
+            rollers block.
         :raises PlantError: the simulation became unstable.
         """
         simulated = min(duration, self._longest_step)

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Node `grasp_analysis`: it computes contact forces and force closure of the measured object."""
+"""Node `grasp_analysis`, which computes contact forces and force closure of a measured object."""
 
 from __future__ import annotations
 
@@ -91,13 +91,13 @@ class GraspAnalysisNode(ManagedNode):
         self.inputs.keep_topic('wrench', wrenches)
 
     def _read_wrench(self, message: WrenchStamped) -> tuple[float, float, float]:
-        """Return the external wrench of a message in the aligned frame or the object's frame."""
+        """Return the external wrench in a message, given in the aligned or the object's frame."""
         pose = self._monitor.pose
         known = isinstance(pose, StampedInput)
         return read_external_wrench(message, self.robot.frame, pose.value.angle if known else None)
 
     def _make_query(self) -> GraspQuery:
-        """Return the query by the parameters; a described object's friction has precedence."""
+        """Return the query that the parameters define; the object's friction has precedence."""
         values = self.values
         body = self._described or ConvexObject(Disc(values.object_diameter))
         friction = values.friction if body.friction is None else body.friction
@@ -110,7 +110,7 @@ class GraspAnalysisNode(ManagedNode):
         self.create_service(AnalyzeGrasp, 'analyze_grasp', self._analyze)
 
     def _apply(self) -> None:
-        """Apply the parameters from the next cycle on."""
+        """Use the new parameters from the next cycle on."""
         self._monitor.query = self._make_query()
         self._monitor.timeout = self.values.command_timeout
         self._monitor.pressure_timeout = self.values.pressure_timeout
@@ -164,7 +164,7 @@ class GraspAnalysisNode(ManagedNode):
             self._forces.publish(message)
 
     def _draw(self, report: GraspReport) -> None:
-        """Publish markers at the frame rate if there is a subscriber."""
+        """Publish markers at the frame rate of RViz if there is a subscriber."""
         now = time.monotonic()
         if now - self._drawn >= MARKER_PERIOD and self._arrays.get_subscription_count():
             self._arrays.publish(to_marker_array(report, self.robot.frame, self.now()))

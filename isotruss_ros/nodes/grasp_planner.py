@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Node `grasp_planner`: it searches for grasps of a free object."""
+"""Node `grasp_planner`, which searches for grasps of a free object."""
 
 from __future__ import annotations
 
@@ -36,9 +36,9 @@ POLLING_PERIOD = 0.02
 
 class GraspPlanner(ManagedNode):
     """
-    Node that executes one search at a time, and refuses other goals during a search.
+    Node that executes one grasp search at a time, and refuses other goals meanwhile.
 
-    The search runs in its own thread and processes; a timer polls it.
+    The search runs in its own thread and processes; a timer checks whether it has finished.
     """
 
     node_name = 'grasp_planner'
@@ -94,7 +94,7 @@ class GraspPlanner(ManagedNode):
     # -- The action --
 
     def _read(self, goal: PlanGrasp.Goal) -> tuple[Any, ...]:
-        """Return the arguments of the search that a goal requests."""
+        """Convert the goal of an action to the arguments of a search."""
         if self._goal.active:
             raise BusyError('another search is running: cancel it, or wait for its end')
         arguments = read_goal(goal, self.robot, self._described)
@@ -131,6 +131,6 @@ class GraspPlanner(ManagedNode):
             )
 
     def _end(self, answer: Answer) -> None:
-        """Publish the result of the goal."""
+        """End the goal with the result of the search."""
         result = to_result_message(answer, self.robot)
         self._goal.report_end(answer.outcome, result, 'no search')

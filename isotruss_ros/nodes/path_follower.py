@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Node `path_follower`: it moves the object along a path by twists for `manipulation`."""
+"""Node `path_follower`, which moves the object along a path by twists for `manipulation`."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ NO_FEEDBACK = FollowObjectPath.Feedback(
 
 class PathFollower(ManagedNode):
     """
-    Node that follows one path at a time, and publishes on `cmd_vel` only during a path.
+    Node that follows one path at a time, and publishes twists only while it follows a path.
 
     The callbacks of the action begin and end a goal; the control cycle publishes the twists.
     """
@@ -115,14 +115,14 @@ class PathFollower(ManagedNode):
         return details  # type: ignore[return-value]
 
     def _apply(self) -> None:
-        """Apply the parameters; gains and tolerances apply from the next goal on."""
+        """Use the new parameters; gains and tolerances are used from the next goal on."""
         self._servo.timeout = self.values.command_timeout
         self._servo.period = 1.0 / self.values.rate
 
     # -- The action --
 
     def _read(self, goal: FollowObjectPath.Goal) -> tuple[ObjectPath | None, TrackingSettings]:
-        """Return path and settings of a goal; None as path if the object is at its only pose."""
+        """Return path and settings of a goal; the path is None if the object is already there."""
         values = self.values
         settings = TrackingSettings(
             goal.position_tolerance,
@@ -146,7 +146,7 @@ class PathFollower(ManagedNode):
         self._waiting = foreseen, path, settings
 
     def _begin_foreseen(self) -> None:
-        """Follow the path once its check is done, or abort the goal if the path is infeasible."""
+        """Follow the path after its feasibility check, or abort the goal if it is infeasible."""
         foreseen, path, settings = self._waiting
         if not foreseen.done():
             return
@@ -161,7 +161,7 @@ class PathFollower(ManagedNode):
         return _to_result(_find_outcome(error), str(error))
 
     def _end(self, outcome: PathOutcome, message: str) -> None:
-        """Publish a zero twist, and the result of the goal if there is one."""
+        """Publish a zero twist, and end the goal with its result if there is one."""
         if not self._goal.active:
             return
         self._waiting = None
@@ -200,7 +200,7 @@ class PathFollower(ManagedNode):
 
 
 def _find_outcome(error: IsotrussError) -> PathOutcome:
-    """Return the outcome of a goal that an error ended: a missing input or an infeasible path."""
+    """Return the outcome of a goal that was ended by an error."""
     return PathOutcome.STOPPED if isinstance(error, InputError) else PathOutcome.BAD_GOAL
 
 
@@ -210,7 +210,7 @@ def _to_result(
     tracker: PathTracker | None = None,
     last: Tracking | None = None,
 ) -> FollowObjectPath.Result:
-    """Return the result of a goal; errors are NaN before the first cycle on the path."""
+    """Return the result message of a goal; errors are NaN before the first cycle on the path."""
     errors = {
         name: math.nan if last is None else getattr(source, name)
         for source, names in ((last, LAST_ERRORS), (tracker, TRACKED_ERRORS))
@@ -229,9 +229,10 @@ def _check_path(
     """
     Raise PathError if the model predicts that the held object slips along a path.
 
-    The prediction assumes the current squeeze. It starts from the grip of `manipulation` if that
-    node controls the squeeze. Nothing is checked if roller positions are missing, or if the object
-    is not held at the start of the path, because a pushed object has no slip margin.
+    The prediction assumes that the squeeze does not change. It starts from the equilibrium
+    reported by the node `manipulation` if that node controls the squeeze. Nothing is checked if
+    roller positions are missing, or if the object is not held at the start of the path, because an
+    object that is only pushed has no slip margin.
     """
     state = find_fresh(now, servo.timeout, servo.rollers)
     if state is None:

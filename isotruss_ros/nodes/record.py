@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Node `record`, which records the topics of the viewer to an MCAP file."""
+"""Node `record`, which records the topics that the viewer shows to an MCAP file."""
 
 from __future__ import annotations
 
@@ -54,17 +54,17 @@ WRITING_PERIOD = 0.5
 
 
 class RecordError(IsotrussError, OSError):
-    """A recording cannot be written."""
+    """Error: a recording cannot be written."""
 
 
 class Record(StoppableNode):
-    """Node that records every message of the viewer's topics from its start on."""
+    """Node that records every message of the topics that the viewer shows."""
 
     node_name = 'record'
     specs = SPECS
 
     def start(self) -> None:
-        """Create the subscriptions; nothing is written before the file is open."""
+        """Create the subscriptions; nothing is written before `begin` opens the file."""
         self._writer: Writer | None = None
         self._channels: dict[str, int] = {}
         self.count = 0
@@ -101,7 +101,7 @@ class Record(StoppableNode):
 
     def stop(self) -> None:
         """
-        Finish the file.
+        Complete and close the file.
 
         :raises RecordError: the disk is full.
         """
@@ -143,7 +143,7 @@ class Record(StoppableNode):
 
     @contextlib.contextmanager
     def _writing(self) -> Iterator[None]:
-        """Close the file if writing in the block fails because the disk is full."""
+        """Close the file if writing inside the `with` block fails because the disk is full."""
         try:
             yield
         except OSError as error:

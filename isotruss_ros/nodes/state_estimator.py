@@ -72,14 +72,14 @@ SPECS = (
 
 
 class StateEstimatorNode(ManagedNode):
-    """Node that updates the estimate by new measurements and publishes it, in every cycle."""
+    """Node that updates and publishes the state estimate in every cycle."""
 
     node_name = 'state_estimator'
     specs = SPECS
     awaited = ('joint_states',)
     _estimator: StateEstimator | None = None
     _last: StateEstimate | None = None
-    #: Result in words of the last test whether the robot sags, and time of the test [s].
+    #: Sentence with the result of the last test whether the robot sags, and time of this test [s].
     _sag, _sought = '', -math.inf
 
     def configure(self) -> None:
@@ -103,11 +103,11 @@ class StateEstimatorNode(ManagedNode):
         self.cycle = Cycle(self, self._step, self._begin)
 
     def cleanup(self) -> None:
-        """Release the robot."""
+        """Discard the robot and its estimator."""
         self._estimator = self._last = None
 
     def details(self) -> dict[str, object]:
-        """Return the used measurements and the faults of sensors by name for the diagnostics."""
+        """Return the used measurements and the faults of sensors for the diagnostics."""
         estimate = self._last
         if estimate is None:
             return {}
@@ -137,7 +137,7 @@ class StateEstimatorNode(ManagedNode):
         self._apply()
 
     def _apply(self) -> None:
-        """Set the estimator's object and its grasping members by the parameters."""
+        """Set object and grasping members of the estimator from the parameters."""
         values = self.values
         members = common.select_grip(self.robot, values)
         grip = Grip(members, common.read_body(values))
@@ -157,7 +157,7 @@ class StateEstimatorNode(ManagedNode):
         self._waiting.append(partial(estimator.take_markers, given.time, given.value, deviation))
 
     def _take_waiting(self) -> None:
-        """Update the estimate by new poses and markers; reject and log invalid measurements."""
+        """Update the estimate with new poses and markers; reject and log invalid ones."""
         waiting, self._waiting = self._waiting, []
         for take in waiting:
             try:
@@ -166,7 +166,7 @@ class StateEstimatorNode(ManagedNode):
                 self.warn('measurement', str(error))
 
     def _take_pressures(self, now: float) -> str:
-        """Use fresh measured pressures in the model; if there are none, return the reason."""
+        """Use measured pressures in the model if they are fresh; otherwise return the reason."""
         try:
             found = fresh_pressures(now, self.values.pressure_timeout, self.inputs.pressures)
         except InputError as error:
@@ -175,7 +175,7 @@ class StateEstimatorNode(ManagedNode):
         return ''
 
     def _find_sag(self, now: float, estimate: StateEstimate) -> str:
-        """Return a warning if the robot without object sags under its weight; else empty."""
+        """Return a warning if a robot without object sags under its weight, otherwise ''."""
         if not 0.0 <= now - self._sought < SAG_PERIOD:
             self._sought, self._sag = now, ''
             if estimate.pose is None and isinstance(self.inputs.markers, StampedInput):
@@ -214,7 +214,7 @@ def _rejection(given: Input) -> str:
 
 
 def _describe_doubts(estimate: StateEstimate) -> str:
-    """Return the suspected faults in words; empty if there are none."""
+    """Return a sentence that names the suspected faults; empty if there are none."""
     doubts = []
     if estimate.swapped:
         doubts.append(f'swapped markers: {" and ".join(estimate.swapped)}')

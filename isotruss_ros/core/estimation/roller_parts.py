@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Merging of partial joint states of several broadcasters, by roller."""
+"""Merging of joint states that name only some of the rollers."""
 
 from __future__ import annotations
 
@@ -13,9 +13,10 @@ import numpy as np
 
 class RollerParts:
     """
-    Last readings of each roller, from complete or partial joint states.
+    Last readings of each roller, from joint states with all or some of the rollers.
 
-    The merged state has the time of the oldest reading; newer readings are interpolated to it.
+    The merged state has the time of the oldest reading; newer readings are interpolated to this
+    time.
 
     :param names: names of the rollers.
     """
@@ -32,12 +33,12 @@ class RollerParts:
 
     def take(self, part: Mapping[int, tuple[float, float]], time: float, now: float) -> None:
         """
-        Store the readings of a message, except readings older than the stored readings.
+        Store the readings of a message that are newer than the stored ones.
 
-        :param part: position [m] and speed [m/s] by index of the roller.
-        :param time: time of the readings, at most now [s].
-        :param now: time on the same clock [s]. If the clock was set back, stored readings later
-            than now are discarded.
+        :param part: position [m] and speed [m/s] for the index of each roller in the message.
+        :param time: time of the readings, not later than `now` [s].
+        :param now: current time on the same clock [s]. If the clock was set back, stored readings
+            later than `now` are discarded.
         """
         for number, (position, speed) in part.items():
             readings = self._readings[number]
@@ -49,7 +50,7 @@ class RollerParts:
                 readings[-1] = time, complex(position, speed)
 
     def merged(self) -> StampedInput | RejectedInput:
-        """Return the `RollerState` of all rollers; a rejection if a roller was never read."""
+        """Return the state of all rollers; a rejection if a roller was in no message."""
         readings = self._readings
         missing = [n for n, known in zip(self._names, readings, strict=True) if not known]
         if missing:

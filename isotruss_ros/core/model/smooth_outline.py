@@ -2,12 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Smooth convex curves through the corners of polygons that sample a curved outline.
+Smooth convex curves through the corners of polygons that approximate a curved outline.
 
-The tangent at a corner is the tangent of a conic through this corner and two corners on either
-side; it is exact for circles and ellipses. The distance h of the tangents from the centroid is a
-periodic quintic spline of the normal's angle. So the surface point (h + i h') n and the radius of
-curvature h + h'' are continuous.
+The tangent at a corner is that of the conic through this corner and the two corners on each side;
+it is exact for circles and ellipses. The distance h of a tangent from the centroid is a periodic
+quintic spline of the angle of the tangent's normal n. So the surface point (h + i h') n and the
+radius of curvature h + h'' are continuous.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class SmoothOutline(Shape):
 
     @cached_property
     def _moments(self) -> tuple[float, complex, float]:
-        """Return the integrals of 1, z and |z|^2 over the area of the polygon."""
+        """Return the integrals of 1, z and |z|^2 over the area of the polygon, with z = x + iy."""
         return polygon_moments(self.corners)
 
     @cached_property
@@ -71,14 +71,14 @@ class SmoothOutline(Shape):
 
     @cached_property
     def _angles(self) -> Array:
-        """Return the angles (n + 1,) of normals at all corners, and again at the first [rad]."""
+        """Return the angles (n + 1,) of normals at all corners, and again at the first."""
         tangents = _conic_tangents(self.corners)
         turns = np.angle(np.roll(tangents, -1) / tangents)
         return float(np.angle(-1j * tangents[0])) + np.append(0.0, np.cumsum(turns))
 
     @cached_property
     def _functions(self) -> list[scipy.interpolate.PPoly]:
-        """Return the integral of h, h, and its first two derivatives by the normal's angle."""
+        """Return functions of the normal's angle: the integral of h, h itself, h' and h''."""
         away = self.corners - self.centroid
         heights = (away * np.exp(-1j * self._angles[:-1])).real
         spline = scipy.interpolate.make_interp_spline(
@@ -95,7 +95,7 @@ class SmoothOutline(Shape):
 
     @cached_property
     def is_convex(self) -> bool:
-        """Return whether the curve turns to the left everywhere, and goes around once."""
+        """Return whether the curve turns to the left everywhere, by one full turn in total."""
         around = abs(self._angles[-1] - self._angles[0] - 2.0 * np.pi) < 1e-9
         if not around or np.diff(self._angles).min() <= 0.0:
             return False
@@ -103,7 +103,7 @@ class SmoothOutline(Shape):
         return bool((found[1] + found[3]).min() > 0.0)
 
     def _around(self, angles: Array) -> Array:
-        """Return the integral of h from the first corner, h, h' and h'' at angles (k,), (4, k)."""
+        """Return (4, k) values at angles (k,): the integral of h, h itself, h' and h''."""
         angles = self._angles[0] + (angles - self._angles[0]) % (2.0 * np.pi)
         return np.array([function(angles) for function in self._functions])
 
@@ -161,8 +161,8 @@ def _conic_tangents(points: Points) -> Points:
     """
     Return the unit tangents (n,) of a closed curve at 5 or more points, x + iy.
 
-    Each is the tangent of the conic through the point and two points on either side, by Pascal's
-    theorem in homogeneous coordinates.
+    Each is the tangent of the conic through the point and the two points on each side, found by
+    Pascal's theorem in homogeneous coordinates.
     """
     size = np.abs(points - points.mean()).max()
     # A hexagon on the conic, two of whose corners are the point: that side is the tangent.

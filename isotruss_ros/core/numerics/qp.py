@@ -12,12 +12,12 @@ problem (Lawson and Hanson, Solving Least Squares Problems, 1974, chapter 23, LD
 
     minimize |y|  subject to  y . column <= room  for each column
 
-The search is finite even at degenerate vertices, where dual active-set solvers fail occasionally.
-It needs only SciPy, so the solver is the same with and without ROS. Each solution is checked by
-duality.
+The active-set search ends after finitely many steps even at degenerate vertices, where dual
+active-set solvers fail occasionally. Only SciPy is needed, so the solver is the same with and
+without ROS. Each solution is checked by duality.
 
-Contact is a program with the only constraint x >= 0, a linear complementarity problem (LCP),
-equation (8). Block principal pivoting solves it in a few steps.
+The contact problem (8) is such a program with x >= 0 as its only constraint, which is a linear
+complementarity problem (LCP). Block principal pivoting solves it in a few steps.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ BOUND_PERTURBATIONS = (0.0, 1e-12, 1e-11, 1e-10, 1e-9)
 
 
 class QuadraticProgram(NamedTuple):
-    """Strictly convex quadratic program in quantities without units."""
+    """Strictly convex quadratic program in dimensionless quantities."""
 
     hessian: Array  #: (n, n) matrix P, positive definite
     gradient: Array  #: (n,) vector q
@@ -61,7 +61,7 @@ def solve_qp(problem: QuadraticProgram) -> Array | None:
     Return the solution of a quadratic program.
 
     :param problem: quadratic program.
-    :return: (n,) optimal point; None if none is found, or P is not positive definite.
+    :return: (n,) solution; None if none is found, or if P is not positive definite.
     """
     bounded = problem.bounds < np.inf
     rows, bounds = problem.rows[bounded], problem.bounds[bounded]
@@ -106,7 +106,7 @@ def solve_qp(problem: QuadraticProgram) -> Array | None:
 
 
 def _free_space(problem: QuadraticProgram) -> tuple[Array, Array]:
-    """Return an orthonormal null space (n, f) of the equalities, and one solution (n,)."""
+    """Return an orthonormal basis (n, f) of the equalities' null space, and one solution (n,)."""
     if problem.equality is None:
         n = len(problem.gradient)
         return np.eye(n), np.zeros(n)
@@ -127,12 +127,13 @@ def find_nearest(columns: Array, room: Array, size: float, relaxation: float) ->
     """
     Return the point of a polyhedron nearest to the origin.
 
-    :param columns: (f, l) normals of the polyhedron's planes, of any length.
-    :param room: (l,) upper bounds of y . column, one for each plane.
-    :param size: estimate of |y|, not negative.
-    :param relaxation: perturbation of the bounds in the active-set search relative to the size,
+    :param columns: (f, l) normal vectors of the polyhedron's planes, of any length.
+    :param room: (l,) upper bounds of y . column for a point y, one for each plane.
+    :param size: estimate of |y| at the nearest point, not negative.
+    :param relaxation: perturbation of the bounds in the active-set search, relative to `size`;
         zero or small [-].
-    :return: nearest point; None if the polyhedron is empty, or rounding disturbed the search.
+    :return: nearest point; None if the polyhedron is empty, or if the search fails because of
+        rounding errors.
     """
     lengths = np.sqrt(np.einsum('fl,fl->l', columns, columns))
     lengths[lengths <= COINCIDENCE * lengths.max(initial=0.0)] = np.inf
@@ -184,12 +185,12 @@ def solve_complementarity(compliance: Array, gaps: Array, active: Flags) -> tupl
     """
     Solve the contact LCP f >= 0, g = gaps + compliance @ f >= 0, f g = 0, equations (6) and (8).
 
-    Block principal pivoting (Judice and Pires, 1994) takes a few steps. If it cycles, nonnegative
-    least squares follows.
+    Block principal pivoting (Judice and Pires, 1994) takes a few steps. If it cycles, the problem
+    is solved by nonnegative least squares.
 
     :param compliance: (c, c) compliance, symmetric positive definite [m/N].
     :param gaps: (c,) gaps without contact forces [m].
-    :param active: (c,) mask of the points in contact, initial guess.
+    :param active: (c,) mask of the points in contact, as initial guess.
     :return: forces (c,) [N], and mask (c,) of the points in contact.
     :raises SolverError: the matrix is not positive definite.
     """

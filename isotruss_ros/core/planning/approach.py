@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Approach of the grasping members to the object, the first step of the search.
+Approach of the grasping members to the object, which is the first step of the search.
 
-The approach is kinematic. Each of its steps is admissible, so the steps form the path.
+The approach is kinematic. Each of its steps fulfils the requirements, so the steps form the path.
 """
 
 from __future__ import annotations
@@ -30,9 +30,10 @@ APPROACH_TOLERANCE = 0.02
 
 def approach(config: Configuration, closing: Closing) -> Iterator[Configuration]:
     """
-    Yield the path on which grasping members approach the object in directions with force closure.
+    Yield the path on which grasping members approach the object, toward force closure.
 
-    The path begins at the current configuration and is piecewise linear in roller travel.
+    At its end the directions of the members admit force closure. The path begins at the current
+    configuration and is piecewise linear in roller travel.
 
     :param config: configuration of the robot.
     :param closing: closing motion with members and object.
@@ -62,10 +63,10 @@ def approach(config: Configuration, closing: Closing) -> Iterator[Configuration]
 
 def _find_turn(config: Configuration, closing: Closing) -> tuple[float, Closing]:
     """
-    Return the rotation that force closure still requires [rad], and the closing motion for it.
+    Return the rotation that force closure still requires [rad], and the closing for it.
 
-    Directions of force closure need no rotation. Otherwise two members are rotated to the nearest
-    directions of force closure.
+    It is zero if the members' directions admit force closure. Otherwise two members are to be
+    rotated to the nearest directions that do.
     """
     normals, angle = closing.normals(config), CONE_SHARE * closing.friction_angle
     radius = 0.5 * config.robot.description.tube_diameter

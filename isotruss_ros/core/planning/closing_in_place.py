@@ -2,11 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Closing in place: the squeeze on a free object increases while the object is at rest.
+Closing in place: the squeeze on a free object is increased without moving the object.
 
-Two members have force closure at first contact. Then contacts roll, by the mechanics of the
-elastic plant, and the squeeze increases at constant pose of the object. A path that is computed
-for a fixed object would displace a free one by several centimetres.
+Two members have force closure from the first contact on. Then the rollers move such that the
+squeeze increases while the object keeps its pose; the motion is computed with rolling contacts and
+elastic tubes. A motion computed for a fixed object would displace a free object by several
+centimetres.
 """
 
 from __future__ import annotations
@@ -33,8 +34,8 @@ import numpy as np
 
 #: Increment of the opening of the members between waypoints, in tube diameters [-].
 CLOSING_STEP = 0.12
-#: Factor on the increments after the first violation of a bound [-]; the second violation ends the
-#: closing.
+#: Factor by which the increments are reduced after the first violation of a bound [-]; the second
+#: violation ends the closing.
 REFINEMENT = 0.34
 
 
@@ -42,7 +43,7 @@ def close_in_place(
     touch: Configuration, closing: Closing, needs: GraspRequirements
 ) -> Iterator[ClosedGrip]:
     """
-    Yield grips with increasing squeeze until a bound is reached.
+    Yield grips with increasing squeeze until a requirement would be violated.
 
     :param touch: configuration in which the members touch the object.
     :param closing: closing motion with members and object.
@@ -72,7 +73,7 @@ def close_in_place(
 
 
 def _judge(grasp: HeldGrip, closing: Closing, needs: GraspRequirements) -> ClosedGrip:
-    """Return a grip with its loads; raise RequirementError on slip or a violated bound."""
+    """Return a grip with its loads; raise RequirementError if it slips or violates a bound."""
     _check_hold(grasp, needs.friction)
     closing.tally.analyses += 1
     body = closing.body.moved_to(grasp.pose)

@@ -5,12 +5,13 @@
 One step of closing the grasping members on an object: a quadratic program (QP).
 
 minimize 1/2 |g + (dg/dphi) u - target|^2 + 1/2 a^2 |turn - facing|^2 + 1/2 w |u - n|^2 subject to
-limits, gaps of other parts, rigidity, clearance, |u| <= longest step
+limits, bounds on gaps of other parts, rigidity and clearance, |u| <= longest step
 
-u is the roller travel of the step, n the travel to the nominal posture, g are the gaps of the
-grasping members, a is `TURNING_ARM` and w is `MOTION_WEIGHT`. The configuration at the end of each
-step is evaluated; a step that violates a requirement is halved. So the steps form a path. Lengths
-are relative to the mean member length at home or to the tube diameter, for robots of any size.
+u is the roller travel of the step, n is the travel to the nominal posture, g are the gaps of the
+grasping members, a is `TURNING_ARM`, and w is `MOTION_WEIGHT`. The configuration at the end of
+each step is evaluated; a step that violates a requirement is halved. So the steps form an
+admissible path. Lengths are relative to the mean member length at home or to the tube diameter, so
+that they suit robots of any size.
 """
 
 from __future__ import annotations
@@ -47,12 +48,14 @@ MAX_OVERSHOOT = 0.015
 
 def press(config: Configuration, closing: Closing, depths: Array) -> Configuration:
     """
-    Move the grasping members to given indentations while the object is at rest.
+    Return the configuration in which the grasping members indent by given depths.
+
+    The object does not move.
 
     :param config: initial configuration.
     :param closing: closing motion with members and object.
-    :param depths: (s,) indentation of each grasping member [m].
-    :raises RequirementError: a requirement stops the motion.
+    :param depths: (s,) indentation of each grasping member by the object [m].
+    :raises RequirementError: the motion would violate a requirement.
     :raises SolverError: a quadratic program was not solved.
     """
     state = evaluate_state(config, closing.body)
@@ -74,10 +77,10 @@ def take_closing_step(
     :param state: state at the start of the step.
     :param closing: closing motion with members and object.
     :param targets: (s,) desired gaps of the grasping members [m].
-    :param share: length of the step relative to the longest step: first 1, then the result of the
-        previous step.
-    :return: state at the end of the step, and share for the next step.
-    :raises RequirementError: no step is admissible.
+    :param share: length of the step relative to the longest step [-]. It is 1 for the first step;
+        then it is the second result of the previous step.
+    :return: state at the end of the step, and `share` for the next step.
+    :raises RequirementError: every step violates a requirement.
     :raises SolverError: the quadratic program was not solved.
     """
     move = solve_step(state, closing, targets, share)
@@ -110,7 +113,7 @@ def solve_step(state: SearchState, closing: Closing, targets: Array, share: floa
     :param state: state at the start of the step.
     :param closing: closing motion with members and object.
     :param targets: (s,) desired gaps of the grasping members [m].
-    :param share: length of the step relative to the longest step.
+    :param share: length of the step relative to the longest step [-].
     :raises SolverError: the quadratic program was not solved.
     """
     config, members = state.config, list(closing.members)
@@ -148,10 +151,10 @@ def solve_step(state: SearchState, closing: Closing, targets: Array, share: floa
 
 def _bound_rows(state: SearchState, closing: Closing, targets: Array) -> tuple[Array, Array]:
     """
-    Return the bounds of a step u as rows (k, r) and bounds (k,): rows u >= bounds.
+    Return the constraints rows u >= bounds of a step u, as rows (k, r) and bounds (k,).
 
-    The rows bound the gaps of grasping members (by targets (s,) [m]), the gaps of other parts (by
-    the clearance), the rigidity, and the distances of near parts; the last rows are the limits.
+    They bound the gaps of grasping members (by targets (s,) [m]), the gaps of other parts to the
+    object, the rigidity, and the distances between near parts of the robot; last come the limits.
     """
     config, members, robot = state.config, list(closing.members), state.config.robot
     collisions, length = collision_model(robot), robot.home.member_lengths.mean()

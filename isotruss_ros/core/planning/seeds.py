@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Seeds of the grasp search, which are closing motions of two or three members on an object."""
+"""Seeds of the grasp search: closing motions of members from which the candidates start."""
 
 from __future__ import annotations
 
@@ -40,10 +40,10 @@ def find_seeds(
     :param config: configuration of the robot.
     :param body: the object.
     :param needs: requirements of the grasp. If they name a module or members, only these members
-        are grasping members.
+        are used.
     :param seed: seed of the random numbers.
     :param number: index of the round, from 0. Later rounds have random friction cones and
-        postures, and repeat members if there are few.
+        postures, and use the same members several times if there are few.
     :raises RequirementError: no members around the object are suitable.
     :raises GraspError: the robot has no such required module or members.
     """
@@ -92,7 +92,7 @@ def find_seeds(
 
 def required_members(robot: Mechanism, needs: GraspRequirements) -> frozenset[int]:
     """
-    Return the indices of the required grasping members; empty if no members are required.
+    Return the indices of the required grasping members; empty if none are required.
 
     :param robot: the robot.
     :param needs: requirements of a grasp.
@@ -106,7 +106,7 @@ def required_members(robot: Mechanism, needs: GraspRequirements) -> frozenset[in
 
 def enclosing_members(config: Configuration, point: complex) -> tuple[int, ...]:
     """
-    Return the members in line of sight of a point; none if a line of sight leaves the robot.
+    Return the members visible from a point; none if the robot does not enclose the point.
 
     :param config: configuration of the robot.
     :param point: point x + iy in the robot frame [m].

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Worker processes of the search, one for each core, which end with their parent process."""
+"""Worker processes of the search, one for each core, which end when their parent process ends."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ def core_count() -> int:
 
 class WorkerPool(contextlib.AbstractContextManager):
     """
-    Pool of processes, which start with the first task and end at `close` or with this process.
+    Pool of processes that start with the first task and end at `close` or with this process.
 
-    They are spawned, because forking a process with threads is unsafe. On two cores, two processes
-    search 1.6 times as fast as one process.
+    The processes are spawned, because it is unsafe to fork a process with threads. On two cores,
+    two processes search 1.6 times as fast as one process.
 
-    :ivar executor: executor for `plan_grasps`. It is broken after the death of a worker; then
-        close the pool and make another.
+    :ivar executor: executor to be passed to `plan_grasps`. If a worker dies, the executor is
+        unusable: close the pool and create another one.
     :param workers: number of processes; 0: the number of cores.
     """
 
@@ -51,7 +51,7 @@ class WorkerPool(contextlib.AbstractContextManager):
 
     def close(self) -> None:
         """
-        End the processes at once, and join them.
+        End the processes at once, and wait until they have ended.
 
         It must not be called while another thread submits tasks.
         """

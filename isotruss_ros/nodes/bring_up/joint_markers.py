@@ -29,12 +29,12 @@ DEVIATION = Spec(
 #: Largest change of an encoder reading within the averaging time at which its roller counts as at
 #: rest [m].
 REST_TOLERANCE = 5e-4
-#: Age of its last message above which a topic counts as silent [s].
+#: Largest age of the last message of a topic [s]; above it, the topic is regarded as silent.
 MAX_TOPIC_AGE = 0.5
 
 
 class MeasuredJoints(NamedTuple):
-    """Measured joints of a robot whose rollers are at rest."""
+    """Measured joint positions of a robot with rollers at rest."""
 
     posture: Posture  #: mean encoder readings and joint positions
     #: smallest number of averaged messages of a joint
@@ -45,7 +45,7 @@ class JointMarkers:
     """
     Recent messages of `joint_markers` and `joint_states`.
 
-    :ivar inputs: subscriptions, with the last input of each topic.
+    :ivar inputs: subscriptions of both topics.
     """
 
     def __init__(self, node: StoppableNode, robot: Robot) -> None:
@@ -59,7 +59,7 @@ class JointMarkers:
         Return the mean joint positions over the averaging time.
 
         :param now: time on the clock of the stamps [s].
-        :raises MeasurementError: a topic is silent, or the rollers move.
+        :raises MeasurementError: no message of a topic arrives, or the rollers move.
         """
         self.inputs.settle()
         try:

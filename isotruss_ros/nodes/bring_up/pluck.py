@@ -4,8 +4,8 @@
 """
 Node `pluck`, which measures the oscillation of a held object.
 
-The node moves the object by a short twist and stops the object. Then the node fits frequency and
-damping ratio to the following poses, and ends.
+The node moves the object by a short twist and stops it. Then the node fits frequency and damping
+ratio to the poses that follow, and ends.
 """
 
 from __future__ import annotations

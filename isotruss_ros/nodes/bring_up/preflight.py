@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Node `preflight`: it checks a robot before its first motion, and prints a line per check."""
+"""Node `preflight`, which checks a robot before its first motion and prints a line per check."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ from std_msgs.msg import Bool
 
 #: Smallest accepted rates of joint_states and object_pose [Hz].
 LEAST_JOINT_RATE, LEAST_POSE_RATE = 50.0, 10.0
-#: Largest accepted distance between a joint's measured position and its position by the encoders
-#: [m].
+#: Largest accepted distance between a joint's measured position and the position computed from the
+#: encoders [m].
 MAX_ZERO_ERROR = 0.01
 SPECS = (
     ROBOT,
@@ -173,7 +173,7 @@ class Preflight(StoppableNode):
         return f'module {module:g} kg, object {body:g} kg'
 
     def _check_live(self, topic: str, given: Input) -> str:
-        """Return the age of an input in words; raise an error if the input is stale or missing."""
+        """Return a text with the age of an input; raise an error if it is stale or missing."""
         now = self.now()
         try:
             (found,) = require_fresh(now, MAX_TOPIC_AGE, '', **{topic: given})
@@ -186,7 +186,7 @@ class Preflight(StoppableNode):
     def _check_rate(
         self, topic: str, messages: Sequence[JointState | PoseStamped], least: float
     ) -> str:
-        """Return the rate of a topic in words; raise an error if it is too low."""
+        """Return a text with the rate of a topic; raise an error if it is too low."""
         rate = len(messages) / self.values.listen_time
         if rate < 0.9 * least:
             raise MeasurementError(f'{topic} has {rate:.3g} Hz: must be at least {least:g} Hz')

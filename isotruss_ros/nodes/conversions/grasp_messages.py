@@ -43,14 +43,14 @@ def read_external_wrench(
     message: WrenchStamped, frame: str, angle: float | None = None
 ) -> tuple[float, float, float]:
     """
-    Return the external wrench (fx, fy, m) on the object, along the robot's axes [N, N m].
+    Return the external wrench (fx, fy, m) on the object in a message, in robot axes [N, N m].
 
     :param message: wrench about the object's origin, in the aligned frame (see
         `name_aligned_frame`) or in the object's frame.
     :param frame: name of the robot frame.
     :param angle: angle of the object in the robot frame [rad]; None if unknown.
-    :raises MessageError: the message has another frame, a value that is not finite, or a component
-        above `MAX_WRENCH`.
+    :raises MessageError: the message has another frame, or a component is not finite or exceeds
+        `MAX_WRENCH`.
     """
     wrench = _planar(message.wrench)
     if frame and message.header.frame_id == name_object_frame(frame) and angle is not None:
@@ -69,7 +69,7 @@ def read_external_wrench(
 
 def to_wrench_message(wrench: Sequence[float]) -> Wrench:
     """
-    Return the message of a planar wrench.
+    Convert a planar wrench to a message.
 
     :param wrench: planar wrench (fx, fy, m) [N, N m].
     """
@@ -81,7 +81,7 @@ def to_contact_wrench(
     frame: str, member: str, when: float, normal: float, friction: float = 0.0
 ) -> WrenchStamped:
     """
-    Return the message of a member's force on the object, in the contact frame of the member.
+    Return a message with a member's force on the object, in the member's contact frame.
 
     :param frame: name of the robot frame.
     :param member: name of the member.
@@ -99,10 +99,10 @@ def read_query(
     request: AnalyzeGrasp.Request, spacing: float, paper_model: bool = False
 ) -> GraspQuery:
     """
-    Return the query of a request; values other than the object are checked by the analysis.
+    Convert the request of a grasp analysis; the analysis checks values except the object.
 
     :param spacing: spacing of the contact points along the tubes [m].
-    :param paper_model: whether the paper's model is used, see `analyze_grasp`.
+    :param paper_model: True for the paper's model, see `analyze_grasp`.
     :raises MessageError: the request describes no object, two objects, or an invalid object.
     """
     body = _read_body(request)
@@ -137,13 +137,13 @@ def _read_body(request: AnalyzeGrasp.Request) -> ConvexObject:
 
 
 def _planar(wrench: Wrench) -> tuple[float, float, float]:
-    """Return the components (fx, fy, m) in the plane [N, N m]; the ground carries the others."""
+    """Return the components (fx, fy, m) of a wrench in the robot's plane [N, N m]."""
     return wrench.force.x, wrench.force.y, wrench.torque.z
 
 
 def to_state_message(report: GraspReport, frame: str) -> GraspState:
     """
-    Return the message of a report; without a result, its values are the most conservative.
+    Convert a grasp report to a message; without a result, it has the most cautious values.
 
     :param frame: name of the robot frame.
     """
@@ -181,7 +181,7 @@ def to_state_message(report: GraspReport, frame: str) -> GraspState:
 
 
 def _to_contact_messages(analysis: GraspAnalysis) -> list[Contact]:
-    """Return the messages of the contact points that have a normal force."""
+    """Return a message for each contact point that has a normal force."""
     touching = np.flatnonzero(analysis.normal_forces > 0.0)
     points, normals = analysis.points[touching].tolist(), analysis.normals[touching].tolist()
     numbers = (analysis.normal_forces, analysis.friction_forces, analysis.gaps)

@@ -29,13 +29,13 @@ def read_described(
     message: ObjectMessage, pose: PoseMessage, name: str, diameter: float
 ) -> ConvexObject | None:
     """
-    Return the object that a request describes, at a pose; None if its description is empty.
+    Return the object that a request describes, at a pose; None if it describes no object.
 
     :param name: name of the request's field with the diameter of a disc.
     :param diameter: diameter of a disc [m].
-    :raises MessageError: the message does not describe an object or has a field of another shape,
-        the pose is invalid, or there is a diameter as well. The text names the field as a key of
-        an object file, and the vertex or side of a polygon.
+    :raises MessageError: the description is invalid or has a field that belongs to another shape,
+        the pose is invalid, or a diameter is given as well. The text names the faulty field by its
+        key in object files, and the faulty vertex or side of a polygon.
     """
     if message == ObjectMessage():
         return None
@@ -70,7 +70,7 @@ def read_described(
 
 def to_object_message(body: ConvexObject) -> ObjectMessage:
     """
-    Return the message of an object without its pose.
+    Convert an object without its pose to a message.
 
     :raises GraspError: messages cannot describe its shape.
     """

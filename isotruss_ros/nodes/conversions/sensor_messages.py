@@ -24,7 +24,7 @@ def read_joint_markers(
     message: MultiDOFJointState, robot: Robot
 ) -> dict[str, tuple[float, float, float]]:
     """
-    Return the measured position (x, y, z) of each joint by name, in the message's frame [m].
+    Return the position (x, y, z) in the message's frame for each joint name [m].
 
     :raises MessageError: the numbers of names and transforms differ, a joint is unknown or
         repeated, or a position is not finite.
@@ -48,9 +48,9 @@ def read_joint_markers(
 
 def to_joint_markers(joints: Mapping[str, Sequence[float]]) -> MultiDOFJointState:
     """
-    Return the message of measured joint positions; its header is empty.
+    Convert measured joint positions to a message with an empty header.
 
-    :param joints: position (x, y) of each joint by name [m].
+    :param joints: position (x, y) for the name of each joint [m].
     """
     message = MultiDOFJointState(joint_names=list(joints))
     for x, y in joints.values():
@@ -62,10 +62,10 @@ def to_joint_markers(joints: Mapping[str, Sequence[float]]) -> MultiDOFJointStat
 
 def read_roller_part(message: JointState, names: Sequence[str]) -> dict[int, tuple[float, float]]:
     """
-    Return travel [m] and speed [m/s] of the rollers in a message, by roller index.
+    Return travel [m] and speed [m/s] for the index of each roller in a message.
 
-    Joints that are no rollers are ignored; a message without rollers gives an empty result. A
-    speed that is missing, or NaN as from a broadcaster without a measurement, is read as zero.
+    Joints that are no rollers are ignored, so the result may be empty. A speed that is missing or
+    NaN is replaced by zero; some broadcasters send NaN if the speed is not measured.
 
     :param message: joint states, in any order.
     :param names: names of the rollers.
@@ -112,8 +112,10 @@ def read_tube_pressure(message: FluidPressure, robot: Robot, ambient: float) -> 
     """
     Return the name of a tube and its gauge pressure [Pa] from a message.
 
-    :param message: message of the topic `tube_pressures`, with the tube in `header.frame_id`.
-    :param ambient: ambient pressure that is subtracted [Pa]; 0 if the message has gauge pressure.
+    :param message: message of the topic `tube_pressures`, with the name of the tube in
+        `header.frame_id`.
+    :param ambient: ambient pressure that is subtracted [Pa]; 0 if the message contains a gauge
+        pressure.
     :raises MessageError: the tube is unknown, or the pressure is not positive.
     """
     known, tube = tuple(robot.description.pressures), message.header.frame_id

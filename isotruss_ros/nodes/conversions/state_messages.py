@@ -28,7 +28,7 @@ MAX_OFFSET = 1.0
 
 
 def to_estimate_message(estimate: StateEstimate, robot: Robot) -> StateEstimateMessage:
-    """Return the message of an estimate."""
+    """Convert a state estimate to a message."""
     message = StateEstimateMessage(
         roller_names=list(robot.roller_names),
         travel=estimate.travel.tolist(),
@@ -57,7 +57,7 @@ def to_estimate_message(estimate: StateEstimate, robot: Robot) -> StateEstimateM
 
 def read_estimate(message: StateEstimateMessage, robot: Robot) -> EstimatedTravel:
     """
-    Return the roller offsets and their covariance from a message, for a control loop.
+    Return the roller offsets and their covariance in a message of the estimator.
 
     :raises MessageError: the message has another frame or other rollers, or an offset or
         covariance is not finite.
@@ -84,9 +84,9 @@ def read_estimate(message: StateEstimateMessage, robot: Robot) -> EstimatedTrave
 
 def to_grip_message(record: GripRecord, robot: Robot, when: float) -> HeldGripMessage:
     """
-    Return the message of a held grip.
+    Convert the record of a held grip to a message.
 
-    :param when: time of the grip [s].
+    :param when: time at which the grip was computed [s].
     """
     contacts = record.contacts
     before, behind = contacts.cuts.T.tolist()
@@ -104,7 +104,7 @@ def to_grip_message(record: GripRecord, robot: Robot, when: float) -> HeldGripMe
 
 def read_grip(message: HeldGripMessage, robot: Robot) -> GripRecord:
     """
-    Return the record of a held grip.
+    Return the record of a held grip in a message.
 
     :raises MessageError: the message has another frame, contacts that the robot cannot have, lists
         of different lengths, or values that are not finite.

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Publication of a node's state on `/diagnostics`, and log of reasons without repetitions."""
+"""Publication of a node's status on `/diagnostics`, and log of reasons without repetitions."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ MIN_REPORT_PERIOD = 0.1
 
 
 class Reason(NamedTuple):
-    """Reason for a stop or a warning that was logged once and whose repetitions are counted."""
+    """Reason for a stop or a warning that was logged once, with the number of its occurrences."""
 
     text: str  #: logged text
     #: number of occurrences so far
@@ -38,7 +38,7 @@ class Reason(NamedTuple):
 
 class ReasonLog:
     """
-    Log of changes of reasons; reasons that differ only in numbers count as one reason.
+    Log of reasons that logs only changes; reasons that differ only in numbers are equal.
 
     :param log: function that logs a line.
     """
@@ -51,9 +51,8 @@ class ReasonLog:
         """
         Log a reason, or only count it if it is a repetition.
 
-        :param kind: kind of the reason; a new reason replaces only the previous reason of the same
-            kind.
-        :param text: reason in words.
+        :param kind: kind of the reason. There is one current reason of each kind.
+        :param text: sentence with the reason.
         """
         now, known = time.monotonic(), self._reasons.get(kind)
         if known is not None and now - known.given < QUIET_TIME:
@@ -81,15 +80,15 @@ class ReasonLog:
 
 class Diagnostics:
     """
-    Diagnostic status of one node; it is reported at a limited rate, however often it is set.
+    Diagnostic status of one node, which is published at a limited rate however often it is set.
 
-    This class replaces the package `diagnostic_updater`, which has a fixed period and no wheel for
-    machines without ROS.
+    The package `diagnostic_updater` is not used, because it has a fixed period, and cannot be
+    installed from PyPI on machines without ROS.
 
     :ivar hardware_id: name of the robot after it is loaded. It is reported with the node's
         namespace, because several robots may have the same name.
     :param node: `StoppableNode` that publishes until it is destroyed.
-    :param details: function that returns values by name for a report.
+    :param details: function that returns the values of a report as a dictionary.
     """
 
     def __init__(self, node: Any, details: Callable[[], Mapping[str, object]]) -> None:
@@ -102,7 +101,7 @@ class Diagnostics:
 
     def set_status(self, level: bytes, message: str) -> None:
         """
-        Set the status; report a changed level at once.
+        Set the status; if the level has changed, publish it at once.
 
         :param level: constant of `DiagnosticStatus`.
         :param message: text of the status.

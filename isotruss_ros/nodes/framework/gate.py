@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Gate of a topic, which checks stamp, content and transform of messages before their use."""
+"""Gate of a topic, which checks stamp, content and transform of each message before it is used."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ from rclpy.subscription import Subscription
 Received = StampedInput | RejectedInput
 #: Largest number of messages that wait for their transforms [-].
 MAX_QUEUED_MESSAGES = 100
-#: Largest accepted lead of a stamp over simulated time [s]. A message may arrive before the /clock
-#: message of its time, by up to the longest cycle of a node.
+#: Largest accepted time by which a stamp may be ahead of simulated time [s]. A message may arrive
+#: before the /clock message of its time, by up to the longest cycle of a node.
 SIMULATED_CLOCK_SKEW = 0.1
 
 
 class Topic(NamedTuple):
-    """Topic of an input: type and conversion of its messages, and rule for their validity."""
+    """Topic of an input, with the type, conversion and validity rule of its messages."""
 
     kind: type  #: type of the messages
     topic: str  #: relative name of the topic
@@ -40,30 +40,30 @@ class Topic(NamedTuple):
     #: MessageError for an invalid message
     read: Callable[[Any], Any]
     words: str = ''  #: name of the input in texts; empty: the name of the topic
-    #: whether an invalid message replaces the input, which stops the robot at once; otherwise the
-    #: previous value remains valid
+    #: whether an invalid message invalidates the input, which stops the robot at once; otherwise
+    #: the previous value remains valid
     stops: bool = False
     timeout: str = 'command_timeout'  #: parameter with the largest age
-    #: function that merges a message, which has a part of the input, with earlier messages at the
-    #: current time [s]; it returns None as long as parts are missing
+    #: function that merges a message, which contains a part of the input, with earlier messages at
+    #: the current time [s]; it returns None as long as parts are missing
     merge: Callable[[Received, float], Received | None] | None = None
 
 
 class Gate:
     """
-    Gate that checks the messages of a topic, and passes on a value or a reason of rejection.
+    Gate that checks each message of a topic, and passes on its value or why it was rejected.
 
-    A message whose transform is not known yet is queued until it exceeds the largest age.
+    A message whose transform has not arrived yet is queued until it exceeds the largest age.
 
     :ivar subscription: subscription of the topic.
-    :ivar waiting: queued messages, each with the reason why it is queued.
-    :ivar words: name of the input in texts.
+    :ivar waiting: queued messages, each with the reason for waiting.
+    :ivar words: name of the input that texts for users contain.
     :param node: subscribing node, whose clock is compared with the stamps. A message without a
         header is stamped at reception.
     :param take: callback that receives a `StampedInput`, whose time is not in the future, or a
         `RejectedInput`, and the current time [s].
-    :param oldest: largest age [s]; None: the parameter of the topic.
-    :param every: whether all messages are processed, not only the newest.
+    :param oldest: largest age of a message [s]; None: the value of the topic's parameter.
+    :param every: True to process all messages and not only the newest ones.
     """
 
     def __init__(
@@ -87,7 +87,7 @@ class Gate:
 
     def receive(self, message: Any) -> None:
         """
-        Check a message, and pass its value or the reason of its rejection on, or queue it.
+        Check a message; pass on its value or the reason of its rejection, or queue it.
 
         :param message: message of the topic.
         """
@@ -110,7 +110,7 @@ class Gate:
                 self._take(rejected, now)
 
     def _pass_on(self, message: Any, now: float) -> None:
-        """Pass the value of a valid message on."""
+        """Pass on the value of a valid message."""
         time = now
         if hasattr(message, 'header'):
             setting, stamp = self._setting, read_stamp(message.header)

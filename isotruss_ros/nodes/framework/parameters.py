@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Parameters of nodes with type, range and description, which are checked at start and on changes.
+Parameters of nodes with type, range and description, checked at start and on each change.
 
-Each is a parameter of rclpy with a descriptor. The package `generate_parameter_library` is not
-used, because it has no wheel for machines without ROS.
+Each one is a parameter of rclpy with a descriptor. The package `generate_parameter_library` is not
+used, because it cannot be installed from PyPI on machines without ROS.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ UNCONFIGURED_ONLY = 'read-only unless the node is unconfigured'
 
 
 class ParameterError(IsotrussError, ValueError):
-    """A parameter has an invalid value."""
+    """Error: a parameter has an invalid value."""
 
 
 @dataclass(frozen=True)
@@ -59,11 +59,11 @@ AUTOSTART = FixedSpec('autostart', True, 'Configure and activate the node on its
 
 class Parameters:
     """
-    Parameters of one node; each value is an attribute.
+    Values of the parameters of one node, as attributes.
 
-    :ivar fixed: names of the parameters that a managed node reads only at configuration.
-    :param node: node with `automatically_declare_parameters_from_overrides`; without it, rclpy
-        does not pass on the overrides.
+    :ivar fixed: names of the parameters that a managed node reads only when it is configured.
+    :param node: node created with `automatically_declare_parameters_from_overrides`, without which
+        rclpy does not pass on overrides (values given at start).
     :param specs: declarations of the parameters.
     :raises ParameterError: an override has another type, is out of range, or is invalid.
     """
@@ -88,7 +88,7 @@ class Parameters:
         return self._node.get_parameter(name).value
 
     def _declare(self, spec: Spec, given: Parameter | None) -> None:
-        """Declare a parameter with its override, or with its default if it has no override."""
+        """Declare a parameter with its override, or if there is none, with its default."""
         descriptor = ParameterDescriptor(name=spec.name, description=spec.description)
         if spec.read_only and self._managed:
             descriptor.additional_constraints = UNCONFIGURED_ONLY

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Subscriptions that store, for each input, its latest value or the reason of its rejection."""
+"""Subscriptions that store the latest value of each input, or the reason why it was rejected."""
 
 from __future__ import annotations
 
@@ -41,23 +41,23 @@ from sensor_msgs.msg import FluidPressure, JointState, MultiDOFJointState
 
 class Inputs:
     """
-    Subscriptions of a node that store inputs as attributes of a holder.
+    Subscriptions of a node that store the latest value of each input.
 
-    A `Gate` checks each message and converts it to a StampedInput, or to a RejectedInput with the
-    reason. The inputs of `keep` are:
+    A `Gate` checks each message and converts it to a `StampedInput`, or to a `RejectedInput` with
+    the reason. The following inputs are known by name:
 
-    - `rollers`: `RollerState` from `joint_states`, with the offsets of the input `estimate`. The
-      last received offsets remain valid without a timeout.
+    - `rollers`: `RollerState` from `joint_states`, including the roller offsets of the input
+      `estimate`. The last received offsets remain valid without a timeout.
     - `estimate`: `EstimatedTravel` from `state_estimate`.
     - `pose`: `Pose` of the object from `object_pose`, see `RobotFrame`.
-    - `markers`: measured joints {name: (x, y)} [m] from `joint_markers`.
+    - `markers`: measured joint positions {name: (x, y)} [m] from `joint_markers`.
     - `held_grip`: `GripRecord` of the held object from `manipulation/grip`.
-    - `pressures`: gauge pressures (t,) [Pa] from `tube_pressures`, once a message of each tube has
-      arrived; the stamp is the oldest stamp of these messages.
+    - `pressures`: gauge pressures (t,) [Pa] from `tube_pressures`, available once a message for
+      each tube has arrived. The stamp is the oldest one of these messages.
 
     :param robot: robot with the rollers, tubes and frame of the messages.
-    :param holder: object whose attributes are the inputs; None: the inputs themselves.
-    :param oldest: largest age of an input [s]; None: the parameters of the node.
+    :param holder: object that stores the inputs as its attributes; None: this object.
+    :param oldest: largest age of an input [s]; None: the value of a parameter of the node.
     """
 
     rollers: Input = None
@@ -81,16 +81,16 @@ class Inputs:
         self._frame: RobotFrame | None = None
 
     def _latest(self, name: str) -> Input:
-        """Return the stored input of a name."""
+        """Return the stored input with a given name."""
         return getattr(self._holder, name)
 
     def _store(self, name: str, given: Input) -> None:
-        """Replace the stored input of a name."""
+        """Replace the stored input with a given name."""
         setattr(self._holder, name, given)
 
     def keep(self, *names: str, **options: Any) -> None:
         """
-        Subscribe to the topics of inputs.
+        Subscribe to the topics of the named inputs.
 
         :param names: names of the inputs.
         :param options: options of `keep_topic`.
@@ -109,9 +109,9 @@ class Inputs:
         Subscribe to a topic, and store the value of the newest message as an input.
 
         :param name: name of the input.
-        :param take: callback that receives every StampedInput, even if its stamp is older than the
-            stamp of the stored input.
-        :param oldest: largest age of this input [s]; None: the largest age of all inputs.
+        :param take: callback that receives every value, even if its stamp is older than that of
+            the stored value; None: no callback.
+        :param oldest: largest age of this input [s]; None: the value for all inputs.
         """
 
         def receive(given: Received, now: float) -> None:
@@ -131,7 +131,7 @@ class Inputs:
         return gate.subscription
 
     def _find_topic(self, name: str) -> Topic:
-        """Return the topic of an input of `keep`."""
+        """Return the topic of an input that is known by name."""
         node, robot = self._node, self._robot
         if name in ('pose', 'markers') and self._frame is None:
             self._frame = RobotFrame.heard_by(node, robot)
@@ -159,7 +159,7 @@ class Inputs:
         return topics[name]
 
     def _merge(self, received: Received, now: float) -> Received:
-        """Merge messages of single rollers to a state of all, and add the estimated offsets."""
+        """Merge messages of some rollers to the state of all, and add the estimated offsets."""
         if isinstance(received, StampedInput):
             self._parts.take(received.value, received.time, now)
             received = self._parts.merged()
@@ -173,7 +173,7 @@ class Inputs:
         return received
 
     def _merge_pressures(self, received: Received, now: float) -> Received | None:
-        """Add the pressure of one tube to the pressures of all tubes."""
+        """Merge the pressure of one tube with the pressures of the other tubes."""
         if isinstance(received, RejectedInput):
             self._bad_pressure = received, now
             return received
@@ -222,12 +222,12 @@ class Inputs:
 
 class TrackedShape:
     """
-    Configuration of the robot, tracked from joint states.
+    Configuration of the robot, updated from joint states.
 
     :ivar timeout: largest age of an input [s].
     :ivar estimate: input of the `EstimatedTravel` with the roller offsets; None without an
         estimate.
-    :param robot: the robot, whose home is the initial guess of the first configuration.
+    :param robot: the robot; the first configuration is computed starting from home.
     :param timeout: largest age of an input [s].
     """
 
@@ -252,7 +252,7 @@ class TrackedShape:
         """
         Return the configuration at the latest joint states.
 
-        :param now: time on the clock of the inputs [s].
+        :param now: current time on the clock of the inputs [s].
         :raises InputError: the joint states are missing, stale or invalid.
         :raises ConfigurationError: no configuration exists at these roller positions.
         """

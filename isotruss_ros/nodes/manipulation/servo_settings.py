@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Settings and inputs of the twist servo, and publication of its decisions."""
+"""Settings and inputs of the twist servo, and publication of the servo's decisions."""
 
 from __future__ import annotations
 
@@ -150,7 +150,7 @@ def make_settings(
 
 
 class ServoSubscriptions(Inputs):
-    """`Inputs` that are stored in a `TwistServo` by its method `receive`."""
+    """`Inputs` that are passed to the method `receive` of a `TwistServo`."""
 
     def _latest(self, name: str) -> Input:
         return getattr(self._holder.inputs, name)
@@ -160,7 +160,7 @@ class ServoSubscriptions(Inputs):
 
 
 class StatusReport:
-    """Publisher of the servo's decisions, which is created at each configuration of the node."""
+    """Publisher of the servo's decisions, created whenever the node is configured."""
 
     def __init__(self, node: ManagedNode, robot: Robot) -> None:
         self._publisher = node.create_lifecycle_publisher(
@@ -173,7 +173,7 @@ class StatusReport:
 
     def publish_grip(self, grasp: HeldEquilibrium | None, now: float) -> None:
         """
-        Publish the state of the held object, at most once in `GRIP_PERIOD`.
+        Publish the equilibrium of the held object, at most once in `GRIP_PERIOD`.
 
         :param now: time of the cycle [s].
         """
@@ -184,7 +184,7 @@ class StatusReport:
 
     def publish(self, decision: Decision, now: float) -> None:
         """
-        Publish a decision; log it if the twist is not executed as commanded.
+        Publish a decision, and log it if the twist is not executed as commanded.
 
         :param now: time of the cycle [s].
         """

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Sequences that pick, place and move an object, with stages and their progress."""
+"""Sequences of actions that pick, place and move an object, with their stages and progress."""
 
 from __future__ import annotations
 
@@ -74,7 +74,9 @@ PICK, PLACE, MOVE = PickObject.Feedback, PlaceObject.Feedback, MoveObject.Feedba
 
 class GraspSequences(TrackedShape):
     """
-    Sequences of actions of `grasp_planner`, `manipulation` and `path_follower`.
+    Sequences of actions that pick, place and move an object.
+
+    The actions are those of `grasp_planner`, `manipulation` and `path_follower`.
 
     :param node: node that has the clients until it is destroyed.
     """
@@ -104,27 +106,27 @@ class GraspSequences(TrackedShape):
         self._thread = ThreadPoolExecutor(max_workers=1)
 
     def close(self) -> None:
-        """End the thread of the release planner."""
+        """End the thread in which releases are planned."""
         self._thread.shutdown(wait=False, cancel_futures=True)
 
     def check_pick(self, goal: PickObject.Goal) -> None:
-        """Raise IsotrussError for a goal whose search is invalid at any pose of the object."""
+        """Raise IsotrussError if a grasp search for the goal is invalid at any object pose."""
         anywhere = PoseStamped(header=make_header(0.0, self._robot.frame))
         read_goal(self._to_search_goal(goal, anywhere), self._robot, self._described)
 
     def check_place(self, goal: PlaceObject.Goal) -> None:
-        """Raise MessageError for a clearance that is not a positive number."""
+        """Raise MessageError if the clearance is not a positive number."""
         if not 0.0 < goal.clearance < math.inf:
             raise MessageError(f'clearance {goal.clearance} m: must be a positive number')
 
     def check_move(self, goal: MoveObject.Goal) -> None:
-        """Raise IsotrussError for an invalid path."""
+        """Raise IsotrussError if the path is invalid."""
         known = isinstance(self.pose, StampedInput)
         here = self.pose.value if known else Pose(0.0, 0.0, 0.0)
         read_object_path(goal.path, goal.speed, goal.turn_rate, self._robot, False, here)
 
     def _to_search_goal(self, goal: PickObject.Goal, lay: PoseStamped) -> PlanGrasp.Goal:
-        """Return the goal of the grasp search for an object that will be picked at a pose."""
+        """Return the goal of the grasp search for picking the object at a pose."""
         values, described = self._node.values, self._described
         wanted = PlanGrasp.Goal(
             object_pose=lay,
@@ -143,7 +145,7 @@ class GraspSequences(TrackedShape):
         return wanted
 
     def measured_pose(self) -> PoseStamped | None:
-        """Return the last measured pose of the object as a message; None before the first."""
+        """Return the last measured pose of the object as a message; None before the first one."""
         if not isinstance(self.pose, StampedInput):
             return None
         header = make_header(self.pose.time, self._robot.frame)
@@ -168,9 +170,9 @@ class GraspSequences(TrackedShape):
 
     def pick(self, goal: PickObject.Goal) -> Steps:
         """
-        Plan a grasp, approach it, close the grip in place, and confirm that the object is held.
+        Plan a grasp, approach the object, close the grip, and confirm that the object is held.
 
-        If the closing grip has displaced the object, the object is moved back.
+        If the closing grip has displaced the object, it is moved back.
 
         :raises IsotrussError: the object is not held.
         """
@@ -223,7 +225,7 @@ class GraspSequences(TrackedShape):
 
     def place(self, goal: PlaceObject.Goal) -> Steps:
         """
-        Unload the object in place, open the grip, retreat, and confirm that the object is free.
+        Decrease the squeeze, open the grip, retreat, and confirm that the object is free.
 
         :raises IsotrussError: the object is not free.
         """
@@ -280,7 +282,7 @@ class GraspSequences(TrackedShape):
         return MoveObject.Result(message=followed.message)
 
     def _bring_back(self, lay: PoseStamped) -> Steps:
-        """Move a displaced object back to its initial pose, and return in words how that ended."""
+        """Move a displaced object back to its initial pose; return a sentence with the result."""
         moved, _ = self._measure_error(lay)
         if moved <= RETURN_TOLERANCE:
             return ''
@@ -302,7 +304,7 @@ class GraspSequences(TrackedShape):
         return f', {1e3 * left:.3g} mm from where it lay, after {1e3 * moved:.3g} mm{why}'
 
     def _drive(self, trajectory: Any, change: float, before: int, after: int) -> Steps:
-        """Move the rollers along a trajectory; the stage changes `change` seconds after start."""
+        """Move the rollers along a trajectory; the stage changes after `change` seconds."""
         end = read_duration(trajectory.points[-1].time_from_start)
 
         def progress(feedback: Any) -> float:
@@ -318,7 +320,7 @@ class GraspSequences(TrackedShape):
             raise StepError(StepOutcome.STOPPED, result.error_string)
 
     def _confirm(self, held: bool) -> Steps:
-        """Wait until the analysis finds the object held, or free, while the robot is at rest."""
+        """Wait until the analysis of the resting robot finds the object held, or free."""
         arrived = self._node.now()
         while True:
             now, analysed = self._node.now(), -np.inf
@@ -353,7 +355,7 @@ class GraspSequences(TrackedShape):
             yield 0.0
 
     def _await_held(self, otherwise: StepOutcome) -> Steps:
-        """Wait for a fresh analysis that finds the object held, and return it."""
+        """Wait for a fresh analysis that finds that the object is held, and return it."""
         *_, grasp = yield from self._await_inputs(grasp_state=lambda: self.grasp)
         if not grasp.value.held:
             raise StepError(otherwise, self._describe_grasp())
@@ -370,7 +372,7 @@ class GraspSequences(TrackedShape):
         )
 
     def _describe_grasp(self, since: float = -np.inf) -> str:
-        """Return the last analysis in words, if its time is later than a given time [s]."""
+        """Return a text about the last analysis, if it is later than a given time [s]."""
         if not isinstance(self.grasp, StampedInput):
             return 'no analysis of the grasp was received'
         if self.grasp.time <= since:

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Node `pick_and_place`: picks, places and moves an object by actions of other nodes."""
+"""Node `pick_and_place`, which picks, moves and places an object by actions of other nodes."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ TICK_PERIOD = 0.02
 
 
 class PickAndPlace(ManagedNode):
-    """Node that executes one sequence at a time, and refuses other goals during a sequence."""
+    """Node that executes one sequence at a time, and refuses other goals meanwhile."""
 
     node_name = 'pick_and_place'
     specs = SPECS
@@ -82,13 +82,13 @@ class PickAndPlace(ManagedNode):
         return next((action for action in self._actions if action.active), None)
 
     def _apply(self) -> None:
-        """Apply the parameter `command_timeout`."""
+        """Use the new value of the parameter `command_timeout`."""
         self._sequences.timeout = self.values.command_timeout
 
     def _offer(
         self, kind: Any, name: str, check: Callable[[Any], None], sequence: Callable[[Any], Steps]
     ) -> SingleGoal:
-        """Offer an action whose goals are checked and executed by a sequence."""
+        """Offer an action; its goals are checked, and then executed by a sequence."""
 
         def read(goal: Any) -> Any:
             if (running := self._goal) is not None:
@@ -115,7 +115,7 @@ class PickAndPlace(ManagedNode):
         self._cancelling = True
 
     def _tick(self) -> None:
-        """Advance the sequence; end the goal when the sequence ends."""
+        """Resume the sequence; if it ends, end the goal."""
         self.inputs.settle()
         self._sequences.track()
         course = self._course
@@ -137,7 +137,7 @@ class PickAndPlace(ManagedNode):
         goal.publish_feedback(lambda: goal.kind.Feedback(stage=stage, progress=progress))
 
     def _end(self, ended: Any) -> None:
-        """Publish the result of the goal, which the sequence returned or an error determines."""
+        """End the goal with the result of the sequence, or with a result for its error."""
         goal, self._course = self._goal, None
         outcome = StepOutcome.SUCCEEDED
         if isinstance(ended, IsotrussError):
@@ -153,7 +153,7 @@ class PickAndPlace(ManagedNode):
 
 
 def _find_outcome(error: IsotrussError) -> StepOutcome:
-    """Return the final code of a sequence that ended by an error."""
+    """Return the outcome of a sequence that was ended by an error."""
     if isinstance(error, StepError):
         return error.outcome
     if isinstance(error, CancelledError):

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Node `simulator`: it simulates a robot that follows roller commands, and its object."""
+"""Node `simulator`, which simulates a robot that follows roller commands, and its object."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ SPECS = (
 
 
 class Simulator(ManagedNode):
-    """Node that follows roller velocities, and publishes joint states and object pose."""
+    """Node that simulates a robot with commanded roller velocities, and publishes its sensors."""
 
     node_name = 'simulator'
     specs = SPECS
@@ -84,7 +84,7 @@ class Simulator(ManagedNode):
         self._truth = SimulatedTruth(self, self.robot)
 
     def activate(self) -> None:
-        """Follow commands from now on; until the first command the rollers are at rest."""
+        """Execute commands from now on; until the first command the rollers rest."""
         speed = self.values.clock_speed
         if speed > 0.0:
             ClockSource(self, self.values.rate, speed)
@@ -108,7 +108,7 @@ class Simulator(ManagedNode):
             self._recorder = None
 
     def read_robot(self) -> Robot:
-        """Return the robot with its home at the roller positions where the encoders read zero."""
+        """Return the robot with home at the roller positions at which the encoders read zero."""
         robot, deviation = super().read_robot(), self.values.zero_deviation
         if deviation == 0.0:
             return robot
@@ -148,7 +148,7 @@ class Simulator(ManagedNode):
             self.warn('external_wrench', str(error))
 
     def _advance(self, now: float) -> None:
-        """Integrate the motion up to a time; a command is valid for `command_timeout`."""
+        """Simulate the motion up to a time; a command is valid for `command_timeout`."""
         expiry = self._commanded + self.values.command_timeout
         elapsed = min(now, expiry) - self._time
         try:
@@ -173,12 +173,12 @@ class Simulator(ManagedNode):
         self._truth.publish(now, self._plant)
 
     def details(self) -> dict[str, object]:
-        """Return the lag of MuJoCo behind the clock for the diagnostics."""
+        """Return the time by which MuJoCo lags behind the clock, for the diagnostics."""
         lag = self._plant.lag
         return {} if lag is None else {'lag of the simulation [s]': round(lag, 3)}
 
     def _report_hold(self) -> None:
-        """Report in the diagnostics whether the object is held; log the reason if it is lost."""
+        """Report in the diagnostics whether the object is held; log the reason of a loss."""
         members = [name for name, force in self._plant.normal_forces.items() if force > 0.0]
         dropped, before = self._plant.dropped, self._dropped
         self._dropped = dropped

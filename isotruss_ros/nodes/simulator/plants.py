@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Object and plants of the node `simulator`: a static plant, and MuJoCo."""
+"""Object of the node `simulator`, and its two kinds of plants: static, and MuJoCo."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ SPECS = (
 
 def place_at_start(robot: Robot, values: Parameters) -> ConvexObject:
     """
-    Return the object at its initial pose in the robot frame, which is equal for all plants.
+    Return the object at its initial pose in the robot frame, for every kind of plant.
 
     :raises IsotrussError: a parameter is invalid, or the object does not fit.
     """
@@ -95,10 +95,10 @@ def place_at_start(robot: Robot, values: Parameters) -> ConvexObject:
 
 class StaticPlant(SimulatedRobot):
     """
-    Robot and object without dynamics; the object is rigid, or in equilibrium with elastic tubes.
+    Robot and object without dynamics; the object is rigid or in equilibrium on elastic tubes.
 
     :ivar elastic: object between elastic tubes; None for a rigid object.
-    :ivar lag: None; see `DrivenRobot`.
+    :ivar lag: None, because this plant never lags behind the clock.
     """
 
     elastic: ElasticObject | None = None
@@ -116,7 +116,7 @@ class StaticPlant(SimulatedRobot):
         super().__init__(robot.home, simulated, faults, values.seed)
 
     def _put_object(self, pose: Pose) -> SimulatedObject:
-        """Return a free object at a pose; only friction can hold it."""
+        """Return a free object at a pose, which only friction can hold."""
         values, body = self._values, self._body.moved_to(pose)
         if values.plant == KINEMATIC:
             return RigidObject(body, values.friction)
@@ -126,7 +126,7 @@ class StaticPlant(SimulatedRobot):
 
     @property
     def dropped(self) -> HoldStatus | None:
-        """Return the reason of the last loss of the object; None if it is held or never was."""
+        """Return the reason why the object was last lost; None if it is held or never was held."""
         return None if self.elastic is None else self.elastic.dropped
 
     @property
@@ -145,13 +145,13 @@ class StaticPlant(SimulatedRobot):
         return dict(zip(grasp.member_names, grasp.normal_forces.tolist(), strict=True))
 
     def place_object(self, pose: Pose) -> None:
-        """Move the object to another pose, where it is free; the robot does not move."""
+        """Move the object to another pose, at which it is free; the robot does not move."""
         self.replace_object(self._put_object(pose))
         self.advance(0.0)
 
     def pull(self, wrench: ArrayLike) -> None:
         """
-        Set the external wrench on the object; it does not move a rigid object.
+        Set the external wrench on the object; it has no effect on a rigid object.
 
         :param wrench: wrench (fx, fy, m) about the centre of the object [N, N m].
         """
@@ -166,7 +166,7 @@ def make_plant(robot: Robot, body: ConvexObject, values: Parameters, in_real_tim
     """
     Return the plant that the parameters of the node specify.
 
-    :param in_real_time: whether MuJoCo skips the time for which the machine is too slow.
+    :param in_real_time: whether MuJoCo skips simulated time if the computer is too slow.
     :raises IsotrussError: a parameter is invalid.
     """
     stuck = frozenset({values.stuck_roller} - {''})

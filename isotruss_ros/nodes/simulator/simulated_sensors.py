@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Simulated sensors and their faults: encoders, object tracker and joint markers."""
+"""Simulated encoders, object tracker and joint markers, with faults."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ SENSOR_SPECS = (
 
 class SensorChannel:
     """
-    Measurements of one sensor, which can be sampled, noisy, delayed or lost.
+    Measurements of one sensor, which can be sampled at a rate, noisy, delayed or lost.
 
     :param seed: random seed of noise and dropouts, not negative.
     """
@@ -77,19 +77,19 @@ class SensorChannel:
         noise: ArrayLike = 0.0,
     ) -> list[tuple[float, Array]]:
         """
-        Measure once in each period; return the measurements that have arrived.
+        Make a measurement if its time has come; return those that have arrived.
 
-        If the time runs back, measurements that have not arrived yet are discarded.
+        If the time was set back, measurements that have not arrived yet are discarded.
 
         :param time: current time [s].
         :param read: function that returns the true values (k, n); it is called only when a
             measurement is made.
-        :param rate: rate of the measurements [Hz], of which at most one is made per call; 0: one
-            per call.
+        :param rate: rate of the measurements [Hz]; at most one is made per call. 0: one is made in
+            each call.
         :param delay: time from a measurement to its arrival [s].
-        :param dropouts: share of the rows that are lost, 0 to 1.
-        :param noise: standard deviation of all values, or of each value of a row [unit of the
-            values].
+        :param dropouts: fraction of the rows that are lost, 0 to 1.
+        :param noise: standard deviation, given as one number for all values or as one for each
+            value of a row [unit of the values].
         :return: time [s] and values (k, n) of each measurement, the oldest first. Lost rows are
             NaN; measurements of which all rows are lost are left out.
         """
@@ -134,7 +134,7 @@ class SimulatedSensors:
 
     def publish(self, now: float, plant: Plant) -> None:
         """
-        Publish the measurements that have arrived.
+        Make new measurements, and publish those that have arrived.
 
         :param now: current time of the simulated robot [s].
         """

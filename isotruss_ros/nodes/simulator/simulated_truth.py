@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Publishers of true states and of simulated time, which only a simulator has."""
+"""Publishers of true states and of simulated time, which exist only in simulation."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class SimulatedTruth:
 
     def publish(self, now: float, plant: Plant) -> None:
         """
-        Publish the true states on those topics that have subscribers.
+        Publish the true states on the topics that have subscribers.
 
         :param now: current time of the simulated robot [s].
         """
@@ -60,11 +60,11 @@ class ClockSource:
     """
     Publisher of `/clock`, which advances in equal steps while the node is active.
 
-    If the node is too slow, simulated time slows down; no step is skipped.
+    If the computer is too slow, simulated time slows down; no step is skipped.
 
-    :param node: publishing node, whose own clock uses the published time too.
-    :param rate: steps per simulated second [Hz].
-    :param speed: simulated time per real time, positive [-].
+    :param node: publishing node, whose own clock uses the published time as well.
+    :param rate: number of steps per simulated second [Hz].
+    :param speed: ratio of simulated time to real time, positive [-].
     :raises ParameterError: the node does not use simulated time.
     """
 
