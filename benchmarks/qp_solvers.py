@@ -13,6 +13,7 @@ found a lower cost. x = 0 is always admissible.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from copy import deepcopy
 
 from benchmarks.measuring import part, Table, timed
 from comparison import walks
@@ -36,7 +37,7 @@ def harvest() -> dict[str, list[QuadraticProgram]]:
 
         def record(problem: QuadraticProgram, name: str = name) -> Array | None:
             if len(kept[name]) < KEPT:
-                kept[name].append(QuadraticProgram(*(copied(part) for part in problem)))
+                kept[name].append(deepcopy(problem))
             return solve_qp(problem)
 
         module.solve_qp = record
@@ -46,11 +47,6 @@ def harvest() -> dict[str, list[QuadraticProgram]]:
     for diameter in (0.2, 0.25, 0.3, 0.35, 0.4):
         plan_grasps(home, ConvexObject.disc((0.0, -0.8), diameter), thorough=False)
     return kept
-
-
-def copied(part: Array | None) -> Array | None:
-    """Return a copy of an array of a program; None for None."""
-    return None if part is None else np.array(part)
 
 
 def varied(problem: QuadraticProgram, rng: np.random.Generator) -> QuadraticProgram:
@@ -80,8 +76,6 @@ def by_peer(problem: QuadraticProgram, name: str) -> Array | None:
             problem.bounds if rows else None,
             problem.equality,
             problem.target,
-            problem.lower,
-            problem.upper,
         ),
         name,
         **PEERS[name],
@@ -92,21 +86,11 @@ def cost_of(problem: QuadraticProgram, x: Array | None) -> float:
     """Return the cost at a point; infinite if the point is not admissible."""
     if x is None:
         return np.inf
-    rows, bounds, equality, target = constraints(problem)
-    beyond = max((rows @ x - bounds).max(), np.abs(equality @ x - target).max(initial=0.0))
+    beyond = (problem.rows @ x - problem.bounds).max()
+    if problem.equality is not None:
+        beyond = max(beyond, np.abs(problem.equality @ x - problem.target).max())
     value = 0.5 * x @ problem.hessian @ x + problem.gradient @ x
     return np.inf if not beyond < 1e-7 else float(value)
-
-
-def constraints(problem: QuadraticProgram) -> tuple[Array, Array, Array, Array]:
-    """Return rows and bounds of all inequalities and of the equalities."""
-    rows, bounds, n = problem.rows, problem.bounds, len(problem.gradient)
-    if problem.lower is not None:
-        rows = np.concatenate([rows, np.eye(n), -np.eye(n)])
-        bounds = np.concatenate([bounds, problem.upper, -problem.lower])
-    if problem.equality is None:
-        return rows, bounds, np.zeros((0, n)), np.zeros(0)
-    return rows, bounds, problem.equality, problem.target
 
 
 def tables() -> Iterator[Table]:

@@ -41,8 +41,8 @@ import numpy as np
 REST, LEGS, LEG_TIME, REACH = 2.0, 2, 3.0, np.array([0.04, 0.04, 0.12])
 #: Faults, and smallest number of them in a draw [-].
 FAULTS, LEAST = ('zeros', 'slip', 'stiffness', 'friction', 'poses', 'pull'), 3
-#: Roller offsets [m], roller slip [-], factors on the stiffness of the tubes [-], and factor on
-#: the friction [-].
+#: Roller offsets [m], roller slip [-], factors on the stiffness of the tubes [-], and ratio of
+#: the true friction to the one that the loop assumes [-].
 ZEROS, SLIP, STIFFNESS, LESS_FRICTION = 0.01, 0.02, (0.6, 1.5), 0.7
 #: Pull relative to the slip margin [-], the same for a pull that must break the grip [-], and
 #: duration [s].
@@ -77,7 +77,7 @@ class Draw:
     zeros: float | Array
     slip: float = 0.0
     stiffness: float = 1.0
-    friction: float = FRICTION
+    friction: float = FRICTION  #: coefficient of friction that the loop assumes [-]
     sensors: Sensors = GOOD
     pull: float = 0.0  #: pull relative to the slip margin [-]
 
@@ -99,7 +99,7 @@ class Draw:
             ZEROS * rng.normal(size=rollers) if 'zeros' in names else 0.0,
             SLIP if 'slip' in names else 0.0,
             rng.choice(STIFFNESS) if 'stiffness' in names else 1.0,
-            (LESS_FRICTION if 'friction' in names else 1.0) * FRICTION,
+            FRICTION / (LESS_FRICTION if 'friction' in names else 1.0),
             POOR if 'poses' in names else GOOD,
             PULL if 'pull' in names else 0.0,
         )
@@ -247,10 +247,11 @@ def carry(kind: str, shape: str, seed: int) -> Carry:
         poses = np.array(held.pose) + np.vstack([np.zeros(3), np.cumsum(legs, axis=0)])
         if foresee_path(held, FRICTION, poses).why:
             continue
-        plant, body = _hold(true, grip, draw)
+        plant, body = _hold(true, grip)
         if squeeze_in(plant):  # it may leave before there is a loop
             break
-    settings, given = SqueezeSettings(held.squeeze), replace(grip, body=body)
+    settings = SqueezeSettings(held.squeeze)
+    given = replace(grip, body=body, friction=draw.friction)
     make = _Nothing if kind == NOTHING else Loop
     loop = make(plant, robot, given, settings, draw, rng)
     found = Carry(kind, shape, seed, draw, target=held.squeeze)
@@ -258,12 +259,12 @@ def carry(kind: str, shape: str, seed: int) -> Carry:
     return found
 
 
-def _hold(true: Robot, grip: Grip, draw: Draw) -> tuple[MujocoPlant, object]:
+def _hold(true: Robot, grip: Grip) -> tuple[MujocoPlant, object]:
     """Return the plant that holds the object at the drawn indentation."""
     body, angle = grip.body, grip.body.pose.angle
     body = place_between(true.home, grip.members, body.shape, angle, 0.01).body
     body = replace(body, mass=0.5, friction=FRICTION)
-    return hold_at_home(true, body, grip.members, PlantOptions(friction=draw.friction)), body
+    return hold_at_home(true, body, grip.members, PlantOptions()), body
 
 
 def _follow(loop: Loop, legs: Array, held: HeldGrip, found: Carry) -> None:
@@ -292,7 +293,7 @@ def _follow(loop: Loop, legs: Array, held: HeldGrip, found: Carry) -> None:
             found.halt, found.halted, found.message = status, now, loop.decision.message
             found.refused = not found.innovations
         forces = plant.contact_forces().values()
-        share = [abs(f.friction) / max(draw.friction * f.normal, 1e-9) for f in forces]
+        share = [abs(f.friction) / max(FRICTION * f.normal, 1e-9) for f in forces]
         if now > BEGIN and max(share, default=1.0) > ALL:
             found.used = min(found.used, now)
         squeezes.append(squeeze_in(plant))

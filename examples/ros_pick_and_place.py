@@ -3,8 +3,8 @@
 
 """Pick up the object, move it up by 10 cm and place it: three goals.
 
-First: `ros2 launch isotruss_ros simulation.launch.py object_is_free:=true object_x:=0.6
-object_y:=0.3 object_diameter:=0.2`, or the nodes of docs/nodes/pick_and_place.md.
+First: `ros2 launch isotruss_ros simulation.launch.py object_is_free:=true
+object_pose:="[0.6, 0.3, 0.0]" object_diameter:=0.2`, or the nodes of docs/nodes/pick_and_place.md.
 """
 
 import sys

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Iterable
 import functools
 from pathlib import Path
@@ -140,4 +141,6 @@ def _shown(value: Any) -> str:
         return str(value).lower()
     if isinstance(value, float):
         return f'{value:g}' if value != int(value) else f'{value:.1f}'
+    if isinstance(value, array):
+        return repr(value.tolist())
     return repr(value) if isinstance(value, str | list) else str(value)

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Fits to measurements of a tube: slopes, beam constants, local stiffness, power laws."""
+"""Fits to measurements of a tube: stiffnesses, beam constants, local stiffness, power laws."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ DEFAULT_DIAMETER = 0.102
 
 @dataclass(frozen=True)
 class Analysis:
-    """Results of the fits to the measurements of a tube."""
+    """Results of all fits to the measurements of a tube."""
 
     slopes: Mapping[str, Sequence[Slope]]  #: slope of each group of points, by mode
     fitted: FittedBeam | None  #: beam fitted to the slopes of all modes; None without a fit
@@ -50,9 +50,9 @@ class Analysis:
 
     def points(self, mode: str) -> int:
         """
-        Return the number of measured points in the groups of a mode.
+        Return the number of measured points in all groups of one mode.
 
-        :param mode: mode of the load: axial, transverse or rotary.
+        :param mode: mode of the load, which is axial, transverse or rotary.
         """
         return sum(int(slope.used.sum()) for slope in self.slopes[mode])
 
@@ -64,14 +64,14 @@ def analyse(
     max_displacements: Mapping[str, float] | None = None,
 ) -> Analysis:
     """
-    Fit the slopes, an inflatable beam, the local stiffness and power laws to measurements.
+    Fit stiffnesses, an inflatable beam, the local stiffness and power laws to measurements.
 
     :param measurements: groups of points; lengths are measured between pinch points in the axial
         mode, and between guide rings in the other modes [m].
     :param diameter: diameter of the tube [m].
     :param tolerance: tolerance of the linear range, see `linear_range.TOLERANCE` [-].
-    :param max_displacements: largest displacement of the linear range by mode [m, rad]; it
-        replaces the statistical test of linearity.
+    :param max_displacements: largest displacement of the linear range for the name of each mode
+        [m, rad]; it replaces the statistical test of linearity.
     """
     ranges = max_displacements or {}
     slopes: dict[str, list[Slope]] = {mode: [] for mode in MODES}
@@ -107,7 +107,7 @@ def analyse(
 
 
 def _without_outliers(group: Group, unused: dict[str, list[int]]) -> Group:
-    """Return a group without outliers from its regression line; add their rows to `unused`."""
+    """Return a group without its outliers; add the rows of the outliers to `unused`."""
     out, off = outlying_points(group)
     unit = 'N m' if group.mode == 'rotary' else 'N'
     for i in np.flatnonzero(out):
@@ -119,7 +119,7 @@ def _without_outliers(group: Group, unused: dict[str, list[int]]) -> Group:
 def _without_outlying_groups(
     slopes: Mapping[str, list[Slope]], radius: float, unused: dict[str, list[int]]
 ) -> dict[str, list[Slope]]:
-    """Return the slopes without outliers from the fitted beam; add their rows to `unused`."""
+    """Return the slopes without those far from the fitted beam; add their rows to `unused`."""
     found = [slope for mode in MODES for slope in slopes[mode]]
     ratios = outlying_ratios(*_measured(found), radius)
     for slope, ratio in zip(found, ratios, strict=True):
@@ -131,7 +131,7 @@ def _without_outlying_groups(
 
 
 def _require_plausible(fitted: FittedBeam) -> None:
-    """Raise MeasurementError if a constant is implausible although the points determine it."""
+    """Raise MeasurementError if a constant that the points determine is implausible."""
     for name, (low, high) in PLAUSIBLE_RANGES.items():
         value = getattr(fitted.constants, name)
         known = getattr(fitted.high, name) < np.inf

@@ -29,7 +29,8 @@ from scipy.optimize import least_squares
 SEARCH_FACTOR = 1e6
 #: Usual deviation of ln(stiffness) between trials of one tube, and smallest deviation of an
 #: outlier [-]. With a third of the latter, correct groups of tubes that do not behave like this
-#: beam are removed; with three times of it, groups that are wrong by a factor of 8 are kept.
+#: beam are removed; with three times of it, groups that are wrong by a factor of 8 are not
+#: removed.
 COMMON_MISFIT, LEAST_MISFIT = 0.1, 0.7
 #: Largest share of outlying groups [-]; if more are outlying, the model does not apply.
 MAX_OUTLIER_SHARE = 0.2
@@ -48,7 +49,7 @@ class BeamConstants(NamedTuple):
 
 @dataclass(frozen=True)
 class FittedBeam:
-    """Inflatable beam with 95 % confidence intervals of its constants."""
+    """Fitted inflatable beam, with 95 % confidence intervals of its constants."""
 
     radius: float  #: tube radius R [m]
     constants: BeamConstants  #: least-squares estimate
@@ -64,14 +65,14 @@ class FittedBeam:
 
 def end_stiffness(tube: TubeStiffness, mode: str, length: ArrayLike, pressure: ArrayLike) -> Array:
     """
-    Return the end stiffness of a tube in one mode, the diagonal entry of (2).
+    Return the stiffness at the end of a tube in one mode, a diagonal entry of (2).
 
     :param tube: stiffness model whose EI and GA do not depend on the length.
-    :param mode: mode of the load: axial, transverse or rotary.
+    :param mode: mode of the load, which is axial, transverse or rotary.
     :param length: (k,) lengths, measured between pinch points in the axial mode, and between guide
         rings in the other modes [m].
     :param pressure: (k,) gauge pressures [Pa].
-    :return: (k,) stiffnesses [N/m]; of the rotary mode [N m/rad].
+    :return: (k,) stiffnesses [N/m], in the rotary mode [N m/rad].
     """
     length, pressure = np.broadcast_arrays(np.asarray(length, float), np.asarray(pressure, float))
     flat = length.ravel()
@@ -90,7 +91,7 @@ def fit_beam(
     :param lengths: (n,) lengths, measured between pinch points in the axial mode, and between
         guide rings in the other modes [m].
     :param pressures: (n,) gauge pressures [Pa].
-    :param stiffnesses: (n,) end stiffnesses [N/m]; of the rotary mode [N m/rad].
+    :param stiffnesses: (n,) end stiffnesses [N/m], in the rotary mode [N m/rad].
     :param radius: tube radius R [m].
     :raises MeasurementError: the points do not determine the constants; the message names the
         missing points.
@@ -137,17 +138,17 @@ def outlying_ratios(
     modes: Indices, lengths: Array, pressures: Array, stiffnesses: Array, radius: float
 ) -> Array:
     """
-    Return for each outlier the ratio of its stiffness to a beam fitted robustly to all points.
+    Find outliers, and return the ratios of their stiffnesses to those of the fitted beam.
 
-    The beam is fitted with a Cauchy loss.
+    The beam is fitted to all points with a Cauchy loss, which is robust against outliers.
 
     :param modes: (n,) index of each mode, see `fit_beam`.
     :param lengths: (n,) lengths, see `fit_beam` [m].
     :param pressures: (n,) gauge pressures [Pa].
-    :param stiffnesses: (n,) end stiffnesses [N/m]; of the rotary mode [N m/rad].
+    :param stiffnesses: (n,) end stiffnesses [N/m], in the rotary mode [N m/rad].
     :param radius: tube radius R [m].
-    :return: (n,) ratios of the outliers, 1 for the other stiffnesses; all are 1 if there are more
-        outliers than the share `MAX_OUTLIER_SHARE`.
+    :return: (n,) ratios, which are 1 for points that are no outliers. All are 1 if more than the
+        fraction `MAX_OUTLIER_SHARE` of the points are outliers.
     :raises MeasurementError: the points do not determine the constants.
     """
     _require_modes(modes)
@@ -215,7 +216,7 @@ def _require_modes(modes: Indices) -> None:
 
 
 def _require_determined(sensitivity: Array) -> None:
-    """Raise MeasurementError if a combination of constants is undetermined."""
+    """Raise MeasurementError if the points do not determine a combination of constants."""
     _, sizes, directions = np.linalg.svd(sensitivity)
     free = np.abs(directions[-1])
     # A single constant without effect is harmless: the stiffnesses fit for any value.

@@ -27,11 +27,12 @@ class Beams:
 
     :ivar length: (k,) lengths [m].
     :ivar series: (k, 4, 6, 6) nonzero terms A^n / n! of exp(A x).
-    :ivar by_ends: (k, 6, 6) matrix from (ux, uy, theta) of start and end to z at the start.
+    :ivar by_ends: (k, 6, 6) matrix that converts (ux, uy, theta) of start and end to z at the
+        start.
     :param length: (k,) lengths [m].
     :param axial: (k,) EA [N].
     :param flexural: (k,) EI [N m^2].
-    :param shear: (k,) GA [N], infinite for no shear deformation.
+    :param shear: (k,) GA [N]; infinite for beams without shear deformation.
     :param pinned: (k,) whether the start transmits no moment.
     """
 
@@ -55,14 +56,14 @@ class Beams:
 
     def points(self, beam: Indices, place: Array) -> tuple[Array, Array]:
         """
-        Return shape functions and compliance of points on the beams.
+        Return the shape functions and the compliance of points on the beams.
 
         :param beam: (c,) index of the beam of each point.
         :param place: (c,) distance of each point from the start of its beam [m].
-        :return: (c, 3, 6) shape functions from (ux, uy, theta) at start and end of the beam to the
-            displacements along and across it and the rotation of the section; and (2, c, c)
-            compliance of the points along and across beams with fixed ends [m/N], which is zero
-            between points on different beams.
+        :return: (c, 3, 6) shape functions, which are the derivatives of a point's displacements
+            along and across the beam and of the section's rotation with respect to (ux, uy, theta)
+            at start and end; and (2, c, c) compliance of the points along and across beams with
+            fixed ends [m/N], which is zero between points on different beams.
         """
         series = self.series
         shapes = sum_series((series[:, :, :3] @ self.by_ends[:, None])[beam], place)
@@ -79,7 +80,7 @@ def sum_series(terms: Array, distance: Array) -> Array:
     """
     Return the sum of terms times powers of a distance.
 
-    :param terms: (k, 4, a, b) terms `Beams.series`, possibly times matrices.
+    :param terms: (k, 4, a, b) terms of `Beams.series`, possibly multiplied by matrices.
     :param distance: (k,) distances x [m].
     :return: (k, a, b) sums.
     """

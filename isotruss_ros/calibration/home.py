@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Calibration of the roller offsets from measured joint positions of the robot without object."""
+"""Calibration of roller offsets from measured joint positions of a robot without an object."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ MIN_SINGULAR_RATIO = 1e-2
 
 @dataclass(frozen=True, eq=False, repr=False)
 class HomeCalibration(Record, headline=('zeros', 'deviations', 'residuals')):
-    """Fitted roller offsets, and the robot's description with home where encoders read zero."""
+    """Fitted roller offsets, and the robot's description with the corrected home."""
 
-    #: (r,) roller travel, from the home of the robot file, at which the encoders read zero [m]
+    #: (r,) roller travel since the home of the robot file at which the encoders read zero [m]
     zeros: Array
     deviations: Array  #: (r,) standard deviations of `zeros` [m]
     residuals: Array  #: (k, 2) measured minus fitted joint positions, posture after posture [m]
@@ -44,15 +44,16 @@ def calibrate_home(
     """
     Fit the roller offsets by least squares over all postures.
 
-    The Jacobian follows from (12). The fit has no prior.
+    The Jacobian follows from (12). No prior of the offsets is used.
 
     :param robot: robot of the robot file.
     :param postures: measured postures of the robot without object and without external loads.
-    :param deviation: standard deviation of a measured coordinate, positive [m]; if the residuals
-        scatter more, their standard deviation is used for `HomeCalibration.deviations` instead.
+    :param deviation: standard deviation of a measured coordinate, positive [m]. If the residuals
+        scatter more, `HomeCalibration.deviations` is computed from their standard deviation
+        instead.
     :raises GraspError: a joint is unknown.
     :raises MeasurementError: too few joints were measured, the joints do not determine the
-        offsets, or a joint does not fit; the message names the joint.
+        offsets, or a joint is inconsistent with the others; the message names the joint.
     """
     joints = [place for posture in postures for place in posture.joints.values()]
     finite_rows(joints, 2, 'measured joints (x, y) [m]', MeasurementError, MAX_MAGNITUDE)
@@ -86,7 +87,7 @@ def calibrate_home(
 
 
 def _require_determined(robot: Robot, known: Sequence[str], jacobian: Array) -> None:
-    """Raise MeasurementError for undetermined offsets, naming joints that determine them."""
+    """Raise MeasurementError if joints do not determine the offsets, naming joints that would."""
     values, modes = np.linalg.svd(jacobian)[1:]
     if len(values) == jacobian.shape[1] and values[-1] >= MIN_SINGULAR_RATIO * values[0]:
         return
@@ -117,10 +118,10 @@ def _refuse_misfit(
 
 def move_home(robot: Robot, zeros: Array) -> RobotDescription:
     """
-    Return the description of a robot with its home at another roller travel.
+    Return the description of a robot with another configuration as home.
 
     :param robot: the robot.
-    :param zeros: (r,) roller travel from the current to the other home [m].
+    :param zeros: (r,) roller travel from the present home to the other [m].
     :raises ConfigurationError: no configuration exists at this travel.
     """
     nodes = robot.home.moved_to(zeros).nodes

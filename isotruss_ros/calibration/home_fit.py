@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Least-squares fit of roller offsets and tracker frame to measured joint positions."""
+"""Least-squares fit of roller offsets and of the tracker's frame to measured joint positions."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from isotruss_ros.core.numerics.arrays import Array, Indices
 import numpy as np
 import scipy
 
-#: Largest residual of a consistent joint in standard deviations [-].
+#: Largest residual of a consistent joint, in standard deviations [-].
 GATE_SIGMAS = 5.0
 #: Largest number of iterations of a fit [-]; five to ten are usual from the home of the robot
 #: file.
@@ -28,16 +28,16 @@ MIN_RESIDUAL_SHARE = 0.1
 
 @dataclass(frozen=True)
 class Posture:
-    """Measured joint positions of the robot without object at one set of encoder readings."""
+    """Encoder readings and measured joint positions of a resting robot without an object."""
 
     roller_positions: Array  #: (r,) encoder readings [m]
     joints: Mapping[str, tuple[float, float]]  #: (x, y) by joint, robot frame [m]
 
 
 class HomeFit(NamedTuple):
-    """Result of a fit to measured joint positions."""
+    """Result of `fit_home`."""
 
-    #: (r,) roller travel, from the home of the robot file, at which the encoders read zero [m]
+    #: (r,) roller travel since the home of the robot file at which the encoders read zero [m]
     zeros: Array
     #: transform (dx, dy, angle) from the tracker's frame to the robot's frame [m, rad]
     motion: Array
@@ -47,9 +47,9 @@ class HomeFit(NamedTuple):
     @property
     def errors(self) -> tuple[Array, Array]:
         """
-        Return the estimated errors of the measured coordinates, and their visible fractions.
+        Return the estimated errors of measured coordinates, and the fractions in the residuals.
 
-        The visible fraction of an error is the part that appears in its residual.
+        The fit adapts to an error, so only a fraction of the error appears in its residual.
 
         :return: errors (k, 2), |residual| / fraction [m]; and fractions (k, 2), sqrt(1 - leverage)
             [-].
@@ -60,7 +60,7 @@ class HomeFit(NamedTuple):
 
     def worst(self, deviation: float) -> tuple[int, float] | None:
         """
-        Return the index and error [m] of the most inconsistent joint; None if all are consistent.
+        Return index and error [m] of the most inconsistent joint; None if all are consistent.
 
         :param deviation: standard deviation of a measured coordinate [m].
         """
@@ -77,7 +77,7 @@ def fit_home(robot: Robot, postures: Sequence[Posture], moved: bool = False) -> 
 
     :param robot: robot of the robot file.
     :param postures: postures of the robot without object.
-    :param moved: whether the transform of the tracker's frame is fitted as well.
+    :param moved: whether the transform from the tracker's frame to the robot's is fitted as well.
     :raises GraspError: a joint is unknown.
     :raises ConfigurationError: no configuration fits the joints.
     """

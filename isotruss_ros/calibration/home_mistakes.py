@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Diagnosis of inconsistent measured joints: wrong units, names, signs or tracker frame."""
+"""Search for the mistake behind inconsistent joints: units, names, signs or tracker frame."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ UNITS = {'mm': 1e-3, 'cm': 1e-2}
 
 def find_mistake(robot: Robot, postures: Sequence[Posture], deviation: float) -> str:
     """
-    Return in words the mistake that best explains the joints; empty if none explains them.
+    Return a sentence with the mistake that best explains the joints; empty if none does.
 
     :param robot: robot of the robot file.
     :param postures: inconsistent postures.
     :param deviation: standard deviation of a measured coordinate [m].
-    :return: the mistake and its correction.
+    :return: sentence with the mistake and its correction.
     """
     found = {}
     for text, corrected in _corrections(robot, postures):
@@ -41,12 +41,12 @@ def find_mistake(robot: Robot, postures: Sequence[Posture], deviation: float) ->
 
 
 def _tells(jacobian: Array) -> bool:
-    """Return whether a fit has more measured coordinates than unknowns."""
+    """Return whether a fit has more measured coordinates than unknowns, so that it can fail."""
     return jacobian.shape[0] > jacobian.shape[1]
 
 
 def _corrections(robot: Robot, postures: Sequence[Posture]) -> Iterator[tuple[str, list[Posture]]]:
-    """Yield possible mistakes in words, each with the corrected postures."""
+    """Yield possible mistakes as sentences, each with postures that are corrected for it."""
     for unit, size in UNITS.items():
         text = f'the markers are in {unit}: give them in m'
         yield text, [_scaled(each, size) for each in postures]
@@ -83,7 +83,7 @@ def _with_names(posture: Posture, names: Mapping[str, str]) -> Posture:
 
 
 def _moved_frame(robot: Robot, postures: Sequence[Posture], deviation: float) -> str:
-    """Return the tracker frame's transform in words if it explains the joints; else empty."""
+    """Return a sentence about a moved tracker frame if this explains the joints, or ''."""
     if 2 * sum(len(each.joints) for each in postures) < len(robot.roller_names) + 3:
         return ''
     try:

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Least-squares fit of k = C p^a L^b to the stiffnesses of one mode, in logarithms."""
+"""Least-squares fit of k = C p^a L^b to the stiffnesses of one mode, by their logarithms."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ VARIATION_TOLERANCE = 1e-12
 
 @dataclass(frozen=True)
 class FittedLaw:
-    """Power law of a stiffness with confidence intervals."""
+    """Fitted power law of a stiffness, with confidence intervals."""
 
     law: Law  #: the law k = C p^a L^b in SI units
     low: Law  #: lower end of the confidence interval of each of C, a and b
@@ -78,7 +78,7 @@ def _law(logarithmic: Array) -> Law:
 
 
 def _missing(pressures: Array, lengths: Array, logs: Array, n: int) -> list[str]:
-    """Return in words the further measurements that a fit needs."""
+    """Return sentences with the additional measurements that a fit needs."""
     missing = []
     for name, symbol, values, unit in (
         ('pressure', 'a', pressures, 'Pa'),

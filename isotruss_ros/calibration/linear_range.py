@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Stiffness of a group of points: slope of load over displacement in the linear range.
+Stiffness from a group of points, which is the slope of load over displacement.
 
-Tubes soften or stiffen under large deformation. The linear range of a group is the largest range
-|displacement| <= d in which a cubic does not fit the points better than a line. The search
-decreases d from the largest displacement in steps of 5 %.
+Tubes soften or stiffen under large deformation, so only the linear range of the displacement is
+used. This is the largest range |displacement| <= d in which a cubic does not fit the points better
+than a line. The search decreases d from the largest displacement in steps of 5 %.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ ALONE = 'the only displacement of its trial in the linear range; a slope needs t
 
 @dataclass(frozen=True, eq=False)
 class Slope:
-    """Slope of load over displacement of a group of points."""
+    """Slope of load over displacement for one group of points."""
 
     group: Group  #: measured points
     stiffness: float  #: slope [N/m], in the rotary mode [N m/rad]; NaN if undetermined
@@ -45,7 +45,7 @@ def fit_slope(
     group: Group, tolerance: float = TOLERANCE, max_displacement: float | None = None
 ) -> Slope:
     """
-    Return the slope of load over displacement, with an offset for each trial.
+    Fit the slope of load over displacement, with an offset of the load for each trial.
 
     :param group: points of one mode, pressure and length.
     :param tolerance: largest deviation of a cubic from the line, relative to the rise of the line
@@ -93,7 +93,7 @@ def _no_slope(group: Group, reason: str) -> Slope:
 
 
 def _spread(group: Group, inside: Flags) -> Flags:
-    """Return the mask (n,) of points whose trial has two or more displacements in the range."""
+    """Return a mask (n,) of the points of trials with two or more displacements in the range."""
     count = group.trials.max() + 1
     low, high = np.full(count, np.inf), np.full(count, -np.inf)
     np.minimum.at(low, group.trials[inside], group.displacements[inside])
@@ -121,10 +121,10 @@ def _is_linear(group: Group, inside: Flags, tolerance: float) -> bool:
 
 def _fit(group: Group, used: Flags, degree: int) -> tuple[float, Array, Array, int]:
     """
-    Fit a polynomial with an offset for each trial.
+    Fit a polynomial in the displacement, with an offset for each trial.
 
     :return: slope at zero displacement; offsets (t,) of the trials, zero for a trial without used
-        points; residuals of the used points; degrees of freedom.
+        points; residuals of the used points; and number of degrees of freedom.
     """
     x, y, trials = group.displacements[used], group.loads[used], group.trials
     unit = np.abs(x).max()

@@ -4,8 +4,8 @@
 """
 Fit of the local stiffness of a tube to tests in which a cylinder is pressed into the tube.
 
-The fit to the other modes gives the constants of the beam. The only unknown is a factor on the
-local stiffness of module `flattening`; this factor is equal for all pressures, cylinders and
+The constants of the beam are known from the fit to the other modes. The only unknown is a factor
+on the local stiffness of the module `flattening`, which is equal for all pressures, cylinders and
 depths.
 """
 
@@ -36,7 +36,7 @@ MIN_LOAD_CHANGE = 1e-3
 
 @dataclass(frozen=True)
 class FittedLocalStiffness:
-    """Ratio of the local stiffness to its theoretical value, with confidence interval."""
+    """Fitted ratio of the local stiffness to its theoretical value, with confidence interval."""
 
     value: float  #: ratio to the theoretical stiffness [-]
     #: lower end of the 95 % confidence interval, from the profile of the sum of squares

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Measured points from a CSV file, in groups, and reasons why rows are unused."""
+"""Reading of measured points from a CSV file, in groups, with reasons why rows are unused."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from isotruss_ros.core.model.units import likely_unit
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, MAX_MAGNITUDE
 import numpy as np
 
-#: Modes of a beam's end stiffness, in the order of Fig. 2.
+#: Modes in which the end of a tube is loaded, in the order of Fig. 2.
 MODES = ('axial', 'transverse', 'rotary')
 #: Mode of a cylinder pressed into the side of the tube, as in Fig. 6; its rows need the cylinder's
 #: diameter.
@@ -40,12 +40,12 @@ MAX_FILE_SIZE = 50_000_000
 
 
 class MeasurementError(IsotrussError, ValueError):
-    """A file of measured points is unreadable, or insufficient for a fit."""
+    """Error: measurements are unreadable, invalid, or insufficient for a fit."""
 
 
 @dataclass(frozen=True, eq=False)
 class Group:
-    """Points of one mode, pressure and length."""
+    """Measured points with the same mode, pressure and length."""
 
     mode: str  #: mode of the load: axial, transverse or rotary
     pressure: float  #: gauge pressure [Pa]
@@ -66,13 +66,13 @@ class Group:
 
     @property
     def name(self) -> str:
-        """Return the name of the group for messages."""
+        """Return a name of the group for error messages."""
         return f'{self.mode}, {self.pressure:g} Pa, {self.length:g} m'
 
 
 @dataclass(frozen=True, eq=False)
 class Presses:
-    """Tests in which a cylinder is pressed into the middle of a clamped tube, a point per test."""
+    """Measured points, each from a test that presses a cylinder into a clamped tube's middle."""
 
     pressures: Array  #: (n,) gauge pressures [Pa]
     lengths: Array  #: (n,) lengths of the tube between the clamps [m]
@@ -85,7 +85,7 @@ class Presses:
 class Measurements:
     """Content of a file of measured points."""
 
-    #: points of the modes of a beam, grouped by mode, pressure and length
+    #: points measured at ends of tubes, grouped by mode, pressure and length
     groups: tuple[Group, ...]
     presses: Presses  #: points of the mode interference
     unused: Mapping[str, list[int]]  #: line numbers of unused rows, by reason
@@ -97,8 +97,8 @@ def read_measurements(path: Path) -> Measurements:
     """
     Read a CSV file with the columns mode, pressure, length, displacement, load.
 
-    An optional column trial distinguishes repetitions. Rows of the mode interference need a column
-    diameter.
+    An optional column trial distinguishes repetitions. Rows with the mode interference need a
+    column diameter with the diameter of the cylinder.
 
     :param path: path of the file.
     :raises MeasurementError: the file cannot be read, or a column is missing.
@@ -163,12 +163,12 @@ def _check_header(path: Path, header: Sequence[str]) -> tuple[str, ...]:
 
 
 def _complaints(header: Sequence[str], cells: Sequence[str]) -> list[str]:
-    """Return the faults of the numbers of a row, each number judged alone."""
+    """Return the faults of the numbers in a row, each checked independently."""
     return list(_find_complaints(header, cells))
 
 
 def _too_far(header: Sequence[str], cells: Sequence[str]) -> Iterator[str]:
-    """Yield a fault in words if the displacement of a tube's end is implausibly large."""
+    """Yield a sentence if the displacement of a tube's end is implausibly large."""
     values = dict(zip(header, cells, strict=True))
     moved = abs(float(values['displacement']))
     if values['mode'] == 'rotary' and moved > MAX_ANGLE:

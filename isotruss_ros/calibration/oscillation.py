@@ -22,7 +22,7 @@ MAX_DAMPING_RATIO = 0.7
 
 
 class Oscillation(NamedTuple):
-    """Damped oscillation with one frequency."""
+    """Fitted damped oscillation with one frequency."""
 
     frequency: float  #: undamped natural frequency [rad/s]
     damping_ratio: float  #: damping ratio [-]
@@ -33,8 +33,8 @@ def fit_oscillation(times: ArrayLike, poses: ArrayLike, arm: float) -> Oscillati
     """
     Fit one damped oscillation to the poses of an object after a push.
 
-    All coordinates have one common frequency and damping ratio. Amplitudes and rest position
-    follow by linear least squares (variable projection, Golub and Pereyra 1973).
+    All coordinates have the same frequency and damping ratio. Amplitudes and rest position follow
+    from these by linear least squares (variable projection, Golub and Pereyra 1973).
 
     :param times: (n,) times of the poses, ascending [s].
     :param poses: (n, 3) x, y [m] and angle [rad].
@@ -53,7 +53,7 @@ def fit_oscillation(times: ArrayLike, poses: ArrayLike, arm: float) -> Oscillati
     at, moved = at - at[0], (moved - moved.mean(axis=0)) * (1.0, 1.0, arm)
 
     def split(shape: Array) -> tuple[Array, Array]:
-        """Return the fitted coordinates, including the rest position, and the residuals."""
+        """Return the fitted coordinates and their residuals for a frequency and damping ratio."""
         damped, frequency = np.exp(-shape[0] * at), shape[1]
         basis = damped * np.array([np.cos(frequency * at), np.sin(frequency * at)])
         columns = np.column_stack([*basis, np.ones_like(at)])
@@ -87,7 +87,7 @@ def fit_oscillation(times: ArrayLike, poses: ArrayLike, arm: float) -> Oscillati
 
 
 def _strongest_frequency(at: Array, moved: Array) -> float:
-    """Return the frequency with the largest amplitude in uniformly sampled motion [rad/s]."""
+    """Return the frequency with the largest amplitude in the resampled motion [rad/s]."""
     even = np.linspace(0.0, at[-1], len(at))
     spread = np.array([np.interp(even, at, each) for each in moved.T])
     power = (np.abs(np.fft.rfft(spread)) ** 2).sum(axis=0)

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Detection of outliers from the regression line of a group of points, such as typing errors."""
+"""Detection of outliers, such as typing errors, in a group of measured points."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ MAX_OUTLIER_SHARE = 0.2
 
 def outlying_points(group: Group) -> tuple[Flags, Array]:
     """
-    Return the outliers from the regression line of a group of points.
+    Return the points of a group that are outliers from its regression line.
 
-    The line has an offset for each trial. The test compares the largest externally studentised
-    residual with its bound, removes the point, and repeats this for the others.
+    The line has an offset for each trial. If the largest externally studentised residual exceeds a
+    bound, its point is an outlier; it is removed, and the test is repeated with the other points.
 
     :param group: points of one mode, pressure and length.
-    :return: mask (n,) of the outliers, and deviation (n,) of each outlier from the line through
-        the other points, zero for points that are no outliers [N or N m].
+    :return: mask (n,) of the outliers; and deviation (n,) of each outlier from the line through
+        the points that are no outliers, zero for other points [N or N m].
     """
     off, out = np.zeros(len(group.loads)), np.zeros(len(group.loads), dtype=bool)
     for _ in range(int(MAX_OUTLIER_SHARE * len(out))):
@@ -48,11 +48,12 @@ def outlying_points(group: Group) -> tuple[Flags, Array]:
 
 def _deleted(group: Group, used: Flags) -> tuple[Array, Array, Array]:
     """
-    Return the residual of each point from the line through the others, its scale, and the rise.
+    Return residuals from the line through the other points, their deviations, and rises.
 
-    The line is fitted without the point. The scale is the standard deviation of the residual; the
-    rise is the difference between the largest and the smallest load of the other points. A
-    residual is zero if the point is unused, or if the other points do not determine a line.
+    Each of the three arrays has one value for each point. The line is fitted without this point.
+    The deviation is the standard deviation of the residual; the rise is the difference between the
+    largest and the smallest load of the other points. The residual is zero if the point is unused,
+    or if the other points do not determine a line.
     """
     n, x, y = len(used), group.displacements, group.loads
     trials = group.trials[:, None] == np.arange(group.trials.max() + 1)

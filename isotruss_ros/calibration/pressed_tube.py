@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Clamped tube with a cylinder pressed into its side, as in the paper's Fig. 6."""
+"""Simulation of a clamped tube with a cylinder pressed into its side, as in the paper's Fig. 6."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ CONTACT_SPACING = 0.001
 
 @dataclass(frozen=True)
 class ClampedTube:
-    """Straight tube whose ends are clamped, or hinged if `pinned`."""
+    """Straight tube with clamped ends, or with hinged ends if `pinned`."""
 
     stiffness: TubeStiffness  #: beam model with the constants of its wall
     radius: float  #: tube radius R [m]
@@ -36,7 +36,7 @@ class ClampedTube:
 
 @dataclass(frozen=True)
 class Pressed:
-    """Response of a tube to a cylinder pressed into its side."""
+    """Force and contact of a tube with a cylinder pressed into its side."""
 
     stiffness: float  #: transverse force divided by depth [N/m]
     contact: float  #: length of the contact region along the tube [m]
@@ -51,15 +51,15 @@ def press(
     flattens: bool = True,
 ) -> Pressed:
     """
-    Press a cylinder into the side of a tube from above, by (5) to (8).
+    Compute the contact (5) to (8) of a tube with a cylinder pressed into its side.
 
     :param tube: the tube.
     :param pressure: gauge pressure [Pa].
     :param position: position of the cylinder's centre along the tube [m].
     :param cylinder: diameter of the cylinder [m].
     :param depth: depth of the cylinder below the skin of the undeformed tube [m].
-    :param flattens: whether the tube's section flattens. If not, its centre line touches a disc
-        that is enlarged by the tube radius, as in the paper.
+    :param flattens: whether the tube's section flattens. If not, its centre line is in contact
+        with a disc that is enlarged by the tube radius, as in the paper.
     """
     center = complex(position, 0.5 * cylinder + tube.radius - depth)
     body = ConvexObject.disc((center.real, center.imag), cylinder)

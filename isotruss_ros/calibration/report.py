@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Printed report of a fit: unused rows, tables, and the block for the robot file."""
+"""Printed report of the fits: unused rows, tables, and the block for the robot file."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ REPORTED_MISFIT = 0.05
 
 def unused_rows(unused: Mapping[str, Sequence[int]], rows: int) -> Iterator[str]:
     """
-    Yield for each reason a text line with the line numbers of the rows unused for that reason.
+    Yield a line of text for each reason, with the numbers of the lines unused for it.
 
-    :param unused: line numbers by reason.
+    :param unused: line numbers in the file for each reason.
     :param rows: number of rows in the file.
     """
     if not unused:
@@ -43,7 +43,7 @@ def unused_rows(unused: Mapping[str, Sequence[int]], rows: int) -> Iterator[str]
 
 
 def _stretches(lines: Sequence[int]) -> str:
-    """Return sorted line numbers as ranges, for example 3-7, 9, 12-14."""
+    """Return a text with sorted line numbers as ranges, for example 3-7, 9, 12-14."""
     names = []
     for _, run in itertools.groupby(enumerate(lines), lambda pair: pair[1] - pair[0]):
         numbers = [line for _, line in run]
@@ -74,7 +74,7 @@ def beam_table(fitted: FittedBeam) -> Table:
 
 def local_line(analysis: Analysis) -> str:
     """
-    Return in words the local stiffness, or why it is missing; empty if it was not measured.
+    Return a sentence with the local stiffness or why it is missing; empty if not measured.
 
     :param analysis: results of the fits.
     """
@@ -90,7 +90,7 @@ def local_line(analysis: Analysis) -> str:
 
 def law_table(analysis: Analysis) -> Table:
     """
-    Return a table of the power laws like Table I, with the beam's misfit in each mode.
+    Return a table of the power laws, as in Table I, with the beam's misfit in each mode.
 
     :param analysis: results of the fits, with slopes in at least one mode.
     """
@@ -129,10 +129,11 @@ def law_table(analysis: Analysis) -> Table:
 
 def missed_modes(analysis: Analysis) -> Iterator[str]:
     """
-    Yield a text line for each mode in which the beam does not fit.
+    Yield a line of text for each mode in which the fitted beam is inaccurate.
 
     A power law has three constants for one mode; the beam has three constants for all modes. If
-    the power law fits and the beam does not, the cause is the beam's theory, not scatter.
+    the power law is accurate and the beam is not, the cause is the theory of the beam and not
+    scatter of the points.
 
     :param analysis: results of the fits.
     """
@@ -152,7 +153,7 @@ def _table(title: str) -> Table:
 
 def block(fitted: FittedBeam, local: FittedLocalStiffness | None = None) -> str:
     """
-    Return the block `stiffness` of a robot file, indented for the key `tube`.
+    Return the text of the block `stiffness` of a robot file, indented as below the key `tube`.
 
     :param fitted: fitted beam.
     :param local: fitted local stiffness; None: omitted.

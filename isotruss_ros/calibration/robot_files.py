@@ -25,10 +25,10 @@ COLUMNS = ('posture', 'joint', 'x', 'y')
 
 def read_postures(path: Path, robot: Robot) -> list[Posture]:
     """
-    Read measured joint positions from a CSV file; each row has one joint and all encoder readings.
+    Read measured joint positions and encoder readings from a CSV file with a row per joint.
 
     :param path: path of the file; its columns are `COLUMNS` and one column per roller, named after
-        the roller. All lengths are in metres.
+        the roller. A row contains one joint and all encoder readings. All lengths are in metres.
     :param robot: the robot.
     :raises MeasurementError: a value is invalid; the message names the line, the value and the
         valid range.
@@ -81,7 +81,7 @@ def write_robot_file(
     stiffness: StiffnessCalibration | None = None,
 ) -> None:
     """
-    Write a copy of the robot file with calibrated values, and preserve comments.
+    Write a copy of the robot file with calibrated values; comments are preserved.
 
     :param robot: robot of the robot file.
     :param path: path of the new file, which may be the path of the old file.
@@ -116,7 +116,7 @@ def write_checked_rollers(robot: Robot, path: Path, names: Sequence[str]) -> Non
 
 @contextlib.contextmanager
 def _changing(robot: Robot, path: Path) -> Iterator[CommentedMap]:
-    """Read a robot file, yield its content to be changed, and write the result to another file."""
+    """Read a robot file, yield its content for changes, and write the result to another file."""
     yaml = YAML()
     yaml.preserve_quotes = True  # type: ignore[assignment]
     yaml.width = 200  # type: ignore[assignment]

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Check of a commanded roller; the roller that moved is identified from measured joints."""
+"""Check of a commanded roller: the roller that moved is identified from measured joints."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ def judge_roller(
     deviation: float,
 ) -> str:
     """
-    Return the fault of a commanded roller in words; empty without a fault.
+    Return a sentence with the fault of a commanded roller; empty without a fault.
 
     :param config: configuration at the middle of the motion.
     :param roller: name of the roller.
     :param travel: commanded travel [m].
-    :param moved: (dx, dy) of each measured joint by name [m].
+    :param moved: displacement (dx, dy) for the name of each measured joint [m].
     :param deviation: standard deviation of a measured coordinate [m].
     :raises GraspError: a joint is unknown.
     :raises MeasurementError: no joint was measured, or a number is not finite.

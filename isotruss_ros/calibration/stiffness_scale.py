@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Calibration of the tube stiffness from known forces on joints of the robot without object."""
+"""Calibration of the tube stiffness from known forces on joints of a robot without an object."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ MAX_PULL = 1e6
 
 
 class StiffnessCalibration(NamedTuple):
-    """Common factor on the stiffness of all tubes."""
+    """Calibrated factor on the stiffness of all tubes."""
 
     #: ratio of the measured stiffness to that of the robot file without its `tube.stiffness_scale`
     #: [-]
@@ -42,17 +42,17 @@ def calibrate_stiffness(
     deviation: float = 1e-3,
 ) -> StiffnessCalibration:
     """
-    Fit one stiffness factor to the displacements of joints under known forces by least squares.
+    Fit a stiffness factor to the displacements of joints under known forces.
 
-    A robot that is softer than its model by a factor deforms like the model under a load that is
-    larger by this factor. The robot must hold no object, because with an object a common factor on
-    loads, stiffness and contact forces does not change the geometry, so displacements do not show
-    it.
+    The fit is by least squares. A robot that is softer than its model by a factor deforms like the
+    model under a load that is larger by this factor. The robot must hold no object: with an
+    object, a common factor on stiffness and contact forces does not change the displacements, so
+    displacements do not determine it.
 
     :param config: configuration of the robot, with the rollers at rest.
-    :param pull: forces (fx, fy) on joints in the robot frame, by joint [N].
-    :param before: positions (x, y) of joints without these forces, by joint [m].
-    :param under: positions (x, y) of the same joints under the forces, by joint [m].
+    :param pull: force (fx, fy) for the name of each loaded joint, robot frame [N].
+    :param before: position (x, y) without these forces for the name of each joint [m].
+    :param under: position (x, y) under these forces for the name of the same joints [m].
     :param deviation: standard deviation of a measured coordinate, positive [m].
     :raises MeasurementError: the joints differ, a joint is inconsistent, or the displacements are
         too small; the message names the requirement.

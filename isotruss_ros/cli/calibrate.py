@@ -4,7 +4,7 @@
 """
 Executables `calibrate_home` and `calibrate_stiffness`.
 
-They fit parameters to measured joint positions of the robot without object, and write the
+They fit parameters to measured joint positions of a robot without an object, and write these
 parameters to a robot file.
 """
 
@@ -38,7 +38,7 @@ def home(arguments: Sequence[str] | None = None) -> int:
 
 def stiffness(arguments: Sequence[str] | None = None) -> int:
     """
-    Fit and print the scale of the tube stiffness, and write it to the robot file.
+    Fit and print the factor on the tube stiffness, and write it to the robot file.
 
     :param arguments: arguments of the command line; None: the arguments of the process.
     :return: exit code, 1 if the joints do not determine the result.
@@ -74,7 +74,7 @@ def _run(
     arguments: Sequence[str] | None,
     calibrate: Callable[[argparse.Namespace], None],
 ) -> int:
-    """Run a calibration; print the reason of a failure. Return the exit code."""
+    """Run a calibration, print the reason if it fails, and return the exit code."""
     options = parser.parse_args(arguments)
     try:
         calibrate(options)

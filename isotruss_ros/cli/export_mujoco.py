@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Executable `export_mujoco`: export of a robot as a self-contained MuJoCo model."""
+"""Executable `export_mujoco`, which exports a robot as a self-contained MuJoCo model."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ WRITTEN, BAD_ARGUMENTS = 0, 2
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """
-    Write the model; return the exit code.
+    Write the model to a file, and return the exit code.
 
     :param arguments: arguments of the command line; None: the arguments of the process.
     """

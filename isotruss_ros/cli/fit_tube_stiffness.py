@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Executable `fit_tube_stiffness`: fit of an inflatable beam to measured points of all modes."""
+"""Executable `fit_tube_stiffness`, which fits models of a tube to measured points."""
 
 from __future__ import annotations
 

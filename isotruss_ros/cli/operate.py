@@ -81,7 +81,7 @@ def _place(node: Node, _options: argparse.Namespace) -> int:
 
 
 def _send(node: Node, kind: Any, name: str, goal: Any) -> int:
-    """Send a goal and wait for its result; Ctrl-C cancels it."""
+    """Send a goal and wait for its result; Ctrl-C cancels the goal."""
     client = ActionClient(node, kind, name)
     if not client.wait_for_server(DISCOVERY_TIMEOUT):
         return _fail(f'no action {name}: pick_and_place is not running')

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Executable `plan_grasps`: search for grasps of a free object, and for roller paths to them."""
+"""Executable `plan_grasps`, which searches for grasps of a free object and paths to them."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def _run(options: argparse.Namespace) -> int:
 
 
 def _read_object(options: argparse.Namespace) -> ConvexObject:
-    """Return the object of the options at its pose."""
+    """Return the object that the options describe, at its pose."""
     if options.object is None:
         return ConvexObject.disc(tuple(options.center), options.diameter)
     return read_object(options.object).moved_to((*options.center, options.angle))
@@ -85,7 +85,7 @@ def _search(
     needs: GraspRequirements,
     options: argparse.Namespace,
 ) -> GraspPlan:
-    """Search in parallel processes until the search ends, is interrupted or times out."""
+    """Search in parallel processes until the search is finished, interrupted or timed out."""
     stop = Stop(options.time_limit)
     # A single worker is also a separate process: the last digits depend on the BLAS threads.
     with WorkerPool(options.workers) as pool, show_progress() as show, _interruptible(stop):
@@ -94,7 +94,7 @@ def _search(
 
 @contextlib.contextmanager
 def _interruptible(stop: Stop) -> Iterator[None]:
-    """End the search with its best grasps at the first Ctrl-C, and the process at the second."""
+    """End the search at the first Ctrl-C, with the grasps so far; the process at the second."""
 
     def ask(_signal: int, _frame: FrameType | None) -> None:
         stop.requested = True

@@ -42,7 +42,7 @@ OPTIONS = {
 
 def add_requirements(parser: argparse.ArgumentParser) -> None:
     """
-    Add an option for each requirement.
+    Add a command-line option for each requirement.
 
     :param parser: parser of the options.
     """

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Report of a grasp search: a table for people, and JSON for programs."""
+"""Report of a grasp search, as a table for people and as JSON for programs."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def table(plan: GraspPlan, requirements: GraspRequirements) -> Table:
     Return a table with one row for each grasp, best first.
 
     :param plan: the plan.
-    :param requirements: requirements, which name the quantity by which grasps are ranked.
+    :param requirements: requirements, which name the criterion by which grasps are ranked.
     """
     found = Table(title=f'grasps, best first by {requirements.measure.value}')
     found.add_column('module')
@@ -52,7 +52,7 @@ def table(plan: GraspPlan, requirements: GraspRequirements) -> Table:
 
 def as_json(plan: GraspPlan, robot: Robot) -> dict[str, Any]:
     """
-    Return the data of a plan for JSON; values that are not finite become null.
+    Return a plan as data for JSON; values that are not finite become null.
 
     :param plan: the plan.
     :param robot: the robot.

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Executable `replay`: playback of a recording in a browser, or export as a page, without ROS."""
+"""Executable `replay`, which plays a recording in a browser or exports it as a page."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ FRAME_RATE = 20.0
 
 def replay(view: View, path: Path, speed: float, wait: Callable[[float], None]) -> str:
     """
-    Show a recording once; return in words the damage that ended it early, or an empty text.
+    Show a recording once; return a sentence about damage that ended it early, or ''.
 
     :param view: view for the playback.
     :param path: path of the MCAP file.
@@ -82,7 +82,7 @@ def _write_page(view: View, path: Path, speed: float, page: Path) -> None:
 
 
 def _repeat(view: View, options: argparse.Namespace) -> None:
-    """Show a recording once or until Ctrl-C, as the options say; print its damage once."""
+    """Show a recording once or repeatedly until Ctrl-C; print once if it is damaged."""
     printed = ''
     while True:
         end = replay(view, options.file, options.speed, _wait_on_the_wall())
@@ -96,7 +96,7 @@ def _repeat(view: View, options: argparse.Namespace) -> None:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """
-    Show a recording again and again until Ctrl-C, or write a page that plays it.
+    Show a recording repeatedly until Ctrl-C, or write a page that plays it.
 
     :param arguments: arguments of the command line; None: the arguments of the process.
     :return: 0 after Ctrl-C or after the page was written, 1 if the recording cannot be shown.

@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-`python -m isotruss_ros.cli.sweep`: grasp search for robots and objects, written to CSV.
+Executable `python -m isotruss_ros.cli.sweep`, which plans grasps for many robots and objects.
 
-Each pair of a robot and an object is a task of a Dask cluster with two or more workers, on one
-machine or on several. The command needs `distributed`, the extra `sweep` of this package, but no
-ROS.
+The results are written to a CSV file. Each pair of a robot and an object is a task of a Dask
+cluster with two or more workers, on one machine or on several. The command needs `distributed`,
+which the extra `sweep` of this package installs, but no ROS.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ Pair: TypeAlias = tuple[tuple[int, int], RobotDescription, ConvexObject]
 
 def evaluate(pair: Pair, needs: GraspRequirements, seed: int) -> dict[str, Any]:
     """
-    Return a row of the table, with the best grasp of one object by one robot.
+    Return a row of the table with the best grasp of one object by one robot.
 
     :param pair: robot and object with their indices.
     :param needs: requirements of a grasp.
@@ -70,9 +70,9 @@ def sweep(
     seed: int = 0,
 ) -> Iterator[dict[str, Any]]:
     """
-    Yield a row for each pair of robot and object, as soon as it is computed.
+    Yield a row of the table for each pair of robot and object, as soon as it is computed.
 
-    :param client: client of the cluster; its workers have this package and one thread each.
+    :param client: client of the cluster, in which each worker has this package and one thread.
     :param robots: descriptions of the robots.
     :param objects: the objects.
     :param needs: requirements of a grasp.
@@ -116,7 +116,7 @@ def read_objects(path: Path) -> list[ConvexObject]:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """
-    Compute the grasps of all pairs, and write each row as soon as it is computed.
+    Plan grasps for all pairs, and write each row as soon as it is computed.
 
     :param arguments: arguments of the command line; None: the arguments of the process.
     :return: exit code.

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Exceptions of the package, with one base class."""
+"""Exceptions of the package, which have one common base class."""
 
 
 class IsotrussError(Exception):
@@ -25,7 +25,7 @@ class ObjectFileError(GraspError):
 
 
 class SolverError(IsotrussError, RuntimeError):
-    """A solver failed on a problem that should have a solution."""
+    """A solver failed although the problem should have a solution."""
 
 
 class StructureError(IsotrussError, ValueError):

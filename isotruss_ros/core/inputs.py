@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Inputs of a control loop: rule for stamps, latest values and their validity, command history.
+Inputs of a control loop: check of stamps, latest valid values, and history of commands.
 
-The command history predicts the roller travel since an old measurement.
+From the history of commands, the roller travel since an old measurement is predicted.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ import numpy as np
 CLOCK_SKEW = 0.01
 #: Largest age of pressures [s]; they change slowly and are measured rarely.
 PRESSURE_TIMEOUT = 2.0
-#: Largest age of a measurement in a history [s].
+#: Largest age of a measurement from which the state is predicted by commands [s].
 HISTORY_DURATION = 1.0
-#: Smallest relative change of a pressure that is not noise [-]; noise changes the squeeze by 0.1
-#: %.
+#: Smallest relative change of a pressure that is not regarded as noise [-]; noise changes the
+#: squeeze by 0.1 %.
 PRESSURE_CHANGE = 0.02
 
 
@@ -40,9 +40,9 @@ class InputFault(enum.Enum):
 
 class RejectedInput(NamedTuple):
     """
-    A received but invalid input.
+    Input that was received but is invalid.
 
-    :ivar reason: fault in words.
+    :ivar reason: sentence that describes the fault.
     :ivar fault: INVALID or STALE.
     """
 
@@ -52,7 +52,7 @@ class RejectedInput(NamedTuple):
 
 class StampedInput(NamedTuple):
     """
-    A measured or commanded value.
+    Measured or commanded value with the time of its stamp.
 
     :ivar value: the value.
     :ivar time: time at which it is valid [s].
@@ -87,10 +87,10 @@ class InputError(IsotrussError):
     An input is missing, stale or invalid.
 
     :ivar fault: kind of the fault.
-    :ivar name: name of the input, with underscores for spaces.
+    :ivar name: name of the input, with underscores in place of spaces.
     :param fault: kind of the fault.
-    :param name: name of the input, with underscores for spaces.
-    :param message: the reason in words.
+    :param name: name of the input, with underscores in place of spaces.
+    :param message: sentence that describes the fault.
     """
 
     def __init__(self, fault: InputFault, name: str, message: str) -> None:
@@ -107,17 +107,18 @@ def check_stamp(
     skew: float = CLOCK_SKEW,
 ) -> float:
     """
-    Return the effective time of a stamp, at most the current time.
+    Check a stamp; return it, or the current time if the stamp is slightly in the future.
 
-    This is the rule for all stamps of all nodes (docs/safety.md). The age of an input with a stamp
-    in the future starts at its reception.
+    This rule applies to all stamps in all nodes (docs/safety.md). The age of an input that is
+    stamped in the future counts from its reception.
 
-    :param name: name of the input, with underscores for spaces.
+    :param name: name of the input, with underscores in place of spaces.
     :param stamp: time of the input [s].
-    :param now: time on the same clock [s].
+    :param now: current time on the same clock [s].
     :param timeout: largest age of the input [s].
-    :param setting: name of the parameter with the timeout, for the error; empty if there is none.
-    :param skew: largest lead of the stamp [s].
+    :param setting: name of the parameter that contains the timeout, used in the error; empty if
+        there is none.
+    :param skew: largest time by which the stamp may be in the future [s].
     :raises InputError: the stamp is too old, or ahead of the clock by more than the skew.
     """
     words, age = name.replace('_', ' '), now - stamp
@@ -137,16 +138,16 @@ def check_stamp(
 
 def keep_latest(kept: Input, received: StampedInput | RejectedInput, now: float) -> Input:
     """
-    Return the latest valid input of two inputs with checked stamps.
+    Return the later one of two inputs with checked stamps, unless it is rejected.
 
-    Messages may arrive out of order; an earlier message is dropped. A rejected message does not
-    replace a measurement. The measurement is valid until its timeout; the rejection is stored with
+    Messages may arrive in the wrong order; an earlier message is dropped. A rejected message does
+    not replace a measurement, which stays valid until its timeout; the rejection is stored with
     the measurement.
 
     :param kept: the previous input.
     :param received: the new input.
-    :param now: time on the clock of the stamps [s]. If the previous input has a later stamp, the
-        clock was set back, and the previous input is dropped.
+    :param now: current time on the clock of the stamps [s]. If the previous input has a later
+        stamp, the clock was set back, and the previous input is dropped.
     """
     if not isinstance(kept, StampedInput) or kept.time > now + CLOCK_SKEW:
         return received
@@ -159,12 +160,12 @@ def require_fresh(
     now: float, timeout: float, setting: str = 'command_timeout', **inputs: Input
 ) -> tuple[StampedInput, ...]:
     """
-    Return the values of inputs, all of which must be valid and fresh.
+    Return inputs, all of which must be valid and fresh.
 
-    :param now: time on the clock of the inputs [s].
+    :param now: current time on the clock of the inputs [s].
     :param timeout: largest age of an input [s].
-    :param setting: name of the parameter with the timeout, see `check_stamp`.
-    :param inputs: the inputs by name, with underscores for spaces.
+    :param setting: name of the parameter that contains the timeout, see `check_stamp`.
+    :param inputs: the inputs; the keywords are their names, with underscores in place of spaces.
     :raises InputError: an input is missing, rejected, too old, or stamped in the future.
     """
     for name, given in inputs.items():
@@ -186,7 +187,7 @@ def find_fresh(now: float, timeout: float, given: Input) -> Any:
     """
     Return the value of an input; None if it is missing, rejected or stale.
 
-    :param now: time on the clock of the input [s].
+    :param now: current time on the clock of the input [s].
     :param timeout: largest age of the input [s].
     :param given: the input.
     """
@@ -198,9 +199,9 @@ def find_fresh(now: float, timeout: float, given: Input) -> Any:
 
 def fresh_pressures(now: float, timeout: float, pressures: Input) -> tuple[float, ...] | None:
     """
-    Return the measured gauge pressures (t,) of the tubes [Pa]; None if never received.
+    Return the measured gauge pressures (t,) of the tubes [Pa]; None before the first ones.
 
-    :param now: time on the clock of the input [s].
+    :param now: current time on the clock of the input [s].
     :param timeout: largest age of the pressures [s].
     :param pressures: input of pressures.
     :raises InputError: the pressures are rejected, too old, or stamped in the future.
@@ -215,9 +216,10 @@ def steady_pressures(
     kept: tuple[float, ...] | None, pressures: tuple[float, ...] | None
 ) -> tuple[float, ...] | None:
     """
-    Return the pressures of the model, updated only by changes above `PRESSURE_CHANGE`.
+    Return measured pressures if they changed by more than `PRESSURE_CHANGE`, else `kept`.
 
-    :param kept: (t,) previous gauge pressure of each tube [Pa]; None: as in the robot file.
+    :param kept: (t,) gauge pressure of each tube in the model so far [Pa]; None: as in the robot
+        file.
     :param pressures: (t,) measured gauge pressures [Pa]; None: as in the robot file.
     """
     if kept is None or pressures is None:
@@ -227,7 +229,7 @@ def steady_pressures(
 
 
 class Timeline:
-    """Piecewise linear function of time, scalar or array."""
+    """Piecewise linear function of time, with scalars or arrays as values."""
 
     def __init__(self) -> None:
         self._known: deque[tuple[float, float | Array]] = deque()
@@ -253,10 +255,10 @@ class Timeline:
 
     def add(self, time: float, value: float | Array) -> None:
         """
-        Add a value; values at the same time or later are removed.
+        Add the value at a time; values at this time or later are removed.
 
         :param time: time of the value [s].
-        :param value: value at that time.
+        :param value: value at this time.
         """
         while self._known and self._known[-1][0] >= time:
             self._known.pop()
@@ -277,7 +279,7 @@ class Timeline:
 
     def at(self, time: float) -> float | Array:
         """
-        Return the interpolated value at a time; constant outside of the range of times.
+        Return the interpolated value at a time; the function is constant outside of its times.
 
         :param time: the time [s].
         """
@@ -290,7 +292,7 @@ class Timeline:
 
 class CommandHistory:
     """
-    Commanded roller speeds, piecewise constant in time.
+    History of commanded roller speeds, which are piecewise constant in time.
 
     :ivar last: (r,) speeds of the last command [m/s]; None without commands.
     :param count: number of rollers.
@@ -309,9 +311,9 @@ class CommandHistory:
         """
         Remove the commands that are older than a time span.
 
-        All commands are removed if the clock was set back, or if no command is within the span.
+        If the clock was set back, or if no command is within the span, all commands are removed.
 
-        :param now: time on the clock of the commands [s].
+        :param now: current time on the clock of the commands [s].
         :param span: length of the time span, which ends now [s].
         """
         if self.last is not None and not 0.0 <= now - self._travel.last[0] <= span:
@@ -322,7 +324,7 @@ class CommandHistory:
         """
         Return the time since the last command [s].
 
-        :param now: time on the clock of the commands [s].
+        :param now: current time on the clock of the commands [s].
         :param default: result if there are no commands [s].
         """
         return default if self.last is None else now - self._travel.last[0]
@@ -343,8 +345,8 @@ class CommandHistory:
         Return the roller travel due to the commands between two times, (r,) [m].
 
         :param begin: begin of the interval [s].
-        :param end: end of the interval [s]; before the begin, the travel is negative.
-        :param before: (r,) speeds at times before the first entry [m/s].
+        :param end: end of the interval [s]; if it is before the begin, the travel is negated.
+        :param before: (r,) speeds before the first command of the history [m/s].
         """
         if self.last is None or begin == end:
             return (end - begin) * before
@@ -354,15 +356,16 @@ class CommandHistory:
         self, rollers: StampedInput, then: float, now: float, ahead: float, still: Array
     ) -> tuple[Array, Array, Array]:
         """
-        Return the predicted roller travel since a measurement.
+        Predict the roller travel since a measurement, up to a moment slightly in the future.
 
-        The rollers are assumed to follow the commands. Before the first command the measured
-        speeds are used, because another client may have moved the rollers.
+        This moment, called horizon, is `ahead` after `now`. The rollers are assumed to follow the
+        commands. Before the first command the measured speeds are used, because another client may
+        have moved the rollers.
 
         :param rollers: measured `RollerState`.
         :param then: time between the measurement and the horizon [s].
-        :param now: time on the clock of the commands [s].
-        :param ahead: prediction horizon after now [s].
+        :param now: current time on the clock of the commands [s].
+        :param ahead: time from now to the horizon [s].
         :param still: (r,) mask of the rollers that do not follow commands.
         :return: three arrays (r,): travel until `then` [m], travel until the horizon [m], and mean
             speeds from now to the horizon [m/s].

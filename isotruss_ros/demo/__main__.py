@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Executable `demo`: plan a grasp, close the grip, carry the object along a path, and hold it."""
+"""Executable `demo`, which plans a grasp, closes the grip and carries the object along a path."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Run the demonstration; Ctrl-C ends it and its nodes at any time.
 
     :param arguments: arguments of the command line; None: the arguments of the process.
-    :return: 0 if the object was held and reached its targets, 1 if not or if the messages are not
-        built, 130 after Ctrl-C.
+    :return: 0 if the object was held and reached its targets, 1 if not or if the message types are
+        not built, 130 after Ctrl-C.
     """
     if importlib.util.find_spec('isotruss_msgs') is None:
         print(NO_MESSAGES, file=sys.stderr)

@@ -17,7 +17,6 @@ from isotruss_ros.core import IsotrussError, Pose, Status
 from isotruss_ros.demo.path import Phase, Wrench
 from isotruss_ros.demo.record import PhaseRecord, Snapshot
 from isotruss_ros.nodes.conversions.grasp_messages import to_wrench_message
-from isotruss_ros.nodes.conversions.joint_state_messages import read_roller_state
 from isotruss_ros.nodes.conversions.messages import (
     make_header,
     name_aligned_frame,
@@ -25,6 +24,7 @@ from isotruss_ros.nodes.conversions.messages import (
     read_stamp,
     to_twist_message,
 )
+from isotruss_ros.nodes.conversions.sensor_messages import read_roller_part
 from isotruss_ros.nodes.framework.topics import RELIABLE
 import numpy as np
 from rclpy.executors import SingleThreadedExecutor
@@ -56,22 +56,21 @@ ALONE = ('joint_states', 'object_pose')
 
 
 class DemoError(IsotrussError, RuntimeError):
-    """The nodes did not execute a request."""
+    """Error: the nodes did not execute a request."""
 
 
 class DemoClient(Node):
     """
-    Node that publishes `cmd_vel` and collects states, `manipulation/status` and `grasp/state`.
+    Node that publishes twists, and records states, status messages and grasp analyses.
 
     :ivar frame_id: frame of the object's pose.
     :ivar measured: last measured pose of the object.
     :ivar pose: last recorded pose of the object.
-    :ivar rollers: (r,) last roller positions, which include the estimated offsets if available
-        [m].
-    :param roller_names: names of the rollers in the robot's order.
-    :param sim_time: whether the node uses the time of `/clock`, as plants with masses require.
-    :param truth: whether the true states of robot and object are recorded in place of the measured
-        states, and the state estimates as well.
+    :ivar rollers: (r,) last roller positions, including the estimated offsets if available [m].
+    :param roller_names: names of the rollers, in the order of the robot.
+    :param sim_time: whether the node uses the time of `/clock`, which plants with masses require.
+    :param truth: True to record the true states of robot and object in place of the measured ones,
+        and in addition the state estimates.
     """
 
     def __init__(
@@ -149,7 +148,8 @@ class DemoClient(Node):
                 self._rest, self._moved = here, self._stamp
 
     def _take_joints(self, message: JointState) -> None:
-        self.rollers = read_roller_state(message, self._roller_names).positions + self._offsets
+        read = read_roller_part(message, self._roller_names)
+        self.rollers = np.array([read[i][0] for i in range(len(read))]) + self._offsets
         speed = max(map(abs, message.velocity), default=0.0)
         self._record.max_roller_speed = max(self._record.max_roller_speed, speed)
 
@@ -172,7 +172,7 @@ class DemoClient(Node):
 
     def begin(self, name: str) -> PhaseRecord:
         """
-        Start a phase; from now on messages are stored in its record.
+        Start a phase of the demonstration, in whose record messages are stored from now on.
 
         :param name: name of the phase.
         """
@@ -192,9 +192,9 @@ class DemoClient(Node):
         Wait for a condition.
 
         :param ready: function that returns whether the condition holds.
-        :param check: function that raises an error if the condition cannot hold any more.
-        :param what: condition in words, for the error message.
-        :param deadline: longest wait, on the clock of the phases [s].
+        :param check: function that raises an error if the condition can no longer become true.
+        :param what: text that names the condition, for the error message.
+        :param deadline: longest waiting time, on the clock of the phases [s].
         :param meanwhile: function that is called every `PERIOD`.
         :raises DemoError: the condition did not hold in time.
         """
@@ -216,7 +216,7 @@ class DemoClient(Node):
                 self._own_executor.spin_once(timeout_sec=WAIT)
 
     def _seconds(self) -> float:
-        """Return the time of the phases, which is the time of `/clock` or of the machine [s]."""
+        """Return the time on the clock of the phases, `/clock` or that of the machine [s]."""
         if self._sim_time:
             return 1e-9 * self.get_clock().now().nanoseconds
         return time.monotonic()
@@ -226,7 +226,7 @@ class DemoClient(Node):
         return self._rest is not None and self._stamp - self._moved > REST_TIME
 
     def _idle(self) -> bool:
-        """Return whether the manipulation executes a zero twist and the object is at rest."""
+        """Return whether the manipulation node executes a zero twist and the object rests."""
         last = self._last_status
         if last is None or last.code not in (Status.OK, Status.IDLE):
             return False
@@ -236,7 +236,7 @@ class DemoClient(Node):
 
     def require_alone(self) -> None:
         """
-        Raise DemoError if another robot is in this ROS domain.
+        Raise DemoError if there is another robot in this ROS domain.
 
         :raises DemoError: a topic of `ALONE` has two publishers.
         """
@@ -260,7 +260,7 @@ class DemoClient(Node):
 
         :param phase: phase with twists as a function of time.
         :param check: function that raises an error if a node has ended.
-        :param progress: callback that receives the completed share of the phase, 0 to 1.
+        :param progress: callback that receives the completed fraction of the phase, 0 to 1.
         :raises DemoError: the object did not come to rest.
         """
         record = self.begin(phase.name)
@@ -309,10 +309,10 @@ class DemoClient(Node):
 
     def wait_for_rest(self, check: Callable[[], None], what: str) -> None:
         """
-        Publish zero twists until the manipulation executes them and the object is at rest.
+        Publish zero twists until the manipulation node executes them and the object rests.
 
         :param check: function that raises an error if a node has ended.
-        :param what: awaited event in words, for the error message.
+        :param what: text that names the awaited event, for the error message.
         :raises DemoError: the object is not at rest in time.
         """
         self._ended = self._stamp

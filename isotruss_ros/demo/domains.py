@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""ROS domains of this machine, each locked by the process that uses it."""
+"""Locks of the ROS domains of this machine, each held by the process that uses the domain."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ LOCK_NAME = '\0isotruss_ros_domain_{}'
 
 
 class DomainError(IsotrussError, RuntimeError):
-    """Every ROS domain is in use."""
+    """Error: every ROS domain is in use."""
 
 
 @dataclass(frozen=True)
 class DomainLock:
-    """Lock of a ROS domain against other runs on this machine."""
+    """Lock of a ROS domain, so that no other process on this machine uses it."""
 
     number: int  #: domain id
     _socket: socket.socket
@@ -36,10 +36,10 @@ class DomainLock:
 
 def lock_domain(first: int) -> DomainLock:
     """
-    Lock the first free ROS domain of this machine.
+    Lock the first ROS domain of this machine that is free.
 
-    :param first: domain at which the search begins; the search continues with the first of
-        `DOMAINS` after the last.
+    :param first: domain at which the search begins. After the last of `DOMAINS` it continues with
+        the first.
     :raises DomainError: all domains are locked.
     """
     for turn in range(len(DOMAINS)):

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Picture of the demonstration, like the paper's Fig. 9, and its animation as a GIF."""
+"""Picture of the demonstration, like the paper's Fig. 9, and animation as a GIF."""
 
 from __future__ import annotations
 
@@ -48,16 +48,16 @@ def draw_panels(
     paper_model: bool = False,
 ) -> None:
     """
-    Write a picture with one panel for each phase, and a magnified grasp in its corner.
+    Write a picture with a panel for each phase, each with a magnified grasp in a corner.
 
-    The file's metadata describe the state of each panel in words; `tools/pictures.py` compares
-    these descriptions.
+    The file's metadata contain a text about the state in each panel; `tools/pictures.py` compares
+    these texts.
 
     :param robot: the robot.
     :param diameter: diameter of the object [m].
     :param records: records of the phases, one for each panel.
     :param path: path of the picture.
-    :param paper_model: whether the paper's model is used, see `analyze_grasp`.
+    :param paper_model: True for the paper's model, see `analyze_grasp`.
     """
     stops: list[tuple[str, Snapshot, Wrench | None]] = []
     for record in records:
@@ -107,12 +107,12 @@ def describe_grasp(
     config: Configuration, body: ConvexObject, pull: Wrench | None, paper_model: bool = False
 ) -> tuple[GraspAnalysis, str]:
     """
-    Return the analysis of a grasp, and a description of how the object is held.
+    Return the analysis of a grasp, and a text that describes how the object is held.
 
     :param config: configuration of the robot.
     :param body: the object.
     :param pull: external wrench on the object [N, N, N m]; None: zero.
-    :param paper_model: whether the paper's model is used, see `analyze_grasp`.
+    :param paper_model: True for the paper's model, see `analyze_grasp`.
     """
     analysis = analyze_grasp(config, body, paper_model=paper_model)
     held, forces = '', None
@@ -125,7 +125,7 @@ def describe_grasp(
 
 
 def _free_corner(config: Configuration, box: Box) -> tuple[float, ...]:
-    """Return the box (x, y, width, height) in the corner that hides least of the robot [-]."""
+    """Return a box (x, y, width, height) in the corner where it hides least of the robot."""
     share = np.linspace(0.0, 1.0, 20)
     begin, end = member_lines(config).T[..., None]
     line = (begin + share * (end - begin)).ravel()
@@ -141,7 +141,7 @@ def _free_corner(config: Configuration, box: Box) -> tuple[float, ...]:
 
 def animate(robot: Robot, diameter: float, records: Sequence[PhaseRecord], path: Path) -> None:
     """
-    Write the whole motion as an animated GIF.
+    Write the whole motion as an animated GIF, drawn with Matplotlib.
 
     :param robot: the robot.
     :param diameter: diameter of the object [m].

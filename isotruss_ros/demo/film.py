@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Animation of the demonstration, rendered by MuJoCo from recorded states of the plant."""
+"""Animation of the demonstration, rendered by MuJoCo from recorded states of its plant."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ def film(recording: Path, records: Sequence[PhaseRecord], path: Path) -> None:
     """
     Write the whole motion as an animated GIF, rendered by MuJoCo.
 
-    :param recording: recording of the plant.
-    :param records: successive records of the phases.
+    :param recording: file with the recorded states of the plant.
+    :param records: records of the phases, in their order.
     :param path: path of the animation.
     :raises PlantError: the recording cannot be read, or the machine cannot render.
     """
@@ -58,7 +58,7 @@ def film(recording: Path, records: Sequence[PhaseRecord], path: Path) -> None:
 
 
 def _palette(frames: Sequence[Image.Image]) -> Image.Image:
-    """Return a picture whose palette has the colours of the whole animation."""
+    """Return a picture with a colour palette for the whole animation."""
     chosen = frames[:: max(1, len(frames) // SAMPLES)]
     together = np.concatenate([np.asarray(frame) for frame in chosen])
     # The quantizer leaves out what is thin: path and arrow, in light and in shade.

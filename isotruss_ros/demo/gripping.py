@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""First half of the demonstration: plan a grasp, approach it, confirm that the object is held."""
+"""First half of the demonstration: a grasp is planned, reached, and confirmed to hold."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ ARRIVED = 1e-4
 #: Value in place of `ARRIVED` for estimated roller positions, which change with each marker
 #: message [m].
 NEARLY_ARRIVED = 2e-3
-#: Largest standard deviation of a roller offset with which a grasp is planned [m].
+#: Largest standard deviation of a roller offset at which a grasp is planned [m].
 SURE = 1e-3
 
 
 def slow_down(grasp: PlannedGrasp, factor: float) -> None:
     """
-    Slow down the path to a grasp.
+    Multiply all times of the path to a grasp by a factor.
 
     :param grasp: planned grasp, which is changed in place.
     :param factor: factor on all times of the path [-].
@@ -50,7 +50,7 @@ def slow_down(grasp: PlannedGrasp, factor: float) -> None:
 
 def is_sure(estimates: Sequence[StateEstimate]) -> bool:
     """
-    Return whether the last standard deviations of the roller offsets are at most `SURE`.
+    Return whether all roller offsets are known with a standard deviation of at most `SURE`.
 
     :param estimates: estimates of the state, in time order.
     """
@@ -62,7 +62,7 @@ def is_sure(estimates: Sequence[StateEstimate]) -> bool:
 
 class Gripping:
     """
-    Client of planner and manipulation, which plans and follows the path to a grasp.
+    Client of the nodes that plan a grasp and follow the path to it.
 
     :param client: node of the demonstration.
     :param check: function that raises an error if a node has ended.
@@ -106,8 +106,8 @@ class Gripping:
         Request a grasp of the object at its measured pose.
 
         :param goal: goal of the planner without the object's pose.
-        :param progress: callback with the completed share, 0 to 1.
-        :return: best grasp, and the whole result.
+        :param progress: callback that receives the completed fraction, 0 to 1.
+        :return: best grasp, and the whole result of the planner.
         :raises DemoError: no grasp was found.
         """
         pose = self._client.measured
@@ -147,8 +147,9 @@ class Gripping:
         Follow the path to a grasp, and wait until the analysis reports the object as held.
 
         :param grasp: planned grasp.
-        :param progress: callback with the completed share, 0 to 1.
-        :return: records before, and after, the members touch the object.
+        :param progress: callback that receives the completed fraction, 0 to 1.
+        :return: record of the motion until the members touch the object, and record of the motion
+            after that.
         :raises DemoError: the rollers did not arrive, or the object is not held.
         """
         client = self._client

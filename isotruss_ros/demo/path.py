@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Path of the paper's Fig. 9 as twists: upward motion, rotation in place, circular arc."""
+"""Path of the paper's Fig. 9, as twists: upward motion, rotation without translation, arc."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ PULLED = (0.4, 0.6)
 
 @dataclass(frozen=True)
 class Phase:
-    """Phase of the path."""
+    """Phase of the path, with the twist as a function of time."""
 
     name: str  #: name of the motion
     duration: float  #: duration [s]
@@ -29,7 +29,7 @@ class Phase:
 
     def wrench(self, time: float) -> Wrench:
         """
-        Return the external wrench, `pull` in the middle of the phase (see `PULLED`), else zero.
+        Return the external wrench at a time: `pull` in the interval `PULLED`, otherwise zero.
 
         :param time: time since the start of the phase [s].
         """
@@ -39,7 +39,7 @@ class Phase:
 
 
 def _progress(time: float, duration: float) -> tuple[float, float]:
-    """Return the completed share of a motion and its rate [1/s]; the rate is zero at both ends."""
+    """Return the completed fraction of a motion and its rate [1/s], which is zero at both ends."""
     phase = 2.0 * math.pi * min(max(time / duration, 0.0), 1.0)
     return (phase - math.sin(phase)) / (2.0 * math.pi), (1.0 - math.cos(phase)) / duration
 
@@ -55,7 +55,7 @@ def translation(name: str, duration: float, dx: float, dy: float) -> Phase:
 
 
 def rotation(name: str, duration: float, angle: float) -> Phase:
-    """Return a rotation in place by an angle [rad]."""
+    """Return a rotation by an angle [rad] about the object's centre."""
 
     def twist(time: float) -> Twist:
         return 0.0, 0.0, _progress(time, duration)[1] * angle
@@ -65,7 +65,7 @@ def rotation(name: str, duration: float, angle: float) -> Phase:
 
 def arc(name: str, duration: float, radius: float, heading: float, angle: float) -> Phase:
     """
-    Return a motion along a circular arc; the object's orientation follows the path.
+    Return a motion along a circular arc, with which the object rotates.
 
     :param radius: radius of the arc, positive [m].
     :param heading: direction of motion at the start [rad].
@@ -83,10 +83,10 @@ def arc(name: str, duration: float, radius: float, heading: float, angle: float)
 
 def figure_9(pull: Wrench | None = None) -> tuple[Phase, ...]:
     """
-    Return the path of Fig. 9 for an object held at the top, north/Z, of the nine-member robot.
+    Return the path of Fig. 9 for an object held at module north/Z of the nine-member robot.
 
-    The object's angle is 0 at the start. After the rotation by 90 degrees, its x axis is normal to
-    the arc.
+    The object's angle is 0 at the start. After the rotation by 90 degrees, the object's x axis is
+    normal to the arc.
 
     :param pull: external wrench on the object in the middle of the arc [N, N m]; None: no wrench.
     """

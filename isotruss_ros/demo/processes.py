@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Nodes as processes, started at the begin of a code block and stopped by Ctrl-C at its end."""
+"""Nodes as processes, which run while a `with` block is executed."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _locks: list[DomainLock] = []
 
 
 class NodeError(IsotrussError, RuntimeError):
-    """A node process ended unexpectedly, or did not stop."""
+    """Error: the process of a node ended unexpectedly, or did not stop."""
 
 
 class NodeProcess:
@@ -33,7 +33,7 @@ class NodeProcess:
     Process of one running node.
 
     :param name: name of a module of `isotruss_ros.nodes`.
-    :param parameters: ROS parameters by name.
+    :param parameters: value for the name of each ROS parameter.
     :param log: file for the output of the node.
     """
 
@@ -62,7 +62,7 @@ class NodeProcess:
         """
         Raise NodeError if the node is not running.
 
-        :raises NodeError: the node has ended; the message has the last lines of the node's output.
+        :raises NodeError: the node has ended; the message contains the last lines of its output.
         """
         if self.process.poll() is not None:
             printed = self.log.read_text(errors='replace').strip().splitlines()[-5:]
@@ -92,7 +92,7 @@ class NodeProcess:
 
 @contextlib.contextmanager
 def _held_signals() -> Iterator[list[int]]:
-    """Defer signals to the end of a block, because a signal within would leave nodes running."""
+    """Defer signals to the end of a `with` block, so that none leaves nodes running."""
     received: list[int] = []
 
     def keep(which: int, _frame: FrameType | None) -> None:
@@ -111,7 +111,7 @@ def running_nodes(
     nodes: Sequence[tuple[str, Mapping[str, object]]], logs: Path
 ) -> Iterator[list[NodeProcess]]:
     """
-    Run nodes while a code block is executed.
+    Run nodes as processes while a `with` block is executed.
 
     :param nodes: name and parameters of each node.
     :param logs: folder for the output of the nodes.
@@ -137,7 +137,7 @@ def keep_to_this_machine() -> int:
     """
     Restrict ROS communication of this process and its children to this machine.
 
-    :return: ROS domain id, which the environment defines if set; else a domain that is locked
+    :return: ROS domain id, taken from the environment if set there, otherwise one that is locked
         until this process ends.
     :raises DomainError: all domains are locked.
     """

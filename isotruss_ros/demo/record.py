@@ -16,7 +16,7 @@ import numpy as np
 
 
 class Snapshot(NamedTuple):
-    """Measured state at one time: roller travel [m] and the object's pose."""
+    """Measured roller travel [m] and object pose at one time."""
 
     time: float
     rollers: np.ndarray
@@ -25,7 +25,7 @@ class Snapshot(NamedTuple):
 
 @dataclass
 class PhaseRecord:
-    """Record of one phase."""
+    """Record of the messages received during one phase."""
 
     name: str  #: name of the phase
     #: (dx, dy, dangle), integral of the published twists [m, rad]
@@ -33,7 +33,7 @@ class PhaseRecord:
     #: (dx, dy, dangle), integral of the twists that the manipulation node reported as executed,
     #: which its limits may have reduced [m, rad]
     accepted: np.ndarray = field(default_factory=lambda: np.zeros(3))
-    #: (dx, dy, dangle), change of the measured pose with the angle unwrapped [m, rad]
+    #: (dx, dy, dangle), change of the measured pose, with a continuous angle [m, rad]
     measured: np.ndarray = field(default_factory=lambda: np.zeros(3))
     #: largest commanded speed of the object; a rotation counts as its rate times 0.1 m [m/s]
     max_speed: float = 0.0
@@ -86,7 +86,7 @@ class PhaseRecord:
 
     @property
     def held(self) -> float:
-        """Return the share of grasp analyses in which the object is held; 0 without analyses."""
+        """Return the fraction of grasp analyses in which the object is held; 0 without any."""
         return float(np.mean([grasp.held for grasp in self.analyses])) if self.analyses else 0.0
 
     def parts(self) -> list[PhaseRecord]:
@@ -99,7 +99,7 @@ class PhaseRecord:
 
     def split(self, name: str, rollers: np.ndarray) -> tuple[PhaseRecord, PhaseRecord]:
         """
-        Return the parts of the record before and after the state closest to some roller positions.
+        Return the parts of the record before and after given roller positions were reached.
 
         :param name: name of the second part.
         :param rollers: (r,) roller positions [m].

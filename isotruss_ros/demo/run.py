@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Demonstration: plan a grasp, close the grip, carry the object, and apply a force to it."""
+"""Demonstration: a grasp is planned and closed; the object is carried, and a force acts on it."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ FRICTION = 0.5
 #: Normal force of each of the two members [N]. With it friction resists the external force, and
 #: the tubes do not wrinkle in the rotation, in which one member is short.
 SQUEEZE = 22.0
-#: Factor on the times of the path to the grasp for a robot with masses [-]. At full speed one
+#: Factor by which the path to the grasp is slowed for a robot with masses [-]. At full speed one
 #: member would hit the object before the other one.
 SLOWER = 2.0
 #: Friction force of the ground on the free object in the plant mujoco [N].
@@ -60,8 +60,8 @@ PULL = (0.0, -LOAD, 0.0)
 COMMAND_TIMEOUT = 1.0
 #: Rate of grasp analyses [Hz]. Each takes 20 to 40 ms on a core that the control loop needs too.
 ANALYSIS_RATE = 5.0
-#: Largest difference between the measured and the accepted displacement of the object, if cycles
-#: are not late [m].
+#: Largest difference between the measured and the accepted displacement of the object, if no
+#: control cycle was late [m].
 MAX_POSITION_ERROR = 1e-3
 MAX_ANGLE_ERROR = np.deg2rad(0.25)
 #: Value in place of `MAX_POSITION_ERROR` with simulated sensor faults [m].
@@ -70,7 +70,7 @@ MAX_REAL_ERROR = 1e-2
 
 def run(arguments: Sequence[str] | None = None) -> int:
     """
-    Run the nodes, follow the path, print tables and draw figures.
+    Run the demonstration, print tables and draw figures.
 
     :param arguments: arguments of the command line; None: the arguments of the process.
     :return: 0 if the object was held and reached its targets, else 1.
@@ -132,7 +132,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
 def _play(
     options: argparse.Namespace, robot: str, console: Console
 ) -> tuple[list[PhaseRecord], PlanGrasp.Result]:
-    """Run the nodes as processes: plan, approach, close the grip, and follow the path."""
+    """Run the nodes as processes, plan and reach a grasp, and follow the path."""
     domain = keep_to_this_machine()
     output, rate, plant = options.output, options.rate, options.plant
     # A machine that is too slow for MuJoCo takes longer, and nothing lags.
@@ -141,7 +141,7 @@ def _play(
     shared = common | {'object_diameter': OBJECT_DIAMETER, 'friction': FRICTION}
     gripping = shared | {'grip_module': GRIP_MODULE, 'rate': rate}
     x, y = OBJECT_CENTER
-    lying = {'plant': plant, 'object_is_free': True, 'object_x': x, 'object_y': y}
+    lying = {'plant': plant, 'object_is_free': True, 'object_pose': [x, y, 0.0]}
     # With noise, a loop that expects loads takes errors of a millimetre for some newtons.
     real = options.sensors == REAL
     pull = None if real else PULL
@@ -217,7 +217,7 @@ def _write_round_robot(output: Path) -> Path:
 
 
 def _verdict(records: Sequence[PhaseRecord], real: bool, console: Console) -> int:
-    """Return 0 if the object was held and reached its targets; print failures."""
+    """Print failures; return 0 if the object was held and reached its targets, else 1."""
     code, limit = 0, MAX_REAL_ERROR if real else MAX_POSITION_ERROR
     for record in records:
         if not real:
@@ -243,7 +243,7 @@ def _verdict(records: Sequence[PhaseRecord], real: bool, console: Console) -> in
 
 
 def _tell_odd(record: PhaseRecord, console: Console) -> None:
-    """Print unusual statuses and the effect of a pull."""
+    """Print unusual statuses, and the effect of an external force."""
     odd = {
         str(status) for status in record.statuses - {Status.OK, Status.IDLE, Status.ACCELERATING}
     }

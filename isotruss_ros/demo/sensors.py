@@ -34,7 +34,7 @@ def truth_table(records: Sequence[PhaseRecord], robot: Robot, squeeze: float) ->
     """
     Return a table of the errors of estimated squeeze, joints and pose.
 
-    :param records: records of the phases, with true values.
+    :param records: records of the phases, which contain true values.
     :param robot: robot of the robot file.
     :param squeeze: desired squeeze [N].
     """

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Tables of the demonstration: planned grasps, motion, held object and contacts."""
+"""Tables that the demonstration prints: planned grasps, motion, held object and contacts."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ def make_table(
     Return a table without rows.
 
     :param title: title of the table.
-    :param names: headings of the first columns, which have names.
-    :param figures: headings, with units, of the other columns, which have numbers.
+    :param names: headings of the first columns, which contain names.
+    :param figures: headings, with units, of the other columns, which contain numbers.
     :param wrap: whether names may take several lines.
     """
     table = Table(title=title, box=None, pad_edge=False, collapse_padding=True)
@@ -82,7 +82,7 @@ def _numbers(values: np.ndarray) -> str:
 
 def grasp_table(records: Sequence[PhaseRecord]) -> Table:
     """
-    Return a table of how the object is held in each phase, with the range over all analyses.
+    Return a table with the quality of the grasp in each phase, as ranges over all analyses.
 
     :param records: records of the phases.
     """

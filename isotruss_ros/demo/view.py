@@ -31,7 +31,7 @@ PERIOD = 0.2
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """
-    Run the nodes until Ctrl-C.
+    Run a simulated robot and a viewer until Ctrl-C.
 
     :param arguments: arguments of the command line; None: the arguments of the process.
     :return: 0 after Ctrl-C, 1 if a node has ended.

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-MuJoCo plant: simulation models of robot files, driven by rollers.
+MuJoCo plant: simulation of robots with rollers and objects in MuJoCo.
 
 Entry points: `plant.MujocoPlant`, `mjcf`, `driven_robot.DrivenRobot`.
 Imports `core` and MuJoCo.

@@ -2,12 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Actuators and sensors of an exported model, named after rollers, joints and objects.
+Actuators and sensors of an exported MuJoCo model, named after rollers, joints and objects.
 
 A roller is a slide joint with the roller's name; its position is the roller travel. The rest
 length of a member changes by phi_i - phi_j, the difference of the travels at its ends. So each
-elastic slide joint with position q, which has the share s of the member's length, is replaced by a
-fixed tendon with the same stiffness and the length q - s (phi_i - phi_j).
+elastic slide joint with position q, in a segment that is the fraction s of the member, is replaced
+by a fixed tendon with the same stiffness and the length q - s (phi_i - phi_j).
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ TENDON_ATTRIBUTES = ('stiffness', 'damping')
 
 def add_actuation(root: ET.Element, robot: Robot, objects: int, segments: Indices) -> None:
     """
-    Add a joint, an actuator and sensors of each roller, and sensors of joints and objects.
+    Add a joint, an actuator and sensors for each roller, and sensors for joints and objects.
 
     :param root: root element of the model of the robot at home, see `export_mjcf`.
     :param robot: the robot.

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Robot in MuJoCo with the interface of `core.SimulatedRobot`."""
+"""Robot and object in MuJoCo, with the interface of `core.SimulatedRobot`."""
 
 from __future__ import annotations
 
@@ -9,10 +9,12 @@ from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import Pose
+from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.simulation.simulated_robot import DrivenRollers, RollerFaults
 from isotruss_ros.mujoco_plant.options import PlantOptions
 from isotruss_ros.mujoco_plant.plant import MujocoPlant
 import numpy as np
+from numpy.typing import ArrayLike
 
 #: Simulated time in which the tubes come to rest on an object that is grasped at the start [s].
 SETTLING_TIME = 1.0
@@ -23,20 +25,21 @@ class DrivenRobot(DrivenRollers):
     Robot and object in MuJoCo, driven by rollers with encoders.
 
     :ivar plant: the robot in MuJoCo.
-    :ivar lag: total time that was not simulated, because a call of `advance` asked for more than
+    :ivar dropped: None, because MuJoCo reports no reason why an object is lost.
+    :ivar lag: total time that was skipped because `advance` was called with more than
         `longest_step` [s].
     :param robot: the robot, initially at home.
     :param body: the object at its pose.
-    :param is_free: whether the object is free from the start; if not, the object is fixed until
-        the tubes have come to rest on its surface.
+    :param is_free: whether the object is free from the start; if not, it is fixed until the tubes
+        have come to rest on its surface.
     :param options: masses, friction, gravity and mesh.
     :param faults: simulated faults of the rollers.
     :param seed: random seed of roller noise and slip.
     :param longest_step: longest simulated time in one call of `advance` [s].
     :raises PlantError: MuJoCo is not installed, or the start is unstable.
-    :raises GraspError: the robot does not have the roller that `faults` names as stuck.
+    :raises GraspError: a roller that `faults` names as stuck does not exist.
     :raises ConfigurationError: the slip of the rollers is out of its range.
-    :raises StructureError: the stiffness model has no stiffness at a member's length.
+    :raises StructureError: the stiffness model is invalid for the length of a member.
     """
 
     def __init__(
@@ -50,6 +53,7 @@ class DrivenRobot(DrivenRollers):
         longest_step: float = float('inf'),
     ) -> None:
         super().__init__(robot, faults, seed)
+        self.dropped = None
         self.plant = MujocoPlant(robot, [body], options)
         self._config = robot.home
         self.lag = 0.0
@@ -63,6 +67,25 @@ class DrivenRobot(DrivenRollers):
     def object_pose(self) -> Pose:
         """Return the object's pose in the robot frame."""
         return self.plant.object_pose()
+
+    @property
+    def joints(self) -> Array:
+        """Return the joint positions, (j, 2) [m]."""
+        return self.plant.nodes[: len(self._config.robot.topology.joint_names)]
+
+    @property
+    def normal_forces(self) -> dict[str, float]:
+        """Return the normal force of each member on the object [N]."""
+        return {name: force.normal for name, force in self.plant.contact_forces().items()}
+
+    def pull(self, wrench: ArrayLike) -> None:
+        """
+        Set the external wrench on the object.
+
+        :param wrench: wrench (fx, fy, m) about the centre of the object [N, N m].
+        :raises PlantError: the wrench is not finite.
+        """
+        self.plant.pull(wrench)
 
     def place_object(self, pose: Pose) -> None:
         """
@@ -79,8 +102,8 @@ class DrivenRobot(DrivenRollers):
         Simulate a time interval with the commanded roller speeds.
 
         :param duration: length of the interval, not negative [s].
-        :raises ConfigurationError: no configuration exists at the commanded roller travel; then
-            the rollers block.
+        :raises ConfigurationError: no configuration exists at the commanded roller travel, so the
+            rollers block.
         :raises PlantError: the simulation became unstable.
         """
         simulated = min(duration, self._longest_step)

@@ -2,12 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-MuJoCo model (MJCF) of the robot: hinged modules, tubes as chains of capsules.
+MuJoCo model (MJCF) of the robot, with hinged modules and tubes as chains of capsules.
 
 A module is hinged at its joint. At its point B a rigid guide arm BD is hinged. A chain of rigid
-capsules with elastic joints (see `springs`) leads from D to E' and ends in the guide arm E'C'. An
-equality constraint connects C' to the next module. The bisection of the angle between two members,
-equation (3), is one fixed tendon per module, linear in the joint angles.
+capsules with elastic joints (see `springs`) leads from D to the ring E' of the next module and
+ends in the guide arm E'C'. An equality constraint connects C' to this module. The bisection of the
+angle between two members, equation (3), is a fixed tendon at each module, whose length is linear
+in the joint angles.
 """
 
 from __future__ import annotations
@@ -57,9 +58,9 @@ def spring_damping(stiffness: Array, along: Array, options: PlantOptions) -> Arr
     Return the damping (k,) of elastic joints [N s/m or N m s].
 
     :param stiffness: (k,) stiffness of the joints [N/m or N m].
-    :param along: (k,) mask of slide joints along the tube. They have only the damping that keeps
-        the integration stable at this time step, because material losses would resist the rollers.
-    :param options: options, of which the material losses of the tubes and the time step are used.
+    :param along: (k,) mask of the slide joints along the tube. Their damping is only what keeps
+        the integration stable, because material losses would resist the rollers.
+    :param options: options, which contain the material losses of the tubes and the time step.
     """
     losses = np.where(along, 0.0, options.tube_relaxation)
     return stiffness * (losses + np.sqrt(ARMATURE_FACTOR) * options.time_step)
@@ -73,15 +74,15 @@ def export_mjcf(
     actuated: bool = False,
 ) -> str:
     """
-    Return a self-contained MJCF text of the robot at home.
+    Return the robot at home as a self-contained MuJoCo model (MJCF text).
 
     :param robot: the robot.
     :param objects: discs or convex objects at their poses.
-    :param options: masses, mesh and contact; None: defaults.
+    :param options: masses, mesh and contact parameters; None: defaults.
     :param segments: (m,) number of segments of each member; None: `options.segments`.
     :param actuated: whether the model has actuators for the rollers, and sensors. `MujocoPlant`
         needs neither, because it changes the lengths of the tubes itself.
-    :raises StructureError: the stiffness model has no stiffness at a member's length.
+    :raises StructureError: the stiffness model is invalid for the length of a member.
     """
     options = options or PlantOptions()
     counts = np.full(len(robot.member_names), options.segments) if segments is None else segments
@@ -122,7 +123,7 @@ def _add_options(root: ET.Element, options: PlantOptions) -> None:
 
 
 def _add_joints(world: ET.Element, robot: Robot, options: PlantOptions) -> list[ET.Element]:
-    """Add joints and modules, and return the XML elements of the modules."""
+    """Add joints and modules to the model, and return the XML elements of the modules."""
     topology, points = robot.topology, robot.home.points
     held = set(topology.grounded.tolist())
     bodies = []
@@ -159,7 +160,7 @@ def _add_joints(world: ET.Element, robot: Robot, options: PlantOptions) -> list[
 def _add_member(
     module: ET.Element, robot: Robot, i: int, count: int, springs: Springs, options: PlantOptions
 ) -> None:
-    """Add the chain of member i, from B of module i to C of the next module."""
+    """Add the chain of capsules of member i, from B of module i to C of the next module."""
     topology, points, file = robot.topology, robot.home.points, robot.description
     a, b = points[topology.joint[i]], points[topology.b[i]]
     angle = float(np.angle(points[topology.c[topology.following[i]]] - b))
@@ -226,7 +227,7 @@ def _add_constraints(
 def _add_object(
     world: ET.Element, equality: ET.Element, number: int, held: ConvexObject, options: PlantOptions
 ) -> ET.Element:
-    """Add an object with planar joints and constraints that can fix it; return its XML element."""
+    """Add an object that can move in the plane or be fixed; return its XML element."""
     name, radius, shape = f'object{number}', held.arm, held.shape
     mass = options.object_mass if held.mass is None else held.mass
     own = held.center_of_mass

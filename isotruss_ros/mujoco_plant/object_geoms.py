@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Objects as MuJoCo primitives that touch the tubes' capsules in the plane."""
+"""Objects as MuJoCo primitives, which touch the capsules of the tubes in the plane."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ def object_geoms(held: ConvexObject) -> list[dict[str, str]]:
     """
     Return the attributes of the geoms of an object in the frame of its body.
 
-    A disc is a sphere, an ellipse is an ellipsoid. A polygon has a capsule along each side and a
-    sphere at each corner.
+    A disc becomes a sphere, and an ellipse an ellipsoid. A polygon becomes a capsule along each
+    side and a sphere at each corner.
 
     :param held: the object at its pose.
     """

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-MuJoCo as an optional dependency, and the options of its model.
+Import of MuJoCo, which is an optional dependency, and the options of its model.
 
-The options are values that the robot file does not have: masses, damping, mesh and contact.
+The options are values that a robot file does not contain: masses, damping, mesh and contact.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ NONNEGATIVE_OPTIONS = (
 
 
 class PlantError(IsotrussError, ValueError):
-    """The MuJoCo plant cannot be created, or the simulation diverged."""
+    """Error: the MuJoCo plant cannot be created, or the simulation diverged."""
 
 
 @functools.cache
@@ -71,14 +71,15 @@ class PlantOptions:
     time_step: float = 0.002  #: time step of the integrator [s]
     segments: int = 8  #: number of segments of a member; with fewer, the squeeze is too small
     joint_drag: float = 5.0  #: viscous drag of each joint of the robot [N s/m]
-    #: relaxation time of a massless tube in bending and shear, due to material losses [s]
+    #: relaxation time of a massless tube in bending and shear, which represents material losses
+    #: [s]
     tube_relaxation: float = 0.1
     object_drag: float = 0.5  #: viscous drag of the ground on an object [N s/m]
     ground_friction: float = 0.0  #: friction force of the ground on an object [N]
     module_friction: float = 0.0  #: ground friction force on each joint with its modules [N]
     roller_lag: float = 0.0  #: time constant at which roller speeds follow commands [s]
-    #: largest force of a roller along the tube, which is its torque divided by its radius [N]. A
-    #: roller stops if its members resist the motion with a larger force.
+    #: largest force of a roller along the tube, which is the roller's torque divided by its radius
+    #: [N]. A roller stops if its members resist the motion with a larger force.
     roller_force: float = float('inf')
 
     def __post_init__(self) -> None:

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""MuJoCo plant whose tubes are driven by rollers."""
+"""Simulation of a robot with driven rollers and of objects in MuJoCo."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from isotruss_ros.mujoco_plant.springs import springs_of
 import numpy as np
 from numpy.typing import ArrayLike
 
-#: Row indices of end slides, middle slides and ring hinges in the table of stiffnesses.
+#: Indices of the rows for end slides, middle slides and ring hinges in the table of stiffnesses.
 END, MIDDLE, RING = 0, 1, 4
 TRANSVERSE_ROWS = (('y', 2), ('bend', 3))
-#: Number of steps between updates of stiffness and geometry to the member lengths [-].
+#: Number of time steps after which stiffness and geometry are adapted to the member lengths [-].
 UPDATE_INTERVAL = 10
 
 
@@ -36,20 +36,20 @@ class ContactForce(NamedTuple):
 
 class MujocoPlant:
     """
-    Simulated robot with objects in MuJoCo.
+    Robot with objects that is simulated in MuJoCo.
 
-    The rollers follow the commanded speeds with a lag and up to a largest force.
+    The rollers follow the commanded speeds with a lag, and exert at most a largest force.
 
     :ivar travel: (r,) travel of the tube through each roller since home [m].
-    :ivar text: MuJoCo's model at home as text (MJCF).
+    :ivar text: text (MJCF) of MuJoCo's model of the robot at home.
     :ivar model: MuJoCo's model (`MjModel`).
     :ivar data: MuJoCo's state (`MjData`).
     :param robot: the robot, initially at home.
     :param objects: discs or convex objects, free from the start.
-    :param options: masses, mesh and contact; None: defaults.
+    :param options: masses, mesh and contact parameters; None: defaults.
     :param segments: (m,) number of segments of each member; None: `options.segments`.
     :raises PlantError: MuJoCo is not installed.
-    :raises StructureError: the stiffness model has no stiffness at a member's length.
+    :raises StructureError: the stiffness model is invalid for the length of a member.
     """
 
     def __init__(
@@ -97,7 +97,7 @@ class MujocoPlant:
 
     def object_pose(self, number: int = 0) -> Pose:
         """
-        Return the pose of an object, with unwrapped angle.
+        Return the pose of an object, with an angle that is not wrapped to one turn.
 
         :param number: index of the object.
         """
@@ -106,7 +106,7 @@ class MujocoPlant:
 
     def hold_object(self, pose: ArrayLike, number: int = 0) -> None:
         """
-        Fix an object at a pose until its release.
+        Fix an object at a pose until it is released.
 
         :param pose: pose (x, y, angle) in the robot frame [m, rad].
         :param number: index of the object.
@@ -160,13 +160,13 @@ class MujocoPlant:
 
     def advance(self, duration: float, speeds: ArrayLike) -> None:
         """
-        Simulate whole steps; the remainder of the duration is added to the next call.
+        Simulate a duration in whole time steps; the rest is added to the next call.
 
         :param duration: simulated time, not negative [s].
         :param speeds: (r,) speeds of the tube through each roller [m/s].
         :raises PlantError: the simulation became unstable.
         :raises ConfigurationError: `speeds` does not have one finite number for each roller.
-        :raises StructureError: a member has no length.
+        :raises StructureError: the length of a member would not be positive.
         """
         commanded = self.robot.check_rollers(speeds, 'roller velocities [m/s]')
         self._due += duration
@@ -194,14 +194,14 @@ class MujocoPlant:
 
     def settle(self, duration: float = 2.0) -> None:
         """
-        Simulate with fixed rollers until the robot is at rest.
+        Simulate with fixed rollers for a time in which the robot comes to rest.
 
         :param duration: simulated time [s].
         """
         self.advance(duration, np.zeros_like(self.travel))
 
     def save(self) -> Array:
-        """Return MuJoCo's state for `restore`; it is valid until a roller moves."""
+        """Return MuJoCo's state for `restore`, which is possible until a roller moves."""
         kind = self._mj.mjtState.mjSTATE_INTEGRATION
         state = np.empty(self._mj.mj_stateSize(self.model, kind))
         self._mj.mj_getState(self.model, self.data, state, kind)
@@ -219,7 +219,7 @@ class MujocoPlant:
 
     def contact_forces(self, number: int = 0) -> dict[str, ContactForce]:
         """
-        Return the force on an object of each member in contact, by the name of the member.
+        Return the force on an object for the name of each member in contact.
 
         :param number: index of the object.
         """
@@ -293,7 +293,7 @@ class MujocoPlant:
         return int(self.model.body(name).id)
 
     def _driven_speeds(self, commanded: Array) -> Array:
-        """Return the speeds (r,) of the rollers, reduced by lag and force limit [m/s]."""
+        """Return the speeds (r,) of the rollers after lag and force limit [m/s]."""
         options, speeds = self.options, commanded
         if options.roller_lag > 0.0:
             passed = -math.expm1(-options.time_step / options.roller_lag)
@@ -311,7 +311,7 @@ class MujocoPlant:
         self.model.qpos_spring[self._slide_qpos] = self._slide_rest * change[self._slide_member]
 
     def _move_surface(self) -> None:
-        """Set each segment's surface speed to the tube material's speed along the segment."""
+        """Set the surface speed of each segment to the speed of the tube's material along it."""
         topology = self.robot.topology
         through = np.zeros(topology.n_modules)
         through[topology.driven] = self._speeds
@@ -323,7 +323,7 @@ class MujocoPlant:
         )
 
     def _refresh(self) -> None:
-        """Update stiffness, damping and geometry to the current member lengths."""
+        """Adapt stiffness, damping and geometry to the current member lengths."""
         self._since_refresh = 0
         lengths = self._home + self.robot.topology.incidence @ self.travel
         springs = springs_of(self.robot, lengths, self._counts)

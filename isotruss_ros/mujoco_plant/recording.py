@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Recordings of plant states, for rendering without the plant.
+Recordings of the states of a MuJoCo plant, from which pictures are rendered later.
 
-A file has the model as text and a sequence of states. A state has the time, MuJoCo's coordinates,
-and the lengths and positions of the tube segments, which change with roller travel. The file is
-readable after each written state.
+A file contains the model as text and a sequence of states. A state consists of the time, MuJoCo's
+coordinates, and the lengths and positions of the tube segments, which change with roller travel.
+The file can be read after each written state.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class PlantRecorder:
 
     :param plant: the plant.
     :param path: path of the file; an existing file is replaced.
-    :param rate: number of states per second of the times passed to `record` [Hz].
+    :param rate: number of recorded states per second of simulated time [Hz].
     :raises PlantError: the file cannot be written.
     """
 
@@ -44,7 +44,7 @@ class PlantRecorder:
 
     def record(self, time: float) -> None:
         """
-        Write the current state if the interval since the last written state has passed.
+        Write the current state if one is due.
 
         :param time: time of the state [s].
         """
@@ -63,17 +63,17 @@ class PlantRecorder:
 
 @dataclass(frozen=True, eq=False)
 class PlantRecording:
-    """Recorded states of a plant."""
+    """Recorded states of a MuJoCo plant."""
 
     text: str  #: text of the model (MJCF)
     times: Array  #: (n,) times of the states, increasing [s]
-    #: (n, k) states as rows; each has MuJoCo's coordinates, then the second component of the size
-    #: of each geom, then the first component of the position of each geom
+    #: (n, k) states as rows; each consists of MuJoCo's coordinates, the second component of the
+    #: size of each geom, and the first component of the position of each geom
     states: Array
 
     def at(self, time: float) -> Array:
         """
-        Return the last state (k,) at or before a time; the first state if there is none.
+        Return the last state (k,) at or before a time; the first state if none is earlier.
 
         :param time: time on the clock of the recording [s].
         """
@@ -83,7 +83,7 @@ class PlantRecording:
 
 def read_recording(path: Path) -> PlantRecording:
     """
-    Read a recording; an incomplete last state is left out.
+    Read a recording without its last state if this is incomplete.
 
     :param path: path of the file.
     :raises PlantError: the file cannot be read, or has no state.

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Correction of planned grasps by the squeeze and slip margin measured in MuJoCo."""
+"""Correction of planned grasps, so that squeeze and slip margin in MuJoCo are as planned."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ MAX_CORRECTION = 0.03
 
 
 class RefinedGrasp(NamedTuple):
-    """Grasp corrected by measurements in a plant."""
+    """Grasp that was corrected by measurements in a MuJoCo plant."""
 
-    #: planned grasp whose roller positions after the first contact are corrected; everything else
-    #: is as planned
+    #: planned grasp with corrected roller positions after the first contact; everything else is
+    #: unchanged
     grasp: PlannedGrasp
     measured: Array  #: (n, 2) squeeze and slip margin in each iteration [N]
     agrees: bool  #: whether the last measurement is within tolerance
@@ -41,15 +41,14 @@ def refine_grasp(grasp: PlannedGrasp, plant: MujocoPlant) -> RefinedGrasp:
     """
     Correct a planned grasp until squeeze and slip margin in the plant are as planned.
 
-    In each iteration the object is fixed at its planned pose, the tubes come to rest on it without
-    friction, and the object is released with friction. The rollers are corrected by the gradients
-    of squeeze and slip margin at the equilibrium of the released object.
+    In each iteration the object is fixed at its planned pose until the tubes rest on it without
+    friction; then it is released with friction. The rollers are corrected with the gradients of
+    squeeze and slip margin at the equilibrium of the released object.
 
     :param grasp: planned grasp with two grasping members.
     :param plant: plant with the same robot and object, without other objects and external loads.
     :raises PlantError: the simulation became unstable.
-    :raises GraspError: the model has no equilibrium near the pose that the object takes in the
-        plant.
+    :raises GraspError: the model has no equilibrium near the object's pose in the plant.
     """
     planned, found = np.array([grasp.squeeze, grasp.slip_margin]), []
     config, grip, step = grasp.config, grasp.grip, None
@@ -81,7 +80,7 @@ def refine_grasp(grasp: PlannedGrasp, plant: MujocoPlant) -> RefinedGrasp:
 
 
 def _press(plant: MujocoPlant, grasp: PlannedGrasp, travel: Array) -> None:
-    """Bring the tubes to rest on the object, fixed at its planned pose, and release the object."""
+    """Let the tubes rest on the object, fixed at its planned pose, and release the object."""
     plant.set_friction(0.0)
     plant.hold_object(PARKING_POSE)
     plant.advance(MOTION, (travel - plant.travel) / MOTION)

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Offscreen rendering of recorded states by MuJoCo with EGL on the processor."""
+"""Offscreen rendering of recorded states by MuJoCo, with EGL and without a graphics card."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ NORTH_UP, DOWN = 90.0, -90.0
 
 def require_egl() -> Any:
     """
-    Return MuJoCo's module of offscreen contexts.
+    Return MuJoCo's module for offscreen rendering with EGL.
 
     :raises PlantError: MuJoCo is not installed, or EGL is missing; the message names the remedy.
     """
@@ -54,7 +54,7 @@ def require_egl() -> Any:
 
 class PlantRenderer:
     """
-    Context manager that renders states of a recording in a fixed top view.
+    Context manager that renders states of a recording from a fixed camera above the robot.
 
     :ivar recording: recorded states.
     :param recording: recorded states.
@@ -86,7 +86,7 @@ class PlantRenderer:
         _error: BaseException | None,
         _trace: TracebackType | None,
     ) -> None:
-        """Release the context."""
+        """Release the rendering context."""
         self._drawing.free()
         # PyOpenGL raises if the display is already closed.
         with suppress(Exception):
@@ -137,7 +137,7 @@ class PlantRenderer:
         mj.mj_camlight(model, data)
 
     def _look_at_all(self) -> Any:
-        """Return a camera above the centre of all moving parts, which shows all of them."""
+        """Return a camera above the robot that shows all moving parts."""
         low, high = np.full(2, np.inf), np.full(2, -np.inf)
         states = self.recording.states
         for state in states[:: max(1, len(states) // EXTENT_SAMPLES)]:

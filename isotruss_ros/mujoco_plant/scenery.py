@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Visual elements of a MuJoCo model without contact: ground, light, joints, outlines."""
+"""Visual elements of a MuJoCo model that touch nothing: ground, light, joints, outlines."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def add_scenery(root: ET.Element, world: ET.Element, robot: Robot) -> None:
 
 def add_look(root: ET.Element, body: ET.Element, held: ConvexObject, thickness: float) -> None:
     """
-    Add a plate with the object's outline in the plane, and a mark of its orientation.
+    Add a visible plate with the object's outline, and a mark of its orientation.
 
     :param root: root element of the model.
     :param body: element of the object's body.

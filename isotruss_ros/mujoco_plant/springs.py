@@ -2,13 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Springs of a tube divided into rigid segments.
+Springs between the rigid segments into which a tube is divided.
 
 A long tube piece DE' of length L is divided into N segments of length l = L / N, each with one
-elastic joint in its middle. The compliance of a Timoshenko segment about its middle is diagonal: l
-/ EA, l / GA + l^3 / (12 EI), l / EI. So the end compliance of a member is exact for any N. The
-guide arms BD and CE, of length g, are pinned at B and C; a unit moment at D or E rotates an arm by
-g / (3 EI) + 1 / (GA g). The axial extension of the arms is added to the first and last segment.
+elastic joint in its middle. The compliance of a segment as a Timoshenko beam is diagonal if it is
+taken about its middle: l / EA, l / GA + l^3 / (12 EI), l / EI. So the compliance at the end of a
+member is exact for any N. The guide arms BD and CE, of length g, are pinned at B and C; a unit
+moment at D or E rotates an arm by g / (3 EI) + 1 / (GA g). The axial compliance of the arms is
+added to the first and the last segment.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ import numpy as np
 
 @dataclass(frozen=True, eq=False)
 class Springs:
-    """Stiffnesses of the elastic joints and length of the segments, for each member."""
+    """Stiffnesses of the elastic joints and length of the segments of each member."""
 
     segment: Array  #: (m,) length of a segment [m]
     middle_slide: Array  #: (m,) axial stiffness of the inner joints [N/m]
@@ -35,12 +36,12 @@ class Springs:
 
 def springs_of(robot: Mechanism, lengths: Array, segments: Indices) -> Springs:
     """
-    Return the springs of all members.
+    Return the springs of all members for given lengths.
 
     :param robot: robot with its stiffness model.
     :param lengths: (m,) unloaded lengths of the members between their pinch points [m].
     :param segments: (m,) number of segments of each member.
-    :raises StructureError: the stiffness model has no stiffness at a length.
+    :raises StructureError: the stiffness model is invalid for a length.
     """
     file = robot.description
     pressure = np.array(list(file.pressures.values()))[robot.topology.tube]

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Node `grasp_analysis`: it computes contact forces and force closure of the measured object."""
+"""Node `grasp_analysis`, which computes contact forces and force closure of a measured object."""
 
 from __future__ import annotations
 
@@ -28,6 +28,7 @@ from isotruss_ros.nodes.conversions.markers import to_marker_array
 from isotruss_ros.nodes.conversions.messages import make_header, name_aligned_frame
 from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.cycle import Cycle
+from isotruss_ros.nodes.framework.gate import Topic
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import Spec
 from isotruss_ros.nodes.framework.sensors import Inputs
@@ -85,20 +86,18 @@ class GraspAnalysisNode(ManagedNode):
         self._arrays = self.create_lifecycle_publisher(MarkerArray, 'grasp/markers', RELIABLE)
         self._transforms = TransformBroadcaster(self, self.robot)
         self.inputs = Inputs(self, self.robot, self._monitor)
-        self.inputs.keep_joint_states()
-        self.inputs.keep_object_pose()
-        self.inputs.keep_tube_pressures()
-        self.inputs.keep_held_grip()
-        self.inputs.keep(WrenchStamped, 'external_wrench', self._read_wrench, 'wrench')
+        self.inputs.keep('rollers', 'estimate', 'pose', 'pressures', 'held_grip')
+        wrenches = Topic(WrenchStamped, 'external_wrench', self._read_wrench)
+        self.inputs.keep_topic('wrench', wrenches)
 
     def _read_wrench(self, message: WrenchStamped) -> tuple[float, float, float]:
-        """Return the external wrench of a message in the aligned frame or the object's frame."""
+        """Return the external wrench in a message, given in the aligned or the object's frame."""
         pose = self._monitor.pose
         known = isinstance(pose, StampedInput)
         return read_external_wrench(message, self.robot.frame, pose.value.angle if known else None)
 
     def _make_query(self) -> GraspQuery:
-        """Return the query by the parameters; a described object's friction has precedence."""
+        """Return the query that the parameters define; the object's friction has precedence."""
         values = self.values
         body = self._described or ConvexObject(Disc(values.object_diameter))
         friction = values.friction if body.friction is None else body.friction
@@ -111,7 +110,7 @@ class GraspAnalysisNode(ManagedNode):
         self.create_service(AnalyzeGrasp, 'analyze_grasp', self._analyze)
 
     def _apply(self) -> None:
-        """Apply the parameters from the next cycle on."""
+        """Use the new parameters from the next cycle on."""
         self._monitor.query = self._make_query()
         self._monitor.timeout = self.values.command_timeout
         self._monitor.pressure_timeout = self.values.pressure_timeout
@@ -165,7 +164,7 @@ class GraspAnalysisNode(ManagedNode):
             self._forces.publish(message)
 
     def _draw(self, report: GraspReport) -> None:
-        """Publish markers at the frame rate if there is a subscriber."""
+        """Publish markers at the frame rate of RViz if there is a subscriber."""
         now = time.monotonic()
         if now - self._drawn >= MARKER_PERIOD and self._arrays.get_subscription_count():
             self._arrays.publish(to_marker_array(report, self.robot.frame, self.now()))

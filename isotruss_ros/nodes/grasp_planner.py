@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Node `grasp_planner`: it searches for grasps of a free object."""
+"""Node `grasp_planner`, which searches for grasps of a free object."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import FixedSpec
-from isotruss_ros.nodes.framework.sensors import Inputs, TrackedShape
-from isotruss_ros.nodes.framework.single_goal import BusyError, Ending, SingleGoal
+from isotruss_ros.nodes.framework.sensors import Inputs
+from isotruss_ros.nodes.framework.single_goal import BusyError, SingleGoal
 
 SPECS = (
     common.OBJECT,
@@ -33,18 +33,12 @@ SPECS = (
 #: Period at which the node checks whether a search has finished [s].
 POLLING_PERIOD = 0.02
 
-#: Final state of a goal for each outcome; a goal with any other outcome is aborted.
-ENDINGS = {
-    SearchOutcome.FOUND: Ending.SUCCEEDED,
-    SearchOutcome.CANCELLED: Ending.CANCELED,
-}
-
 
 class GraspPlanner(ManagedNode):
     """
-    Node that executes one search at a time, and refuses other goals during a search.
+    Node that executes one grasp search at a time, and refuses other goals meanwhile.
 
-    The search runs in its own thread and processes; a timer polls it.
+    The search runs in its own thread and processes; a timer checks whether it has finished.
     """
 
     node_name = 'grasp_planner'
@@ -56,9 +50,8 @@ class GraspPlanner(ManagedNode):
         """Subscribe to the joint states, and offer the action."""
         self._described = common.read_described(self.values)
         self._searcher = Searcher(self.values.workers)
-        self._shape = TrackedShape(self.robot, self.values.command_timeout)
-        self.inputs = Inputs(self, self.robot, self._shape)
-        self.inputs.keep_joint_states()
+        self.inputs = Inputs(self, self.robot)
+        self.inputs.keep('rollers', 'estimate')
         # Exists while the node is inactive as well, so that a goal that ends then gets its result.
         self._goal = SingleGoal(
             self,
@@ -94,17 +87,14 @@ class GraspPlanner(ManagedNode):
             return searching  # type: ignore[return-value]
         return {**searching, 'evaluations': progress.evaluations, 'grasps found': progress.found}
 
-    def _apply(self) -> None:
-        self._shape.timeout = self.values.command_timeout
-
     # -- The action --
 
     def _read(self, goal: PlanGrasp.Goal) -> tuple[Any, ...]:
-        """Return the arguments of the search that a goal requests."""
+        """Convert the goal of an action to the arguments of a search."""
         if self._goal.active:
             raise BusyError('another search is running: cancel it, or wait for its end')
         arguments = read_goal(goal, self.robot, self._described)
-        return self._shape.configuration(self.now()), *arguments
+        return self.inputs.configuration(self.now()), *arguments
 
     def _refuse(self, error: IsotrussError) -> PlanGrasp.Result:
         missing = isinstance(error, InputError | ConfigurationError)
@@ -120,7 +110,7 @@ class GraspPlanner(ManagedNode):
 
     def _poll(self) -> None:
         """Publish feedback of the search, or end the goal with its result."""
-        self._shape.track()
+        self.inputs.track()
         answer = self._searcher.answer()
         if answer is not None:
             self._end(answer)
@@ -137,6 +127,6 @@ class GraspPlanner(ManagedNode):
             )
 
     def _end(self, answer: Answer) -> None:
-        """Publish the result of the goal."""
+        """End the goal with the result of the search."""
         result = to_result_message(answer, self.robot)
-        self._goal.report_end(answer.outcome, ENDINGS, result, 'no search')
+        self._goal.report_end(answer.outcome, result, 'no search')

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Node `path_follower`: it moves the object along a path by twists for `manipulation`."""
+"""Node `path_follower`, which moves the object along a path by twists for `manipulation`."""
 
 from __future__ import annotations
 
@@ -23,10 +23,11 @@ from isotruss_ros.nodes.conversions.path_messages import read_object_path
 from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.commands import create_twist_publisher
 from isotruss_ros.nodes.framework.cycle import Cycle
+from isotruss_ros.nodes.framework.gate import Topic
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import Parameters, Spec
 from isotruss_ros.nodes.framework.sensors import Inputs
-from isotruss_ros.nodes.framework.single_goal import Ending, SingleGoal
+from isotruss_ros.nodes.framework.single_goal import SingleGoal
 import numpy as np
 
 SPECS = (
@@ -53,17 +54,10 @@ NO_FEEDBACK = FollowObjectPath.Feedback(
     position_error=np.nan, angle_error=np.nan, progress=0.0, time_left=np.nan
 )
 
-#: Final state of a goal for each outcome; a goal with any other outcome is aborted.
-ENDINGS = {
-    PathOutcome.REACHED: Ending.SUCCEEDED,
-    PathOutcome.CANCELLED: Ending.CANCELED,
-    PathOutcome.PREEMPTED: Ending.ABORTED,
-}
-
 
 class PathFollower(ManagedNode):
     """
-    Node that follows one path at a time, and publishes on `cmd_vel` only during a path.
+    Node that follows one path at a time, and publishes twists only while it follows a path.
 
     The callbacks of the action begin and end a goal; the control cycle publishes the twists.
     """
@@ -87,12 +81,9 @@ class PathFollower(ManagedNode):
             self, values.use_stamped_twist, self.robot.frame
         )
         self.inputs = Inputs(self, self.robot, self._servo)
-        self.inputs.keep_object_pose()
-        self.inputs.keep_joint_states()
-        self.inputs.keep(
-            ManipulationStatus, 'manipulation/status', _read_status, 'servo_feedback', 'status'
-        )
-        self.inputs.keep_held_grip()
+        self.inputs.keep('pose', 'rollers', 'estimate', 'held_grip')
+        statuses = Topic(ManipulationStatus, 'manipulation/status', _read_status, 'status')
+        self.inputs.keep_topic('servo_feedback', statuses)
         # Exists while the node is inactive as well, so that a goal that ends then gets its result.
         self._goal = SingleGoal(
             self,
@@ -124,14 +115,14 @@ class PathFollower(ManagedNode):
         return details  # type: ignore[return-value]
 
     def _apply(self) -> None:
-        """Apply the parameters; gains and tolerances apply from the next goal on."""
+        """Use the new parameters; gains and tolerances are used from the next goal on."""
         self._servo.timeout = self.values.command_timeout
         self._servo.period = 1.0 / self.values.rate
 
     # -- The action --
 
     def _read(self, goal: FollowObjectPath.Goal) -> tuple[ObjectPath | None, TrackingSettings]:
-        """Return path and settings of a goal; None as path if the object is at its only pose."""
+        """Return path and settings of a goal; the path is None if the object is already there."""
         values = self.values
         settings = TrackingSettings(
             goal.position_tolerance,
@@ -155,7 +146,7 @@ class PathFollower(ManagedNode):
         self._waiting = foreseen, path, settings
 
     def _begin_foreseen(self) -> None:
-        """Follow the path once its check is done, or abort the goal if the path is infeasible."""
+        """Follow the path after its feasibility check, or abort the goal if it is infeasible."""
         foreseen, path, settings = self._waiting
         if not foreseen.done():
             return
@@ -170,13 +161,13 @@ class PathFollower(ManagedNode):
         return _to_result(_find_outcome(error), str(error))
 
     def _end(self, outcome: PathOutcome, message: str) -> None:
-        """Publish a zero twist, and the result of the goal if there is one."""
+        """Publish a zero twist, and end the goal with its result if there is one."""
         if not self._goal.active:
             return
         self._waiting = None
         self._publish_twist(np.zeros(3))
         result = _to_result(outcome, message, self._servo.tracker, self._last)
-        self._goal.report_end(outcome, ENDINGS, result, 'no path to follow')
+        self._goal.report_end(outcome, result, 'no path to follow')
 
     # -- The cycle --
 
@@ -209,7 +200,7 @@ class PathFollower(ManagedNode):
 
 
 def _find_outcome(error: IsotrussError) -> PathOutcome:
-    """Return the outcome of a goal that an error ended: a missing input or an infeasible path."""
+    """Return the outcome of a goal that was ended by an error."""
     return PathOutcome.STOPPED if isinstance(error, InputError) else PathOutcome.BAD_GOAL
 
 
@@ -219,7 +210,7 @@ def _to_result(
     tracker: PathTracker | None = None,
     last: Tracking | None = None,
 ) -> FollowObjectPath.Result:
-    """Return the result of a goal; errors are NaN before the first cycle on the path."""
+    """Return the result message of a goal; errors are NaN before the first cycle on the path."""
     errors = {
         name: math.nan if last is None else getattr(source, name)
         for source, names in ((last, LAST_ERRORS), (tracker, TRACKED_ERRORS))
@@ -238,9 +229,10 @@ def _check_path(
     """
     Raise PathError if the model predicts that the held object slips along a path.
 
-    The prediction assumes the current squeeze. It starts from the grip of `manipulation` if that
-    node controls the squeeze. Nothing is checked if roller positions are missing, or if the object
-    is not held at the start of the path, because a pushed object has no slip margin.
+    The prediction assumes that the squeeze does not change. It starts from the equilibrium
+    reported by the node `manipulation` if that node controls the squeeze. Nothing is checked if
+    roller positions are missing, or if the object is not held at the start of the path, because an
+    object that is only pushed has no slip margin.
     """
     state = find_fresh(now, servo.timeout, servo.rollers)
     if state is None:

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Node `record`, which records the topics of the viewer to an MCAP file."""
+"""Node `record`, which records the topics that the viewer shows to an MCAP file."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import contextlib
 import json
 from pathlib import Path
 import time
-from typing import TYPE_CHECKING
+from typing import Any, TYPE_CHECKING
 
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped, Twist, WrenchStamped
@@ -54,17 +54,17 @@ WRITING_PERIOD = 0.5
 
 
 class RecordError(IsotrussError, OSError):
-    """A recording cannot be written."""
+    """Error: a recording cannot be written."""
 
 
 class Record(StoppableNode):
-    """Node that records every message of the viewer's topics from its start on."""
+    """Node that records every message of the topics that the viewer shows."""
 
     node_name = 'record'
     specs = SPECS
 
     def start(self) -> None:
-        """Create the subscriptions; nothing is written before the file is open."""
+        """Create the subscriptions; nothing is written before `begin` opens the file."""
         self._writer: Writer | None = None
         self._channels: dict[str, int] = {}
         self.count = 0
@@ -101,7 +101,7 @@ class Record(StoppableNode):
 
     def stop(self) -> None:
         """
-        Finish the file.
+        Complete and close the file.
 
         :raises RecordError: the disk is full.
         """
@@ -143,7 +143,7 @@ class Record(StoppableNode):
 
     @contextlib.contextmanager
     def _writing(self) -> Iterator[None]:
-        """Close the file if writing in the block fails because the disk is full."""
+        """Close the file if writing inside the `with` block fails because the disk is full."""
         try:
             yield
         except OSError as error:
@@ -159,18 +159,11 @@ class Record(StoppableNode):
 def _describe_quality(profile: QoSProfile) -> dict[str, object]:
     """Return a quality of service as a mapping with the keys and values of rosbag2."""
 
-    def parts(duration: Duration) -> dict[str, int]:
-        seconds, nanoseconds = divmod(duration.nanoseconds, 10**9)
-        return {'sec': seconds, 'nsec': nanoseconds}
+    def plain(value: Any) -> object:
+        if isinstance(value, Duration):
+            seconds, nanoseconds = divmod(value.nanoseconds, 10**9)
+            return {'sec': seconds, 'nsec': nanoseconds}
+        return getattr(value, 'short_key', value)
 
-    return {
-        'history': profile.history.short_key,
-        'depth': profile.depth,
-        'reliability': profile.reliability.short_key,
-        'durability': profile.durability.short_key,
-        'deadline': parts(profile.deadline),
-        'lifespan': parts(profile.lifespan),
-        'liveliness': profile.liveliness.short_key,
-        'liveliness_lease_duration': parts(profile.liveliness_lease_duration),
-        'avoid_ros_namespace_conventions': profile.avoid_ros_namespace_conventions,
-    }
+    names = [slot.strip('_') for slot in QoSProfile.__slots__]
+    return {name: plain(getattr(profile, name)) for name in names}

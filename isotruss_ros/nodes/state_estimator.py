@@ -27,7 +27,7 @@ from isotruss_ros.core.inputs import (
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.servo.decision import describe_squeeze
 from isotruss_ros.core.statics.sag import find_sag
-from isotruss_ros.nodes.conversions.estimate_messages import to_estimate_message
+from isotruss_ros.nodes.conversions.state_messages import to_estimate_message
 from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.managed import ManagedNode
@@ -72,27 +72,23 @@ SPECS = (
 
 
 class StateEstimatorNode(ManagedNode):
-    """Node that updates the estimate by new measurements and publishes it, in every cycle."""
+    """Node that updates and publishes the state estimate in every cycle."""
 
     node_name = 'state_estimator'
     specs = SPECS
     awaited = ('joint_states',)
     _estimator: StateEstimator | None = None
     _last: StateEstimate | None = None
-    #: Result in words of the last test whether the robot sags, and time of the test [s].
+    #: Sentence with the result of the last test whether the robot sags, and time of this test [s].
     _sag, _sought = '', -math.inf
-    rollers: Input = None
-    pose: Input = None
-    markers: Input = None
-    pressures: Input = None
 
     def configure(self) -> None:
         """Create the publisher and the subscriptions."""
-        self.inputs = Inputs(self, self.robot, self)
-        self.inputs.keep_encoders(take=self._take_encoders)
-        self.inputs.keep_object_pose(take=self._take_pose, oldest=HISTORY_DURATION)
-        self.inputs.keep_joint_markers(take=self._take_markers, oldest=HISTORY_DURATION)
-        self.inputs.keep_tube_pressures()
+        self.inputs = Inputs(self, self.robot)
+        self.inputs.keep('rollers', take=self._take_encoders)
+        self.inputs.keep('pose', take=self._take_pose, oldest=HISTORY_DURATION)
+        self.inputs.keep('markers', take=self._take_markers, oldest=HISTORY_DURATION)
+        self.inputs.keep('pressures')
         self._begin()
         self._estimates = self.create_lifecycle_publisher(
             StateEstimateMessage, 'state_estimate', RELIABLE
@@ -107,11 +103,11 @@ class StateEstimatorNode(ManagedNode):
         self.cycle = Cycle(self, self._step, self._begin)
 
     def cleanup(self) -> None:
-        """Release the robot."""
+        """Discard the robot and its estimator."""
         self._estimator = self._last = None
 
     def details(self) -> dict[str, object]:
-        """Return the used measurements and the faults of sensors by name for the diagnostics."""
+        """Return the used measurements and the faults of sensors for the diagnostics."""
         estimate = self._last
         if estimate is None:
             return {}
@@ -141,7 +137,7 @@ class StateEstimatorNode(ManagedNode):
         self._apply()
 
     def _apply(self) -> None:
-        """Set the estimator's object and its grasping members by the parameters."""
+        """Set object and grasping members of the estimator from the parameters."""
         values = self.values
         members = common.select_grip(self.robot, values)
         grip = Grip(members, common.read_body(values))
@@ -161,7 +157,7 @@ class StateEstimatorNode(ManagedNode):
         self._waiting.append(partial(estimator.take_markers, given.time, given.value, deviation))
 
     def _take_waiting(self) -> None:
-        """Update the estimate by new poses and markers; reject and log invalid measurements."""
+        """Update the estimate with new poses and markers; reject and log invalid ones."""
         waiting, self._waiting = self._waiting, []
         for take in waiting:
             try:
@@ -170,38 +166,38 @@ class StateEstimatorNode(ManagedNode):
                 self.warn('measurement', str(error))
 
     def _take_pressures(self, now: float) -> str:
-        """Use fresh measured pressures in the model; if there are none, return the reason."""
+        """Use measured pressures in the model if they are fresh; otherwise return the reason."""
         try:
-            found = fresh_pressures(now, self.values.pressure_timeout, self.pressures)
+            found = fresh_pressures(now, self.values.pressure_timeout, self.inputs.pressures)
         except InputError as error:
             return str(error)
         self._estimator.take_pressures(found)
         return ''
 
     def _find_sag(self, now: float, estimate: StateEstimate) -> str:
-        """Return a warning if the robot without object sags under its weight; else empty."""
+        """Return a warning if a robot without object sags under its weight, otherwise ''."""
         if not 0.0 <= now - self._sought < SAG_PERIOD:
             self._sought, self._sag = now, ''
-            if estimate.pose is None and isinstance(self.markers, StampedInput):
+            if estimate.pose is None and isinstance(self.inputs.markers, StampedInput):
                 readings = estimate.travel - estimate.offsets
-                sag = find_sag(self.robot.configuration(readings), self.markers.value)
+                sag = find_sag(self.robot.configuration(readings), self.inputs.markers.value)
                 self._sag = str(sag) if sag is not None and sag.is_upright else ''
         return self._sag
 
     def _step(self, now: float) -> None:
-        stale = self._take_pressures(now)
+        stale, inputs = self._take_pressures(now), self.inputs
         self._take_waiting()
         try:
-            require_fresh(now, self.values.command_timeout, joint_states=self.rollers)
+            require_fresh(now, self.values.command_timeout, joint_states=inputs.rollers)
             estimate = self._estimator.estimate()
         except IsotrussError as error:
-            bad = self.rollers is not None
+            bad = inputs.rollers is not None
             level = DiagnosticStatus.ERROR if bad else DiagnosticStatus.WARN
             self.diagnostics.set_status(level, str(error))
             return
         self._last = estimate
         self._estimates.publish(to_estimate_message(estimate, self.robot))
-        rejected = [_rejection(given) for given in (self.rollers, self.pose, self.markers)]
+        rejected = map(_rejection, (inputs.rollers, inputs.pose, inputs.markers))
         found = stale, *rejected, _describe_doubts(estimate), self._find_sag(now, estimate)
         doubts = '; '.join(filter(None, found))
         if doubts:
@@ -218,7 +214,7 @@ def _rejection(given: Input) -> str:
 
 
 def _describe_doubts(estimate: StateEstimate) -> str:
-    """Return the suspected faults in words; empty if there are none."""
+    """Return a sentence that names the suspected faults; empty if there are none."""
     doubts = []
     if estimate.swapped:
         doubts.append(f'swapped markers: {" and ".join(estimate.swapped)}')

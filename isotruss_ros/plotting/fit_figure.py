@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Figure like the paper's Fig. 4: measured points, the fitted beam, and power laws."""
+"""Figure like the paper's Fig. 4, with measured points, the fitted beam, and power laws."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def draw(analysis: Analysis, path: Path) -> None:
 
 
 def _middle(slopes: Sequence[Slope]) -> Slope:
-    """Return the slope of the group nearest to the middle pressure and length."""
+    """Return the slope of the group that is nearest to the median pressure and length."""
     places = np.log([[slope.group.pressure, slope.group.length] for slope in slopes])
     return slopes[int(np.argmin(np.abs(places - np.median(places, axis=0)).sum(axis=1)))]
 

@@ -36,7 +36,7 @@ def draw_forces(
     :param axes: axes in the robot frame [m].
     :param body: the object.
     :param analysis: analysis of the grasp.
-    :param scale: length of a force's arrow [m/N].
+    :param scale: length of an arrow per force [m/N].
     """
     for tail, tip in _resultants(body, analysis, scale):
         axes.annotate(
@@ -64,13 +64,13 @@ def plot_grasp(
     """
     Draw the object, deformed and undeformed tubes, contact regions and forces.
 
-    Tubes that wrinkle have a red outline. The title has the normal forces and the contact lengths.
+    Tubes that wrinkle have a red outline. The title contains normal forces and contact lengths.
 
     :param config: configuration of the robot.
     :param body: the object.
     :param analysis: analysis of the grasp in this configuration.
     :param axes: axes in the robot frame [m]; None: axes of a new figure.
-    :param scale: length of a force's arrow [m/N].
+    :param scale: length of an arrow per force [m/N].
     :return: the axes.
     """
     axes = axes or new_axes()
@@ -108,10 +108,10 @@ def describe_contacts(
     analysis: GraspAnalysis, normal_forces: Mapping[str, float] | None = None
 ) -> str:
     """
-    Return in words the normal force and contact length of each member in contact.
+    Return a text with the normal force and contact length of each member in contact.
 
     :param analysis: analysis of a grasp.
-    :param normal_forces: normal forces on the free object by member [N]; None: the forces of the
+    :param normal_forces: normal force on the free object for each member [N]; None: forces of the
         analysis, in which the object is fixed.
     """
     if not analysis.contact_forces:
@@ -122,14 +122,14 @@ def describe_contacts(
 
 
 def _list(numbers: Iterable[float], unit: str) -> str:
-    """Return rounded numbers with their unit as text; equal numbers are given once."""
+    """Return a text with rounded numbers and their unit; equal numbers appear once."""
     words = [f'{number:.0f}' for number in numbers]
     alike = len(words) > 1 and len(set(words)) == 1
     return f'{words[0]} {unit} each' if alike else f'{" + ".join(words)} {unit}'
 
 
 def _resultants(body: ConvexObject, analysis: GraspAnalysis, scale: float) -> Points:
-    """Return tail and tip (g, 2) of each member's resultant; the tip is at the mean contact."""
+    """Return tail and tip (g, 2) of an arrow for each member's resultant force."""
     lines = force_lines(body, analysis, scale)
     touching = analysis.normal_forces > 0.0
     forces, member = analysis.normal_forces[touching], analysis.members[touching]

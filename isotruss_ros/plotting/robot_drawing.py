@@ -95,7 +95,7 @@ def new_axes() -> Axes:
 
 def frame(axes: Axes, low: Array, high: Array) -> None:
     """
-    Set the limits of axes to a box, with equal scales of x and y.
+    Set the limits of axes so that a box is visible, with equal scales of x and y.
 
     :param axes: the axes.
     :param low: (2,) smallest x and y [m].

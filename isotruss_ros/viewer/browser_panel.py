@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Control panel of one browser, with the owner of the control and commands for that owner."""
+"""Control panel of one browser, which names the browser in control and has its commands."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ PANEL_ORDER = -9.0
 
 class BrowserPanel:
     """
-    Switch by which a browser requests control, and commands shown only to the browser in control.
+    Switch to request control, and commands that only the browser in control has.
 
     :param client: the browser.
-    :param choices: possible values of each request, by the name of the request.
-    :param leave: callback that receives the name and the value of a request; it runs in a thread
-        of the server.
+    :param choices: possible values for the name of each request.
+    :param leave: callback that receives the name and the value of a request, in a thread of the
+        server.
     """
 
     def __init__(
@@ -47,11 +47,11 @@ class BrowserPanel:
 
     def show(self, control: Control, wish: bool, values: Mapping[str, float | str]) -> None:
         """
-        Show which browser has control, and the values of the settings.
+        Show which browser is in control, and the values of the settings.
 
         :param control: state of the control.
         :param wish: whether this browser requests control.
-        :param values: values of the settings by the names of their requests.
+        :param values: value of each setting, for the name of its request.
         """
         mine = control.browser == self._number
         # Only for a refused request: a new one may have arrived since.

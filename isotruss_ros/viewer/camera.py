@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Pose of a browser's camera, with the whole robot in view beside the panel."""
+"""Pose of a browser's camera that shows the whole robot beside the panel."""
 
 from __future__ import annotations
 
@@ -36,10 +36,10 @@ Place = tuple[float, float, float]
 
 def place_camera(points: Points, aspect: float) -> tuple[Place, Place]:
     """
-    Return position and target of a camera above a robot [m].
+    Return position and target of a camera above a robot that shows all of it [m].
 
     :param points: (k,) points of the robot in its plane, x + iy [m].
-    :param aspect: width over height of the picture.
+    :param aspect: width of the picture divided by its height.
     """
     x, y = (0.5 * (float(part.max()) + float(part.min())) for part in (points.real, points.imag))
     width, height = (

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""State of the control by browsers: the browser in control and its commands."""
+"""State of the control by browsers: which browser is in control, and its commands."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ ZERO = (0.0, 0.0, 0.0)
 
 @dataclass
 class Control:
-    """Control by at most one browser, with the commands of this browser."""
+    """Control of the robot by at most one browser, with the commands of this browser."""
 
     browser: int | None = None  #: index of the browser in control; None without one
     drag: Drag | None = None  #: active drag; None without one
@@ -24,9 +24,11 @@ class Control:
 
     def pass_on(self, wishes: Mapping[int, bool]) -> None:
         """
-        Give control to a requesting browser once the owner of the control has left or released it.
+        Give control to a browser that requests it, if no other browser is in control.
 
-        :param wishes: whether each connected browser requests control, by its index.
+        A browser that has left or no longer requests control loses it.
+
+        :param wishes: for the index of each connected browser, whether it requests control.
         """
         if self.browser is not None and not wishes.get(self.browser, False):
             self.release()
@@ -39,9 +41,9 @@ class Control:
 
     def latch(self, stopped: bool) -> None:
         """
-        Discard the drag at an emergency stop, and refuse new drags until the stop is released.
+        At an emergency stop, discard the drag and refuse new ones until the stop is released.
 
-        :param stopped: whether an emergency stop is latched.
+        :param stopped: whether an emergency stop is set.
         """
         self.stopped = stopped
         if stopped:
@@ -51,11 +53,11 @@ class Control:
         self, target: tuple[float, float], begins: bool, now: float, turns: bool = False
     ) -> None:
         """
-        Move the target of the active drag, or start a drag if the handle was just grabbed.
+        Move the target of the active drag; if the handle was just grabbed, start a drag.
 
         :param target: (x, y) of the handle [m].
         :param begins: whether the handle was just grabbed.
-        :param now: time [s].
+        :param now: current time [s].
         :param turns: whether the handle rotates the object.
         """
         if self.stopped:

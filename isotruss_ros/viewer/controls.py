@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Controls of the view: a stop, handles to drag, and a panel for each browser.
+Controls of the view: a stop button, handles to drag, and a panel for each browser.
 
-Callbacks of browser events run in threads of the server. They only queue requests; the program
-that shows the view processes these requests in its own thread.
+Callbacks for events in browsers run in threads of the server. They only queue requests, which the
+program that shows the view processes in its own thread.
 """
 
 from __future__ import annotations
@@ -59,14 +59,14 @@ ball; the object follows. The orange ball turns it.
 
 class Controls:
     """
-    Controls that accept requests of the browser in control, and a stop from any browser.
+    Controls that accept a stop from any browser, and other requests from the one in control.
 
-    :ivar control: owner of the control and its commands.
+    :ivar control: browser in control and its commands.
     :param server: server of the view.
     :param picture: initial picture.
     :param friction: initial value of the friction slider.
-    :param timeout: timeout of the heartbeat of the browser in control [s].
-    :param report: callback that receives a sentence about each refused request.
+    :param timeout: longest time without a heartbeat of the browser in control [s].
+    :param report: callback that receives a sentence for each refused request.
     """
 
     def __init__(
@@ -117,9 +117,10 @@ class Controls:
 
     def take(self, now: float) -> list[tuple[str, float | str]]:
         """
-        Update which browser has control, and return the requests since the last call in order.
+        Update which browser is in control, and return the requests since the last call in order.
 
-        :param now: time on the robot's clock, which may run slower than the browsers' clocks [s].
+        :param now: current time on the robot's clock, which may run slower than the browsers'
+            clocks [s].
         :return: name and value of each request.
         """
         clients = self._server.get_clients()
@@ -179,7 +180,7 @@ class Controls:
         )
 
     def _sort(self, name: str, value: object, now: float) -> list[tuple[str, float | str]]:
-        """Apply a request to the controls; return the request if the viewer must execute it."""
+        """Apply a request that concerns the controls; return any other request for the viewer."""
         control = self.control
         if name == TARGET:
             self._move_handle(*value, now)  # type: ignore[call-arg, misc]
@@ -200,7 +201,7 @@ class Controls:
         return [] if value == INITIAL_CHOICE else [(name, value)]  # type: ignore[list-item]
 
     async def _drag(self, name: str, event: viser.SceneNodeDragEvent) -> None:
-        """Queue a drag event; the server's event loop calls this, which preserves the order."""
+        """Queue a drag event; the server's event loop calls this, so the order is preserved."""
         begins = event.phase == 'start'
         drag = (begins, event.start_position[:2], event.end_position[:2])
         self._requests.put((event.client_id, name, drag))
@@ -208,7 +209,7 @@ class Controls:
     def _move_handle(
         self, begins: bool, grabbed: tuple[float, float], pointer: tuple[float, float], now: float
     ) -> None:
-        """Move the handle such that the point at which it was grabbed follows the pointer."""
+        """Move the handle so that the point at which it was grabbed follows the pointer."""
         if begins:
             x, y, _ = self._handle.position
             self._grip = (x - grabbed[0], y - grabbed[1])
@@ -220,7 +221,7 @@ class Controls:
     def _move_turner(
         self, begins: bool, grabbed: tuple[float, float], pointer: tuple[float, float], now: float
     ) -> None:
-        """Rotate the handle by the rotation of the pointer about the object since the grab."""
+        """Rotate the handle by the angle that the pointer has moved around the object."""
         x, y, _ = self._handle.position
         angle, start = (math.atan2(place[1] - y, place[0] - x) for place in (pointer, grabbed))
         if begins:

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Velocity of an object or joint toward the position to which its handle was dragged."""
+"""Velocity that moves an object or joint to the position to which its handle was dragged."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import math
 
 #: Distance of the rotation handle from the object's centre [m].
 LEVER_LENGTH = 0.35
-#: Speed over the distance from the target [1/s], and distance from the target at which the motion
-#: ends [m].
+#: Ratio of the speed to the distance from the target [1/s], and distance from the target at which
+#: the motion ends [m].
 GAIN, REACHED = 2.0, 0.001
 #: Smallest ratio of the executed to the commanded motion [-], and time over which the ratio is
 #: averaged [s].
@@ -22,10 +22,10 @@ class Drag:
     Motion of an object or joint to the position to which the user dragged its handle.
 
     :ivar target: position (x, y) to which the handle was dragged [m].
-    :ivar turns: whether the drag rotates the object; if it does, the target and the positions are
-        paths along a circle, see `place_on_circle`.
+    :ivar turns: whether the drag rotates the object. Then the target and all positions are arc
+        lengths along a circle, see `place_on_circle`.
     :param target: initial target (x, y) [m].
-    :param now: time at the start, on the same clock as in `follow` and `is_stuck` [s].
+    :param now: current time, on the same clock as in `follow` and `is_stuck` [s].
     :param turns: whether the drag rotates the object.
     """
 
@@ -42,7 +42,7 @@ class Drag:
 
         :param position: position (x, y) of the dragged part [m].
         :param max_speed: largest speed [m/s].
-        :param now: time [s].
+        :param now: current time [s].
         """
         # Along the commanded direction: the target may move faster than the dragged part.
         (x, y), (vx, vy) = self._position, self._velocity
@@ -62,18 +62,17 @@ class Drag:
         """
         Return whether the part has not approached the target for `PATIENCE` seconds.
 
-        :param now: time [s].
+        :param now: current time [s].
         """
         return abs(now - self._since) >= PATIENCE
 
 
 def place_on_circle(angle: float, near: float = 0.0) -> tuple[float, float]:
     """
-    Return the position of the rotation handle as (path, 0), with the path along its circle [m].
+    Return the position (s, 0) of the rotation handle, with the arc length s on its circle [m].
 
     :param angle: angle of the object [rad].
-    :param near: path that selects the turn: the returned path differs from `near` by at most half
-        a turn [m].
+    :param near: arc length from which s differs by at most half a turn [m].
     """
     begin = near / LEVER_LENGTH
     return LEVER_LENGTH * (begin + math.remainder(angle - begin, 2.0 * math.pi)), 0.0

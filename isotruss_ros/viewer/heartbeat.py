@@ -2,12 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Heartbeats that the pages of a view send, and the notice in a page that lost the server.
+Heartbeats that the pages of a view send, and the notice in a page that has lost the server.
 
-A script in the page sends a message ten times a second from its main thread. The script uses the
-websocket of viser through viser's worker, which the script captures when the page creates this
-worker. A worker of the script times the messages, because browsers slow down the timers of hidden
-pages. The heartbeat has the type of a response in viser's protocol, but answers no request.
+A script in the page sends a message ten times a second from the page's main thread. It uses
+viser's websocket through viser's worker, which the script captures when the page creates it. The
+messages are timed by another worker, because browsers slow down the timers of hidden pages. In
+viser's protocol the heartbeat has the type of a response, but belongs to no request.
 """
 
 from __future__ import annotations
@@ -48,9 +48,9 @@ SCRIPT = """<script>
 
 class Heartbeats:
     """
-    Time of the last heartbeat of each page.
+    Times of the last heartbeats of all pages.
 
-    :param server: server whose pages have `SCRIPT`.
+    :param server: server whose pages contain `SCRIPT`.
     """
 
     def __init__(self, server: viser.ViserServer) -> None:

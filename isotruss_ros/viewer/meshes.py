@@ -47,7 +47,7 @@ def tube_vertices(line: Points, diameter: float, samples: int) -> Array:
 
 def tube_faces(samples: int) -> Indices:
     """
-    Return the triangles (f, 3) of a tube as indices of the vertices of `tube_vertices`.
+    Return the triangles (f, 3) of a tube, as indices of the vertices of `tube_vertices`.
 
     :param samples: number of cross sections.
     """
@@ -81,7 +81,7 @@ def color_of(utilisation: float) -> tuple[int, int, int]:
     """
     Return the colour (r, g, b), 0 to 255, of a tube for its utilisation.
 
-    :param utilisation: largest bending moment over the wrinkling moment [-].
+    :param utilisation: ratio of the largest bending moment to the wrinkling moment [-].
     """
     red, green, blue = (
         int(np.interp(utilisation, UTILISATION_LEVELS, channel)) for channel in COLORS.T

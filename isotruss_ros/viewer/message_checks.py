@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Checks of messages from any publisher or file before they are displayed."""
+"""Checks of messages before they are displayed, as they may come from any publisher or file."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ import numpy as np
 
 #: Namespaces of grasp_analysis's markers that are drawn.
 DEFORMED, REGIONS, FORCES = 'deformed', 'contact_regions', 'contact_forces'
-#: Divisor of the number of points of a marker, by namespace: six points are two triangles of a
-#: contact region, two points are the ends of an arrow.
+#: Number that divides the number of points of a marker, for each namespace: six points are two
+#: triangles of a contact region, two points are the ends of an arrow.
 GROUPS = {DEFORMED: 1, REGIONS: 6, FORCES: 2}
 #: Smallest status code of a grasp analysis without result.
 MIN_CODE_WITHOUT_RESULT = 10
@@ -24,14 +24,14 @@ MAX_DISTANCE = 1e4
 
 
 class PictureError(IsotrussError, ValueError):
-    """A message cannot be displayed."""
+    """Error: a message cannot be displayed."""
 
 
 def read_travel(message: Any, names: tuple[str, ...]) -> dict[str, float]:
     """
-    Return the travel of each roller in a message, by the name of the roller [m].
+    Return the travel for the name of each roller in a message [m].
 
-    :param message: sensor_msgs/JointState, which may have all rollers, some or none.
+    :param message: sensor_msgs/JointState with all rollers, some or none.
     :param names: names of the rollers.
     :raises PictureError: a position is invalid, or the numbers of positions and names differ.
     """
@@ -62,7 +62,7 @@ def read_pose(message: Any) -> Pose:
 
 def check_pose(pose: Pose) -> None:
     """
-    Raise PictureError for an invalid pose.
+    Raise PictureError if a pose is invalid.
 
     :param pose: pose in the robot frame.
     :raises PictureError: a number is not finite or out of range.
@@ -73,7 +73,7 @@ def check_pose(pose: Pose) -> None:
 
 def check_state(message: Any, members: int) -> None:
     """
-    Raise PictureError for a grasp analysis of another robot.
+    Raise PictureError if a grasp analysis belongs to another robot.
 
     :param message: isotruss_msgs/GraspState.
     :param members: number of members of the robot.
@@ -91,7 +91,7 @@ def check_state(message: Any, members: int) -> None:
 
 def check_status(message: Any) -> None:
     """
-    Raise PictureError for an unknown status.
+    Raise PictureError if a status code is unknown.
 
     :param message: isotruss_msgs/ManipulationStatus.
     :raises PictureError: the status code is unknown.
@@ -105,8 +105,8 @@ def read_line(marker: Any) -> Array:
     Return the points (k, 3) of a marker [m].
 
     :param marker: visualization_msgs/Marker of one of the namespaces of `GROUPS`.
-    :raises PictureError: a point is invalid, the number of points is no multiple of `GROUPS`, or a
-        line has no length.
+    :raises PictureError: a point is invalid, the number of points is not a multiple of the number
+        in `GROUPS`, or a line has no length.
     """
     points = np.array([(p.x, p.y, p.z) for p in marker.points], dtype=float).reshape(-1, 3)
     what = f'markers: {marker.ns} {marker.id}'

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from isotruss_ros.core import IsotrussError
 
-#: Name of the object as part that can be dragged, and requests to stop and to release the stop.
+#: Name of the object as a part that can be dragged, and requests to stop and to release the stop.
 OBJECT, STOP, RELEASE = 'object', 'stop', 'release'
 #: Requests to pick up and to place the object.
 PICK, PLACE = 'pick', 'place'
@@ -31,7 +31,7 @@ LOCAL = '127.0.0.1'
 
 
 class MissingPackageError(IsotrussError, ImportError):
-    """A package of the extra `viewer` is not installed."""
+    """Error: a package that the extra `viewer` would install is missing."""
 
     def __init__(self, error: ImportError) -> None:
         super().__init__(

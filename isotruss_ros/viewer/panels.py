@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Status texts, and plots of squeeze and pose error over time."""
+"""Panels with status texts, and with plots of squeeze and pose error over time."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ import numpy as np
 import viser
 from viser import uplot
 
-#: Number of updates of the texts for each update of the plots, which cause most of the traffic
-#: [-].
+#: Number of updates of the texts for each update of the plots, which cause most of the network
+#: traffic [-].
 PLOT_INTERVAL = 5
 
 
@@ -35,7 +35,7 @@ A truss robot of inflated tubes, seen from above; roller modules at its corners 
 
 class Panels:
     """
-    Status texts and plots beside the scene.
+    Panels with status texts and plots beside the scene.
 
     :param server: server of the view.
     """
@@ -82,7 +82,7 @@ class Panels:
 
 def describe(picture: Picture, now: float) -> str:
     """
-    Return the state of grasp and manipulation in words, as Markdown.
+    Return a text in Markdown about the state of grasp and manipulation.
 
     :param picture: displayed state.
     :param now: time on the clock of the picture's messages [s].

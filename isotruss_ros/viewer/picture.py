@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Displayed state, updated from messages.
+State that a view displays, updated from messages.
 
-Messages are read by the names of their fields, so messages of rclpy and messages that were read
-from a recording without ROS are treated alike.
+Messages are read by the names of their fields, so those of rclpy and those read from a recording
+without ROS are treated alike.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ EMPTY_CURVE = (np.array([-1.0, 0.0]), np.array([np.nan, np.nan]))
 @dataclass
 class Picture:
     """
-    Displayed state of the robot, from the latest messages.
+    State of robot and object that a view displays, from the latest messages.
 
     :ivar config: configuration at the last measured roller positions.
     """
@@ -66,8 +66,8 @@ class Picture:
     goal_report: str = ''  #: state of the last goal in words; empty before the first goal
     state: Any = None  #: last message grasp/state; None before the first
     status: Any = None  #: last message manipulation/status; None before the first
-    #: points (k, 3) [m] of each marker, by its namespace and id; the points are those of a line,
-    #: of the triangles of a contact region, or the ends of arrows
+    #: points (k, 3) [m] for the namespace and id of each marker; they are the points of a line,
+    #: the corners of the triangles of a contact region, or the ends of arrows
     lines: dict[tuple[str, int], Array] = field(default_factory=dict)
     #: samples of the plots: time [s], mean normal force of the grasping members [N], and distance
     #: of the object from its goal [m]; NaN if unknown
@@ -90,7 +90,7 @@ class Picture:
         Return whether the last message of a topic is at most `MESSAGE_TIMEOUT` old.
 
         :param name: `joint_states`, `object_pose`, `state`, `status` or `markers`.
-        :param now: time on the clock of the messages' arrival [s].
+        :param now: current time on the clock of the messages' arrival [s].
         """
         return now - self._received.get(name, -math.inf) < MESSAGE_TIMEOUT
 
@@ -147,7 +147,7 @@ class Picture:
 
     def receive_status(self, message: Any, now: float) -> None:
         """
-        Update the status of the manipulation.
+        Update the status of the manipulation node.
 
         :param message: isotruss_msgs/ManipulationStatus.
         :param now: time of arrival [s].
@@ -179,10 +179,10 @@ class Picture:
 
     def select_lines(self, name: str, now: float) -> list[Array]:
         """
-        Return the points of a namespace's markers in the order of their ids; empty if too old.
+        Return the points of all markers of a namespace, ordered by id; empty if too old.
 
         :param name: namespace of the markers.
-        :param now: time on the clock of the messages' arrival [s].
+        :param now: current time on the clock of the messages' arrival [s].
         """
         if not self.is_fresh('markers', now):
             return []
@@ -192,7 +192,7 @@ class Picture:
         """
         Return whether the object is held; None if unknown.
 
-        :param now: time on the clock of the messages' arrival [s].
+        :param now: current time on the clock of the messages' arrival [s].
         """
         if not self.is_fresh('state', now) or self.state.code >= MIN_CODE_WITHOUT_RESULT:
             return None
@@ -200,17 +200,17 @@ class Picture:
 
     def is_stopped(self, now: float) -> bool:
         """
-        Return whether the manipulation reports a latched emergency stop.
+        Return whether the manipulation node reports that an emergency stop is set.
 
-        :param now: time on the clock of the messages' arrival [s].
+        :param now: current time on the clock of the messages' arrival [s].
         """
         return self.is_fresh('status', now) and self.status.code == Status.HALT_EMERGENCY_STOP
 
     def describe_manipulation(self, now: float) -> str:
         """
-        Return the status of the manipulation in words.
+        Return a text with the status of the manipulation node.
 
-        :param now: time on the clock of the messages' arrival [s].
+        :param now: current time on the clock of the messages' arrival [s].
         """
         if not self.is_fresh('status', now):
             return 'no manipulation'
@@ -220,9 +220,9 @@ class Picture:
 
     def describe_squeeze(self, now: float) -> str:
         """
-        Return the estimated squeeze in words; empty without squeeze control.
+        Return a text with the estimated squeeze; empty without squeeze control.
 
-        :param now: time on the clock of the messages' arrival [s].
+        :param now: current time on the clock of the messages' arrival [s].
         """
         if not self.is_fresh('status', now) or math.isnan(self.status.squeeze):
             return ''
@@ -230,9 +230,9 @@ class Picture:
 
     def describe_hindrance(self, now: float, span: float) -> str:
         """
-        Return in words the limit that reduced the motion most often within an interval.
+        Return a text with the limit that reduced the motion most often in an interval.
 
-        :param now: time on the clock of the messages' arrival [s].
+        :param now: current time on the clock of the messages' arrival [s].
         :param span: length of the interval, which ends now [s].
         """
         lately = [status for time, status in self._statuses if now - time <= span]
@@ -245,9 +245,9 @@ class Picture:
 
     def sample(self, now: float) -> None:
         """
-        Add a sample to the plots.
+        Add a sample of squeeze and pose error to the plots.
 
-        :param now: time on the clock of the messages' arrival [s].
+        :param now: current time on the clock of the messages' arrival [s].
         """
         squeeze = error = math.nan
         if self.is_held(now) is not None and len(self.state.squeeze):

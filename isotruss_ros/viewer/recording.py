@@ -30,11 +30,11 @@ MAX_RECORD_SIZE = 2**30
 
 
 class RecordingError(IsotrussError, ValueError):
-    """A recording has no messages to display."""
+    """Error: a recording contains no messages that can be displayed."""
 
 
 class BrokenRecordingError(RecordingError):
-    """A recording is damaged; the part before the damage was read."""
+    """Error: a recording is damaged; the part before the damage was read."""
 
 
 def read_recording(path: Path) -> Iterator[tuple[float, str, Any]]:
@@ -84,7 +84,7 @@ def read_recording(path: Path) -> Iterator[tuple[float, str, Any]]:
 
 def show_message(picture: Picture, topic: str, message: Any, now: float) -> None:
     """
-    Update a picture by a message.
+    Update a picture from a message.
 
     :param picture: the picture.
     :param topic: name of the topic, with or without namespace.
@@ -101,7 +101,7 @@ def show_message(picture: Picture, topic: str, message: Any, now: float) -> None
 
 
 def _find_name(topic: str) -> str | None:
-    """Return the key in `RECEIVERS` of a topic; None if a view does not display the topic."""
+    """Return the key of a topic in `RECEIVERS`; None if a view does not display the topic."""
     names = (name for name in RECEIVERS if topic == name or topic.endswith(f'/{name}'))
     return next(names, None)
 

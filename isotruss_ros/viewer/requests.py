@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Requests of a browser: settings with their bounds, and checks of values."""
+"""Requests that a browser may send: settings with their bounds, and checks of values."""
 
 from __future__ import annotations
 
@@ -36,12 +36,12 @@ BUTTONS = (STOP, RELEASE, RESET, PICK, PLACE)
 
 
 class RequestError(IsotrussError, ValueError):
-    """A browser sent a value that its controls cannot send."""
+    """Error: a browser sent a value that its controls cannot send."""
 
 
 @dataclass(frozen=True)
 class Setting:
-    """Slider for a setting."""
+    """Setting that a slider changes."""
 
     name: str  #: name of the request
     label: str  #: displayed name
@@ -64,11 +64,11 @@ BOUNDS = {setting.name: setting.bounds for setting in (*SETTINGS, *WRENCH)}
 
 def check_request(name: str, value: object, choices: Mapping[str, Sequence[str]]) -> None:
     """
-    Raise RequestError for a value that the slider or list of a request cannot send.
+    Raise RequestError if a request has a value that its slider or list cannot send.
 
     :param name: name of the request.
     :param value: received value.
-    :param choices: possible values of each request that selects from a list, by its name.
+    :param choices: possible values for the name of each request that selects from a list.
     :raises RequestError: the value is out of bounds, or not among the choices, or not a valid
         drag.
     """
@@ -92,7 +92,7 @@ def check_request(name: str, value: object, choices: Mapping[str, Sequence[str]]
 
 def list_choices(joints: Sequence[str]) -> dict[str, Sequence[str]]:
     """
-    Return the possible values of each request that selects from a list, by its name.
+    Return the possible values for the name of each request that selects from a list.
 
     :param joints: names of the joints that can be dragged.
     """

@@ -120,7 +120,7 @@ class Scene:
         self._show_lines(self._forces, forces, top)
 
     def _fit_cameras(self, picture: Picture) -> None:
-        """Fit the whole robot into an upright screen once the page has set its initial camera."""
+        """Show the whole robot on an upright screen after the page has set its initial camera."""
         for number, client in self._server.get_clients().items():
             camera = client.camera
             begins = np.allclose(camera.position, self._server.initial_camera.position, atol=0.01)

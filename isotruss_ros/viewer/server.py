@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Server of a view on its own port, with access control for its page and websocket.
+Server of a view, with access control for its page and websocket.
 
-viser 1.1.1 takes another port if the requested one is in use, hangs if an address cannot be bound,
-and accepts requests of pages from any origin. So this module gives viser a bound socket and the
-options of `websockets` that viser does not set.
+viser 1.1.1 uses another port if the requested one is taken, hangs if an address cannot be bound,
+and accepts requests from pages of any origin. So this module passes a bound socket to viser, and
+sets options of `websockets` that viser does not set.
 """
 
 from __future__ import annotations
@@ -49,14 +49,14 @@ _quiet = logging.Logger('isotruss_ros.viewer', logging.CRITICAL)
 
 
 class ViewError(IsotrussError, RuntimeError):
-    """The view cannot be served."""
+    """Error: the server of a view cannot be started."""
 
 
 class Gate:
     """
-    Access control of a server: it admits only its own pages; other machines need a token.
+    Access control of a server, which admits only its own pages; other machines need a token.
 
-    :ivar origins: allowed origins of the websocket.
+    :ivar origins: origins of the pages that may open the websocket.
     :ivar address: address to open in a browser, with a token if required.
     :param bound: bound socket of the server.
     """
@@ -83,9 +83,9 @@ class Gate:
 
     def guard(self, answer: Answer) -> Answer:
         """
-        Return a handler that refuses requests without access.
+        Return a handler that refuses requests that have no access.
 
-        :param answer: handler of the requests with access; None for requests to the websocket.
+        :param answer: handler for requests that have access; None for requests to the websocket.
         """
 
         def answer_or_refuse(connection: ServerConnection, request: Request) -> Response | None:
@@ -110,7 +110,7 @@ class Gate:
         return answer_or_refuse
 
     def _has_token(self, request: Request) -> bool:
-        """Return whether the address of a request has the token."""
+        """Return whether the address of a request contains the token."""
         given = parse_qs(urlsplit(request.path).query).get('token', [''])
         return self._is_token(given[0])
 
@@ -125,15 +125,15 @@ class Gate:
 
 
 class _Server(viser.ViserServer):
-    """Server without viser's tunnel, by which a page could open the server to the internet."""
+    """Server without viser's tunnel, with which a page could open the server to the internet."""
 
     def request_share_url(self, verbose: bool = True) -> None:
-        """Refuse a tunnel to the network, which a page can request by a message."""
+        """Refuse to open a tunnel to the internet, which a page can request by a message."""
 
 
 def open_server(host: str, port: int) -> tuple[viser.ViserServer, str]:
     """
-    Start a server; return it and the address to open in a browser.
+    Start a server; return the server, and the address to open in a browser.
 
     :param host: address of this machine to bind; 0.0.0.0: all addresses.
     :param port: port of the server; 0: any free port.
@@ -175,7 +175,7 @@ def _bind(host: str, port: int) -> socket.socket:
 
 @contextlib.contextmanager
 def _serving(bound: socket.socket, gate: Gate) -> Iterator[list[bool]]:
-    """Let servers of `websockets` that start in the block use a socket and an access control."""
+    """Make servers of `websockets` started inside the `with` block use a socket and a gate."""
     module, served = websockets.asyncio.server, []
     serve = module.serve
 
@@ -201,7 +201,7 @@ def _serving(bound: socket.socket, gate: Gate) -> Iterator[list[bool]]:
 
 
 def _find_address() -> str:
-    """Return this machine's address on its network; without a network, the loopback address."""
+    """Return this machine's address in its network, or without network the loopback address."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
             probe.connect(REMOTE_ADDRESS)

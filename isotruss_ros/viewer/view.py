@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Live view, served to browsers."""
+"""Live view of a robot, served to browsers."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from isotruss_ros.viewer.server import open_server
 
 class View:
     """
-    Live view with scene and panels; a node that moves a robot adds `Controls`.
+    Live view with scene and panels; `Controls` are added by nodes that move a robot.
 
     :ivar server: server of the view.
     :ivar picture: displayed state.
@@ -24,7 +24,7 @@ class View:
     :param picture: displayed state.
     :param host: address to which the server is bound.
     :param port: port of the server; 0: any free port.
-    :raises ViewError: the address cannot be served.
+    :raises ViewError: the server cannot be started at this address.
     """
 
     def __init__(self, picture: Picture, host: str, port: int) -> None:
@@ -40,7 +40,7 @@ class View:
         """
         Show the current state of the picture.
 
-        :param now: time on the clock of the picture's messages [s].
+        :param now: current time on the clock of the picture's messages [s].
         """
         with self.server.atomic():
             self._scene.update(self.picture, now)

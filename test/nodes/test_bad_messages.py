@@ -27,10 +27,11 @@ from hypothesis import strategies as st
 from isotruss_msgs.msg import GraspState, ManipulationStatus
 from isotruss_msgs.srv import AnalyzeGrasp
 from isotruss_ros.core import Pose, Status, TwistServo
+from isotruss_ros.core.estimation.roller_parts import RollerParts
 from isotruss_ros.core.inputs import RejectedInput, StampedInput
 from isotruss_ros.core.servo.servo_settings import ServoSettings
-from isotruss_ros.nodes.conversions.joint_state_messages import read_roller_state
 from isotruss_ros.nodes.conversions.messages import make_header, MessageError
+from isotruss_ros.nodes.conversions.sensor_messages import read_roller_part
 from isotruss_ros.nodes.grasp.grasp_report import GraspCode
 from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
 from isotruss_ros.nodes.grasp_planner import GraspPlanner
@@ -235,8 +236,10 @@ def test_any_numbers_move_the_rollers_within_their_limits_or_not_at_all(
         ROBOT, ServoSettings(disc_grip(ROBOT.home, MODULE), period=0.005, timeout=0.2)
     )
     message = JointState(name=list(names), position=positions, velocity=speeds)
+    parts = RollerParts(NAMES)
     try:
-        servo.receive(rollers=StampedInput(read_roller_state(message, NAMES), 0.0))
+        parts.take(read_roller_part(message, NAMES), 0.0, 0.0)
+        servo.receive(rollers=parts.merged())
     except MessageError as error:
         servo.receive(rollers=RejectedInput(str(error)))
     for x, y in (CENTER, center):

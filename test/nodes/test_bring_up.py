@@ -22,7 +22,7 @@ from std_msgs.msg import Bool
 MARKERS = {'tracker_rate': 20.0, 'tracker_noise': 0.001, 'marker_joints': ['all']}
 
 
-plant = maker(Simulator, object_is_free=True, object_y=5.0, **MARKERS)
+plant = maker(Simulator, object_is_free=True, object_pose=[0.6, 5.0, 0.0], **MARKERS)
 checking = maker(CheckRollers, settle_time=0.5, speed=0.04)
 
 
@@ -35,7 +35,7 @@ def test_all_rollers_of_a_good_robot_are_right(kind, tmp_path):
         w.spin(15.0)
         w.until(lambda: w.nodes[2].done)
         assert w.nodes[2].right == list(ROBOT.roller_names)
-        assert abs(w.nodes[1]._simulated.roller_positions).max() < 2e-3
+        assert abs(w.nodes[1]._plant.roller_positions).max() < 2e-3
     assert load_robot(output).description.calibration['checked_rollers'] == list(
         ROBOT.roller_names
     )
@@ -51,9 +51,9 @@ def test_a_roller_that_does_not_turn_is_named_before_another_one_does():
 
 def test_a_roller_of_the_wrong_sign_is_named():
     def make():
-        node = Simulator(overrides(object_is_free=True, object_y=5.0, **MARKERS))
-        command = node._simulated.command
-        node._simulated.command = lambda velocities: command([-each for each in velocities])
+        node = Simulator(overrides(object_is_free=True, object_pose=[0.6, 5.0, 0.0], **MARKERS))
+        command = node._plant.command
+        node._plant.command = lambda velocities: command([-each for each in velocities])
         return node
 
     with (

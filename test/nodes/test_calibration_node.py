@@ -23,7 +23,7 @@ TRACKER = {'tracker_rate': 20.0, 'tracker_noise': 0.001, 'tracker_dropouts': 0.3
 plant = maker(
     Simulator,
     object_is_free=True,
-    object_y=5.0,
+    object_pose=[0.6, 5.0, 0.0],
     zero_deviation=0.015,
     marker_joints=['all'],
     **TRACKER,
@@ -54,7 +54,7 @@ def test_a_plant_as_stiff_as_the_model_has_a_stiffness_scale_of_one(tmp_path):
     with world(plant(plant='mujoco'), calibrating(tmp_path)) as w:
         w.spin(1.5)
         assert w.call('calibrate_home', Trigger.Request()).success
-        w.nodes[1]._driven.plant.load_joint('Z', (10.0, 0.0))
+        w.nodes[1]._plant.plant.load_joint('Z', (10.0, 0.0))
         w.spin(4.0)
         request = CalibrateStiffness.Request(joint='Z', force=Vector3(x=10.0))
         answer = w.call('calibrate_stiffness', request)

@@ -27,11 +27,6 @@ from isotruss_ros.nodes.conversions.grasp_messages import (
     read_external_wrench,
     to_wrench_message,
 )
-from isotruss_ros.nodes.conversions.joint_state_messages import (
-    read_roller_state,
-    read_tube_pressure,
-)
-from isotruss_ros.nodes.conversions.marker_messages import read_joint_markers, to_joint_markers
 from isotruss_ros.nodes.conversions.messages import (
     make_header,
     MessageError,
@@ -41,6 +36,12 @@ from isotruss_ros.nodes.conversions.messages import (
     to_twist_message,
 )
 from isotruss_ros.nodes.conversions.plan_messages import to_duration
+from isotruss_ros.nodes.conversions.sensor_messages import (
+    read_joint_markers,
+    read_roller_part,
+    read_tube_pressure,
+    to_joint_markers,
+)
 from isotruss_ros.nodes.framework.robot_frame import RobotFrame
 import numpy as np
 from probe import DIAMETER, MODULE, N, ROBOT
@@ -70,18 +71,14 @@ def joint_states(**changes):
     [
         *(({'position': [v] + [0.0] * (N - 1)}, 'finite, at most') for v in (*BAD, *HUGE)),
         *(({'velocity': [v] * N}, 'must be at most') for v in (math.inf, *HUGE)),
-        ({'name': []}, 'are missing'),
         ({'position': []}, '0 positions for 6 names'),
-        ({'name': ['', *NAMES[1:]]}, f'rollers {NAMES[0]} are missing'),
-        ({'name': NAMES[:-1], 'position': [0.0] * (N - 1)}, 'are missing'),
         ({'velocity': [0.0] * (N - 1)}, '5 velocities for 6 names'),
-        ({'name': list(map(str, range(MANY))), 'position': [0.0] * MANY}, 'are missing'),
         ({'position': [0.0] * MANY}, f'{MANY} positions for 6 names'),
     ],
 )
 def test_invalid_joint_states_are_rejected(changes, words):
     with pytest.raises(MessageError, match=words) as error:
-        read_roller_state(joint_states(**changes), NAMES)
+        read_roller_part(joint_states(**changes), NAMES)
     assert len(str(error.value)) < 1000
 
 
@@ -96,15 +93,14 @@ def test_selects_the_rollers_in_any_order_among_other_joints(order, travel, spee
         position=[math.nan, *(travel[i] for i in order)],
         velocity=[math.inf, *(speeds[i] for i in order)],
     )
-    state = read_roller_state(message, NAMES)
-    assert state.positions.tolist() == travel
-    assert state.velocities.tolist() == speeds
+    found = read_roller_part(message, NAMES)
+    assert [found[i] for i in range(N)] == list(zip(travel, speeds, strict=True))
 
 
 @pytest.mark.parametrize('velocity', [[], [math.nan] * N])
 def test_velocities_that_are_not_measured_are_zero(velocity):
-    state = read_roller_state(joint_states(velocity=velocity), NAMES)
-    assert state.velocities.tolist() == [0.0] * N
+    found = read_roller_part(joint_states(velocity=velocity), NAMES)
+    assert found == dict.fromkeys(range(N), (0.0, 0.0))
 
 
 # Poses of the object

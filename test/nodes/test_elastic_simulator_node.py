@@ -49,4 +49,4 @@ def test_the_object_is_put_elsewhere(plant):
         assert put(0.6, 0.3) == pytest.approx((0.6, 0.3))
         assert put(*start) == pytest.approx(start, abs=1e-3)
         if plant == 'elastic':
-            assert w.nodes[1]._elastic.grasp is not None
+            assert w.nodes[1]._plant.elastic.grasp is not None

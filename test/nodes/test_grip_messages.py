@@ -8,8 +8,8 @@ import array
 from held_grips import BOX, held, HOME, NINE
 from isotruss_msgs.msg import HeldGrip
 from isotruss_ros.core.holding.grip_record import GripRecord
-from isotruss_ros.nodes.conversions.grip_messages import read_grip, to_grip_message
 from isotruss_ros.nodes.conversions.messages import MessageError
+from isotruss_ros.nodes.conversions.state_messages import read_grip, to_grip_message
 import pytest
 from rclpy.serialization import deserialize_message, serialize_message
 

@@ -74,7 +74,7 @@ def test_the_squeeze_is_regulated_while_the_object_stays_and_moves():
         start = w.place()
 
         def squeezed():
-            return simulator._elastic.grasp.squeeze == pytest.approx(FORCE, rel=5e-3)
+            return simulator._plant.elastic.grasp.squeeze == pytest.approx(FORCE, rel=5e-3)
 
         assert not squeezed()
         w.until(squeezed, lambda: w.probe.send_twist((0.0, 0.0, 0.0)))
@@ -84,7 +84,7 @@ def test_the_squeeze_is_regulated_while_the_object_stays_and_moves():
             lambda: w.place()[0] > start[0] + 0.02,
             lambda: w.probe.send_twist((0.02, 0.0, 0.0)),
         )
-        assert simulator._elastic.grasp.squeeze == pytest.approx(FORCE, rel=0.02)
+        assert simulator._plant.elastic.grasp.squeeze == pytest.approx(FORCE, rel=0.02)
         assert w.place()[1] == pytest.approx(start[1], abs=3e-3)
 
 

@@ -10,7 +10,7 @@ from isotruss_ros.mujoco_plant.driven_robot import DrivenRobot
 from isotruss_ros.mujoco_plant.options import PlantOptions
 from isotruss_ros.mujoco_plant.recording import read_recording
 from isotruss_ros.nodes.conversions.messages import read_stamp
-from isotruss_ros.nodes.simulator import node as simulator
+from isotruss_ros.nodes.simulator import plants
 from isotruss_ros.nodes.simulator.node import Simulator
 from manual_world import check_refused, world
 from mujoco_worlds import needs_mujoco
@@ -46,7 +46,7 @@ def test_rollers_have_the_faults_of_the_other_plants():
     faults = {'roller_slip': 0.3, 'stuck_roller': ROBOT.roller_names[2]}
     with world(node(**faults)) as w:
         _, simulator = w.nodes
-        driven = simulator._driven
+        driven = simulator._plant
         w.until(lambda: driven.roller_positions[1] > 0.01, drive(w, [0.02] * N))
         assert driven.roller_positions[2] == 0.0
         share = driven.plant.travel[1] / driven.roller_positions[1]
@@ -63,7 +63,7 @@ def test_states_are_recorded_with_the_time_of_the_messages(tmp_path):
         stamps = [read_stamp(message.header) for _, message in w.probe.seen['joints']]
         assert stamps[0] <= recording.times[0] + 0.05
         assert recording.times[-1] <= stamps[-1] + 0.05
-        assert recording.text == simulator._driven.plant.text
+        assert recording.text == simulator._plant.plant.text
     check_refused(node(plant='elastic', recording=str(path)), 'recording')
     check_refused(node(recording=str(tmp_path / 'no' / 'states')), 'cannot be written')
 
@@ -72,9 +72,9 @@ def test_states_are_recorded_with_the_time_of_the_messages(tmp_path):
 def test_time_that_is_not_simulated_is_reported_as_lag():
     with world(node()) as w:
         _, simulator = w.nodes
-        before = simulator._driven.plant.time
-        simulator._driven.advance(5.0)
-        assert simulator._driven.plant.time - before == pytest.approx(0.1, abs=0.003)
+        before = simulator._plant.plant.time
+        simulator._plant.advance(5.0)
+        assert simulator._plant.plant.time - before == pytest.approx(0.1, abs=0.003)
         assert simulator.details() == {'lag of the simulation [s]': pytest.approx(4.9)}
 
 
@@ -93,7 +93,7 @@ def test_rollers_block_before_a_shape_that_the_robot_cannot_take():
 @needs_mujoco
 @pytest.mark.parametrize('sim_time', [False, True])
 def test_every_parameter_of_the_plant_reaches_it(monkeypatch, sim_time):
-    given = {'friction': 0.7, 'object_mass': 0.3, 'ground_friction': 0.1}
+    given = {'friction': 0.7, 'ground_friction': 0.1}
     made = []
 
     class Recorded(DrivenRobot):
@@ -103,11 +103,11 @@ def test_every_parameter_of_the_plant_reaches_it(monkeypatch, sim_time):
             made.append(arguments)
             super().__init__(*arguments)
 
-    monkeypatch.setattr(simulator, 'DrivenRobot', Recorded)
+    monkeypatch.setattr(plants, 'DrivenRobot', Recorded)
     with world(node(object_is_free=True, seed=7, use_sim_time=sim_time, **given)):
         ((robot, body, is_free, options, faults, seed, longest),) = made
     assert (robot, is_free, seed) == (ROBOT, True, 7)
     assert body.friction == given['friction']
     assert options == PlantOptions(**given)
-    assert faults == RollerFaults(simulator.SPEED_LIMIT)
-    assert longest == (math.inf if sim_time else simulator.MAX_CYCLE_STEP)
+    assert faults == RollerFaults(plants.SPEED_LIMIT)
+    assert longest == (math.inf if sim_time else plants.MAX_CYCLE_STEP)

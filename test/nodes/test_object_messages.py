@@ -12,11 +12,7 @@ from hypothesis import strategies as st
 from isotruss_msgs.msg import ConvexObject as ObjectMessage
 from isotruss_ros.core import ConvexObject, read_object
 from isotruss_ros.nodes.conversions.messages import MessageError, to_pose_message
-from isotruss_ros.nodes.conversions.object_messages import (
-    describes_object,
-    read_object_message,
-    to_object_message,
-)
+from isotruss_ros.nodes.conversions.object_messages import read_described, to_object_message
 import numpy as np
 import pytest
 from rclpy.serialization import deserialize_message, serialize_message
@@ -42,7 +38,7 @@ def box(**fields):
 
 def read(message, pose=None):
     """Return the object of a message."""
-    return read_object_message(message, Pose() if pose is None else pose)
+    return read_described(message, Pose() if pose is None else pose, 'diameter', 0.0)
 
 
 @given(
@@ -57,7 +53,6 @@ def test_objects_there_and_back(seed, place, mass, weighted, friction):
     inside = (shape.centroid.real, shape.centroid.imag) if weighted else None
     body = ConvexObject(shape, place, mass, inside, friction)
     sent = deserialize_message(serialize_message(to_object_message(body)), ObjectMessage)
-    assert describes_object(sent)
     found = read(sent, to_pose_message(body.pose))
     assert found.moved_to(place) == body  # to the last digit
     assert found.pose == pytest.approx(body.pose, abs=1e-12)
@@ -72,9 +67,10 @@ def test_a_message_says_what_a_file_says():
 
 
 def test_a_new_message_describes_no_object():
-    assert not describes_object(ObjectMessage())
+    assert read(ObjectMessage()) is None
     for fields in ({'shape': 1}, {'diameter': 0.3}, {'diameter': math.nan}, {'friction': [0.5]}):
-        assert describes_object(ObjectMessage(**fields))
+        with pytest.raises(MessageError):
+            read(ObjectMessage(**fields))
 
 
 DISC = {'shape': ObjectMessage.DISC, 'diameter': 0.3}

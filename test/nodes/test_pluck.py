@@ -19,7 +19,7 @@ HELD = {'object_diameter': 0.2, 'friction': 0.8}
 
 def plant():
     """Return MuJoCo's plant with an object in its grip."""
-    return Simulator(overrides(plant='mujoco', indentation=0.02, object_mass=0.5, **HELD))
+    return Simulator(overrides(plant='mujoco', indentation=0.02, **HELD))
 
 
 manipulation = maker(Manipulation, **HELD)
@@ -35,7 +35,7 @@ def test_the_frequency_is_that_of_a_pull_let_go():
     with world(plant, manipulation(), pluck) as w:
         simulator, _, node = w.nodes[1:]
         w.until(lambda: node.done)
-        mujoco = simulator._driven.plant
+        mujoco = simulator._plant.plant
         # Gripped where it was plucked; pulled, let go, and left alone.
         mujoco.pull((0.3, 0.0, 0.0))
         mujoco.advance(2.0, 0.0 * mujoco.travel)

@@ -7,8 +7,8 @@ from types import SimpleNamespace
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from isotruss_ros.core import Status
-from isotruss_ros.nodes.framework import reasons
-from isotruss_ros.nodes.framework.reasons import MIN_LOG_PERIOD, QUIET_TIME, ReasonLog
+from isotruss_ros.nodes.framework import diagnostics
+from isotruss_ros.nodes.framework.diagnostics import MIN_LOG_PERIOD, QUIET_TIME, ReasonLog
 from manual_world import world
 from probe import manipulation
 import pytest
@@ -18,7 +18,7 @@ import pytest
 def log(monkeypatch):
     """Return a log by a clock of its own, its `lines` and its `now`."""
     made = SimpleNamespace(now=100.0, lines=[])
-    monkeypatch.setattr(reasons.time, 'monotonic', lambda: made.now)
+    monkeypatch.setattr(diagnostics.time, 'monotonic', lambda: made.now)
     made.log = ReasonLog(made.lines.append)
     return made
 

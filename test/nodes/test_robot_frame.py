@@ -10,8 +10,8 @@ from geometry_msgs.msg import Point, PoseStamped, Quaternion, Transform, Transfo
 from geometry_msgs.msg import Pose as PoseMessage
 from hypothesis import given
 from hypothesis import strategies as st
-from isotruss_ros.nodes.conversions.marker_messages import to_joint_markers
 from isotruss_ros.nodes.conversions.messages import MessageError
+from isotruss_ros.nodes.conversions.sensor_messages import to_joint_markers
 from isotruss_ros.nodes.framework import robot_frame
 from isotruss_ros.nodes.framework.robot_frame import RobotFrame
 import numpy as np

@@ -120,7 +120,7 @@ def test_the_truth_is_that_of_the_plant():
     faults = {'tracker_noise': 0.01, 'indentation': 0.01, 'friction': 0.8}
     with world(lambda: Simulator(overrides(plant='elastic', **faults))) as w:
         heard = hear(w)
-        held = attach_grip(ROBOT.home, w.nodes[1]._body)
+        held = attach_grip(ROBOT.home, w.nodes[1]._plant._body)
         found = {
             message.header.frame_id: message.wrench.force.x
             for _, message in heard['truth/contact_forces'][-2:]

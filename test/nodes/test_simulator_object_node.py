@@ -14,14 +14,19 @@ from probe import maker
 import pytest
 
 #: The box is between its two sides.
-HELD = {'object': BOX_FILE, 'grip': list(APART), 'object_angle': ANGLE, 'indentation': DEPTH}
+HELD = {
+    'object': BOX_FILE,
+    'grip': list(APART),
+    'object_pose': [0.6, 0.3, ANGLE],
+    'indentation': DEPTH,
+}
 node = maker(Simulator, **HELD, rate=50.0)
 
 
 @pytest.mark.parametrize('is_free', [False, True])
 def test_the_box_is_carried_by_the_two_sides(is_free):
     start = np.array(box_between().body.pose)
-    free = {'object_is_free': True, 'object_x': start[0], 'object_y': start[1]}
+    free = {'object_is_free': True, 'object_pose': [*start[:2], ANGLE]}
     command = solve_twist(HOME, box_between(), (0.02, 0.0, 0.0)).roller_velocities
     with world(node(**(free if is_free else {}))) as w:
         w.until(lambda: w.place() is not None)
@@ -37,7 +42,7 @@ def test_the_box_is_carried_by_the_two_sides(is_free):
 
 
 def test_a_free_box_stays_and_is_put_elsewhere_with_its_angle():
-    with world(node(object_is_free=True, object_x=2.5, object_y=-0.5, object_angle=0.7)) as w:
+    with world(node(object_is_free=True, object_pose=[2.5, -0.5, 0.7])) as w:
         w.until(lambda: w.probe.last('joints') is not None and w.place() is not None)
         w.until(
             lambda: w.probe.last('joints').position[1] > 0.003,
@@ -53,7 +58,7 @@ def test_a_free_box_stays_and_is_put_elsewhere_with_its_angle():
 
 
 def test_without_members_the_sides_of_the_module_hold_it():
-    with world(node(grip=[''], grip_module='north/Z', object_angle=0.3)) as w:
+    with world(node(grip=[''], grip_module='north/Z', object_pose=[0.6, 0.3, 0.3])) as w:
         w.until(lambda: w.place() is not None)
         shape = box_between().body.shape
         sides = ('north/Z-R', 'north/P-Z')
@@ -67,6 +72,6 @@ def test_the_elastic_plant_holds_the_box():
         start = w.place()
         assert start == pytest.approx(np.array(box_between().body.pose), abs=0.005)
         _, simulator = w.nodes
-        assert set(simulator._elastic.grasp.member_names) == set(APART)
+        assert set(simulator._plant.elastic.grasp.member_names) == set(APART)
         command = solve_twist(HOME, box_between(), (0.02, 0.0, 0.0)).roller_velocities
         w.until(lambda: w.place()[0] - start[0] > 0.003, lambda: w.probe.send_command(command))

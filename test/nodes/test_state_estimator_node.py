@@ -6,15 +6,16 @@
 from isotruss_msgs.msg import StateEstimate
 from isotruss_ros.core.estimation import state_estimate
 from isotruss_ros.core.estimation.state_estimator import StateEstimator
+from isotruss_ros.core.statics.sag import Sag
 from isotruss_ros.nodes import state_estimator
-from isotruss_ros.nodes.conversions.estimate_messages import read_estimate, to_estimate_message
-from isotruss_ros.nodes.conversions.marker_messages import to_joint_markers
 from isotruss_ros.nodes.conversions.messages import (
     make_header,
     MessageError,
     read_pose,
     read_stamp,
 )
+from isotruss_ros.nodes.conversions.sensor_messages import to_joint_markers
+from isotruss_ros.nodes.conversions.state_messages import read_estimate, to_estimate_message
 from isotruss_ros.nodes.manipulation.node import Manipulation
 from isotruss_ros.nodes.simulator.node import Simulator
 from isotruss_ros.nodes.state_estimator import StateEstimatorNode
@@ -31,7 +32,7 @@ NAMES = ROBOT.topology.joint_names
 #: Its encoders read zero where the tubes have run by this deviation, without an object nearby.
 PLANT = {
     'object_is_free': True,
-    'object_y': 5.0,
+    'object_pose': [0.6, 5.0, 0.0],
     'zero_deviation': 0.01,
     'tracker_rate': 20.0,
     'tracker_noise': 0.001,
@@ -118,6 +119,18 @@ def test_stale_pressures_give_a_warning_and_the_estimate_continues():
         count = len(w.probe.seen['estimate'])
         w.spin(0.2, w.probe.send_joints)
         assert len(w.probe.seen['estimate']) > count
+
+
+@pytest.mark.parametrize('held', [False, True])
+def test_sag_is_reported_only_without_a_held_object(held, monkeypatch):
+    monkeypatch.setattr(state_estimator, 'find_sag', lambda *_: Sag(np.zeros(2), 1.0, 0.1))
+    plant = {'plant': 'elastic', 'friction': 0.9, 'indentation': 0.02, 'marker_joints': ['all']}
+    free = {} if held else {'object_is_free': True, 'object_pose': [0.6, 5.0, 0.0]}
+    with world(lambda: Simulator(overrides(**plant | free)), estimator()) as w:
+        w.spin(2.0 * state_estimator.SAG_PERIOD)
+        report = w.report('state_estimator')
+    assert ('upright' in report.message) is not held
+    assert ('grip' in {value.key for value in report.values}) is held
 
 
 def test_without_encoders_nothing_is_published():
@@ -229,6 +242,6 @@ def test_the_squeeze_of_a_robot_with_wrong_zeros_is_regulated_by_the_estimate(es
         nodes.append(estimator(marker_deviation=2e-4))
     with world(*nodes) as w:
         w.spin(5.0, lambda: w.probe.send_twist((0.0, 0.0, 0.0)))
-        squeeze = w.nodes[1]._elastic.grasp.squeeze
+        squeeze = w.nodes[1]._plant.elastic.grasp.squeeze
     off = abs(squeeze / 30.0 - 1.0)
     assert off < 0.05 if estimated else off > 0.1

@@ -110,11 +110,12 @@ def test_arguments_are_parameters_with_the_defaults_of_the_nodes(path, said, ent
                 assert value.value_type is bool
                 continue
             default = specs[name].default
-            expected = list[str] if isinstance(default, list) else type(default)
+            expected = list[type(default[0])] if isinstance(default, list) else type(default)
             assert value.value_type == expected, name
             default = arguments[name].default_value
             if default is not None:
-                readers = {bool: 'true'.__eq__, list[str]: YAML(typ='safe').load}
+                readers = {bool: 'true'.__eq__}
+                readers |= dict.fromkeys((list[str], list[float]), YAML(typ='safe').load)
                 read = readers.get(value.value_type, value.value_type)
                 assert read(default) == defaults.get(name, specs[name].default), name
     assert used == set(arguments)

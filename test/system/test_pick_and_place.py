@@ -120,9 +120,7 @@ class Client:
         self.r = r
         patient = PATIENT | {'robot': quick_robot()}
         shared = patient | {'object_diameter': DIAMETER, 'friction': FRICTION} | described
-        x, y, angle = pose
-        lying = {'plant': 'elastic', 'object_is_free': True, 'object_x': x, 'object_y': y}
-        lying['object_angle'] = angle
+        lying = {'plant': 'elastic', 'object_is_free': True, 'object_pose': list(map(float, pose))}
         self._values = {
             'simulator': {'rate': 50.0, **shared, **STOPPING, **lying},
             'manipulation': {'rate': 50.0, **shared},

@@ -54,28 +54,30 @@ def analyze_grasp(
     paper_model: bool = False,
 ) -> GraspAnalysis:
     """
-    Analyse a fixed object: contact (5) to (9), closure by friction (10) and stiffness.
+    Compute contact forces (5) to (9), closure by friction (10) and stiffness of a fixed object.
 
     :param config: configuration of the robot, with rollers at rest.
     :param body: the object at its pose.
-    :param friction: coefficient of friction between tube and object, not negative; None: the
-        coefficient of the object, or 0.5.
+    :param friction: coefficient of friction between tube and object, not negative. If None, the
+        coefficient of the object is used, or 0.5 if the object has none.
     :param external_wrench: (fx, fy, m) on the object about the origin of its frame [N, N m].
-    :param method: 'exact' (complementarity problem by pivoting) or 'relaxation' (the paper's (9)).
-        The relaxation supports flattening tubes only for discs.
+    :param method: 'exact' (the complementarity problem is solved by pivoting) or 'relaxation' (it
+        is solved by the paper's iteration (9)). The relaxation supports flattening tubes only for
+        discs.
     :param spacing: spacing of the contact points along the tubes [m]. Flattening tubes have points
-        in contact regions only; a short region has a half or a quarter of the spacing.
-    :param pressure: gauge pressure [Pa]: one number for all tubes, one number for each tube in the
-        order of the robot file, or a mapping by tube name; None: the pressure of the robot file.
-    :param previous: analysis of a similar grasp, the initial guess of the search. If a deep
-        indentation has several equilibria, it selects one.
-    :param paper_model: whether the model is the paper's: linear about straight tubes with round
+        in contact regions only; in a short region the spacing is halved or quartered.
+    :param pressure: gauge pressure [Pa], given as one number for all tubes, as one number for each
+        tube in the order of the robot file, or as a mapping from tube names to pressures. If None,
+        the pressure of the robot file is used.
+    :param previous: analysis of a similar grasp, from which the iteration starts. If a deep
+        indentation has several equilibria, this start decides which of them is found.
+    :param paper_model: True for the paper's model, which is linear about straight tubes with round
         sections.
     :raises GraspError: an argument is invalid.
     :raises StructureError: the robot is a mechanism, a pressure is invalid, or the stiffness laws
         contradict each other.
-    :raises SolverError: the contact problem was not solved, or the object is in a part of a member
-        without a contact model.
+    :raises SolverError: the contact problem was not solved, or the object overlaps a part of a
+        member at which no contact is modelled.
     """
     mu, wrench = check_load(body, friction, external_wrench)
     (gap,) = finite_array([spacing], 1, 'spacing [m]', GraspError).tolist()
@@ -132,7 +134,7 @@ def analyze_grasp(
 def _require_touch(
     structure: Structure, body: ConvexObject, contact_points: ContactPoints, contact: ContactState
 ) -> None:
-    """Raise SolverError if the object overlaps a member that has no contact force."""
+    """Raise SolverError if the object overlaps a member on which no contact force acts."""
     depths = member_depths(structure.config, body)
     free = MAX_FREE_OVERLAP * structure.config.robot.description.tube_diameter
     moved = max(float(np.abs(contact.displacements).max(initial=0.0)), free)
@@ -154,7 +156,7 @@ def _solve_straight(
     solver: ContactSolver,
     previous: GraspAnalysis | None,
 ) -> SolvedContact:
-    """Return the contact of tubes without flattening."""
+    """Return the solved contact of tubes whose sections stay round."""
     points = find_contact_points(structure, surface, spacing)
     count, forces = len(points.points), None
     if previous is not None and len(previous.normal_forces) == count:
@@ -170,7 +172,8 @@ def check_load(
     Return the coefficient of friction and the external wrench (fx, fy, m) [N, N m] as floats.
 
     :param body: the object.
-    :param friction: coefficient of friction; None: the coefficient of the object, or 0.5.
+    :param friction: coefficient of friction. If None, the coefficient of the object is used, or
+        0.5 if the object has none.
     :param external_wrench: wrench (fx, fy, m) about the origin of the object's frame [N, N m].
     :raises GraspError: the coefficient or the wrench is invalid.
     """
@@ -181,7 +184,7 @@ def check_load(
 
 
 def _solver(method: str, sliding: bool) -> ContactSolver:
-    """Return the solver of (8); tubes slide along their axes if the object is not a disc."""
+    """Return the solver of (8) for a method; `sliding` selects the solver for tubes that slide."""
     solvers: dict[str, ContactSolver] = {
         'exact': solve_sliding_contact if sliding else solve_contact,
         'relaxation': relax_contact,

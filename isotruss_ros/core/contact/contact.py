@@ -7,8 +7,9 @@ Unilateral contact of tubes with a convex object: equations (5) to (9).
 Points on the skin of flattening tubes meet the surface of the object. In the paper's model, points
 on the centre lines meet the surface offset by the tube radius. The compliance of the structure is
 condensed to these points. For fixed normals the contact forces solve a linear complementarity
-problem; the normals follow the deformed points until convergence. The paper's relaxation (9) of
-the forces has the same solution; its gains follow from the compliance.
+problem; then the normals are updated at the deformed points, and both steps are repeated until
+convergence. The paper's relaxation (9) of the forces has the same solution; its gains follow from
+the compliance.
 """
 
 from __future__ import annotations
@@ -49,9 +50,9 @@ def solve_contact(
     Solve the contact LCP (8): nonnegative gaps and forces, complementary at each point.
 
     :param contact_points: candidate contact points.
-    :param surface: surface that the points meet, see `find_contact_points`.
-    :param forces: (c,) forces of a similar problem [N]; points with positive force are the initial
-        guess of the contact. None: the deepest points are the guess.
+    :param surface: surface that the points meet, see `find_contact_points`. :param forces: (c,)
+        forces of a similar problem [N]. The iteration starts with contact at the points with
+        positive force. If None, it starts with contact at the deepest points.
     :param normals: (c,) initial normals, x + iy; None: the normals at the undeformed tubes.
     :raises SolverError: the normals do not converge.
     """
@@ -96,7 +97,7 @@ def solve_contact(
 def _settle_normals(
     contact_points: ContactPoints, places: Indices, normals: Points, gaps: Array, surface: Surface
 ) -> Points:
-    """Return the forces (a,), x + iy [N], that close the gaps (a,) at updated normals."""
+    """Return the forces (a,), x + iy [N], that close the gaps (a,), and update the normals."""
     count = len(places)
     if count == 0:
         return np.zeros(0, dtype=np.complex128)
@@ -129,7 +130,7 @@ def _settle_normals(
 
 def estimate_contact(contact_points: ContactPoints, surface: Surface) -> ContactState:
     """
-    Solve (8) with the normals at the undeformed tubes; the result has updated normals.
+    Solve (8) once with the normals at the undeformed tubes, then update the normals.
 
     :param contact_points: candidate contact points.
     :param surface: surface that the points meet, see `find_contact_points`.
@@ -150,7 +151,8 @@ def face_tubes(contact_points: ContactPoints, surface: Surface) -> Points:
     """
     Return the outward normals (c,) of the surface at the undeformed tubes, x + iy.
 
-    The normals face the centre lines, because the skin may be beyond the centre of a small object.
+    The normals point at the centre lines of the tubes and not at their skin, because in a small
+    object the skin may be beyond the object's centre.
 
     :param contact_points: candidate contact points.
     :param surface: surface that the points meet, see `find_contact_points`.
@@ -160,7 +162,7 @@ def face_tubes(contact_points: ContactPoints, surface: Surface) -> Points:
 
 def open_gaps(away: Points, normals: Points, surface: Surface) -> Array:
     """
-    Return the gaps (c,) of points along given normals [m].
+    Return the distances (c,) of points from the surface along given normals [m].
 
     :param away: (c,) points relative to the surface's centre, x + iy [m].
     :param normals: (c,) outward unit normals, x + iy.
@@ -171,7 +173,7 @@ def open_gaps(away: Points, normals: Points, surface: Surface) -> Array:
 
 def guess_contact(contact_points: ContactPoints, gaps: Array) -> Flags:
     """
-    Return the mask (c,) of the estimated contact: the deepest point or points of each member.
+    Return a mask (c,) that is true at the points of each member that overlap the object most.
 
     :param contact_points: candidate contact points.
     :param gaps: (c,) gaps of the undeformed tubes [m].

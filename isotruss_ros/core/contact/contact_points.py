@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Contact points of the tubes, and the robot's compliance at them."""
+"""Candidate contact points on the tubes, with the compliance of the robot at these points."""
 
 from __future__ import annotations
 
@@ -21,24 +21,26 @@ SHORTEST_SHARE = 0.2
 @dataclass(frozen=True, eq=False)
 class ContactPoints:
     """
-    Candidate contact points of the tubes, with the compliance of the whole robot at them.
+    Candidate contact points on the tubes, with the compliance of the robot at these points.
 
-    The points are nodes of the frame, ordered by member and by distance from its start.
+    The points are nodes of the frame, ordered by member and by distance from the member's start.
 
     Each point is in one of p pieces of tube. Its displacement is the sum of two parts: the first
     is due to the displacements of the piece's ends, the second to forces on the piece while its
     ends are fixed. The compliance is stored in these two parts, along and across the bent members.
 
-    :ivar points: (c,) points on the centre lines, extrapolated to zero contact forces, x + iy [m].
-    :ivar skin: (c,) points on the skin toward the object; in the paper's model, `points` [m].
+    :ivar points: (c,) positions on the centre lines, extrapolated to zero contact forces, x + iy
+        [m].
+    :ivar skin: (c,) positions on the skin, on the side of the object [m]; in the paper's model,
+        the same as `points`.
     :ivar member: (c,) index of the member (pinch point to pinch point) of each point.
     :ivar place: (c,) distance of each point from its member's start [m].
     :ivar spacing: length of tube that each point represents [m].
     :ivar axis: (c,) unit vector of the bent member at each point, normal to its section, x + iy.
-    :ivar inside: (2, c, 2, c) compliance of the skin with fixed ends of the pieces, along and
-        across the tube [m/N].
-    :ivar spread: (2, c, 6 p) displacements of the points along and across the tube, by
-        displacements of the pieces' ends.
+    :ivar inside: (2, c, 2, c) compliance of the skin along and across the tube while the ends of
+        the pieces are fixed [m/N].
+    :ivar spread: (2, c, 6 p) derivatives of the points' displacements along and across the tube
+        with respect to the displacements of the pieces' ends.
     :ivar ends: (6 p, 6 p) compliance of the ends of the pieces [m/N].
     :ivar dents: (c, c) compliance of the skin relative to the centre line, across the tube [m/N];
         zero in the paper's model.
@@ -61,7 +63,7 @@ class ContactPoints:
 
     def pushed(self, push: Points) -> Array:
         """
-        Return the loads (6 p,) on the ends of the pieces equivalent to forces on the points.
+        Return the loads (6 p,) on the pieces' ends that are equivalent to forces on the points.
 
         :param push: (c,) forces on the points, x + iy [N].
         """
@@ -70,7 +72,7 @@ class ContactPoints:
 
     def move(self, push: Points) -> tuple[Array, Array]:
         """
-        Return the changes of displacements (n, 3) and multipliers (c,) from the linearised state.
+        Return the changes of nodes' displacements (n, 3) and constraint forces (c,) by forces.
 
         :param push: (c,) forces on the points, x + iy [N].
         """
@@ -80,7 +82,7 @@ class ContactPoints:
 
     def distance(self, push: Points) -> float:
         """
-        Return the largest motion of a node from the state of the linearisation [m].
+        Return the distance of the node that forces move most, from its linearised position [m].
 
         :param push: (c,) forces on the points, x + iy [N].
         """
@@ -88,10 +90,10 @@ class ContactPoints:
 
     def bend_on(self, push: Points, share: float = 1.0) -> BentTubes:
         """
-        Return the tubes linearised about the predicted state under forces on the points.
+        Return the tubes, linearised about the state that is predicted under forces on the points.
 
         :param push: (c,) forces on the points, x + iy [N].
-        :param share: share of the predicted change of the state [-].
+        :param share: fraction of the predicted change of the state that is applied [-].
         """
         if not push.any():
             return self.bent.bent_to(None)
@@ -108,11 +110,11 @@ class ContactPoints:
 
     def about(self, bent: BentTubes, push: Points | None = None) -> ContactPoints:
         """
-        Return these points on tubes linearised about another state.
+        Return these points on tubes that are linearised about another state.
 
         :param bent: the tubes linearised about the other state.
         :param push: (c,) forces on the points in that state, x + iy [N]. If they are given, the
-            compliance along and across the tubes is not computed again.
+            present compliance along and across the tubes is reused.
         """
         if push is None:
             found = points_on_members(bent, self.spacing, self.dents)
@@ -132,9 +134,10 @@ class ContactPoints:
 
     def lend(self, bent: BentTubes) -> bool:
         """
-        Lend the factorised frame to tubes in nearly the same state; return whether it was lent.
+        Reuse the factorised stiffness matrix for tubes in nearly the same state, if possible.
 
-        :param bent: the other tubes, which may be cut at other points.
+        :param bent: the other tubes, which may have other load points.
+        :return: True if the matrix is reused.
         """
         alike = not bent.is_straight and bent.structure.pressures == self.bent.structure.pressures
         # Errors shrink a hundredfold by each motion.
@@ -154,7 +157,7 @@ class ContactPoints:
 
     def normal_compliance(self, normals: Points) -> Array:
         """
-        Return W = N^T (S^-1 + C) N of (8), the compliance of the skin along the normals.
+        Return the compliance of the skin along the normals, W = N^T (S^-1 + C) N of (8).
 
         :param normals: (c,) unit normals, x + iy.
         :return: (c, c) compliance, symmetric up to rounding [m/N].
@@ -170,7 +173,7 @@ class ContactPoints:
 
     def displacements(self, forces: Points) -> Points:
         """
-        Return the displacements of all points of the skin, by bending and dents.
+        Return the displacements of all points of the skin caused by bending and dents.
 
         :param forces: (c,) forces on the points, x + iy [N].
         :return: (c,) displacements, x + iy [m].
@@ -183,7 +186,7 @@ class ContactPoints:
 
     def compliance(self, places: Indices) -> Array:
         """
-        Return the cached compliance of points along and across the tubes, (2, a, 2, a) [m/N].
+        Return the compliance of points along and across the tubes, (2, a, 2, a), cached [m/N].
 
         :param places: (a,) indices of the points.
         """
@@ -198,7 +201,7 @@ class ContactPoints:
 
     def bend(self, displacements: Points, push: Points) -> Points:
         """
-        Return the deformed centre lines (c,) without the dents of the skin, x + iy [m].
+        Return points (c,) on the deformed centre lines, without dents of the skin, x + iy [m].
 
         :param displacements: (c,) displacements of the skin, x + iy [m].
         :param push: (c,) forces on the tubes, x + iy [N].
@@ -238,18 +241,19 @@ def find_contact_points(
     known: tuple[ContactPoints, Points] | None = None,
 ) -> ContactPoints:
     """
-    Place contact points on the members within reach of an object.
+    Place candidate contact points on the members that an object can touch.
 
     :param structure: structural model of the robot.
-    :param surface: surface that the points meet: the object's surface, or for round tubes its
-        offset by the tube radius.
+    :param surface: surface that the points meet. It is the object's surface, or for round tubes
+        the object's surface offset by the tube radius.
     :param spacing: distance of the points along the tube [m].
     :param flattening: local compliance of the tubes; None for the paper's model.
-    :param windows: (m, 2) interval of points on each member, from its start [m]; None: no limits.
-    :param bent: tubes that are linearised about a similar bent state and may be cut at other
+    :param windows: (m, 2) interval of each member in which points are placed, from the member's
+        start [m]; None: the whole member.
+    :param bent: tubes that are linearised about a similar bent state, possibly with other load
         points; the new points are on these bent tubes. None: straight tubes.
-    :param known: earlier points of these tubes, and forces on them, x + iy [N]. The compliance of
-        new points near the earlier points is taken from these.
+    :param known: earlier points of these tubes, and forces on them, x + iy [N]. A new point near
+        an earlier point takes over the compliance of the earlier point.
     """
     config, width = structure.config, 0.0 if flattening is None else flattening.radius
     topology = config.robot.topology
@@ -282,7 +286,7 @@ def find_contact_points(
 
 
 def _move(tubes: BentTubes, push: Points) -> tuple[Array, Array]:
-    """Return changes of displacements (n, 3) and multipliers (c,), see `ContactPoints.move`."""
+    """Return the changes of displacements (n, 3) and constraint forces (c,) by forces."""
     loads = np.zeros((len(tubes.frame.points), 3))
     loads[tubes.frame.nodes, 0], loads[tubes.frame.nodes, 1] = push.real, push.imag
     moved, multipliers = tubes.tangent.balance(loads.ravel())
@@ -290,7 +294,7 @@ def _move(tubes: BentTubes, push: Points) -> tuple[Array, Array]:
 
 
 def _line(tubes: BentTubes, moved: Array) -> tuple[Points, Points]:
-    """Return points (c,) on tubes after displacements (n, 3), and the tubes' directions (c,)."""
+    """Return points (c,) on displaced tubes, and the directions (c,) of the tubes there."""
     tangent, nodes = tubes.tangent, tubes.frame.nodes
     there = tangent.displacements[nodes, :2] + moved[nodes, :2]
     axis = tubes.axis * np.exp(1j * tangent.displacements[nodes, 2])
@@ -349,7 +353,7 @@ def points_on_members(
 def _reach(
     surface: Surface, start: Points, axis: Points, width: float, spacing: float
 ) -> tuple[Array, Array]:
-    """Return the interval of each line (m,) within reach of the surface, from its start [m]."""
+    """Return the interval of each line (m,) that may touch the surface, from its start [m]."""
     # A tube that gives elsewhere may come into contact beyond the chord of the object.
     away, reach = (surface.center - start) * axis.conj(), surface.reach + 2.0 * spacing
     off = np.abs(away.imag) - width
@@ -366,7 +370,7 @@ def _reach(
 def _clip(
     start: Points, axis: Points, normals: Points, distances: Array, width: float
 ) -> tuple[Array, Array]:
-    """Return the interval of each strip (m,) inside all tangents, from its start [m]."""
+    """Return the interval of each strip (m,) that is inside all tangents, from its start [m]."""
     # Of the two edges of a strip, the one that is farther inside.
     slope = (axis[:, None] * normals.conj()).real
     lean = np.abs((axis[:, None] * normals.conj()).imag)

@@ -28,13 +28,13 @@ def find_wrinkling(
     structure: Structure, contact_points: ContactPoints, contact: ContactState
 ) -> tuple[Utilisation, Array]:
     """
-    Return the utilisation of the tubes under contact forces, and the tension of their walls.
+    Return the utilisation of the members under contact forces, and the tension of the tube walls.
 
     :param structure: structural model of the robot.
     :param contact_points: candidate contact points.
     :param contact: contact with its forces.
-    :return: utilisation of the members, and (c,) tension of the wall at each point, along the
-        tube, on the side of the object, not negative [N/m].
+    :return: utilisation of the members; and (c,) tension along the tube of the wall on the
+        object's side at each point, not negative [N/m].
     """
     topology, tubes = structure.config.robot.topology, contact_points.bent
     radius = 0.5 * structure.config.robot.description.tube_diameter
@@ -57,7 +57,7 @@ def find_wrinkling(
 
 def assess_members(structure: Structure, solved: SolvedContact) -> dict[str, Any]:
     """
-    Return the fields of a `GraspAnalysis` that are dictionaries by member.
+    Return those fields of a `GraspAnalysis` that are dictionaries with members as keys.
 
     :param structure: structural model of the robot.
     :param solved: the solved contact.

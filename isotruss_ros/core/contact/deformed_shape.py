@@ -17,7 +17,7 @@ POINTS_PER_MEMBER = 13
 
 def deformed_lines(analysis: GraspAnalysis) -> Points:
     """
-    Return the centre lines (m, s) of the members under contact forces, pinch point to pinch point.
+    Return points (m, s) on the members' centre lines under contact forces, between pinch points.
 
     :param analysis: analysis of a grasp.
     """
@@ -38,11 +38,11 @@ def deformed_lines(analysis: GraspAnalysis) -> Points:
 
 def force_lines(body: ConvexObject, analysis: GraspAnalysis, scale: float) -> Points:
     """
-    Return the tails and tips (k, 2) [m] of the forces on the object; the tips are on its surface.
+    Return the tails and tips (k, 2) [m] of arrows for the contact forces on the object.
 
     :param body: the object.
     :param analysis: analysis of the grasp.
-    :param scale: drawn length of a unit force [m/N].
+    :param scale: length of an arrow per force [m/N]; its tip is on the object's surface.
     """
     touching = analysis.normal_forces > 0.0
     normals = analysis.normals[touching] @ np.array([1.0, 1.0j])
@@ -55,7 +55,7 @@ def region_lines(
     config: Configuration, body: ConvexObject, analysis: GraspAnalysis
 ) -> list[Points]:
     """
-    Return the contact regions as lines on the object's surface, (k,) points each [m].
+    Return each contact region as a line of k points (k,) on the object's surface [m].
 
     :param config: configuration of the robot.
     :param body: the object.

@@ -4,11 +4,11 @@
 """
 Depth of the dent of a tube's skin at one contact, as a function of the normal force.
 
-The dent is the deformation by `flattening` while the centre line is fixed. Each point of the skin
-presses across the tube, as in `sliding_contact`, so the dent follows from the heights of the
-object's surface: it is deep under a sharp corner and shallow under a face. It depends only on tube
-and object, so one table serves every grasp. The depth is almost linear in the 2/3 power of the
-force, as for a point contact.
+The dent is the deformation of the tube's section by `flattening` while the centre line is fixed.
+Each point of the skin presses across the tube, as in `sliding_contact`, so the dent follows from
+the heights of the object's surface: it is deep under a sharp corner and shallow under a face. The
+depth depends only on tube and object, so one table is valid for every grasp. The depth is almost
+linear in the 2/3 power of the force, as for a point contact.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ import scipy
 #: Depths in the tables [-]: of discs relative to the smaller radius of tube and disc, of corners
 #: relative to the tube radius.
 DISC_DEPTHS, CORNER_DEPTHS = (0.8 * np.linspace(0.0, 1.0, n)[1:] ** 2 for n in (15, 10))
-#: Number of contact points on the chord in which the object overlaps the round tube [-].
+#: Number of contact points on the chord along which the object overlaps the round tube [-].
 CHORD_POINTS = 41
 DEPTH_EXPONENT = 2.0 / 3.0
 #: Spacing of the points of a corner's outline, and largest distance of a point of the contact, in
@@ -41,10 +41,10 @@ class SkinIndentation:
     """
     Depth of a dent as a function of the normal force, for one tube and one object.
 
-    :param depths: (n,) positive, increasing depths of the dent [m].
-    :param presses: for each depth, the spacing of the points of the skin [m] and the contact
-        forces (c,) on them [N].
-    :param kernel: compliance of the tubes' sections, see `Flattening`.
+    :param depths: (n,) depths of the dent at the rows of the table, positive and increasing [m].
+    :param presses: for each depth, the spacing of the points on the skin [m] and the contact
+        forces (c,) at these points [N].
+    :param kernel: local compliance of the tubes' sections.
     :param tube: index of the tube.
     """
 
@@ -69,8 +69,8 @@ class SkinIndentation:
 
         The depth is extrapolated linearly beyond the table.
 
-        :param force: normal force [N]; a search may pass a negative force, which has a negative
-            depth.
+        :param force: normal force [N]. For a negative force, which may occur in an iteration, the
+            depth is negative.
         """
         piece, x, beyond, per_force = self._locate(force)
         a, b, c, d = self._pieces[piece]
@@ -79,7 +79,7 @@ class SkinIndentation:
         return math.copysign(depth, force), slope * per_force
 
     def _locate(self, force: float) -> tuple[int, float, float, float]:
-        """Return a force's interval in the table, position, excess, and position's derivative."""
+        """Locate a force in the table: interval, 2/3 power, excess over the table, derivative."""
         size = max(abs(force), 1e-9)
         place = size**DEPTH_EXPONENT
         inside = min(place, self._places[-1])
@@ -88,7 +88,7 @@ class SkinIndentation:
 
     def second_rates(self, force: float) -> tuple[float, float, float]:
         """
-        Return second derivatives of the depth, and its derivative with respect to pressure.
+        Return derivatives of the depth: second ones, and with respect to pressure.
 
         :param force: normal force [N].
         :return: second derivative with respect to the force [m/N^2]; derivative with respect to
@@ -105,7 +105,7 @@ class SkinIndentation:
 
     @functools.cached_property
     def _place_rates(self) -> Array:
-        """Return the pressure derivatives (n + 1,) of the 2/3 powers in the table."""
+        """Return the derivatives (n + 1,) of the table's forces^(2/3) with respect to pressure."""
         kernel, tube, rates = self._kernel, self._tube, [0.0]
         for spacing, forces in self._presses:
             # The sum of q, where C q = -gaps, changes by -l . C' q, where C l = 1.
@@ -121,7 +121,7 @@ class SkinIndentation:
 
     @functools.cached_property
     def _spline_rate(self) -> scipy.interpolate.PPoly:
-        """Return the pressure derivative of the spline, for fixed depths of its nodes."""
+        """Return the derivative of the spline with respect to pressure, at constant depths."""
         spline, moved = self._spline, self._place_rates
         third = 6.0 * spline.c[0]
         # Where a place moves by m, the spline changes by -m times its slope, and the curvature of
@@ -137,10 +137,10 @@ class SkinIndentation:
 
 class Indentation:
     """
-    Depths of the dents of the tubes at k contacts with one object.
+    Depths of the dents of the tubes at k contacts with one object, as functions of the forces.
 
-    :param tables: tables of the k contacts; empty for round tubes, which have no dents.
-    :param scale: ratio of the tubes' stiffness to that of the tables [-].
+    :param tables: table of each of the k contacts; empty for tubes whose sections stay round.
+    :param scale: ratio of the tubes' stiffness to the stiffness for which the tables hold [-].
     """
 
     def __init__(self, tables: Sequence[SkinIndentation] = (), scale: float = 1.0) -> None:
@@ -148,7 +148,7 @@ class Indentation:
 
     def __call__(self, forces: Array) -> tuple[Array, Array]:
         """
-        Return the depths (k,) [m], and their derivatives (k,) with respect to forces [m/N].
+        Return the depths (k,) [m], and the derivatives (k,) of each depth by its force [m/N].
 
         :param forces: (k,) normal forces [N].
         """
@@ -191,7 +191,7 @@ def skin_indentation(
 
 
 def _press_disc(kernel: Flattening, tube: int, radius: float, depth: float) -> tuple[float, Array]:
-    """Return spacing and forces of the skin points that a disc presses to a given depth."""
+    """Return the spacing of the skin points, and the forces (c,) for a disc's given depth."""
     half = np.sqrt(radius**2 - (radius - depth) ** 2)
     place = half * np.linspace(-1.0, 1.0, CHORD_POINTS)
     gaps = radius - depth - np.sqrt(radius**2 - place**2)
@@ -199,7 +199,7 @@ def _press_disc(kernel: Flattening, tube: int, radius: float, depth: float) -> t
 
 
 def _press(kernel: Flattening, tube: int, spacing: float, gaps: Array) -> tuple[float, Array]:
-    """Return the spacing, and the forces of skin points that close given gaps across the tube."""
+    """Return the spacing, and the forces (c,) on skin points that close given gaps."""
     count = len(gaps)
     dents = kernel.lattice_compliance(count, tube, spacing)
     forces, _ = solve_complementarity(dents, gaps, np.ones(count, dtype=bool))
@@ -222,11 +222,12 @@ def corner_dents(
     :param robot: the robot.
     :param tube: index of the tube.
     :param shape: shape of the object.
-    :param angle: angle of the outward normal across the tube, in the object's frame [rad];
-        rounded, so that similar contacts share a table.
+    :param angle: direction of the object's outward normal that is perpendicular to the tube, in
+        the object's frame [rad]. It is rounded, so that similar contacts share a table.
     :param corner: index of the corner in contact, see `Shape.corner_at`.
-    :param cuts: extent of the contact clockwise and counter-clockwise of its point along the
-        surface [m]: half of a face whose other end is another contact, or infinite.
+    :param cuts: largest extents of the contact along the surface, clockwise and counter-clockwise
+        of the contact point [m]. The extent is half of the face if the other end of the face is
+        another contact, otherwise infinite.
     :param pressures: (t,) gauge pressure of each tube [Pa]; None: as in the robot file.
     """
     radius = 0.5 * robot.description.tube_diameter
@@ -241,12 +242,12 @@ def corner_dents(
 
 @functools.lru_cache(maxsize=16)
 def _outline(shape: Shape, spacing: float) -> Points:
-    """Return `Shape.outline` from a cache of the last few outlines."""
+    """Return `Shape.outline`, cached."""
     return shape.outline(spacing)
 
 
 def _profile(shape: Shape, angle: float, point: complex, spacing: float) -> tuple[Array, Array]:
-    """Return positions along a tube, counter-clockwise, and surface heights at them [m]."""
+    """Return positions along a tube, counter-clockwise, and the surface's height at each [m]."""
     inward = -np.exp(1j * angle)
     seen = (_outline(shape, spacing) - point) * inward.conjugate()
     # Along the tube counter-clockwise, and into the object.
@@ -263,7 +264,7 @@ def _profile(shape: Shape, angle: float, point: complex, spacing: float) -> tupl
 def _press_corner(
     kernel: Flattening, tube: int, places: Array, heights: Array, reach: Array, depth: float
 ) -> tuple[float, Array]:
-    """Return spacing and forces of the skin points that a surface presses to a given depth."""
+    """Return the spacing of the skin points, and the forces (c,) for a surface's given depth."""
     low = np.flatnonzero(heights <= depth)
     first, last = max(low[0] - 1, 0), min(low[-1] + 1, len(places) - 1)
     # Where the surface is as high as the depth, between two of its points.

@@ -6,16 +6,17 @@ Flattening: local compliance of the section of an inflated tube under contact.
 
 An inextensible wall of radius R under the gauge pressure p deforms under a line load in ring modes
 cos(n phi), n = 2, 3, ..., with the stiffness k_n = pi p (n^2 - 1) per unit length. The compliance
-of all modes is 3 / (4 pi p) for a load from one side that the beam's shear flow balances, and 1 /
-(pi p) between two plates. Along the tube each mode is a string on an elastic foundation,
+of all modes is 3 / (4 pi p) for a load from one side, which the shear flow of the tube as a beam
+balances. It is 1 / (pi p) between two plates. Along the tube each mode is a string on an elastic
+foundation,
 
     k_n w - G_n w'' = q,
     G_n = pi p R^2 (1 + 1/n^2) / 2 + pi R G t f_n / n^2,
     f_n = E t / (E t + G t n^2 lambda_n^2 / R^2),   lambda_n = sqrt(G_n / k_n),
 
-by the wall tension p R / 2 and the shear of the fabric. Its compliance at a distance s is exp(-s /
-lambda_n) / (2 sqrt(k_n G_n)). All but the first few modes are so short that they act only at the
-load.
+where G_n is due to the wall tension p R / 2 and the shear of the fabric. The compliance of a mode
+at a distance s is exp(-s / lambda_n) / (2 sqrt(k_n G_n)). All but the first few modes decay so
+fast along the tube that they deform only the loaded section.
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ class Flattening:
     #: the tube [m^2/N]
     rest: Array
     pressure: Array  #: (t,) gauge pressure p in each tube [Pa]
-    tension_rate: Array  #: (t, n) derivative of G_n with respect to p [N/Pa]
+    tension_rate: Array  #: (t, n) derivatives of G_n with respect to p [N/Pa]
 
     @property
     def reach(self) -> Array:
@@ -53,12 +54,14 @@ class Flattening:
 
     def compliance(self, place: Array, member: Indices, tube: Indices, spacing: float) -> Array:
         """
-        Return the compliance of points of the skin by dents only, without bending of the tubes.
+        Return the compliance of points on the skin by dents alone, without bending of the tubes.
 
-        Each point represents one spacing of tube, with averaged load and indentation. So the sum
-        over a long lattice equals the integral of the kernel for any spacing.
+        Each point represents a piece of tube that is one spacing long; load and indentation are
+        averaged over this piece. Therefore the sum over many points equals the integral for any
+        spacing.
 
-        :param place: (c,) positions along the members, on lattices with the given spacing [m].
+        :param place: (c,) positions along the members [m]; on each member they differ by multiples
+            of the spacing.
         :param member: (c,) index of the member of each point; points on one member interact.
         :param tube: (c,) index of the tube of each point.
         :param spacing: spacing of the points [m].
@@ -85,9 +88,9 @@ class Flattening:
 
     def compliance_rates(self, count: int, spacing: float) -> Array:
         """
-        Return the derivatives of the compliance between points with respect to pressure.
+        Return the derivatives with respect to pressure of the compliance between two points.
 
-        :param count: number of distances, which are 0, 1, ... spacings.
+        :param count: number of distances between the two points, which are 0, 1, ... spacings.
         :param spacing: spacing of the points [m].
         :return: (t, count) derivatives for each tube and distance [m/N/Pa].
         """
@@ -144,9 +147,9 @@ def flattening(
 
     :param radius: tube radius R [m].
     :param pressure: (t,) gauge pressure p in each tube [Pa].
-    :param fabric: E t and G t of the wall; None for f_n = 0, without an effect of the fabric.
+    :param fabric: E t and G t of the wall; None: f_n = 0, so the fabric has no influence.
     :param modes: number n of the highest ring mode whose deformation spreads along the tube.
-    :param local_stiffness: ratio of a measured tube's local stiffness to this theory [-].
+    :param local_stiffness: ratio of a tube's measured local stiffness to that of this theory [-].
     """
     n = np.arange(2, modes + 1)
     pressure = np.atleast_1d(np.asarray(pressure, dtype=float))[:, None]
@@ -175,7 +178,7 @@ def flattening(
 @functools.lru_cache(maxsize=8)
 def flattening_of(robot: Mechanism, pressures: tuple[float, ...] | None = None) -> Flattening:
     """
-    Return the local compliance of a robot's tubes, from a cache of the last few.
+    Return the local compliance of the sections of a robot's tubes, cached.
 
     :param robot: robot with tube diameter and stiffness model.
     :param pressures: (t,) gauge pressures in the order of the robot file [Pa]; None: the pressures

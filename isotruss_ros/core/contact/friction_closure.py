@@ -4,10 +4,10 @@
 """
 Closure by friction: bounded friction balances the normal forces, equation (10).
 
-The wrenches of friction form a zonotope, the sum of one segment for each contact. A pair of
-segments spans each facet, so the smallest friction coefficient and the closure margin follow
-without iteration. Moments are divided by half of the object's mean width, d/2 of a cylinder, so
-all three components are forces.
+The wrenches that friction can exert form a zonotope, the sum of one segment for each contact. Each
+facet is spanned by a pair of segments, so the smallest friction coefficient and the closure margin
+follow without iteration. Moments are divided by half of the object's mean width, d/2 of a
+cylinder, so all three components are forces.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ FACET_BATCH = 4096
 
 @dataclass(frozen=True, eq=False)
 class FrictionClosure:
-    """Balance of a wrench by bounded friction forces; d is the mean width of the object."""
+    """Result of `balance_by_friction`; d is the mean width of the object."""
 
     closed: bool  #: whether the residual is at most `tolerance`
     residual: float  #: norm of the unbalanced wrench (fx, fy, m / (d/2)) [N]
@@ -35,8 +35,8 @@ class FrictionClosure:
     #: (k,) friction on the object along the tangents, counter-clockwise [N]
     friction_forces: Array
     required_friction: float  #: smallest coefficient of friction with closure; infinite if none
-    #: largest additional wrench that friction balances in every direction [N]; negative if the
-    #: wrench itself is not balanced
+    #: norm of an additional wrench that friction balances in whichever direction it acts [N];
+    #: negative if the load alone is not balanced
     margin: float
 
 
@@ -48,7 +48,7 @@ def balance_by_friction(
 
     :param tangents: (k, 2) unit tangents of the object at the contacts, counter-clockwise.
     :param normal_forces: (k,) normal forces N_i, not negative [N].
-    :param load: (3,) resultant of the other forces on the object: fx, fy, m / (d/2) [N].
+    :param load: (3,) resultant (fx, fy, m / (d/2)) of the other forces on the object [N].
     :param friction: coefficient of friction mu, not negative.
     :param levers: (k,) lever arms of the tangential forces, divided by half of the object's mean
         width [-]; 1 for a cylinder.
@@ -67,7 +67,7 @@ def balance_by_friction(
 def _balance(
     segments: Array, facets: tuple[Array, Array], load: Array, friction: float
 ) -> tuple[Array, float]:
-    """Return the factors (k,) in [-mu, mu] of the segments, and the residual [N]."""
+    """Return factors (k,) in [-mu, mu] of the segments that balance a load; and the residual."""
     normals, support = facets
     offs, size = normals @ load, float(np.linalg.norm(load))
     room = friction * np.tile(support, 2) + np.concatenate([offs, -offs])
@@ -104,7 +104,7 @@ def _smallest(segments: Array, wanted: Array, friction: float) -> Array:
 def _extremes(
     facets: tuple[Array, Array], wanted: Array, friction: float, tolerance: float
 ) -> tuple[float, float]:
-    """Return the smallest coefficient of friction for a wrench, and the wrench's margin."""
+    """Return the smallest coefficient of friction that yields a wrench, and the margin."""
     normals, support = facets
     need = np.abs(normals @ wanted)
     # A flat zonotope, as of two contacts, reaches nothing across its plane.

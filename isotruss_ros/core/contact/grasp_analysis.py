@@ -50,40 +50,42 @@ class GraspAnalysis(
     :ivar places: (k,) distance of each point from the member's start [m].
     :ivar gaps: (k,) distances of the tube's skin from the object, not negative [m].
     :ivar normals: (k, 2) outward unit normals of the object's surface. At a corner over which the
-        skin is folded, normals are nearly across the tube, see `turn_at_corners`. Then the sum of
-        normals times forces differs from `normal_wrench`, which is exact: by 0.3 % on an ellipse,
-        by a tenth and at most a quarter at sharp corners, not at all on discs.
+        skin is folded, they are replaced by normals nearly perpendicular to the tube, see
+        `turn_at_corners`. Then the sum of forces times normals differs from the exact
+        `normal_wrench`: by 0.3 % on an ellipse, by a tenth to a quarter at sharp corners, and not
+        at all on discs.
     :ivar normal_forces: (k,) normal forces along `normals`, not negative [N].
     :ivar friction_forces: (k,) friction on the object along its tangents, counter-clockwise [N].
     :ivar normal_wrench: wrench (fx, fy, m) of the tubes on the object without friction, about the
         origin of its frame [N, N m]. Its forces are normal to the bent centre lines.
     :ivar closed_by_friction: whether the object has contact and friction balances the normal
         forces and the external wrench, equation (10). For a free object see `SettledGrasp`.
-    :ivar closure_residual: norm of the unbalanced wrench [N]; moments are about the centroid and
-        divided by half of the mean width, d/2 of a cylinder.
+    :ivar closure_residual: norm of the wrench that friction does not balance [N]; moments are
+        about the centroid and divided by half of the object's mean width, d/2 of a cylinder.
     :ivar closure_tolerance: largest residual that counts as closure [N].
     :ivar required_friction: smallest coefficient of friction with closure; infinite if none.
-    :ivar closure_margin: largest additional wrench that friction balances in every direction, with
-        moments divided by half of the mean width [N]; negative without closure.
-    :ivar contact_lengths: length of tube in contact by member, for members in contact [m].
-    :ivar contact_spans: start and end of the contact from the member's start by member, for
-        members in contact [m].
-    :ivar contact_forces: sum of the normal forces by member, for members in contact [N].
-    :ivar contact_widths: largest width of the contact around the tube by member, for members in
-        contact, at most half of the circumference [m]. This field and the next three are empty in
-        the paper's model.
-    :ivar contact_areas: area of contact by member, for members in contact [m^2].
-    :ivar contact_pressures: mean contact pressure by member, for members in contact [Pa].
-    :ivar peak_pressures: largest contact pressure by member, for members in contact [Pa].
+    :ivar closure_margin: norm of an additional wrench that friction balances in whichever
+        direction it acts, with moments divided by half of the object's mean width [N]; negative
+        without closure.
+    :ivar contact_lengths: length of tube in contact, for each member in contact [m].
+    :ivar contact_spans: distances of the contact's start and end from the member's start, for each
+        member in contact [m].
+    :ivar contact_forces: sum of the normal forces, for each member in contact [N].
+    :ivar contact_widths: largest width of the contact around the tube, for each member in contact,
+        at most half of the circumference [m]. This field and the next three are empty in the
+        paper's model.
+    :ivar contact_areas: area of contact, for each member in contact [m^2].
+    :ivar contact_pressures: mean contact pressure, for each member in contact [Pa].
+    :ivar peak_pressures: largest contact pressure, for each member in contact [Pa].
     :ivar flattened: names of the members whose contact is as wide as half of the circumference.
-        Their section is flat; depth and force are outside of the model.
-    :ivar utilisation: largest bending moment over the wrinkling moment, for all members [-]. A
-        tube wrinkles from 1 on; then the results are outside of the model.
-    :ivar utilisation_places: distance of this maximum from the member's start, for all members
-        [m].
+        Their section is flat there, and the model no longer holds for depth and force.
+    :ivar utilisation: ratio of the largest bending moment to the wrinkling moment, for each member
+        [-]. At 1 and above the tube wrinkles, and the model no longer holds.
+    :ivar utilisation_places: distance of the largest bending moment from the member's start, for
+        each member [m].
     :ivar center: origin of the object's frame, x + iy [m].
     :ivar structure: structural model of the robot.
-    :ivar solved: solved contact, with the normals that are assessed at corners.
+    :ivar solved: the solved contact from which this analysis was computed.
     """
 
     points: Array
@@ -116,10 +118,10 @@ class GraspAnalysis(
     @cached_property
     def stiffness(self) -> Array:
         """
-        Return the stiffness of the object with sticking contacts, (3, 3) [N/m, N, N m].
+        Return the robot's stiffness against motion of the object, (3, 3) [N/m, N, N m].
 
         It is the derivative of the wrench (fx, fy, m) with respect to the displacement (dx, dy,
-        dtheta).
+        dtheta), without slip at the contacts.
 
         :raises SolverError: the contact compliance is not positive definite.
         """
@@ -144,9 +146,9 @@ class GraspAnalysis(
     @cached_property
     def nonlinearity(self) -> float:
         """
-        Return the relative increase of the contact forces by the bending of the tubes [-].
+        Return the relative increase of the contact forces due to geometric nonlinearity [-].
 
-        The forces are compared with those on tubes that are linear about the straight state. The
+        The forces are compared with those of a model that is linear about the straight tubes. The
         increase is computed to first order, from the work of the contact forces. It is zero in the
         paper's model.
         """

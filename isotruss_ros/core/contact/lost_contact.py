@@ -2,10 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Negative slip margin of an object without equilibrium, from the members' gaps to it.
+Negative slip margin of an object without equilibrium, from the members' gaps to the object.
 
-It continues the slip margin, so that its gradient leads an optimiser back to contact. It is minus
-the unbalanced external wrench, minus about the force p R g of a tube that is pressed by its gap g.
+It continues the slip margin to negative values, so that its gradient leads an optimiser back to
+contact. Its amount is the norm of the unbalanced external wrench plus p R g, which is about the
+force of a tube with radius R and pressure p that is pressed in by its gap g.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ import numpy as np
 
 @dataclass(frozen=True, eq=False)
 class LostContact:
-    """Grasping members that do not hold their object, with their gaps to it."""
+    """Grasping members that do not hold their object, with their gaps to the object."""
 
     config: Configuration  #: configuration of the robot
     body: ConvexObject  #: the object at its given pose
@@ -47,8 +48,9 @@ class LostContact:
         :param config: configuration of the robot.
         :param body: the object at its given pose.
         :param members: (k,) indices of the members; None: the two nearest to the object.
-        :param wrench: (fx, fy, m / arm) on the object, with the characteristic radius as arm [N].
-        :param pressure: gauge pressure [Pa], see `tube_pressures`.
+        :param wrench: external wrench (fx, fy, m / arm) on the object [N]; arm is the
+            characteristic radius.
+        :param pressure: gauge pressure [Pa], in a form that `tube_pressures` accepts.
         """
         if members is None:
             members = np.argsort(member_depths(config, body), kind='stable')[-2:]
@@ -69,9 +71,10 @@ class LostContact:
 
     def slip_margin_rates(self) -> tuple[Array, Array]:
         """
-        Return the derivatives of the slip margin with respect to roller travel and pose.
+        Return the derivatives of this slip margin with respect to roller travel and object pose.
 
-        :return: (r,) derivatives with respect to roller travel, and (3,) with respect to the pose.
+        :return: (r,) derivatives with respect to roller travel, and (3,) with respect to the
+            object's pose.
 
         :raises ConfigurationError: the configuration is singular.
         """
@@ -82,7 +85,7 @@ class LostContact:
 
     @cached_property
     def _distances(self) -> tuple[Array, Array, Array]:
-        """Return the gaps of the tubes, and their derivatives with respect to nodes and pose."""
+        """Return the gaps, and their derivatives with respect to nodes and the object's pose."""
         return collision_model(self.config.robot).body_distances(
             self.config, self.body, self.members
         )

@@ -2,12 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Contact of flattening tubes, with points refined to the contact regions.
+Contact of flattening tubes, solved with points that are refined in the contact regions.
 
 Contact forces and lengths converge fast with the spacing of the points. Closure by friction
 depends on the pressure distribution within each region; its error falls with the square of the
-number of points in the smallest region. A search with few points finds the regions. The result has
-points with a sufficiently small spacing inside the regions only.
+number of points in the smallest region. Therefore the regions are first found with few points. The
+final points have a sufficiently small spacing and are inside the regions only.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ from isotruss_ros.core.statics.structure import Structure
 from isotruss_ros.core.statics.tangent import TUBE_CURVATURE
 import numpy as np
 
-#: Spacing of the search, and margin of its points around a region, relative to the final spacing
-#: [-].
+#: Spacing of the points of the search, and their margin around a region, relative to the final
+#: spacing [-].
 SEARCH = 2.0
 #: Smallest number of points in a contact region, and possible divisors of the spacing [-].
 REGION_POINTS = 10
@@ -46,11 +46,11 @@ LENGTH_SPREAD = 0.02
 #: reach.
 MAX_STEPS = 3
 EVERYWHERE = np.array([-np.inf, np.inf])
-#: Bound of the next motion in the iteration for the bent tubes, relative to the displacements of
-#: the skin [-]. The forces then depend on the initial guess by 3e-6 at most, since the gaps of
-#: contacts are closed to `ROUNDING`.
+#: The iteration for the bent tubes ends if the next motion is expected below this bound, relative
+#: to the displacements of the skin [-]. The forces then differ by 3e-6 at most between initial
+#: guesses, since the gaps of contacts are closed to `ROUNDING`.
 SETTLED_SHARE = 5e-8
-#: Shares of the bending by the contact forces, tried one after another [-].
+#: Fractions of the bending by the contact forces, tried one after another [-].
 BENT_SHARES = (1.0, 0.5, 0.2, 0.0)
 
 #: Solver of (8) for points and a surface, with optional initial forces and normals.
@@ -75,12 +75,12 @@ def refine_contact(
     :param spacing: largest distance of the points [m].
     :param flattening: local compliance of the tubes.
     :param solver: `solve_contact`, `solve_sliding_contact` or `relax_contact`.
-    :param previous: contact of a similar grasp, whose regions are refined; None: regions are
-        searched.
-    :param budget: largest number of points when the spacing is divided; None: the shortest region
-        determines the divisor.
+    :param previous: contact of a similar grasp, whose regions are the first estimate; None: the
+        regions are searched.
+    :param budget: largest number of points to which the spacing may be divided; None: the shortest
+        region determines the division.
     :return: the contact, with points from one spacing before to one spacing behind each contact
-        region. Without contact, it has points on all tubes within reach.
+        region. Without contact, the points are on all tubes that the object can touch.
     :raises SolverError: the contact problem was not solved.
     """
     search = _Search(structure, surface, spacing, flattening, solver, budget)
@@ -92,12 +92,13 @@ def refine_contact(
 
 def _press_in(search: _Search, refused: IsotrussError, step: float) -> SolvedContact:
     """
-    Solve while the object is pressed into the tubes in steps, of which the first is given.
+    Solve a deep contact by pressing the object into the tubes in steps.
 
     For this, the skin of the tubes is first moved away from the object, and then step by step
     back to its place.
 
-    :param step: first step as a share of the object's depth [-].
+    :param refused: error of the solution without steps. :param step: first step as a fraction of
+        the object's depth [-].
     """
     flattening = search.flattening
     depth = float(member_depths(search.structure.config, search.surface.body).max())
@@ -126,7 +127,7 @@ def measure_contact(
     contact_points: ContactPoints, contact: ContactState, count: int
 ) -> SolvedContact:
     """
-    Return a contact with its extent on each member.
+    Return a solved contact together with its extent on each member.
 
     :param contact_points: candidate contact points.
     :param contact: contact with its forces.
@@ -156,7 +157,7 @@ def measure_contact(
 
 @dataclass(frozen=True)
 class _Search:
-    """Search for the contact of one object; see `refine_contact`."""
+    """Iterative solution for the contact of one object; see `refine_contact`."""
 
     structure: Structure
     surface: Surface
@@ -169,7 +170,7 @@ class _Search:
     steady: bool = False
 
     def refine(self, previous: SolvedContact | None) -> SolvedContact:
-        """Find the contact regions, refine the points in them, and bend the tubes."""
+        """Find the contact regions, refine the points in these regions, and bend the tubes."""
         found, settled, clear = previous, False, True
         if found is not None:
             found, settled = self.solve(found, limited=True)
@@ -196,7 +197,7 @@ class _Search:
 
     @property
     def room(self) -> Array:
-        """Return the margin of points beyond a contact region, (2,) [m]."""
+        """Return the extent of the points before and behind a contact region, (2,) [m]."""
         return self.spacing * np.array([-1.0, 1.0])
 
     def solve(self, before: SolvedContact, limited: bool) -> tuple[SolvedContact, bool]:
@@ -249,7 +250,7 @@ class _Search:
         bent: BentTubes | None = None,
         before: SolvedContact | None = None,
     ) -> SolvedContact:
-        """Solve with candidate points and a surface resolved at the spacing `distance`."""
+        """Place candidate points at the spacing `distance`, and solve with a surface as fine."""
         known = None if before is None else (before.points, before.contact.push)
         points = find_contact_points(
             self.structure, self.surface, distance, self.flattening, windows, bent, known
@@ -263,7 +264,7 @@ class _Search:
     def _solve_bent(
         self, points: ContactPoints, push: Points, solve: Callable[[BentTubes], Found]
     ) -> Found:
-        """Solve with tubes bent by the contact forces, or by a share of them if that fails."""
+        """Solve with tubes bent by the contact forces, or by a fraction of them if that fails."""
         shares = BENT_SHARES[:1] if self.steady else BENT_SHARES
         for share in shares:
             try:
@@ -274,7 +275,7 @@ class _Search:
         raise AssertionError
 
     def bend(self, found: SolvedContact) -> SolvedContact:
-        """Solve at these points repeatedly, with tubes linearised about the last solution."""
+        """Solve repeatedly at these points, each time linearised about the last solution."""
         surface, last, quick = self.surface.resolved(found.points.spacing), np.inf, True
         points, contact = found.points, found.contact
         # Sliding tubes turn with the contact: its error shrinks to a tenth by each motion.
@@ -318,12 +319,12 @@ class _Search:
 
 
 def _touched(regions: Array) -> Flags:
-    """Return the mask (m, 1) of the members in contact."""
+    """Return a mask (m, 1) that is true for members in contact."""
     return regions[:, 1:] > regions[:, :1]
 
 
 def _carry_over(before: SolvedContact, points: ContactPoints) -> Points:
-    """Return normals at the points, interpolated from a similar grasp on the same members."""
+    """Return normals at the points, interpolated from the normals of a similar grasp."""
     # Members one after the other, so far apart that none has points among those of another.
     member, place = before.points.member[before.kept], before.points.place[before.kept]
     apart = 1.0 + max(place.max(initial=0.0), points.place.max(initial=0.0))
@@ -333,7 +334,7 @@ def _carry_over(before: SolvedContact, points: ContactPoints) -> Points:
 
 
 def _division(regions: Array, spacing: float, budget: int | None = None) -> int:
-    """Return the divisor of the spacing for the shortest region, or for a budget of points."""
+    """Return the divisor of the spacing by the shortest region, or by the budget of points."""
     length = (regions[:, 1] - regions[:, 0])[_touched(regions)[:, 0]]
     if budget is not None:
         points = (length + 2.0 * SEARCH * spacing).sum() / spacing
@@ -352,6 +353,6 @@ def _is_division_clear(regions: Array, spacing: float) -> bool:
 
 
 def _within(points: ContactPoints, regions: Array) -> Flags:
-    """Return the mask (c,) of the points within the regions (m, 2) of their members."""
+    """Return a mask (c,) that is true for points within the region of their member."""
     first, last = regions[points.member].T
     return (points.place >= first) & (points.place <= last)

@@ -48,12 +48,12 @@ def solve_sliding_contact(
     push: Points | None = None,
 ) -> ContactState:
     """
-    Solve (8) for tubes that slide along their axes.
+    Solve (8) for tubes that slide without friction along their axes.
 
     :param contact_points: candidate contact points.
     :param surface: surface that the points meet, see `find_contact_points`.
-    :param forces: initial forces, see `solve_contact`.
-    :param normals: initial normals, see `solve_contact`.
+    :param forces: (c,) initial forces [N], see `solve_contact`. :param normals: (c,) initial
+        normals, x + iy, see `solve_contact`.
     :param push: (c,) forces on the tubes in a similar state, x + iy [N]; None: no forces.
     :raises SolverError: the normals do not converge.
     """
@@ -82,7 +82,7 @@ def _iterate(
     damped_steps: int,
     pushed: Points | None = None,
 ) -> ContactState | None:
-    """Return the contact after damped and full steps; None without convergence."""
+    """Return the contact after damped steps and then full steps; None without convergence."""
     away, axis = contact_points.skin - surface.center, contact_points.axis
     side = np.where((normals * axis.conj()).imag < 0.0, -1.0, 1.0)
     neighbours = _find_neighbours(contact_points)
@@ -150,7 +150,7 @@ def _slide(
 
 
 def _limit(normals: Points, bent: Points, side: Array) -> tuple[Points, Flags]:
-    """Return normals (c,) with bounded inclination, and the mask of the normals at the bound."""
+    """Return normals (c,) with bounded inclination, and a mask of the bounded normals."""
     local = normals * bent.conj()
     steep = side * local.imag < STEEPEST.real
     if not steep.any():
@@ -162,7 +162,7 @@ def _limit(normals: Points, bent: Points, side: Array) -> tuple[Points, Flags]:
 def _bend(
     points: ContactPoints, neighbours: Indices, displacements: Points, push: Points
 ) -> Points:
-    """Return the directions (c,) of the bent centre lines, by the points' neighbours (2, c)."""
+    """Return the directions (c,) of the bent centre lines, from the points' neighbours (2, c)."""
     before, after = neighbours
     moved = points.bend(displacements, push)
     along = moved[after] - moved[before]
@@ -181,11 +181,12 @@ def turn_at_corners(
     contact_points: ContactPoints, contact: ContactState, surface: Surface
 ) -> ContactState:
     """
-    Return the contact with normals and forces that do not depend on the positions of its points.
+    Return the contact with normals at corners that do not depend on where the points are.
 
-    At a sharp corner, and on the faces beside it between which the skin is folded, a point has an
-    arbitrary normal of the normal cone. The resultant force is across the tube. So these normals
-    are limited to the inclination `FOLD` relative to the resultant.
+    The skin is folded over a sharp corner and the ends of its two faces. There, the solved normal
+    of a point is an arbitrary direction between the normals of the faces; only the resultant force
+    is determined, and it is perpendicular to the tube. Therefore these normals are turned until
+    they are inclined by at most `FOLD` to the resultant, and the forces are adapted.
 
     :param contact_points: candidate contact points.
     :param contact: contact of sliding tubes.

@@ -2,11 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Contact surfaces: the surface of an object, or its offset by the tube radius.
+Contact surfaces: the surface of an object, or this surface offset by the tube radius.
 
-The contact problem needs two functions of a convex object: the distance h(n) of the tangent with
-the normal n, and the normal at the surface point nearest to a point. A point beyond any tangent is
-outside of the object, so (5) with fixed normals, x . n - h(n) >= 0, excludes penetration.
+The contact problem needs two functions of a convex object: the distance h(n) between the centre
+and the tangent with the normal n, and the normal at the surface point nearest to a point. A point
+beyond any tangent is outside of the object, so (5) with fixed normals, x . n - h(n) >= 0, excludes
+penetration.
 """
 
 from __future__ import annotations
@@ -25,11 +26,11 @@ INITIAL_DISTANCE = 0.3
 
 @dataclass(frozen=True)
 class Surface:
-    """Surface of a convex object, or its offset; points are relative to the object's centre."""
+    """Surface of a convex object, possibly offset; points are relative to the object's centre."""
 
     body: ConvexObject  #: the object at its pose
     margin: float  #: offset of the surface [m]
-    shape: Shape  #: shape of the object; its corners are rounded to the resolution of the points
+    shape: Shape  #: shape of the object, with corners rounded to the resolution of the points
     center: complex  #: the centroid of the object's area, x + iy [m]
     reach: float  #: upper bound of the distance of surface points from the centre [m]
 
@@ -43,7 +44,7 @@ class Surface:
 
     def support(self, normals: Points) -> Array:
         """
-        Return the support function about the centre, (c,) [m].
+        Return the distances (c,) between the centre and the tangents with given normals [m].
 
         :param normals: (c,) outward unit normals, x + iy.
         """
@@ -69,7 +70,7 @@ class Surface:
 
     def facing(self, away: Points, axis: Points) -> Points:
         """
-        Return the outward normals (c,) of the surface at unbent tubes, x + iy.
+        Return the outward normals (c,) of the surface toward straight tubes, x + iy.
 
         :param away: (c,) points of the centre lines, relative to the centre, x + iy [m].
         :param axis: (c,) unit vectors along the tubes, x + iy.
@@ -85,7 +86,7 @@ class Surface:
 
     @cached_property
     def tangents(self) -> tuple[Points, Array]:
-        """Return normals (k,) and distances (k,) [m] of tangents that bound the surface."""
+        """Return tangents that bound the surface: normals (k,), distances from the centre (k,)."""
         normals = self.body.shape.bounding_normals * self.body.turn
         return normals, self.support(normals)
 
@@ -102,7 +103,7 @@ class Surface:
 
 def surface_of(body: ConvexObject, margin: float = 0.0) -> Surface:
     """
-    Return the surface of an object, or its offset.
+    Return the surface of an object, or this surface moved outward by an offset.
 
     :param body: the object at its pose.
     :param margin: offset [m]: 0, or the tube radius for centre lines of round tubes.

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Gaussian belief of a state, and its update by an iterated extended Kalman filter."""
+"""Gaussian belief of a state, and the belief's update by an iterated extended Kalman filter."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ FALSE_ALARM_PROBABILITY = 1.5e-5
 
 
 class Expectation(NamedTuple):
-    """Measurement model linearised at a state."""
+    """Prediction of a measurement, linearised at a state."""
 
     values: Array  #: (m,) predicted measurement
     rates: Array  #: (m, n) Jacobian of this prediction with respect to the state
@@ -27,14 +27,14 @@ class Expectation(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Belief:
-    """Gaussian belief of a state."""
+    """Gaussian belief of a state: mean and covariance."""
 
     mean: Array  #: (n,) mean
     covariance: Array  #: (n, n) covariance
 
     def spread(self, rates: Array) -> Array:
         """
-        Return the covariance (m, m) of linear functions of the state.
+        Return the covariance (m, m) of m linear functions of the state.
 
         :param rates: (m, n) Jacobian of the functions.
         """
@@ -49,16 +49,16 @@ def update_belief(
     considered: int | None = None,
 ) -> Belief:
     """
-    Return the posterior of a measurement: the most probable state, by Gauss-Newton steps.
+    Return the belief after a measurement; its mean is found by Gauss-Newton steps.
 
-    A considered state keeps its mean and variance; the other states include its uncertainty
-    (Schmidt-Kalman filter).
+    One element of the state may be considered: its mean and variance are not updated, but its
+    uncertainty is included in that of the other elements (Schmidt-Kalman filter).
 
     :param prior: belief before the measurement.
     :param measured: (m,) measurement.
     :param noise: (m, m) covariance of the measurement.
-    :param expect: measurement model: function from a state (n,) to the prediction.
-    :param considered: index of the considered state; None: no considered state.
+    :param expect: measurement model, a function that predicts the measurement from a state (n,).
+    :param considered: index of the considered element; None: there is none.
     """
     mean = prior.mean
     for _ in range(MAX_SEARCH_STEPS):

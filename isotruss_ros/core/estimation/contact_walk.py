@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Test for slip by sums of pose corrections over the last seconds, and their covariance."""
+"""Detection of slip from sums of pose corrections over the last seconds."""
 
 from __future__ import annotations
 
@@ -19,21 +19,23 @@ JUMP_LENGTH = 0.02
 
 
 class _Sum(NamedTuple):
-    """Sums at the time of one correction."""
+    """Sums of all corrections up to one time."""
 
     time: float  #: time of the correction [s]
     moved: Array  #: (3,) sum of all earlier corrections of the pose [m]
     walked: Array  #: (3, 3) covariance of the random walk [m^2]
-    unsure: Array  #: (3, 3) covariance of contacts and pose [m^2]
+    unsure: Array  #: (3, 3) covariance of contacts and unexplained pose [m^2]
     considered: Array  #: (3, c) derivatives of the pose with respect to considered states
 
 
 class ContactWalk:
     """
-    Sums of pose corrections, tested against random walk, pose noise and load.
+    Sums of pose corrections, compared with the spread expected without slip.
 
-    :ivar length: length of the largest sum, with rotations times the characteristic radius [m].
-    :ivar deviations: largest ratio of a sum to its standard deviation [-].
+    The spread is due to a random walk of the contacts, pose noise and load.
+
+    :ivar length: norm of the largest sum, with rotations times the characteristic radius [m].
+    :ivar deviations: largest ratio of a sum to its expected standard deviation [-].
     """
 
     def __init__(self) -> None:
@@ -45,7 +47,7 @@ class ContactWalk:
 
     def spread(self, more: Array) -> None:
         """
-        Add process noise to the random walk.
+        Add process noise to the expected random walk of the contacts.
 
         :param more: (3, 3) covariance of the process noise [m^2].
         """
@@ -53,9 +55,9 @@ class ContactWalk:
 
     def attach(self, change: Array) -> None:
         """
-        Exclude from the sums a change of the derivatives due to a search for an equilibrium.
+        Change the derivatives with respect to considered states without a correction.
 
-        Such a change does not move the pose.
+        They change after a new search for an equilibrium, which does not move the pose.
 
         :param change: (3, c) change of the derivatives of the pose with respect to the considered
             states.
@@ -72,15 +74,15 @@ class ContactWalk:
         spread: Array,
     ) -> None:
         """
-        Add a correction and update the sums.
+        Add a correction of the pose, and update the sums.
 
         :param time: time of the correction [s].
         :param moved: (3,) correction of the pose by contacts and unexplained pose [m].
-        :param unsure: (3, 3) prior covariance of contacts and unexplained pose [m^2].
+        :param unsure: (3, 3) covariance of contacts and unexplained pose before the correction
+            [m^2].
         :param noise: (3, 3) covariance of pose noise and load [m^2].
         :param considered: (3, c) derivatives of the pose with respect to the considered states,
-            such as roller offsets. Where they change, an error of a considered state moves the
-            pose.
+            such as roller offsets. If they change, an error of a considered state moves the pose.
         :param spread: (c, c) covariance of the considered states.
         """
         considered = considered - self._attached

@@ -5,9 +5,10 @@
 Gaussian belief of the grip: a Kalman filter about the equilibrium of the held object.
 
 The contacts roll with the tubes, so the equilibrium follows the configuration. Measured poses
-correct four states: the load w, the shift a of the contacts along the members, the unexplained
-pose b, and the delay of the poses. Two states are only considered: the roller offsets dphi and the
-stiffness s. The measured pose is
+correct four states: the load w, which is an external wrench; the shift a of the contacts along the
+members; the unexplained pose b; and the delay of the poses. Two states are considered, which means
+that they have an uncertainty but are not corrected: the roller offsets dphi and the stiffness s.
+With the roller positions q, the compliance C and white noise v, the measured pose is
 
     e = (w, b, a, delay | dphi, s),   z = equilibrium(q + dphi, a, s) + C w + b + v
 """
@@ -36,20 +37,20 @@ from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.safety.usage_limits import UsageLimits
 import numpy as np
 
-#: Random walk of the unexplained pose relative to the object's motion, and of the contacts
-#: relative to roller travel, both with the correlation length `SLIP_LENGTH` [-].
+#: Random walk of the unexplained pose as a fraction of the object's motion, and of the contacts as
+#: a fraction of roller travel, both with the correlation length `SLIP_LENGTH` [-].
 POSE_WALK, CONTACT_SLIP = 0.03, 0.02
-#: Prior standard deviations: of the unexplained pose beyond the effect of wrong offsets, and of
-#: shifts of contacts that friction does not limit [m].
+#: Prior standard deviations of the unexplained pose, apart from the effect of wrong offsets, and
+#: of shifts of contacts if friction does not limit them [m].
 POSE_DEVIATION, ANY = 0.0005, 0.1
-#: Prior standard deviation of the poses' delay beyond their stamps [s].
+#: Prior standard deviation of the time by which poses are older than their stamps say [s].
 DELAY_DEVIATION = 0.03
 #: Number of poses after which the equilibrium is searched again [-].
 FIRST_POSES = 15
 #: Interval over which the object's velocity is measured [s].
 SPEED_TIME = 0.05
-#: Number of standard deviations of an innovation beyond which a pose is inconsistent (one of 60000
-#: valid poses is), and of corrections and load beyond which contacts have slipped [-].
+#: Number of standard deviations [-]: a pose is inconsistent if its innovation is larger (one of
+#: 60000 valid poses is), and contacts have slipped if corrections and load are larger.
 MAX_DEVIATIONS = 5.0
 #: Gauge pressure of each tube (t,) [Pa]; None: as in the robot file.
 Pressures = tuple[float, ...] | None
@@ -59,7 +60,7 @@ LOAD, BIAS, DELAY, SHIFTS = slice(0, 3), slice(3, 6), 6, 7
 
 
 class _Rates(NamedTuple):
-    """Derivatives of pose (3, p) and squeeze (p,); rotations times the characteristic radius."""
+    """Derivatives of pose (3, p), with rotations times the arm, and of squeeze (p,)."""
 
     pose: Array
     squeeze: Array
@@ -72,26 +73,29 @@ class _Rates(NamedTuple):
 
 class GripBelief:
     """
-    Belief of a held object: its equilibrium, corrected by measured poses.
+    Belief of a held object: an equilibrium of the model, corrected by measured poses.
 
     :ivar grasp: equilibrium without a load, in the current configuration.
-    :ivar grip: grip whose rows of (19) predict the motion of the object, see `HeldGrip.touching`.
-    :ivar load: estimated wrench (fx, fy, m / arm) on the object [N].
-    :ivar bias: (3,) unexplained pose, measured minus modelled, rotations times the arm [m].
-    :ivar delay: delay of the measured poses beyond their stamps [s].
+    :ivar grip: grip from which (19) predicts the motion of the object, see `HeldGrip.touching`.
+    :ivar load: estimated external wrench (fx, fy, m / arm) on the object [N]; arm is its
+        characteristic radius.
+    :ivar bias: (3,) part of the pose that the model does not explain: measured minus modelled
+        pose, rotations times the arm [m].
+    :ivar delay: time by which the measured poses are older than their stamps say [s].
     :ivar innovation: normalised squared innovation (3 degrees of freedom) of the last pose [-].
-    :ivar drift: (4,) rates of the pose [m/s, rad/s] and of the squeeze [N/s] beyond the prediction
-        by (19), in the last cycle.
-    :ivar usage: limits on the use of slip margin and utilisation.
-    :ivar walk: sums of the corrections of contacts and pose.
-    :ivar jump: length of the last innovation if it was inconsistent, else 0 [m].
+    :ivar drift: (4,) rates of pose [m/s, rad/s] and squeeze [N/s] in the last cycle, minus the
+        rates predicted by (19).
+    :ivar usage: limits on motion that reduces the slip margin or increases the utilisation.
+    :ivar walk: sums of the corrections, from which slip is detected.
+    :ivar jump: length of the last innovation if it was inconsistent, otherwise 0 [m].
     :ivar searches: number of searches for an equilibrium with unknown contact history [-].
     :param grasp: equilibrium near the measured pose; its `response` is not None.
     :param grip: grip with the object at its measured pose.
     :param settings: prior standard deviations.
-    :param zeros: (r, r) covariance of the roller offsets [m^2]; None: from the settings.
+    :param zeros: (r, r) covariance of the roller offsets [m^2]; None: uncorrelated offsets with
+        the standard deviation of the settings.
     :param noise: (3,) prior standard deviations of the measured poses [m, rad].
-    :param supposed: whether only wrong roller offsets explain the measured pose.
+    :param supposed: whether only wrong roller offsets can explain the measured pose.
     """
 
     # Corrections since the last equilibrium, see `_take`.
@@ -157,7 +161,7 @@ class GripBelief:
 
     @property
     def differentiated(self) -> HeldGrip:
-        """Return the equilibrium of the derivatives, at most `MAX_RATE_TRAVEL` of travel away."""
+        """Return the equilibrium at which the derivatives in use were computed."""
         return self._differentiated  # type: ignore[return-value]
 
     @property
@@ -176,7 +180,7 @@ class GripBelief:
     @property
     def largest_friction(self) -> float:
         """
-        Return the largest required friction of an equilibrium that counts as held [-].
+        Return the largest required friction at which an equilibrium still counts as held [-].
 
         It exceeds the coefficient of friction by two relative standard deviations of the squeeze.
         """
@@ -193,7 +197,7 @@ class GripBelief:
 
     def explains(self, pose: Pose) -> bool:
         """
-        Return whether offsets, stiffness and noise explain a pose without external load.
+        Return whether errors of offsets, stiffness and measurement explain a pose without load.
 
         :param pose: measured pose of the object.
         """
@@ -216,43 +220,44 @@ class GripBelief:
 
     @property
     def regulated_pose(self) -> Array:
-        """Return the pose (3,) for control; two low-pass filters smooth its corrections."""
+        """Return the pose (3,) used for control: two low-pass filters smooth its corrections."""
         return self.pose - self._lag[:, :3].sum(axis=0)
 
     @property
     def regulated_squeeze(self) -> float:
-        """Return the squeeze for control [N]; two low-pass filters smooth its corrections."""
+        """Return the squeeze used for control [N]: two low-pass filters smooth its corrections."""
         return self.squeeze - float(self._lag[:, 3].sum())
 
     @property
     def slip_margin(self) -> float:
         """
-        Return the slip margin without the estimated load and without contact history [N].
+        Return the slip margin, computed without load and for unknown contact history [N].
 
-        An object that has slid into place uses all of its friction and is held nevertheless:
-        further slip ends in the equilibrium without contact history.
+        The contact history is left out because an object that has slid into place uses all of its
+        friction and is held nevertheless: if it slips further, it reaches the equilibrium of
+        `attach_grip`.
         """
         return self._margin(self.grasp, self._pending_forces) + self._spare
 
     @property
     def slip_deviations(self) -> float:
         """
-        Return the norm of corrections and load, each in units of its standard deviation [-].
+        Return the norm of corrections and load, each divided by its standard deviation [-].
 
-        The standard deviation of the load is at least half of the slip margin, because a load
-        within the margin is no slip.
+        The standard deviation of the load is set to at least half of the slip margin, because a
+        load within the margin causes no slip.
         """
         least = max(self.settings.load, 0.5 * self.slip_margin)
         return math.hypot(self.walk.deviations, *(self.load / least))
 
     @property
     def slipped(self) -> bool:
-        """Return whether corrections and load exceed their expected spread, which means slip."""
+        """Return whether corrections and load are so large that the object must have slipped."""
         return self.slip_deviations > self._most
 
     @property
     def slope(self) -> float:
-        """Return the derivative of the squeeze with respect to the opening, negative [N/m]."""
+        """Return the derivative of the squeeze with respect to the opening of the grip [N/m]."""
         return self.grasp.squeeze_stiffness()
 
     def follow(
@@ -262,10 +267,10 @@ class GripBelief:
         pressures: Pressures,
     ) -> HoldStatus:
         """
-        Roll the equilibrium to the current configuration; return its hold status.
+        Roll the equilibrium to the current configuration; return the new hold status.
 
-        If a contact slips or opens in the model, the equilibrium is searched again at the
-        estimated pose, at most once.
+        If a contact slips or opens in the model, the equilibrium near the estimated pose is
+        searched once.
 
         :param config: configuration of the robot.
         :param elapsed: time since the last call [s].
@@ -282,9 +287,11 @@ class GripBelief:
         change = pose_difference(rolled.pose, np.array(before.pose) + self._pending[:3])
         travel = config.roller_positions - before.config.roller_positions
         if self._moved_zeros.any():
-            # The object stays where it was measured: its model was off by so much.
-            self.bias = self.bias - self._even * change
-            travel, change = travel - self._moved_zeros, np.zeros(3)
+            # Corrected offsets do not move the object: its model was off by so much.
+            travel = travel - self._moved_zeros
+            moved = grip_jacobian(before.config, self.grip)[:3] @ travel
+            moved = moved + elapsed * self.drift[:3]
+            self.bias, change = self.bias - self._even * (change - moved), moved
         else:
             self._learn(before, rolled, travel, change, elapsed)
         self._travelled = self._travelled + change
@@ -307,7 +314,7 @@ class GripBelief:
         Update the belief with a measured pose.
 
         :param pose: measured pose of the object.
-        :param age: age of the pose by its stamp, relative to the last call of `follow` [s].
+        :param age: time from the stamp of the pose to the last call of `follow` [s].
         """
         self._poses += self._poses != FIRST_POSES
         then = self._time - age - self.delay
@@ -322,7 +329,7 @@ class GripBelief:
 
     def attach(self, config: Configuration, pressures: Pressures) -> bool:
         """
-        Search the equilibrium at the estimated pose, and place the contacts by it.
+        Search the equilibrium near the estimated pose, and place the contacts accordingly.
 
         :param config: configuration of the robot.
         :param pressures: (t,) gauge pressure of each tube [Pa]; None: as in the robot file.
@@ -348,9 +355,10 @@ class GripBelief:
 
     def _place_contacts(self, pose: Array) -> None:
         """
-        Initialise the contacts by a pose, independently of load and offsets.
+        Initialise the shifts of the contacts from a pose, independently of load and offsets.
 
-        The contacts' shifts explain the pose if they can; the unexplained pose is the remainder.
+        As much of the pose as possible is attributed to the shifts; the rest is the unexplained
+        pose.
 
         :param pose: (3,) pose of the object without load [m, rad].
         """
@@ -367,7 +375,7 @@ class GripBelief:
         self.bias = self._even * pose_difference(pose, self.grasp.pose)
 
     def _initialise(self) -> Array:
-        """Set the prior covariance, and condition it on a pose; return the Kalman gain (n, 3)."""
+        """Set the prior covariance, and update it for a pose; return the Kalman gain (n, 3)."""
         rates, variances = self._rates.pose, np.diag(self._covariance).copy()
         variances[LOAD], variances[BIAS] = self.settings.load**2, POSE_DEVIATION**2
         variances[SHIFTS:] = self._shift_deviations() ** 2
@@ -380,7 +388,7 @@ class GripBelief:
         return self._condition(rates, np.diag(self.noise.variances))
 
     def _shift_deviations(self) -> Array:
-        """Return the standard deviations (m,) of shifts: twice a shift that causes slip [m]."""
+        """Return the prior deviations (m,) of shifts: twice the shift that causes slip [m]."""
         grasp, most = self.grasp, self._friction * self.grasp.squeeze
         members = np.eye(len(grasp.members))[grasp.contacts.owners]
         presses, rubs = (members.T @ f for f in np.split(grasp.state.forces, 2))
@@ -396,7 +404,7 @@ class GripBelief:
 
     def take_zeros(self, covariance: Array) -> None:
         """
-        Set the covariance of the roller offsets.
+        Replace the covariance of the roller offsets.
 
         :param covariance: (r, r) covariance of the roller offsets [m^2].
         """
@@ -404,9 +412,9 @@ class GripBelief:
 
     def move_zeros(self, moved: Array) -> None:
         """
-        Apply a correction of the roller offsets, while the pose of the object stays.
+        Apply a correction of the roller offsets without changing the object's pose.
 
-        :param moved: (r,) changes of the roller positions [m].
+        :param moved: (r,) corrections of the roller positions [m].
         """
         grasp = self.grasp
         travel = travel_rates(grasp.config, grasp.contacts.members) @ moved
@@ -417,7 +425,7 @@ class GripBelief:
         self._corrected = self._corrected + moved
 
     def _correct(self, off: Array, rates: Array, noise: Array) -> None:
-        """Update the belief by the innovation (3,) of a measured pose [m]."""
+        """Update the belief with the innovation (3,) of a measured pose [m]."""
         prior, walking = self._covariance, np.zeros_like(rates)
         walking[:, BIAS], walking[:, SHIFTS:] = rates[:, BIAS], rates[:, SHIFTS:]
         unsure = walking @ prior @ walking.T
@@ -486,10 +494,10 @@ class GripBelief:
 
     def pass_corrections(self, elapsed: float, filter_time: float) -> None:
         """
-        Propagate corrections through the two low-pass filters of the squeeze control.
+        Pass corrections through the two low-pass filters of the squeeze control.
 
         :param elapsed: time since the last call [s].
-        :param filter_time: time constant of the low-pass filters on the load [s].
+        :param filter_time: time constant of the low-pass filters [s].
         """
         left = math.exp(-elapsed / filter_time)
         self._lag[1] += (1.0 - left) * self._lag[0]
@@ -497,7 +505,7 @@ class GripBelief:
         self._lag[1] *= left
 
     def _take(self, grasp: HeldGrip) -> None:
-        """Set the equilibrium, and the derivatives with respect to the state in it."""
+        """Set the equilibrium, and the derivatives by the state at this equilibrium."""
         self.grasp, self.grip = grasp, grasp.touching(self._friction)
         # Corrections of the contacts since, with which the equilibrium is not solved yet.
         self._anchors = grasp.anchors
@@ -524,7 +532,7 @@ class GripBelief:
         self._rates.squeeze[SHIFTS:] = mean @ by_shift[places.normal]
 
     def _resize(self, size: int) -> None:
-        """Reset the contacts' shifts to their prior for another number of members."""
+        """Reset the shifts of the contacts to their prior after the number of members changed."""
         before, sensitivity = self._covariance, self._sensitivity
         self._covariance = ANY**2 * np.eye(size)
         self._covariance[:SHIFTS, :SHIFTS] = before[:SHIFTS, :SHIFTS]
@@ -532,7 +540,7 @@ class GripBelief:
         self._sensitivity[:SHIFTS] = sensitivity[:SHIFTS]
 
     def _differentiate(self, grasp: HeldGrip) -> None:
-        """Compute the derivatives with respect to offsets at fixed contacts, and to stiffness."""
+        """Compute the derivatives by roller offsets with fixed contacts, and by stiffness."""
         found, count = held_gradient(grasp), len(grasp.config.roller_positions)
         travel = travel_rates(grasp.config, grasp.contacts.members)
         along, anchors = grasp.statics.sides[:, None] * travel, slice(count + 4, None)
@@ -556,7 +564,7 @@ class GripBelief:
     def _learn(
         self, before: HeldGrip, grasp: HeldGrip, travel: Array, change: Array, elapsed: float
     ) -> None:
-        """Identify drift, and changes of slip margin and utilisation, from the last travel."""
+        """Compute drift, and changes of slip margin and utilisation, from the last travel."""
         if grasp.contacts is not before.contacts:  # a step, which the next travel does not repeat
             self.usage, self.drift = UsageLimits(grasp), np.zeros(4)
             return
@@ -573,13 +581,13 @@ def attach_model(
     config: Configuration, grip: Grip, pressures: Pressures = None, zeros: float = 0.0
 ) -> HeldGrip:
     """
-    Return the equilibrium near the measured pose; its `response` is not None.
+    Return the equilibrium near the measured pose, if it has a `response`.
 
     :param config: configuration of the robot.
     :param grip: grip with the object at its measured pose.
     :param pressures: (t,) gauge pressure of each tube [Pa]; None: as in the robot file.
     :param zeros: standard deviation of the roller offsets [m], see `lay_faces`.
-    :raises NotHeldError: no such equilibrium exists.
+    :raises NotHeldError: no equilibrium exists, or its Jacobian is singular.
     :raises GraspError: the robot has no such members.
     :raises StructureError: see `structure_of`.
     """

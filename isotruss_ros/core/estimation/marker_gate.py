@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Gate of joint markers, and detection of a slipping roller from inconsistent markers."""
+"""Rejection of wrong joint markers, and detection of a slipped roller from the markers."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ import scipy
 
 def passes_gate(innovation: Array, covariance: Array) -> bool:
     """
-    Return whether the innovation passes the chi-square gate.
+    Return whether an innovation is so small that its measurement is accepted (chi-square gate).
 
     :param innovation: (m,) measured minus predicted values.
     :param covariance: (m, m) covariance of the innovation.
@@ -24,7 +24,7 @@ def passes_gate(innovation: Array, covariance: Array) -> bool:
 
 
 def _gate(count: int) -> float:
-    """Return the largest squared Mahalanobis distance of valid numbers (count,)."""
+    """Return the largest squared Mahalanobis distance at which `count` numbers are accepted."""
     return scipy.special.chdtri(count, FALSE_ALARM_PROBABILITY)
 
 
@@ -32,12 +32,12 @@ def judge_markers(
     innovation: Array, covariance: Array, by_rollers: Array, reach: Array
 ) -> tuple[Flags, Array]:
     """
-    Return the consistent markers, and the slip of one roller that explains the other markers.
+    Return which markers are consistent, after a slip of one roller if this explains more.
 
-    If some markers are inconsistent, two hypotheses are compared. Either one roller has slipped by
-    at most its travel; or some markers are wrong. The worst marker is rejected until the others
-    are consistent; if most are inconsistent, all are rejected. The hypothesis that explains more
-    markers is selected.
+    If some markers are inconsistent, two hypotheses are compared: one roller has slipped by at
+    most its travel, or some markers are wrong. For each, the worst marker is rejected repeatedly
+    until the others are consistent; if most are inconsistent, all are rejected. The hypothesis
+    with more consistent markers is selected.
 
     :param innovation: (k, 2) measured minus predicted joint positions [m].
     :param covariance: (2k, 2k) covariance of the innovation [m^2].
@@ -70,7 +70,7 @@ def judge_markers(
 
 def find_swap(measured: Array, expected: Array, covariance: Array) -> tuple[int, int] | None:
     """
-    Return two markers whose swap makes all markers consistent; None if no such pair exists.
+    Return two markers that, if swapped, make all markers consistent; None if there are none.
 
     :param measured: (k, 2) measured joint positions [m].
     :param expected: (k, 2) predicted joint positions [m].
@@ -85,7 +85,7 @@ def find_swap(measured: Array, expected: Array, covariance: Array) -> tuple[int,
 
 
 def _find_slip(off: Array, covariance: Array, by_rollers: Array, reach: Array) -> Array:
-    """Return the slip (r,) of the one roller that minimises the residual of the markers [m]."""
+    """Return the slip (r,) of that single roller which best explains the markers [m]."""
     weighted = np.linalg.solve(covariance, by_rollers)
     size = np.einsum('ij,ij->j', by_rollers, weighted)
     slipped = np.clip((weighted.T @ off) / np.maximum(size, 1e-12), -reach, reach)
@@ -94,5 +94,5 @@ def _find_slip(off: Array, covariance: Array, by_rollers: Array, reach: Array) -
 
 
 def _size(off: Array, covariance: Array) -> float:
-    """Return the squared Mahalanobis distance of a deviation."""
+    """Return the squared Mahalanobis distance of a deviation from zero."""
     return float(off @ np.linalg.solve(covariance, off))

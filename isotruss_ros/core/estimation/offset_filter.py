@@ -22,11 +22,11 @@ MAX_OFFSET_DEVIATION = 0.05
 
 class OffsetFilter:
     """
-    Gaussian belief of x = (dphi, c, m): roller offsets and constant errors of the markers.
+    Gaussian belief of roller offsets and of constant errors of the markers, x = (dphi, c, m).
 
-    dphi are the offsets of the r rollers [m]. c has the common shift of all markers (x, y) [m] and
-    their rotation about the centre of the joints [rad]. m are the mounting offsets of the markers
-    from the joints [m].
+    dphi are the offsets of the r rollers [m]. c consists of the common shift (x, y) of all markers
+    [m] and their common rotation about the centre of the joints [rad]. m are the mounting offsets
+    of the markers from the joints [m].
 
     :param robot: the robot with its nominal offsets.
     :param settings: prior standard deviations.
@@ -66,7 +66,7 @@ class OffsetFilter:
 
     def inflate(self, variances: Array) -> None:
         """
-        Increase the variances of the offsets, up to the variance of unknown offsets.
+        Increase the variances of the offsets, at most to the variance of unknown offsets.
 
         :param variances: (r,) increments [m^2].
         """
@@ -77,14 +77,14 @@ class OffsetFilter:
         self.belief = Belief(self.belief.mean, covariance)
 
     def forget(self) -> None:
-        """Increase the variances of the offsets to the variance of unknown offsets."""
+        """Set the variances of the offsets to the variance of unknown offsets."""
         self.inflate(np.full(self._count, MAX_OFFSET_DEVIATION**2))
 
     def expect(
         self, values: Array, rates: Array, rows: Indices, mean: Array | None = None
     ) -> Expectation:
         """
-        Return the marker model linearised at a state.
+        Return the predicted marker coordinates, linearised at a state.
 
         :param values: (2j,) joint positions x0, y0, x1, y1, ... [m].
         :param rates: (2j, r) Jacobian of the joint positions with respect to the offsets.
@@ -109,7 +109,8 @@ class OffsetFilter:
         :param measured: (m,) measured coordinates of markers [m].
         :param noise: (m, m) covariance of the measurement noise [m^2].
         :param rows: (m,) indices of the measured coordinates.
-        :param joints: function from offsets (r,) to joint positions and Jacobian, see `expect`.
+        :param joints: function that returns joint positions and their Jacobian for offsets (r,),
+            as in `expect`.
         """
 
         def expect(mean: Array) -> Expectation:

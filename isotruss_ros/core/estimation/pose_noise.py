@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Variance of the noise of measured poses, from the differences of successive poses."""
+"""Variance of the noise of measured poses, estimated from differences of successive poses."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ MAX_STEP_SIGMAS = 3.0
 
 class PoseNoise:
     """
-    Estimate of the variance of white noise in the measured poses of a slowly moving object.
+    Estimated variance of white noise in the measured poses of a slowly moving object.
 
-    :ivar variances: (3,) variances of x, y and angle times the characteristic radius, including
-        the model error [m^2].
-    :param deviations: (3,) prior standard deviations, the angle times the characteristic radius
-        [m].
+    :ivar variances: (3,) variances of x, of y, and of the angle times the characteristic radius;
+        they include the model error [m^2].
+    :param deviations: (3,) prior standard deviations of x, of y, and of the angle times the
+        characteristic radius [m].
     """
 
     def __init__(self, deviations: Array) -> None:
@@ -37,8 +37,8 @@ class PoseNoise:
         """
         Update the estimate with a measured pose.
 
-        :param off: (3,) measured pose minus its prediction by roller travel, rotations times the
-            characteristic radius [m].
+        :param off: (3,) measured pose minus the pose predicted from roller travel, rotations times
+            the characteristic radius [m].
         """
         last, self._last = self._last, off
         if last is None:
@@ -51,5 +51,5 @@ class PoseNoise:
 
     @property
     def deviation(self) -> float:
-        """Return the largest standard deviation [m]."""
+        """Return the largest of the three standard deviations [m]."""
         return float(np.sqrt(self.variances.max()))

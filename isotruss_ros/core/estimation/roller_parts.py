@@ -1,21 +1,22 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Merging of partial joint states of several broadcasters, by roller."""
+"""Merging of joint states that name only some of the rollers."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from isotruss_ros.core.inputs import InputFault, RejectedInput, RollerState, StampedInput, Timeline
+from isotruss_ros.core.inputs import InputFault, RejectedInput, RollerState, StampedInput
 import numpy as np
 
 
 class RollerParts:
     """
-    Last readings of each roller, from complete or partial joint states.
+    Last readings of each roller, from joint states with all or some of the rollers.
 
-    The merged state has the time of the oldest reading; newer readings are interpolated to it.
+    The merged state has the time of the oldest reading; newer readings are interpolated to this
+    time.
 
     :param names: names of the rollers.
     """
@@ -23,7 +24,7 @@ class RollerParts:
     def __init__(self, names: Sequence[str]) -> None:
         self._names = names
         #: Position [m] + 1j speed [m/s] of each roller.
-        self._readings = [Timeline() for _ in names]
+        self._readings: list[list[tuple[float, complex]]] = [[] for _ in names]
 
     def clear(self) -> None:
         """Discard all readings."""
@@ -32,22 +33,24 @@ class RollerParts:
 
     def take(self, part: Mapping[int, tuple[float, float]], time: float, now: float) -> None:
         """
-        Store the readings of a message, except readings older than the stored readings.
+        Store the readings of a message that are newer than the stored ones.
 
-        :param part: position [m] and speed [m/s] by index of the roller.
-        :param time: time of the readings, at most now [s].
-        :param now: time on the same clock [s]. If the clock was set back, stored readings later
-            than now are discarded.
+        :param part: position [m] and speed [m/s] for the index of each roller in the message.
+        :param time: time of the readings, not later than `now` [s].
+        :param now: current time on the same clock [s]. If the clock was set back, stored readings
+            later than `now` are discarded.
         """
         for number, (position, speed) in part.items():
             readings = self._readings[number]
-            if readings and readings.last[0] > now:
+            if readings and readings[-1][0] > now:
                 readings.clear()
-            if not readings or time >= readings.last[0]:
-                readings.add(time, complex(position, speed))
+            if not readings or time > readings[-1][0]:
+                readings.append((time, complex(position, speed)))
+            elif time == readings[-1][0]:
+                readings[-1] = time, complex(position, speed)
 
     def merged(self) -> StampedInput | RejectedInput:
-        """Return the `RollerState` of all rollers; a rejection if a roller was never read."""
+        """Return the state of all rollers; a rejection if a roller was in no message."""
         readings = self._readings
         missing = [n for n, known in zip(self._names, readings, strict=True) if not known]
         if missing:
@@ -55,11 +58,12 @@ class RollerParts:
                 f'joint states: rollers {", ".join(missing)} are missing; must name '
                 f'{", ".join(self._names)}, in one message or in parts'
             )
-        times = [known.last[0] for known in readings]
+        times = [known[-1][0] for known in readings]
         time, newest = min(times), max(times)
-        values = np.array([known.at(time) for known in readings])
         for known in readings:
-            known.discard_before(time)
+            while len(known) > 1 and known[1][0] <= time:
+                del known[0]
+        values = np.array([np.interp(time, *zip(*known, strict=True)) for known in readings])
         behind = None
         if time < newest:
             oldest = self._names[times.index(time)]

@@ -14,8 +14,8 @@ import scipy
 
 #: Smallest change of an offset under slip, in standard deviations [-].
 SLIP_SIGMAS = -float(scipy.special.ndtri(FALSE_ALARM_PROBABILITY))
-#: Two tests for slip: smallest change of an offset as a share of the travel [-], over an interval
-#: [s].
+#: Two tests for slip, each with the smallest change of an offset as a fraction of the travel [-]
+#: and the interval in which it occurs [s].
 SLIP_SHARES = ((0.3, 0.25), (0.01, 4.0))
 #: Smallest change of an offset under slip [m].
 MIN_SLIP = 1e-3
@@ -23,7 +23,7 @@ MIN_SLIP = 1e-3
 
 class SlipWatch:
     """
-    Comparison of roller offsets with earlier estimates of them.
+    Detector of slipping rollers, which compares roller offsets with earlier estimates.
 
     :param count: number of rollers.
     """
@@ -34,7 +34,7 @@ class SlipWatch:
 
     def add(self, time: float, travel: Array, zeros: Array, variances: Array) -> None:
         """
-        Compare an estimate of the offsets with earlier estimates.
+        Add an estimate of the offsets, and compare it with earlier estimates.
 
         :param time: time of the estimate [s].
         :param travel: (r,) encoder readings [m].

@@ -19,19 +19,21 @@ MAX_KNOWN_DEVIATION = 0.5
 @dataclass(frozen=True)
 class EstimatorSettings:
     """
-    Prior standard deviations and noise of the estimator's states.
+    Standard deviations of priors, process noise and measurements of the estimator.
 
     :ivar zeros: standard deviation of the roller offsets [m]; 1 mm after calibration with markers.
-    :ivar slip: slip of a roller as a share of its travel, independent in each 0.1 m of travel [-].
-    :ivar drift: drift of the offsets per second, also at rest [m].
+    :ivar slip: slip of a roller as a fraction of its travel, independent in each 0.1 m of travel
+        [-].
+    :ivar drift: drift of the roller offsets in one second, also at rest [m].
     :ivar encoders: noise of an encoder reading [m].
-    :ivar load: wrench on a held object, moments over its characteristic radius [N].
-    :ivar load_time: correlation time of the wrench [s].
+    :ivar load: external wrench on a held object, moments divided by its characteristic radius [N].
+    :ivar load_time: correlation time of this wrench [s].
     :ivar stiffness: relative error of the stiffness of robot and tubes [-].
-    :ivar joint_error: model error of the joints, and mounting offset of each marker [m].
+    :ivar joint_error: model error of the joint positions, and mounting offset of each marker [m].
     :ivar marker_shift: common shift of all markers [m].
     :ivar marker_turn: common rotation of all markers [rad].
-    :ivar pose_error: model error of the pose, rotations times the characteristic radius [m].
+    :ivar pose_error: model error of the object's pose, rotations times the characteristic radius
+        [m].
     :ivar squeeze_error: relative model error of the squeeze [-].
     """
 
@@ -61,15 +63,18 @@ class StateEstimate(Record, headline=('travel', 'pose', 'squeeze', 'left_out', '
     :ivar joints: (j, 2) positions of the joints under the contact forces, in
         `Topology.joint_names` order [m].
     :ivar joint_covariance: (2j, 2j) covariance of (x0, y0, x1, y1, ...) [m^2].
-    :ivar pose: pose (x, y, angle) of the held object [m, rad]; None if the model does not hold it.
+    :ivar pose: pose (x, y, angle) of the held object [m, rad]; None if no object is held according
+        to the model.
     :ivar pose_covariance: (3, 3) covariance of the pose [m^2, m rad, rad^2].
-    :ivar squeeze: mean normal force of the members [N]; NaN if the model does not hold an object.
-    :ivar squeeze_deviation: standard deviation of the squeeze, with the stiffness error [N].
-    :ivar used: names of the joints whose last markers were accepted, sorted.
-    :ivar left_out: names of the joints whose last markers were rejected, sorted.
+    :ivar squeeze: mean normal force of the members [N]; NaN if no object is held according to the
+        model.
+    :ivar squeeze_deviation: standard deviation of the squeeze, including the error of the
+        stiffness [N].
+    :ivar used: sorted names of the joints of which the last marker was accepted.
+    :ivar left_out: sorted names of the joints of which the last marker was rejected.
     :ivar swapped: names of two joints whose markers are apparently swapped; empty otherwise.
     :ivar slipping: names of slipping rollers, in `Robot.roller_names` order.
-    :ivar delay: delay of the poses beyond their stamps [s].
+    :ivar delay: time by which the measured poses are older than their stamps say [s].
     """
 
     time: float
@@ -90,7 +95,7 @@ class StateEstimate(Record, headline=('travel', 'pose', 'squeeze', 'left_out', '
 
 
 class EstimatedTravel(NamedTuple):
-    """Estimated roller offsets for a control loop."""
+    """Estimated roller offsets with their covariance, for a control loop."""
 
     offsets: Array  #: (r,) roller offsets, to be added to the encoder readings [m]
     covariance: Array  #: (r, r) covariance of the offsets [m^2]

@@ -5,8 +5,9 @@
 State estimation of the robot from encoders, the object's pose and joint markers.
 
 Encoders do not measure slip, and the calibration of home has errors. Markers correct the roller
-offsets, see `OffsetFilter`. Poses correct the state of the grip, see `GripBelief`; it considers
-the offsets with their covariance. Measurements are processed at the times of their stamps.
+offsets, see `OffsetFilter`. Measured poses correct the state of the grip, see `GripBelief`, in
+which the covariance of the offsets is taken into account. Measurements are processed at the times
+of their stamps.
 """
 
 from __future__ import annotations
@@ -33,10 +34,10 @@ from isotruss_ros.core.numerics.blas_threads import single_threaded
 import numpy as np
 from numpy.typing import ArrayLike
 
-#: Number of successive messages without a consistent marker after which the offsets are unknown
-#: [-].
+#: Number of successive messages without a consistent marker after which the roller offsets are
+#: regarded as unknown [-].
 MAX_INCONSISTENT_MESSAGES = 5
-#: Largest lead of a measurement relative to the encoders [s].
+#: Largest time by which a measurement may be later than the last encoder reading [s].
 AHEAD = 0.05
 
 
@@ -47,7 +48,7 @@ class StateEstimator:
     :ivar settings: prior standard deviations.
     :ivar belief: belief of the grip; None without a held object.
     :param robot: the robot with its nominal offsets and stiffness.
-    :param settings: prior standard deviations; None: defaults without calibration.
+    :param settings: prior standard deviations; None: defaults for a robot without calibration.
     """
 
     def __init__(self, robot: Robot, settings: EstimatorSettings | None = None) -> None:
@@ -65,7 +66,7 @@ class StateEstimator:
 
     @property
     def grip(self) -> Grip | None:
-        """Return the grip of a measured object; None if there is none."""
+        """Return the grip that may hold an object; None if there is none."""
         return self._grip
 
     @grip.setter
@@ -83,7 +84,7 @@ class StateEstimator:
 
     def take_encoders(self, time: float, readings: Array) -> None:
         """
-        Advance to an encoder reading; ignore a reading that is not later than the last reading.
+        Advance the estimate to an encoder reading; ignore a reading not later than the last one.
 
         :param time: time of the reading [s].
         :param readings: (r,) roller travel since home [m].
@@ -98,10 +99,10 @@ class StateEstimator:
 
     def take_pressures(self, pressures: tuple[float, ...] | None) -> None:
         """
-        Use measured pressures in the model, see `steady_pressures`.
+        Use measured pressures in the model; small changes are ignored, see `steady_pressures`.
 
         :param pressures: (t,) gauge pressures of the tubes in the order of the robot file [Pa];
-            None: the pressures of the file.
+            None: the pressures of the robot file.
         """
         self._pressures = steady_pressures(self._pressures, pressures)
 
@@ -113,7 +114,7 @@ class StateEstimator:
         :param time: time of the measurement [s].
         :param pose: pose of the object, robot frame.
         :param deviations: (3,) standard deviations of x, y [m] and angle [rad], positive.
-        :return: whether the pose was used, because it is fresh and the object is held.
+        :return: whether the pose was used; it is not used if it is old or no object is held.
         :raises ConfigurationError: no configuration exists at the encoder readings.
         :raises GraspError: the pose is not three valid numbers, or a deviation is not positive.
         """
@@ -141,10 +142,10 @@ class StateEstimator:
         self, time: float, joints: Mapping[str, tuple[float, float]], deviation: float
     ) -> bool:
         """
-        Update the offsets with measured joints; reject inconsistent markers.
+        Update the roller offsets with markers on joints; reject inconsistent markers.
 
         :param time: time of the measurement [s].
-        :param joints: (x, y) by the name of the joint, robot frame [m].
+        :param joints: measured position (x, y) for the name of each joint, robot frame [m].
         :param deviation: standard deviation of a coordinate, positive [m].
         :return: whether at least one marker was used.
         :raises ConfigurationError: no configuration exists at the encoder readings.
@@ -248,7 +249,7 @@ class StateEstimator:
             self._strange = 0
 
     def _roll(self) -> None:
-        """Roll the held object to the last reading; release it if no equilibrium exists."""
+        """Roll the held object to the last reading; without equilibrium, release it."""
         (time, readings), belief = self._readings.last, self.belief
         travel, elapsed = readings + self._zeros.offsets, time - self._rolled
         self._rolled = time
@@ -263,7 +264,7 @@ class StateEstimator:
             self.belief = None
 
     def _attach(self, pose: Pose, deviations: Array) -> GripBelief | None:
-        """Return the belief of an object at the measured pose; None if it may not be held."""
+        """Return the belief of an object at its measured pose; None if it is perhaps not held."""
         zeros = self._zeros
         self._config = self._config.moved_to(self._readings.last[1] + zeros.offsets)
         grip = self._grip.moved_to(pose)
@@ -294,11 +295,11 @@ class StateEstimator:
         return places + displaced + beyond @ (offsets - self._zeros.offsets), rates + beyond
 
     def _encoder_noise(self, rates: Array) -> Array:
-        """Return the covariance (m, m) of coordinates due to encoder noise; Jacobian (m, r)."""
+        """Return the covariance (m, m) of coordinates with Jacobian (m, r) by encoder noise."""
         return self.settings.encoders**2 * rates @ rates.T
 
     def _in_time(self, time: float) -> bool:
-        """Return whether a measurement at a time can be compared with encoder readings."""
+        """Return whether encoder readings exist near the time of a measurement."""
         known = self._readings
         return bool(known) and known.first[0] <= time <= known.last[0] + AHEAD
 

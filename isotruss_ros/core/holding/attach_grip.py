@@ -4,8 +4,8 @@
 """
 Equilibrium of an object near its measured pose, with unknown contact history.
 
-The equilibrium with the least friction is assumed. It determines the pose in the stiff directions;
-in the soft directions the measured pose is used.
+The equilibrium with the least friction is assumed. In directions in which the grip is stiff, the
+equilibrium determines the pose; in the others, the measured pose is taken.
 """
 
 from __future__ import annotations
@@ -78,17 +78,19 @@ def attach_grip(
     quick: bool = False,
 ) -> HeldGrip:
     """
-    Find the equilibrium near a pose with unknown contact history, see `rest`.
+    Find the equilibrium of an object near its measured pose, with unknown contact history.
+
+    The contact history is how the contacts rolled before; `rest` lists what is assumed instead.
 
     :param config: configuration of the robot.
     :param body: the object at its measured pose.
     :param members: (m,) indices of the two or three grasping members; None: the members that the
-        object overlaps, or the two nearest.
+        object overlaps, or if it overlaps fewer than two, the two nearest.
     :param external_wrench: (fx, fy, m) on the object about its frame's origin [N, N m]; None:
         zero.
     :param tubes: model of the tubes.
-    :param before: previous equilibrium; it is the initial guess if its contacts are similar.
-    :param quick: whether the search is limited to the time of a control cycle.
+    :param before: previous equilibrium. The iteration starts from it if its contacts are similar.
+    :param quick: True to try so few contact hypotheses that the search fits in a control cycle.
     :raises NotHeldError: no equilibrium near the measured pose exists.
     :raises StructureError: see `structure_of`.
     """
@@ -117,13 +119,14 @@ def attach_grip(
 
 def lay_faces(found: HeldGrip, friction: float, gap: float) -> HeldGrip:
     """
-    Return the equilibrium on a face if friction suffices only there; else the given equilibrium.
+    Return the equilibrium with a whole face in contact if friction suffices only with it.
 
-    Wrong roller offsets incline the tubes, so that a face of the object seems to have a gap.
+    Otherwise, return the given equilibrium. If the roller offsets are wrong, the modelled tubes
+    are inclined, and there seems to be a gap at one end of a face that is in contact.
 
     :param found: equilibrium near the measured pose, see `attach_grip`.
     :param friction: coefficient of friction between tubes and object.
-    :param gap: largest gap at the far end of the face that the offsets explain [m].
+    :param gap: largest gap at the far end of the face that wrong offsets can explain [m].
     """
     if found.required_friction <= friction:
         return found
@@ -147,7 +150,7 @@ def _find_pressing(
     middle: complex,
     sets: int | None,
 ) -> HeldGrip | None:
-    """Return the equilibrium with all face ends in compression, from at most `sets` hypotheses."""
+    """Return the first of `sets` hypotheses whose equilibrium has no face end in tension."""
     for _ in range(sets or len(contacts.owners)):
         found = find(contacts)
         if found is None:
@@ -175,7 +178,7 @@ def _find_rest(
     before: HeldGrip | None,
     steps: int,
 ) -> HeldGrip | None:
-    """Return the equilibrium near the measured pose at given contacts; None if none exists."""
+    """Return the equilibrium near the measured pose with given contacts; None if none exists."""
     body, contacts = statics.body, statics.contacts
     conditions = rest(statics, body)
     found, motion = None, None
@@ -214,7 +217,7 @@ def _find_rest(
 
 
 def _search_centered(statics: ContactStatics, wrench: Array, steps: int) -> Array | None:
-    """Return initial unknowns whose equilibrium does not depend on the object's frame."""
+    """Return an initial guess that does not depend on the origin of the object's frame."""
     body, shape = statics.body, statics.body.shape
     if abs(shape.centroid) <= NEGLIGIBLE_SHARE * body.arm:
         return start_at(statics, body)
@@ -234,7 +237,7 @@ def _search_centered(statics: ContactStatics, wrench: Array, steps: int) -> Arra
 
 
 def _is_like(grip: HeldGrip, statics: ContactStatics) -> bool:
-    """Return whether a grip has contacts of the same kinds on the same sides as `statics`."""
+    """Return whether grip and `statics` have contacts of the same kinds on the same sides."""
     own, contacts = grip.contacts, statics.contacts
     pairs = (
         (own.members, contacts.members),
@@ -251,7 +254,7 @@ def _solve_nearby(
     wrench: Array,
     conditions: ContactConditions,
 ) -> tuple[ContactStatics, ContactForces] | None:
-    """Return the equilibrium near the prediction, with similar forces; None if none exists."""
+    """Return the equilibrium near the predicted one, with similar forces; None if none exists."""
     start, places, known = grip.ahead(travel), grip.state.places, grip.state
     bent, structure = grip.statics.bent, statics.bent.structure
     if structure is not bent.structure:
@@ -266,7 +269,7 @@ def _solve_nearby(
 
 
 def _choices(contacts: PressedContacts) -> list[PressedContacts]:
-    """Return contact hypotheses, first with both ends of all faces, then with single ends."""
+    """Return contact hypotheses: first both ends of all faces touch, then single ends."""
     faces = [own.tolist() for own in contacts.ends if len(own) > 1]
     found = []
     for dropped in itertools.product(*([None, *own] for own in faces)):
@@ -279,13 +282,13 @@ def _choices(contacts: PressedContacts) -> list[PressedContacts]:
 
 def rest(statics: ContactStatics, body: ConvexObject) -> ContactConditions:
     """
-    Return the conditions of an unknown contact history, for a pose near the measured pose.
+    Return the conditions that replace rolling conditions if the contact history is unknown.
 
-    With two members, the measured position across the chord between the contacts determines the
-    squeeze. With three members, statics determines the squeeze. The angle is the measured angle,
-    or with a face contact the angle at which all members use equal shares of their friction. Then
-    three members need no friction; without a face contact they use equal shares. Both ends of a
-    face use equal shares.
+    Squeeze: With two members, it follows from the measured position across the chord between the
+    contacts. With three members, it follows from statics. Angle: Without a face contact, it is the
+    measured angle. With one, it is the angle at which the ratio |T| / N of friction to normal
+    force is equal at all members. Friction: Three members need none if there is a face contact,
+    otherwise the ratio is equal at all three. It is also equal at both ends of a face.
 
     :param statics: equations of equilibrium.
     :param body: the object at its measured pose.

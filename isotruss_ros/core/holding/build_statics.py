@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Equilibrium equations of a held object from its contacts, with an initial guess.
+Construction of the equilibrium equations of a held object, and of their initial guess.
 
 A corner has one contact; a face has one contact at each end.
 """
@@ -29,7 +29,7 @@ from isotruss_ros.core.statics.bent_tubes import BentTubes
 from isotruss_ros.core.statics.structure import Structure, structure_of
 import numpy as np
 
-#: Tubes of the robot file, with flattening.
+#: Tube model with flattening and with pressure and stiffness of the robot file.
 AS_MODELLED = TubeModel()
 #: Step of the angles of normals for which dents are tabulated [rad].
 ANGLE_STEP = 0.01
@@ -37,7 +37,7 @@ ANGLE_STEP = 0.01
 
 def find_pressed(config: Configuration, body: ConvexObject, members: Indices) -> PressedContacts:
     """
-    Return the contacts of members with an object, see `Shape.contact_patch`.
+    Return the contacts of given members with an object, see `Shape.contact_patch`.
 
     :param config: configuration of the robot.
     :param body: the object at its pose.
@@ -61,7 +61,7 @@ def facing_lines(
     config: Configuration, body: ConvexObject, members: Indices
 ) -> tuple[Points, Points]:
     """
-    Return the starts of members [m] and their normals away from an object, (m,) each, x + iy.
+    Return the starts (m,) [m] of members, and their normals (m,) away from an object, x + iy.
 
     :param config: configuration of the robot.
     :param body: the object at its pose.
@@ -81,13 +81,14 @@ def build_statics(
     normals: Points | None = None,
 ) -> ContactStatics:
     """
-    Return the equations of equilibrium of an object at given contacts with straight tubes.
+    Return the equilibrium equations of an object with given contacts, for straight tubes.
 
     :param config: configuration of the robot.
     :param body: the object at its pose.
     :param contacts: contacts of the object.
     :param tubes: model of the tubes.
-    :param normals: (k,) normals of the tubes, which determine the dents; None: straight tubes.
+    :param normals: (k,) normals of the tubes at the contacts, x + iy, on which the depths of the
+        dents depend; None: normals of the straight tubes.
     :raises StructureError: see `structure_of`.
     """
     structure = structure_of(config, tubes.pressure)
@@ -153,7 +154,7 @@ def find_dents(
     :param body: the object at its pose.
     :param contacts: contacts of the object.
     :param tubes: model of the tubes.
-    :param normals: (k,) normals of the tubes, away from the object.
+    :param normals: (k,) normals of the tubes at the contacts, away from the object, x + iy.
     """
     if tubes.paper_model:
         return Indentation()
@@ -169,7 +170,7 @@ def _dents(
     normals: Points,
     pressures: tuple[float, ...] | None,
 ) -> list[SkinIndentation]:
-    """Return the table of the dent at each contact."""
+    """Return the table of dent depth over normal force at each contact."""
     tubes = config.robot.topology.tube[contacts.members]
     if body.shape.is_round:
         radius = body.shape.reach
@@ -196,7 +197,7 @@ def _dents(
 
 
 def _tabulated(shape: Shape, corner: int, normal: complex) -> float:
-    """Return the tabulated angle nearest to a normal [rad]; the angles include face normals."""
+    """Return the angle nearest to a normal for which dents are tabulated [rad]."""
     faces = shape.faces_at(corner)
     if not faces:
         return ANGLE_STEP * round(cmath.phase(normal) / ANGLE_STEP)

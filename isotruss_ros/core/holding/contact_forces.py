@@ -4,8 +4,8 @@
 """
 Contacts, pose and forces of a held object, and their response to small wrenches.
 
-The contacts stick, and the tubes redistribute the forces. The slip margin and the effect of moving
-members follow from this response.
+The response is computed for contacts that stick, with the deformation of the tubes. It yields the
+slip margin, and how the forces change if members move.
 """
 
 from __future__ import annotations
@@ -29,7 +29,8 @@ class PressedContacts:
 
     :ivar members: (k,) indices of the members.
     :ivar corners: (k,) index of the polygon's corner of each contact; zero for other shapes.
-    :ivar cuts: (k, 2) extent of each contact before and behind its point, see `corner_dents` [m].
+    :ivar cuts: (k, 2) largest extents of each contact to both sides of its point, as in
+        `corner_dents` [m].
     """
 
     members: Indices
@@ -38,21 +39,21 @@ class PressedContacts:
 
     @functools.cached_property
     def owners(self) -> Indices:
-        """Return the number (k,) of each contact's member within the grip: 0, 1 or 2."""
+        """Return the grasping member (k,) of each contact, numbered 0, 1 or 2 within the grip."""
         return np.cumsum(np.diff(self.members, prepend=self.members[0]) > 0)
 
     @functools.cached_property
     def ends(self) -> list[Indices]:
-        """Return the contacts of each grasping member: one contact, or two at a face's ends."""
+        """Return the contacts of each grasping member: one, or two at the ends of a face."""
         return [np.flatnonzero(self.owners == i) for i in range(int(self.owners[-1]) + 1)]
 
     def without(self, dropped: int) -> PressedContacts:
         """
-        Return the contacts after the removal of one contact.
+        Return all contacts except one.
 
-        If the removed contact is one end of a face, the extent of the other end becomes unlimited.
+        If it is one end of a face, the contact at the other end becomes unlimited in its extent.
 
-        :param dropped: index of the removed contact.
+        :param dropped: index of the contact that is left out.
         """
         cuts = self.cuts.copy()
         cuts[self.owners == self.owners[dropped]] = np.inf
@@ -62,14 +63,14 @@ class PressedContacts:
 
 class Places(NamedTuple):
     """
-    Indices of the unknowns and equations of k contacts.
+    Indices of the unknowns and of the equations of k contacts.
 
-    :ivar feet: unknown positions along the members.
-    :ivar inclinations: unknown inclinations of the bent tubes.
-    :ivar normal: unknown normal forces.
-    :ivar friction: unknown friction forces.
-    :ivar balance: equations of the balance fx, fy, m.
-    :ivar conditions: equations of friction or rolling, see `ContactConditions`.
+    :ivar feet: indices of the unknown positions along the members.
+    :ivar inclinations: indices of the unknown inclinations of the bent tubes.
+    :ivar normal: indices of the unknown normal forces.
+    :ivar friction: indices of the unknown friction forces.
+    :ivar balance: indices of the equations for the balance of fx, fy and m.
+    :ivar conditions: indices of the equations of friction or rolling, see `ContactConditions`.
     :ivar size: number of unknowns.
     """
 
@@ -100,12 +101,15 @@ class ContactForces:
     """
     Pose, contacts and forces of an object at k contacts.
 
-    :ivar unknowns: (3 + 4k,) pose x, y [m], angle [rad]; positions s_i of the contacts along the
-        members [m]; inclinations beta_i of the bent tubes relative to the straight members [rad];
-        normal forces N_i [N]; friction T_i on the tubes, counter-clockwise around the object [N].
+    :ivar unknowns: (3 + 4k,) pose x, y [m], angle [rad]; distances s_i of the contacts from the
+        members' starts [m]; inclinations beta_i of the bent tubes relative to the straight members
+        [rad]; normal forces N_i [N]; friction forces T_i on the tubes, counter-clockwise around
+        the object [N].
     :ivar normals: (k,) unit normals from the object toward the tubes.
-    :ivar loads: (k, 3) loads on the tubes: forces along and across members [N], moments [N m].
-    :ivar jacobian: (3 + 4k, 3 + 4k) Jacobian of the equations with respect to the unknowns.
+    :ivar loads: (k, 3) loads on the tubes: forces along and across the members [N], and moments [N
+        m].
+    :ivar jacobian: (3 + 4k, 3 + 4k) Jacobian of the equilibrium equations with respect to the
+        unknowns.
     """
 
     unknowns: Array
@@ -115,7 +119,7 @@ class ContactForces:
 
     @functools.cached_property
     def places(self) -> Places:
-        """Return the indices of the unknowns and equations."""
+        """Return the indices of the unknowns and of the equations."""
         return Places.of(len(self.normals))
 
     @property
@@ -147,16 +151,18 @@ class ContactForces:
 @dataclass(frozen=True, eq=False)
 class GripResponse:
     """
-    Response to a small wrench (fx, fy, m / arm) [N] at k sticking contacts.
+    Linear response of a held object with k sticking contacts to a wrench (fx, fy, m / arm).
 
-    :ivar change: (3 + 4k, 3) change of the unknowns, see `ContactForces`.
-    :ivar squeeze: (3,) change of the mean normal force of the members due to the wrench [-].
+    :ivar change: (3 + 4k, 3) derivatives of the unknowns of `ContactForces` with respect to the
+        wrench [N].
+    :ivar squeeze: (3,) derivatives of the members' mean normal force with respect to the wrench
+        [-].
     :ivar arm: characteristic radius, see `ConvexObject.arm` [m].
-    :ivar squeeze_stiffness: derivative of the mean normal force with respect to the opening of the
-        members, see `HeldGrip.squeeze_stiffness` [N/m].
-    :ivar ends: (e,) contacts that are an end of a face.
-    :ivar opening: (e, 2k) change of normal and friction forces as an end opens, relative to its
-        tension [-].
+    :ivar squeeze_stiffness: derivative of the members' mean normal force with respect to their
+        opening, see `HeldGrip.squeeze_stiffness` [N/m].
+    :ivar ends: (e,) indices of the contacts that are an end of a face.
+    :ivar opening: (e, 2k) changes of normal and friction forces if one of these ends is released,
+        per unit of the tension that it had [-].
     """
 
     change: Array
@@ -168,18 +174,18 @@ class GripResponse:
 
     @property
     def pose(self) -> Array:
-        """Return the compliance (3, 3) of x, y and angle [m/N, rad/N]."""
+        """Return the derivatives (3, 3) of x, y and angle by the wrench [m/N, rad/N]."""
         return self.change[:POSE]
 
     @property
     def forces(self) -> Array:
-        """Return the changes (2k, 3) of normal and friction forces by the wrench [-]."""
+        """Return the derivatives (2k, 3) of normal and friction forces by the wrench [-]."""
         begin = (POSE + len(self.change)) // 2
         return self.change[begin:]
 
     @property
     def stiffness(self) -> Array:
-        """Return the matrix (3, 3) of wrench (fx, fy, m) per displacement [N/m, N, N m]."""
+        """Return the derivatives (3, 3) of (fx, fy, m) by the displacement [N/m, N, N m]."""
         stiffness = np.linalg.inv(self.pose)
         stiffness[2] *= self.arm
         return stiffness
@@ -193,13 +199,13 @@ class GripResponse:
 
 def slip_conditions(owners: Indices, friction: float) -> Array:
     """
-    Return the matrix from contact forces to the margins against slip.
+    Return the matrix that converts contact forces to margins against slip.
 
-    :param owners: (k,) number of each contact's member within the grip.
+    :param owners: (k,) grasping member of each contact, numbered 0, 1 or 2 within the grip.
     :param friction: coefficient of friction mu.
     :return: (2m, 2k) matrix. Its columns are the normal forces N and friction forces T of k
-        contacts. Its rows are mu N - T of m members and mu N + T of m members, of the sums over
-        each member's contacts.
+        contacts. Its rows are mu N - T of the m members, then mu N + T of the m members, where N
+        and T are summed over the member's contacts.
     """
     members = np.eye(int(owners[-1]) + 1)[owners].T
     presses = friction * members

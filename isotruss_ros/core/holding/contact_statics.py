@@ -10,11 +10,12 @@ The object has k contacts on two or three members:
     X_i = c + R(theta) p(nu_i) + rho_i nu_i                             touch
     w = sum f_i,  m = sum of arms x f_i,  f_i = (N_i + i T_i) nu_i      balance
 
-with the surface point p(nu) of normal nu, and the distance rho_i from it to the centre line. A
-beam bends away from the object, so a polygon touches it at corners or at both ends of a face.
-Unknowns are the object's pose, the positions of the contacts along the members, the inclinations
-of the bent tubes at them, and the contact forces. Equations are touch along and across the
-members, inclination, balance, and k conditions of friction or rolling.
+with the surface point p(nu) whose normal is nu, and its distance rho_i from the centre line. A
+beam bends away from the object, so a polygon touches it at corners or at both ends of a face. The
+unknowns are the object's pose, the positions of the contacts along the members, the inclinations
+of the bent tubes at the contacts, and the contact forces. The equations state that object and
+member touch (along the member, across it, and in inclination), that the object is in balance, and
+k conditions of friction or rolling.
 """
 
 from __future__ import annotations
@@ -61,8 +62,9 @@ class TubeModel(NamedTuple):
     """
     Model of the tubes that hold an object.
 
-    :ivar stiffness_scale: ratio of the robot's stiffness to the model's [-].
-    :ivar paper_model: whether tubes are straight, linear and round, as in the paper.
+    :ivar stiffness_scale: ratio of the robot's true stiffness to its modelled stiffness [-].
+    :ivar paper_model: True for the paper's model, which is linear about straight tubes with round
+        sections.
     :ivar pressure: gauge pressure [Pa], see `tube_pressures`; None: the pressure of the robot
         file.
     """
@@ -75,7 +77,7 @@ class TubeModel(NamedTuple):
 class _Pushes(NamedTuple):
     """Loads of k contacts on the tubes."""
 
-    local: Points  #: (k,) normals, along + i across the members
+    local: Points  #: (k,) normals in member axes, along + i across
     skin: Array  #: (k,) distance of the dented skin from the centre line [m]
     softs: Array  #: (k,) derivatives of the dents' depths with respect to the normal forces [m/N]
     force: Points  #: (k,) forces on the tubes, along + i across [N]
@@ -92,10 +94,10 @@ class ContactStatics:
     body: ConvexObject  #: the object at its measured pose
     contacts: PressedContacts  #: the k contacts
     tube_radius: float  #: radius of the tubes [m]
-    sides: Array  #: (k,) +1 for an object on the right of its member (from start to end), else -1
+    sides: Array  #: (k,) +1 if the object is on the right of the member, else -1
     indentation: Indentation  #: depths of the dents in the skin as functions of the normal forces
-    #: (k, 3) offsets of the equations of touch along and across [m] and of inclination [rad]; or
-    #: one number for all offsets
+    #: (k, 3) constants added to the equations of touch along and across [m] and of inclination
+    #: [rad]; or one number for all of them
     given: Array | float = 0.0
 
     @functools.cached_property
@@ -105,7 +107,7 @@ class ContactStatics:
 
     @functools.cached_property
     def _aside(self) -> Points:
-        """Return the normals of the straight tubes as along + i across the members, (k,)."""
+        """Return the straight tubes' normals (k,) in member axes: along + i across."""
         return 1j * self.sides
 
     @property
@@ -123,7 +125,7 @@ class ContactStatics:
 
     def load_rates(self, unknowns: Array, change: Array) -> Array:
         """
-        Return the changes (k, 3, c) of the loads on the tubes by changes of the unknowns.
+        Return the changes (k, 3, c) of the loads on the tubes for c changes of the unknowns.
 
         :param unknowns: unknowns (3 + 4k,), see `ContactForces`.
         :param change: (3 + 4k, c) changes of the unknowns.
@@ -149,7 +151,7 @@ class ContactStatics:
 
     @functools.cached_property
     def _constant(self) -> tuple[Array, Array]:
-        """Return derivatives (3, k, 3) of the balance with respect to loads, and constants."""
+        """Return derivatives (3, k, 3) of the balance by the loads, and a constant Jacobian."""
         places, count = self.places, len(self.sides)
         pushes, jacobian = np.zeros((3, count, 3)), np.zeros((places.size, places.size))
         forces = -self.bent.axis[:, None] * [1.0, 1j]
@@ -163,14 +165,15 @@ class ContactStatics:
         self, unknowns: Array, wrench: Array, conditions: ContactConditions
     ) -> tuple[Array, ContactForces]:
         """
-        Return the residual (3 + 4k,) of the equations, and the state with their Jacobian.
+        Return the residual (3 + 4k,) of the equations, and the state with the Jacobian.
 
         Order of the rows: for each contact, the conditions that object and member touch (along the
         member, across it, and in inclination); then the balance of the object; then the conditions
         of friction or rolling.
 
         :param unknowns: unknowns (3 + 4k,), see `ContactForces`.
-        :param wrench: (fx, fy, m / arm) on the object [N].
+        :param wrench: external wrench (fx, fy, m / arm) on the object [N]; arm is the object's
+            characteristic radius.
         :param conditions: conditions of friction or rolling.
         """
         places, count, arm = self.places, len(self.sides), self.body.arm
@@ -235,15 +238,19 @@ class ContactStatics:
 
     def anchors(self, unknowns: Array, normals: Points, travel: Array, angles: Array) -> Array:
         """
-        Return the rolling invariants (k,) of the contacts [m].
+        Return the rolling invariants (k,), which are constant while the contacts roll [m].
 
-        A_i = kappa_i (s_i - phi_i) - arc(arg nu_i - theta); kappa_i is -1 for an object on the
-        right of the member, else 1.
+        A_i = kappa_i (s_i - phi_i) - arc(arg nu_i - theta), where s_i is the position along the
+        member, phi_i the travel of the tube, arc the arc length along the object's surface, nu_i
+        the normal and theta the object's angle; kappa_i is -1 if the object is on the right of the
+        member, otherwise 1.
 
         :param unknowns: unknowns (3 + 4k,), see `ContactForces`.
         :param normals: (k,) unit normals from the object toward the tubes.
-        :param travel: (k,) travel phi_i of the tubes at the members' starts [m].
-        :param angles: (k,) previous unwrapped angles of the normals in the object's frame [rad].
+        :param travel: (k,) length phi_i of tube that has passed the start of each contact's member
+            [m].
+        :param angles: (k,) previous angles of the normals in the object's frame, not wrapped to
+            one turn [rad].
         """
         found = unwrapped(unknowns, normals, angles)
         arcs = self.body.shape.unroll(found, self.contacts.corners)
@@ -258,12 +265,13 @@ class ContactStatics:
         reach: float = np.inf,
     ) -> ContactForces | None:
         """
-        Return the equilibrium near a start by Newton's method; None if it is not found.
+        Return the equilibrium found by Newton's method from initial unknowns; None if it fails.
 
         If the tubes must be linearised again, the solution is approximate.
 
         :param start: (3 + 4k,) initial unknowns.
-        :param wrench: (fx, fy, m / arm) on the object [N].
+        :param wrench: external wrench (fx, fy, m / arm) on the object [N]; arm is the object's
+            characteristic radius.
         :param conditions: conditions of friction or rolling.
         :param steps: largest number of Newton steps.
         :param reach: largest motion of a node without a new linearisation [m].
@@ -301,14 +309,15 @@ class ContactStatics:
         reach: float = ROUNDING,
     ) -> tuple[ContactStatics, ContactForces] | None:
         """
-        Return the equilibrium near a start, and the equations with tubes linearised about it.
+        Return the equilibrium from initial unknowns, with tubes linearised about this equilibrium.
 
         :param start: (3 + 4k,) initial unknowns.
-        :param wrench: (fx, fy, m / arm) on the object [N].
+        :param wrench: external wrench (fx, fy, m / arm) on the object [N]; arm is the object's
+            characteristic radius.
         :param conditions: conditions of friction or rolling.
         :param steps: largest number of Newton steps for each linearisation.
-        :param reach: largest motion of a node without a new linearisation [m].
-        :return: the equations and the equilibrium; None if it is not found.
+        :param reach: the tubes are linearised anew if a node has moved by more than this [m].
+        :return: the equations with these tubes, and the equilibrium; None if it is not found.
         """
         statics, unknowns = self, start
         for _ in range(MAX_SEARCH_STEPS):
@@ -324,11 +333,11 @@ class ContactStatics:
 
 def unwrapped(unknowns: Array, normals: Points, angles: Array) -> Array:
     """
-    Return the unwrapped angles (k,) of normals in the object's frame [rad].
+    Return the angles (k,) of normals in the object's frame, continued beyond one turn [rad].
 
     :param unknowns: unknowns (3 + 4k,), see `ContactForces`.
     :param normals: (k,) unit normals from the object toward the tubes.
-    :param angles: (k,) previous unwrapped angles, at most half a turn away [rad].
+    :param angles: (k,) previous angles, which differ by at most half a turn [rad].
     """
     own = normals * np.exp(-1j * unknowns[ANGLE])
     return angles + np.angle(own * np.exp(-1j * angles))

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Far ends of faces whose near end touches a tube, and their penetration of the bent tube."""
+"""Faces with one end in contact, and how deep the other end penetrates the bent tube."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ import numpy as np
 
 def open_faces(statics: ContactStatics) -> list[tuple[int, Face]]:
     """
-    Return the pairs of a single contact and a face that begins at its corner.
+    Return each single contact at a corner with each of the two faces at this corner.
 
-    Of the two faces at a corner, the face after the corner comes first.
+    The face after the corner (counter-clockwise) comes first.
 
     :param statics: equations of equilibrium of the object.
     """
@@ -43,14 +43,14 @@ def far_end_depth(
     statics: ContactStatics, state: ContactForces, k: int, face: Face, gap: float = 0.0
 ) -> float:
     """
-    Return the penetration depth of a face's far end in the bent tube, negative if apart [m].
+    Return the depth of a face's far end in the bent tube; negative if it is apart [m].
 
     :param statics: equations of equilibrium of the object.
     :param state: solution of the equations.
-    :param k: index of the contact at the near end.
+    :param k: index of the contact at the near end of the face.
     :param face: the face.
-    :param gap: largest gap of interest [m]; beyond it the result is the depth in the straight
-        tube, which is an upper bound.
+    :param gap: largest gap for which the bent tube is computed [m]; for larger gaps the result is
+        the depth in the straight tube, which is an upper bound.
     """
     bent, turn = statics.bent, cmath.rect(1.0, state.unknowns[ANGLE])
     normal = complex(statics.straight_normals[k])
@@ -86,7 +86,7 @@ def displacement_at(
 
 def with_far_end(contacts: PressedContacts, k: int, face: Face) -> tuple[PressedContacts, int]:
     """
-    Return contacts with the far end of a face, and the index of the far end.
+    Return contacts after the far end of a face was added, and the index of the far end.
 
     :param contacts: contacts of the object.
     :param k: index of the contact at the near end.
@@ -102,7 +102,7 @@ def with_far_end(contacts: PressedContacts, k: int, face: Face) -> tuple[Pressed
 
 def with_turned_corner(contacts: PressedContacts, k: int, face: Face) -> PressedContacts:
     """
-    Return contacts with the far end of a short face in place of its near end.
+    Return contacts after the near end of a short face was replaced by its far end.
 
     :param contacts: contacts of the object.
     :param k: index of the contact at the near end.

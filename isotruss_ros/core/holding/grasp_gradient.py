@@ -4,10 +4,10 @@
 """
 Exact derivatives of a settled grasp with respect to the parameters of an optimiser.
 
-Slip margin and stiffness need second derivatives of the equations F of equilibrium. With sticking
-contacts, J y_w = -F_w gives the response y_w to a wrench, where J is the Jacobian with the
-equations of rolling. So (y_w)' = -J^-1 J' y_w. The term J' y_w is the second derivative of F along
-the response and along the change of the grasp.
+The derivatives of slip margin and stiffness need second derivatives of the equilibrium equations
+F. With sticking contacts, the response y_w of the unknowns to a wrench w follows from J y_w =
+-F_w, where J is the Jacobian of F with the equations of rolling. So (y_w)' = -J^-1 J' y_w. The
+term J' y_w is the second derivative of F along the response and along the change of the grasp.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ import numpy as np
 
 #: Wrench of the finite differences along a response, relative to the squeeze [-].
 STEP = 3e-3
-#: Largest relative difference of values that count as equal [-].
+#: Values count as equal up to this relative difference [-].
 TIE = 1e-5
 
 
@@ -36,24 +36,26 @@ class GraspGradient(
     headline=('parameters', 'gives_way', 'slip_margin', 'most_used', 'needs_most'),
 ):
     """
-    Derivatives of a `SettledGrasp` with respect to p parameters, with constant contacts.
+    Derivatives of a `SettledGrasp` with respect to p parameters, while no contact opens or closes.
 
     Without an equilibrium, only the derivatives of pose and slip margin are not zero, see
     `LostContact`.
 
-    Between two members, the equilibrium depends on the given position along their bisector, not on
-    the rest of the given pose. Between three members it does not depend on the given pose.
+    Between two members, the equilibrium depends on the given position along their bisector, but
+    not on the other coordinates of the given pose. Between three members it does not depend on the
+    given pose.
 
-    :ivar parameters: columns of the parameters in each derivative.
+    :ivar parameters: columns in which each parameter stands in all derivatives.
     :ivar settled: the grasp.
     :ivar pose: (3, p) derivatives of the pose (x, y, angle).
     :ivar normal_forces: (m, p) derivatives of the normal forces, in the order of
         `SettledGrasp.normal_forces`.
     :ivar friction_forces: (m, p) derivatives of the friction forces on the object,
         counter-clockwise.
-    :ivar required_friction: (p,) derivatives of the required friction of `needs_most[0]`.
+    :ivar required_friction: (p,) derivatives of the friction coefficient that the member
+        `needs_most[0]` requires.
     :ivar needs_most: names of the members that need the most friction. If there are several, as in
-        a symmetric grasp, the required friction has a kink.
+        a symmetric grasp, the required friction is not differentiable.
     :ivar utilisation: (n, p) derivatives of the largest utilisation of each member, in the order
         of `Robot.member_names`.
     :ivar most_used: names of the members with the largest utilisation.
@@ -68,7 +70,8 @@ class GraspGradient(
     needs_most: tuple[str, ...]
     utilisation: Array
     most_used: tuple[str, ...]
-    # For second derivatives: how parameters and unknowns change, behind them for a unit wrench.
+    # For second derivatives: changes of parameters and unknowns, followed by those for unit
+    # wrenches.
     _changes: tuple[LoadedTubes, Array] | None
 
     @property
@@ -89,21 +92,25 @@ class GraspGradient(
 
     @property
     def slip_margin(self) -> Array:
-        """Return the derivatives (p,) of the slip margin, for the first member in `gives_way`."""
+        """Return the derivatives (p,) of the slip margin of the first member in `gives_way`."""
         return self.slip_margins[0]
 
     @property
     def slip_margins(self) -> Array:
-        """Return the derivatives (t, p) of the slip margin for t equally critical conditions."""
+        """
+        Return the derivatives (t, p) of the slip margin for each of t critical conditions.
+
+        The conditions are critical equally, within rounding.
+        """
         return self._margins[0]
 
     @property
     def gives_way(self) -> tuple[str, ...]:
         """
-        Return the names of the members that slip or open first; none without an equilibrium.
+        Return the names of the members that slip or lose contact first; none without equilibrium.
 
-        If there are several, as in a symmetric grasp, the slip margin has a kink; it changes by
-        the smallest of `slip_margins`.
+        If there are several, as in a symmetric grasp, the slip margin is not differentiable; a
+        step changes it by the smallest change among `slip_margins`.
         """
         return self._margins[1]
 
@@ -128,12 +135,13 @@ def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
     """
     Return the derivatives of a settled grasp with respect to the parameters of an optimiser.
 
-    The equations of equilibrium, F(y, p) = 0, give y' = -F_y^-1 F_p, with the Jacobian F_y and the
-    derivatives F_p at constant unknowns y. Second derivatives are computed when slip margin or
+    From the equilibrium equations F(y, p) = 0 follows y' = -F_y^-1 F_p, with the Jacobian F_y and
+    the derivatives F_p at constant unknowns y. Second derivatives are computed when slip margin or
     stiffness is read.
 
     :param settled: the settled grasp.
-    :raises GraspError: the equilibrium is neutral, or was computed with the paper's model.
+    :raises GraspError: the equilibrium is neutral (its Jacobian is singular), or was computed with
+        the paper's model.
     """
     grip = settled.equilibrium
     if grip is None:
@@ -169,7 +177,7 @@ def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
 
 
 def _lost_gradient(settled: SettledGrasp) -> GraspGradient:
-    """Return the derivatives where no equilibrium exists, at the given pose of the object."""
+    """Return the derivatives for a grasp without equilibrium, at the object's given pose."""
     parameters = GraspParameters.of(settled.lost.config)
     pose = np.zeros((3, parameters.size))
     pose[:, parameters.place] = np.eye(3)
@@ -209,7 +217,8 @@ def _response_rates(grip: HeldGrip, tubes: LoadedTubes, change: Array) -> Array:
     """
     Return the derivatives (3 + 4k, n, 3) of the response to a unit wrench (fx, fy, m / arm).
 
-    See the module: J' y_w is the finite difference of `_equation_changes` along the response y_w.
+    J' y_w (see this module) is the finite difference of `_equation_changes` along the response
+    y_w.
     """
     size = STEP * grip.squeeze
     left = np.empty((len(change), change.shape[1] - 3, 3))
@@ -222,7 +231,7 @@ def _response_rates(grip: HeldGrip, tubes: LoadedTubes, change: Array) -> Array:
 
 
 def _equation_changes(grip: HeldGrip, tubes: LoadedTubes, change: Array, moved: Array) -> Array:
-    """Return the derivatives of the equations with respect to parameters, in a moved state."""
+    """Return the derivatives of the equations with respect to parameters in a displaced state."""
     statics, places = grip.statics, grip.state.places
     unknowns = grip.state.unknowns + moved
 

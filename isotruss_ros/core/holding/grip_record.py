@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Record of a held grip in numbers, to restore its equilibrium in another process."""
+"""Numbers that describe a held grip, from which another process restores its equilibrium."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ import numpy as np
 
 
 class GripRecord(NamedTuple):
-    """Numbers that describe a held grip without external wrench, besides robot and object."""
+    """Numbers from which a held grip is restored if robot, object and wrench are known."""
 
     travel: Array  #: (r,) roller travel since home [m]
     contacts: PressedContacts  #: the k contacts
@@ -44,10 +44,10 @@ class GripRecord(NamedTuple):
         self, config: Configuration, body: ConvexObject, external_wrench: Array | None = None
     ) -> HeldGrip | None:
         """
-        Return the recorded grip rolled to a configuration; None if no equilibrium exists there.
+        Return the recorded grip, rolled to a given configuration; None without equilibrium.
 
-        :param config: configuration near the recorded configuration.
-        :param body: the object at any pose.
+        :param config: configuration close to the recorded configuration.
+        :param body: the object; its pose is not used.
         :param external_wrench: (fx, fy, m) on the object about its frame's origin [N, N m]; None:
             zero.
         :raises GraspError: the object cannot have the recorded contacts.

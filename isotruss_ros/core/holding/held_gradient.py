@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Derivatives of a held object and its robot with respect to the parameters of the estimator."""
+"""Derivatives of object pose, forces and joints with respect to the estimator's parameters."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ class HeldGradient:
     """
     Derivatives of pose, normal forces and joint positions of a held object.
 
-    The p = r + 4 + k columns are: travel of the r rollers [m], wrench (fx, fy, m / arm) on the
-    object [N], ratio of the robot's stiffness to the model's [-], rolling invariants of k contacts
-    [m].
+    The p = r + 4 + k columns are the parameters: travel of the r rollers [m], external wrench (fx,
+    fy, m / arm) on the object [N], ratio of the robot's true stiffness to its modelled stiffness
+    [-], and rolling invariants of the k contacts [m].
     """
 
     pose: Array  #: (3, p) derivatives of the pose (x, y, angle)
@@ -40,11 +40,11 @@ def held_gradient(grip: HeldGrip) -> HeldGradient:
     """
     Return the derivatives of a held grip with sticking contacts.
 
-    The equations of the equilibrium, F(y, x) = 0, give y' = -F_y^-1 F_x, see `grasp_gradient`.
-    Joint positions are those of the configuration plus the displacements by contact forces.
+    From the equilibrium equations F(y, x) = 0 follows y' = -F_y^-1 F_x, see `grasp_gradient`.
+    Joint positions include the displacements due to contact forces.
 
     :param grip: equilibrium of the object.
-    :raises GraspError: the equilibrium is neutral.
+    :raises GraspError: the equilibrium is neutral (its Jacobian is singular).
     :raises StructureError: see `structure_of`.
     """
     if grip.response is None:

@@ -28,8 +28,8 @@ from isotruss_ros.core.statics.wrinkling import find_utilisation, Utilisation
 import numpy as np
 from scipy.linalg import lapack
 
-#: Largest distance of an equilibrium from the measured pose, and largest gap of a member that a
-#: motion may close, in tube diameters [-].
+#: Largest distance between an equilibrium and the measured pose, and largest gap of a member that
+#: a motion may close, in tube diameters [-].
 MAX_DISPLACEMENT = 0.25
 #: Largest multiple of the previous change that is extrapolated [-].
 MAX_EXTRAPOLATION = 2.0
@@ -41,7 +41,7 @@ LEFT_MARGIN = 0.01
 
 
 class HoldStatus(enum.Enum):
-    """Status of a grasp: held, or the violated condition."""
+    """Hold status: the object is held, or one of the conditions for this is violated."""
 
     HELD = 'held'
     NO_CONTACT = 'fewer than two members press on the object'
@@ -55,7 +55,7 @@ class HoldStatus(enum.Enum):
 
     @property
     def at_rest(self) -> bool:
-        """Return whether the object is at rest by the model, even if a tube wrinkles."""
+        """Return whether the object is at rest according to the model, even if a tube wrinkles."""
         return self in (HoldStatus.HELD, HoldStatus.WRINKLES)
 
 
@@ -77,18 +77,19 @@ class HeldGrip:
     """
     Equilibrium of a convex object between two or three members, with its rolling invariants.
 
-    `attach_grip` finds it near a measured pose; `roll_grip` rolls it to another configuration.
+    `attach_grip` finds the equilibrium near a measured pose; `roll_grip` finds it in another
+    configuration, to which the contacts have rolled.
 
     :ivar config: the configuration.
     :ivar body: the object at its pose in equilibrium.
     :ivar anchors: (k,) rolling invariants, see `ContactStatics.anchors` [m].
-    :ivar angles: (k,) unwrapped angles of the normals in the object's frame [rad].
+    :ivar angles: (k,) angles of the normals in the object's frame, not wrapped to one turn [rad].
     :ivar statics: equations of equilibrium in this configuration.
     :ivar state: solution of the equations.
-    :ivar wrench: (fx, fy, m / arm) on the object, see `ConvexObject.arm` [N].
+    :ivar wrench: external wrench (fx, fy, m / arm) on the object, see `ConvexObject.arm` [N].
     :ivar tubes: model of the tubes.
-    :ivar motion: changes since the previous grip, of roller travel (r,) [m] and of the unknowns (3
-        + 4k,); None without a previous grip.
+    :ivar motion: changes of roller travel (r,) [m] and of the unknowns (3 + 4k,) since the
+        equilibrium of the previous configuration; None if there is none.
     """
 
     config: Configuration
@@ -124,9 +125,9 @@ class HeldGrip:
 
     def touching(self, friction: float) -> Grip:
         """
-        Return the grip that has the contacts of this equilibrium on straight members.
+        Return a grip of straight members with the contacts of this equilibrium.
 
-        :param friction: coefficient between tubes and object.
+        :param friction: coefficient of friction between tubes and object.
         """
         grip = Grip(self.member_names, self.body.moved_to(self.pose), friction)
         return grip.touching(self.contacts.owners, self.contacts.corners)
@@ -138,11 +139,11 @@ class HeldGrip:
 
     @functools.cached_property
     def friction_forces(self) -> Array:
-        """Return the friction forces on the tubes by member, (m,) counter-clockwise [N]."""
+        """Return the friction force on each grasping member, (m,), counter-clockwise [N]."""
         return self._of_members(self.state.friction_forces)
 
     def _of_members(self, forces: Array) -> Array:
-        """Return the sum of the forces (k,) of the contacts on each member, (m,)."""
+        """Return the sum (m,) of the contact forces (k,) on each grasping member."""
         return np.bincount(self.contacts.owners, weights=forces)
 
     @property
@@ -152,14 +153,14 @@ class HeldGrip:
 
     @functools.cached_property
     def required_friction(self) -> float:
-        """Return the smallest coefficient of friction at which all members stick."""
+        """Return the smallest coefficient of friction at which no member slips."""
         return float((np.abs(self.friction_forces) / self.normal_forces).max())
 
     def hold(self, friction: float) -> HoldStatus:
         """
-        Return the hold status at a coefficient of friction.
+        Return the hold status for a given coefficient of friction.
 
-        :param friction: coefficient between tube and object.
+        :param friction: coefficient of friction between tube and object.
         """
         if self.normal_forces.min() <= 0.0:
             return HoldStatus.NO_CONTACT
@@ -172,13 +173,14 @@ class HeldGrip:
         """
         Return the smallest additional wrench at which a member slips [N].
 
-        Moments are about the centroid, divided by the arm. A member slips if the sums over its
-        contacts have |T| = mu N. Forces are linear in the wrench, so each condition is a plane in
-        the space of wrenches. The margin is the distance to the nearest plane. If one end of a
-        face opens first, the other forces change, see `slip_rows`.
+        Moments are about the centroid, divided by the arm. A member slips if |T| = mu N, where T
+        and N are summed over its contacts. Forces are linear in the wrench, so each slip condition
+        is a plane in the space of wrenches. The margin is the distance to the nearest plane. If
+        one end of a face opens first, the other forces change, see `slip_rows`.
 
-        :param friction: coefficient between tube and object.
-        :param more: (3,) wrench (fx, fy, m / arm) that already acts in addition to `wrench` [N].
+        :param friction: coefficient of friction between tube and object.
+        :param more: (3,) wrench (fx, fy, m / arm) that acts in addition to `wrench` [N]; the
+            margin is what remains beyond it.
         :return: the margin; negative after slip, zero in a neutral equilibrium.
         """
         if self.response is None:
@@ -190,11 +192,11 @@ class HeldGrip:
 
     def weakest_direction(self, friction: float) -> Array:
         """
-        Return the unit wrench (fx, fy, m / arm) of the smallest slip margin, (3,).
+        Return the direction (3,) of the smallest wrench that causes slip, (fx, fy, m / arm).
 
-        Its norm is 1 with the moment about the centroid, see `slip_margin`.
+        If its moment is taken about the centroid, as in `slip_margin`, its norm is 1.
 
-        :param friction: coefficient between tube and object.
+        :param friction: coefficient of friction between tube and object.
         """
         reserve, slope, size = self.slip_reserves(friction)
         nearest, about_middle = int((reserve / size).argmin()), self.about_middle
@@ -203,36 +205,38 @@ class HeldGrip:
     @functools.cached_property
     def about_middle(self) -> Array:
         """
-        Return the matrix (3, 3) that changes the reference point of moments.
+        Return the matrix (3, 3) that moves the reference point of a wrench's moment.
 
-        It converts a wrench (fx, fy, m / arm) with its moment about the centroid into the wrench
-        with its moment about the origin of the object's frame.
+        It converts a wrench (fx, fy, m / arm) whose moment is about the centroid into the same
+        wrench with the moment about the origin of the object's frame.
         """
         away = (self.body.middle - self.body.center) / self.arm
         return np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-away.imag, away.real, 1.0]])
 
     def slip_reserves(self, friction: float) -> tuple[Array, Array, Array]:
         """
-        Return the values of `slip_rows` and their derivatives with respect to a wrench.
+        Return the margins of all slip conditions, and their derivatives by a wrench.
 
-        :param friction: coefficient between tube and object.
-        :return: (c,) values [N], (c, 3) derivatives, and (c,) norms of the derivatives for
-            wrenches about the centroid.
+        :param friction: coefficient of friction between tube and object.
+        :return: (c,) margins, the forces times the rows of `slip_rows` [N]; (c, 3) derivatives;
+            and (c,) norms of the derivatives for a wrench with its moment about the centroid.
         """
         return self._reserves(self.slip_rows(friction)[0])
 
     def slip_rows(self, friction: float) -> tuple[Array, Array]:
         """
-        Return the matrix (c, 2k) from contact forces to margins, and its friction derivative.
+        Return the matrix (c, 2k) that converts contact forces to slip margins, and a derivative.
 
-        The second array is the derivative with respect to the coefficient of friction.
+        The second array is the derivative of the matrix with respect to the coefficient of
+        friction.
 
-        The first rows are `slip_conditions` with all contacts. Then follow, for each end of a
-        face, the conditions without this end. A wrench violates such a condition only if it opens
-        the end as well. The farther of both planes stands for their intersection, which bounds
-        the margin from below.
+        The first rows are `slip_conditions` with all contacts. The next rows are, for each end of
+        a face, the slip conditions after this end has opened. Such a condition is relevant only
+        for wrenches that also open the end. Of the plane of opening and the plane of slip, the one
+        farther from the origin is used; its distance is a lower bound of the distance to their
+        intersection.
 
-        :param friction: coefficient between tube and object.
+        :param friction: coefficient of friction between tube and object.
         """
         if friction in self._slip_rows:
             return self._slip_rows[friction]
@@ -252,7 +256,7 @@ class HeldGrip:
         return self._slip_rows[friction]
 
     def _reserves(self, rows: Array) -> tuple[Array, Array, Array]:
-        """Return values, derivatives and norms, as `slip_reserves`, of rows (c, 2k) of forces."""
+        """Return values, derivatives and norms as in `slip_reserves`, for given rows (c, 2k)."""
         slope = rows @ self.response.forces
         # Of any friction, squares may overflow.
         return rows @ self.state.forces, slope, np.hypot.reduce(slope @ self.about_middle, axis=1)
@@ -292,18 +296,18 @@ class HeldGrip:
 
     @property
     def pulling_end(self) -> int | None:
-        """Return the index of the face end with the largest tension; None without tension."""
+        """Return the contact at a face end with the largest tension; None without tension."""
         owners = self.contacts.owners
         return self._most_pulling(np.bincount(owners)[owners] > 1)
 
     @property
     def pulling(self) -> int | None:
-        """Return the face end or third member with the largest tension; None without tension."""
+        """Return the contact at a face end or third member with the largest tension, or None."""
         owners = self.contacts.owners
         return self._most_pulling((np.bincount(owners)[owners] > 1) | (owners[-1] > 1))
 
     def _most_pulling(self, chosen: Flags) -> int | None:
-        """Return the contact in a mask (k,) with the largest tension; None without tension."""
+        """Return the contact with the largest tension among those in a mask (k,), or None."""
         normal = np.where(chosen, self.state.normal_forces, np.inf)
         least = int(normal.argmin())
         return least if normal[least] < 0.0 else None
@@ -317,7 +321,7 @@ class HeldGrip:
 
     @functools.cached_property
     def response(self) -> GripResponse | None:
-        """Return the response of pose and forces to a wrench; None if the Jacobian is singular."""
+        """Return the linear response to a wrench; None if the Jacobian is singular."""
         places, count, members = self.state.places, len(self.anchors), len(self.members)
         apart = self.statics.bent.axis.conj() * _opening(self.statics, self.state)
         ends = np.flatnonzero(np.bincount(self.contacts.owners)[self.contacts.owners] > 1)
@@ -340,7 +344,7 @@ class HeldGrip:
         """
         Return the derivative of the squeeze with respect to the members' opening [N/m].
 
-        It is negative.
+        It is negative: the squeeze decreases as the members open.
 
         For two members the opening is the distance between their contacts. For three members it is
         twice the displacement of each member away from the object.
@@ -350,7 +354,7 @@ class HeldGrip:
 
     def ahead(self, travel: Array) -> Array:
         """
-        Return the unknowns (3 + 4k,) predicted after additional roller travel.
+        Return the unknowns (3 + 4k,) extrapolated to additional roller travel.
 
         :param travel: (r,) additional roller travel [m].
         """
@@ -366,7 +370,7 @@ class HeldGrip:
 
 
 def _opening(statics: ContactStatics, state: ContactForces) -> Points:
-    """Return the contacts' velocities (k,), x + iy, per opening rate of the grip [-]."""
+    """Return the motion (k,) of the contacts, x + iy, per unit of opening of the grip [-]."""
     owners = statics.contacts.owners
     if owners[-1] > 1:
         return 0.5 * state.normals
@@ -378,7 +382,7 @@ def _opening(statics: ContactStatics, state: ContactForces) -> Points:
 
 def scaled_wrench(wrench: Array | None, arm: float) -> Array:
     """
-    Return the wrench (fx, fy, m / arm) [N]; zero for None.
+    Return a wrench with its moment divided by a length, (fx, fy, m / arm) [N].
 
     :param wrench: (fx, fy, m) about the origin of the object's frame [N, N m]; None: zero.
     :param arm: characteristic radius of the object [m].
@@ -388,9 +392,9 @@ def scaled_wrench(wrench: Array | None, arm: float) -> Array:
 
 def travel_rates(config: Configuration, members: Indices) -> Array:
     """
-    Return the derivatives (k, r) of the tube travel with respect to roller travel [-].
+    Return the derivatives (k, r) of tube travel at members' starts by roller travel [-].
 
-    The tube travel is taken at the members' starts.
+    Tube travel is the length of tube that has passed the start of a member.
 
     :param config: configuration of the robot.
     :param members: (k,) indices of the members.

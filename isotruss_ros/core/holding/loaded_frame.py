@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Joints and lowest frequency of a robot with a held object.
+Joint positions and lowest natural frequency of a robot with a held object.
 
 A wrench on the object moves the object and the modules. The lowest natural frequency is taken over
 the motions under all wrenches w (Rayleigh and Ritz):
@@ -30,7 +30,7 @@ def held_joints(grip: HeldGrip) -> Array:
     """
     Return the joint positions (j, 2) of a robot with a held object [m].
 
-    They include the displacements by the contact forces; the order is that of
+    They include the displacements due to the contact forces. Their order is that of
     `Topology.joint_names`.
 
     :param grip: equilibrium of the object.
@@ -44,11 +44,13 @@ def lowest_frequency(grip: HeldGrip) -> float | None:
     """
     Return the lowest undamped natural frequency of an object held in equilibrium [rad/s].
 
-    Contacts stick. The masses are those of the robot file and of the object. A module's mass is at
-    the midpoint of its pinch points, half of a tube's mass is at each end of its member.
+    Contacts stick. The robot file gives the masses of modules and tubes. A module's mass is placed
+    at the midpoint of its pinch points; half of the mass of each piece of tube is placed at each
+    end of its member.
 
     :param grip: equilibrium of the object.
-    :return: the frequency; None if a mass is unknown or the equilibrium is neutral.
+    :return: the frequency; None if a mass is unknown or the equilibrium is neutral (its Jacobian
+        is singular).
     :raises StructureError: see `structure_of`.
     """
     body, response = grip.body, grip.response

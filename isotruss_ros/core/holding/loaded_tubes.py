@@ -19,14 +19,14 @@ import numpy as np
 
 class GraspParameters(NamedTuple):
     """
-    Columns of the p parameters in a gradient.
+    Indices of the columns that belong to each of the p parameters in a gradient.
 
     :ivar rollers: travel of the r rollers [m].
     :ivar place: x, y and angle of the object's given pose [m, rad].
     :ivar pressures: gauge pressures of the t tubes, in the order of the robot file [Pa].
     :ivar friction: coefficient of friction [-].
     :ivar wrench: wrench fx, fy, m on the object [N, N m].
-    :ivar stiffness: ratio of the robot's stiffness to the model's [-].
+    :ivar stiffness: ratio of the robot's true stiffness to its modelled stiffness [-].
     :ivar size: number p of the parameters.
     """
 
@@ -41,7 +41,7 @@ class GraspParameters(NamedTuple):
     @classmethod
     def of(cls, config: Configuration) -> GraspParameters:
         """
-        Return the columns for grasps by a robot.
+        Return the columns of the parameters for grasps by a robot.
 
         :param config: configuration of the robot.
         """
@@ -62,9 +62,9 @@ class ContactRates(NamedTuple):
     """
     Derivatives of k contacts with respect to p parameters.
 
-    :ivar feet: (k, p) derivatives of the positions along the members [m].
-    :ivar normals: (k, p) rotations of the bent tubes' normals [rad].
-    :ivar forces: (k, p) derivatives of the forces N + iT [N].
+    :ivar feet: (k, p) derivatives of the contacts' positions along the members [m].
+    :ivar normals: (k, p) derivatives of the angles of the bent tubes' normals [rad].
+    :ivar forces: (k, p) derivatives of the normal forces N and friction forces T, as N + iT [N].
     :ivar dents: (k, p) derivatives of the depths of the dents [m].
     """
 
@@ -78,10 +78,12 @@ class TubeRates(NamedTuple):
     """
     Derivatives of the tubes' displacements and forces with respect to p parameters.
 
-    :ivar give: (k, p) displacements of the contact points, along + i across the members [m].
-    :ivar slope: (k, p) rotations of the bent centre lines at the contacts [rad].
-    :ivar nodes: (n, 3, p) displacements of the nodes of the cut frame [m, rad].
-    :ivar forces: (c, 3, p) derivatives of N [N], M1 and M2 [N m] of the cut frame's members.
+    :ivar give: (k, p) derivatives of the contact points' displacements, along + i across the
+        members [m].
+    :ivar slope: (k, p) derivatives of the bent centre lines' rotation at the contacts [rad].
+    :ivar nodes: (n, 3, p) derivatives of the displacements of the nodes of the cut frame [m, rad].
+    :ivar forces: (c, 3, p) derivatives of the axial force N [N] and end moments M1 and M2 [N m] of
+        the cut frame's members.
     """
 
     give: Points
@@ -92,17 +94,17 @@ class TubeRates(NamedTuple):
 
 class LoadedTubes:
     """
-    Bent tubes of a robot with a held object, and their derivatives for p parameter changes.
+    Bent tubes of a robot with a held object, and their derivatives along p parameter changes.
 
-    :ivar moved: (N, p) velocities of the nodes of the configuration, x + iy [m].
-    :ivar spins: (k, p) rotations of the contacts' members [rad].
-    :ivar dents: (k, p) changes of the dents' depths at constant forces [m].
+    :ivar moved: (N, p) derivatives of the positions of the configuration's nodes, x + iy [m].
+    :ivar spins: (k, p) derivatives of the directions of the contacts' members [rad].
+    :ivar dents: (k, p) derivatives of the dents' depths at constant forces [m].
     :ivar sections: derivatives of the tubes' sections, see `section_rates`.
     :param grip: equilibrium of the object.
-    :param chosen: (n, p) change of each parameter in each column.
+    :param chosen: (n, p) each column is a direction of change of the n parameters.
     :param parameters: rows of the parameters in `chosen`.
-    :param sections: derivatives of the sections; None: computed.
-    :param reach: largest motion of a node without a new linearisation [m].
+    :param sections: derivatives of the sections, if known; None: they are computed.
+    :param reach: the tubes are linearised anew if a node has moved by more than this [m].
     """
 
     def __init__(
@@ -147,12 +149,12 @@ class LoadedTubes:
 
     @functools.cached_property
     def _by_sections(self) -> tuple[Array, Array, Array]:
-        """Return the changes by sections of the tubes, see `BentTubes.section_changes`."""
+        """Return the derivatives due to changed tube sections, see `BentTubes.section_changes`."""
         return self._bent.section_changes(self.sections)
 
     def contact_rates(self, change: Array) -> ContactRates:
         """
-        Return the derivatives of the contacts.
+        Return the derivatives of the contacts from the derivatives of the unknowns.
 
         :param change: (3 + 4k, p) derivatives of the unknowns.
         """
@@ -166,7 +168,7 @@ class LoadedTubes:
         )
 
     def equation_rates(self) -> Array:
-        """Return the derivatives (3 + 4k, p) of the residual at constant unknowns."""
+        """Return the derivatives (3 + 4k, p) of the equations' residual at constant unknowns."""
         grip, spins = self._grip, self.spins
         statics, state, body = grip.statics, grip.state, grip.body
         places, axis, normals = state.places, self._bent.axis[:, None], state.normals[:, None]

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Rolling of a held object with the motion of the robot, with changes of its contacts.
+Motion of a held object that rolls on the tubes of the moving robot.
 
-Ends of faces open and close, and a third member may come into contact.
+Ends of faces lose and gain contact, and a third member may come into contact.
 """
 
 from __future__ import annotations
@@ -63,14 +63,14 @@ def roll_grip(
     """
     Return a grip in another configuration after its contacts have rolled without slip.
 
-    The end of a face opens if it is in tension, and closes if it would penetrate the member. A
-    third member is part of the grip while it is in compression.
+    The end of a face loses contact if it is in tension, and gains contact if it would penetrate
+    the member. A third member is part of the grip while it is in compression.
 
     :param grip: equilibrium of the object.
-    :param config: configuration near the configuration of the grip.
+    :param config: configuration close to the configuration of the grip.
     :param external_wrench: (fx, fy, m) on the object about its frame's origin [N, N m]; None:
         zero.
-    :return: the grip; None if no equilibrium exists.
+    :return: the grip in the given configuration; None if no equilibrium exists.
     """
     wrench = scaled_wrench(external_wrench, grip.arm)
     rolled = roll_contacts(grip, config, grip.contacts, grip.anchors, grip.angles, wrench)
@@ -89,16 +89,17 @@ def roll_contacts(
     fresh: Indices = NOTHING,
 ) -> HeldGrip | None:
     """
-    Return the equilibrium in another configuration with given, sticking contacts.
+    Return the equilibrium in another configuration, with given contacts that roll without slip.
 
     :param grip: previous equilibrium.
-    :param config: configuration near the configuration of the grip.
+    :param config: configuration close to the configuration of the grip.
     :param contacts: the k contacts.
     :param anchors: (k,) rolling invariants, see `ContactStatics.anchors` [m].
-    :param angles: (k,) unwrapped angles of the normals in the object's frame [rad].
-    :param wrench: (fx, fy, m / arm) on the object [N].
+    :param angles: (k,) angles of the normals in the object's frame, not wrapped to one turn [rad].
+    :param wrench: external wrench (fx, fy, m / arm) on the object [N]; arm is the object's
+        characteristic radius.
     :param fresh: indices of new contacts, which have no friction yet.
-    :return: the grip; None if no equilibrium exists.
+    :return: the grip in the given configuration; None if no equilibrium exists.
     """
     moved, kept = config.roller_positions - grip.config.roller_positions, grip.state.unknowns
     same = contacts is grip.contacts
@@ -140,14 +141,16 @@ def stick(
     statics: ContactStatics, anchors: Array, travel: Array, angles: Array, free: Indices
 ) -> ContactConditions:
     """
-    Return the conditions of rolling without slip, the integral of (17).
+    Return the conditions of rolling without slip, which are the integral of (17).
 
         kappa_i (s_i - phi_i) - arc(arg nu_i - theta) = A_i
 
     :param statics: equations of equilibrium.
     :param anchors: (k,) invariants A_i, see `ContactStatics.anchors` [m].
-    :param travel: (k,) travel phi_i of the tubes at the members' starts [m].
-    :param angles: (k,) previous unwrapped angles of the normals in the object's frame [rad].
+    :param travel: (k,) length phi_i of tube that has passed the start of each contact's member
+        [m].
+    :param angles: (k,) previous angles of the normals in the object's frame, not wrapped to one
+        turn [rad].
     :param free: indices of new contacts, which have no friction yet.
     """
     places = statics.places
@@ -165,7 +168,7 @@ def stick(
 
 
 def _lift_ends(grip: HeldGrip, changes: Iterator[int]) -> HeldGrip | None:
-    """Return the grip after removal of face ends and third members in tension."""
+    """Return the grip after removal of all contacts in tension at face ends and third members."""
     found: HeldGrip | None = grip
     while found is not None:
         lifted = found.pulling
@@ -181,10 +184,10 @@ def _lift_ends(grip: HeldGrip, changes: Iterator[int]) -> HeldGrip | None:
 
 def _lay_down(grip: HeldGrip, changes: Iterator[int]) -> HeldGrip:
     """
-    Return the grip with the far end of a face in contact, if it penetrates the bent tube.
+    Return the grip after each face end that penetrates its bent tube has gained contact.
 
-    The far end of a short face replaces the near end, after rolling over the face; several short
-    faces may follow each other.
+    The object rolls over a short face: its far end replaces its near end. Several short faces may
+    follow each other.
     """
     corners, done = grip.contacts.corners, set[int]()
     own = grip.state.normals * np.exp(-1j * grip.state.unknowns[2])
@@ -205,7 +208,7 @@ def _lay_down(grip: HeldGrip, changes: Iterator[int]) -> HeldGrip:
 
 
 def _join(grip: HeldGrip) -> HeldGrip:
-    """Return the grip with a third member if it has come into contact."""
+    """Return the grip, with a third member added if one has come into contact."""
     if len(grip.members) >= GRIP_SIZES[-1]:
         return grip
     depths = member_depths(grip.config, grip.body)
@@ -225,7 +228,7 @@ def _join(grip: HeldGrip) -> HeldGrip:
 
 
 def _lay(grip: HeldGrip, k: int, face: Face) -> HeldGrip | None:
-    """Return the equilibrium with the far end of a face, in place of the near end if short."""
+    """Return the equilibrium with a face's far end added, or replacing a short face's near end."""
     anchors, angles, wrench = grip.anchors, grip.angles, grip.wrench
     if is_short(grip.statics, face):
         turned = with_turned_corner(grip.contacts, k, face)
@@ -241,7 +244,7 @@ def _add(
     others: PressedContacts,
     angles: Array,
 ) -> HeldGrip | None:
-    """Return the equilibrium with the contacts of another member."""
+    """Return the equilibrium after the contacts of another member were added."""
     order = np.argsort(np.append(contacts.members, others.members), kind='stable')
     pairs = (
         (contacts.members, others.members),
@@ -271,10 +274,10 @@ def _depth_in(grip: HeldGrip, number: int, depth: float) -> float:
 
 def with_pressures(grip: HeldGrip, pressures: Pressure | None) -> HeldGrip:
     """
-    Return a held grip with other tube pressures; `roll_grip` must then find its equilibrium.
+    Return a held grip with other tube pressures; its equilibrium must be found by `roll_grip`.
 
-    New tables of dents take longer than a control cycle, so a loop ignores small changes, see
-    `steady_pressures`.
+    The new tables of dents take longer than a control cycle to compute, so a control loop ignores
+    small changes of pressure, see `steady_pressures`.
 
     :param grip: the grip.
     :param pressures: gauge pressures [Pa], see `tube_pressures`; None: the pressures of the robot

@@ -44,21 +44,21 @@ def settle_grasp(
     """
     Return the equilibrium of a grasped object near its measured pose.
 
-    The object is free, friction loads the tubes, and the contact history is unknown. For a disc
-    between two members, statics determines the friction forces and the position across the
-    members' bisector. The measured position along the bisector determines the squeeze. For other
-    shapes and for three members see `attach_grip.rest`.
+    The object is free, friction acts on the tubes, and the contact history (how the contacts
+    rolled before) is unknown. For a disc between two members, statics determines the friction
+    forces and the position across the members' bisector. The measured position along the bisector
+    determines the squeeze. For other shapes and for three members see `attach_grip.rest`.
 
     :param config: configuration of the robot, with rollers at rest.
     :param body: the object at its measured pose.
-    :param friction: coefficient of friction between tube and object, not negative; None: the
-        coefficient of the object, or 0.5.
+    :param friction: coefficient of friction between tube and object, not negative. If None, the
+        coefficient of the object is used, or 0.5 if the object has none.
     :param external_wrench: (fx, fy, m) on the object about the origin of its frame [N, N m].
     :param pressure: gauge pressure [Pa], see `tube_pressures`; None: the pressure of the robot
         file.
     :param members: names `t/j-k` of the two or three grasping members; None: the members that the
-        object overlaps, or the two nearest.
-    :param previous: result of a similar grasp, initial guess of the search.
+        object overlaps, or if it overlaps fewer than two, the two nearest.
+    :param previous: result for a similar grasp, from which the iteration starts.
     :param paper_model: see `analyze_grasp`.
     :raises GraspError: an argument is invalid.
     :raises StructureError: a pressure is invalid, the robot is a mechanism, or its stiffness laws
@@ -81,11 +81,11 @@ def settle_grasp(
 
 def assess_equilibrium(given: Pose, found: HeldGrip, friction: float) -> SettledGrasp:
     """
-    Return the settled grasp of an equilibrium: its hold status and margins.
+    Return an equilibrium with its hold status and margins.
 
     :param given: measured pose of the object.
     :param found: equilibrium of the object.
-    :param friction: coefficient between tube and object.
+    :param friction: coefficient of friction between tube and object.
     """
     sticks = found.hold(friction)
     if sticks in (HoldStatus.NO_CONTACT, HoldStatus.OFF_MEMBER):

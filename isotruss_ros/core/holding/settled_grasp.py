@@ -27,16 +27,16 @@ class SettledGrasp(
     Equilibrium of a free object between two or three members, with friction on the tubes.
 
     Without an equilibrium the pose is the given pose, the forces are zero, and the slip margin is
-    a negative number from the members' gap to the object, see `LostContact`.
+    negative and computed from the gaps between members and object, see `LostContact`.
 
-    For a face contact with unknown contact history the least friction is assumed, so `held`,
-    `required_friction` and `slip_margin` are best cases. A box that needs a friction coefficient
-    of 0.59 by this model needed 0.87 in MuJoCo.
+    For a face contact with unknown contact history, the distribution of forces with the least
+    friction is assumed. So `held`, `required_friction` and `slip_margin` are best cases. A box
+    that needs a friction coefficient of 0.59 by this model needed 0.87 in MuJoCo.
 
     :ivar hold: hold status.
     :ivar reason: hold status in words; empty if the object is held.
     :ivar given: given pose of the object, robot frame [m, rad].
-    :ivar friction: coefficient between tube and object.
+    :ivar friction: coefficient of friction between tube and object.
     :ivar equilibrium: equilibrium of the object; None if none was found.
     :ivar lost: gaps of the members to the object; None with an equilibrium.
     """
@@ -58,8 +58,8 @@ class SettledGrasp(
         """
         Return whether contact forces within the friction cones balance the free object.
 
-        The forces follow from the statics of the robot near the given pose. It may hold even if a
-        tube wrinkles, another member is in contact, or the equilibrium is unstable.
+        The forces follow from the statics of the robot near the given pose. The result may be true
+        although a tube wrinkles, another member is in contact, or the equilibrium is unstable.
         """
         return self.required_friction <= self.friction
 
@@ -76,17 +76,17 @@ class SettledGrasp(
 
     @property
     def normal_forces(self) -> dict[str, float]:
-        """Return the normal forces by grasping member, positive in compression [N]."""
+        """Return the normal force at each grasping member, positive in compression [N]."""
         return self._named(lambda grip: grip.normal_forces)
 
     @property
     def friction_forces(self) -> dict[str, float]:
-        """Return the friction forces on the object by grasping member, counter-clockwise [N]."""
+        """Return the friction on the object at each grasping member, counter-clockwise [N]."""
         return self._named(lambda grip: -grip.friction_forces)
 
     @property
     def friction_used(self) -> dict[str, float]:
-        """Return the used share |T| / (mu N) of friction by member; infinite for mu = 0."""
+        """Return friction over its bound, |T| / (mu N), at each member; infinite for mu = 0."""
         with np.errstate(divide='ignore', invalid='ignore'):
             return self._named(
                 lambda grip: np.abs(grip.friction_forces) / (self.friction * grip.normal_forces)
@@ -100,11 +100,11 @@ class SettledGrasp(
     @cached_property
     def slip_margin(self) -> float:
         """
-        Return the smallest additional wrench at which a member slips or opens [N].
+        Return the smallest additional wrench at which a member slips or loses contact [N].
 
-        Moments are divided by the characteristic radius, d/2 of a disc. An end of a face may open
-        at a smaller wrench; this is not counted as slip. The margin is negative after slip;
-        without an equilibrium see `LostContact`.
+        Moments are divided by the characteristic radius, d/2 of a disc. One end of a face may lose
+        contact at a smaller wrench, which is not counted as slip. The margin is negative after
+        slip; without an equilibrium see `LostContact`.
         """
         if self.lost is not None:
             return self.lost.slip_margin
@@ -113,9 +113,9 @@ class SettledGrasp(
     @property
     def slip_direction(self) -> Array:
         """
-        Return the unit wrench (fx, fy, m / arm) in the direction of the slip margin, (3,).
+        Return the direction (3,) of the smallest wrench that causes slip, (fx, fy, m / arm).
 
-        It is zero without an equilibrium and in a neutral equilibrium.
+        Its norm is 1. It is zero without an equilibrium and in a neutral equilibrium.
         """
         if self.equilibrium is None or self.equilibrium.response is None:
             return np.zeros(3)
@@ -123,15 +123,15 @@ class SettledGrasp(
 
     @property
     def gap(self) -> float:
-        """Return the gap between members and object [m]; 0 in an equilibrium."""
+        """Return the root mean square of the members' gaps to the object [m]; 0 in equilibrium."""
         return 0.0 if self.lost is None else self.lost.gap
 
     @property
     def utilisation(self) -> dict[str, float]:
         """
-        Return the largest bending moment over the wrinkling moment, for all members [-].
+        Return the largest ratio of bending moment to wrinkling moment of each member [-].
 
-        Above 1 a tube wrinkles; then the results are outside of the model.
+        Above 1 the tube wrinkles, and the model no longer holds.
         """
         return self._named(lambda grip: grip.sections.used, every=True)
 
@@ -142,22 +142,22 @@ class SettledGrasp(
 
     @property
     def nonlinearity(self) -> float:
-        """Return the relative increase of contact forces by bending, see `GraspAnalysis` [-]."""
+        """Return the relative increase of contact forces due to geometric nonlinearity [-]."""
         return 0.0 if self.equilibrium is None else self.equilibrium.nonlinearity
 
     @property
     def stiffness(self) -> Array:
         """
-        Return the stiffness of the object with sticking contacts, (3, 3) [N/m, N, N m].
+        Return the robot's stiffness against motion of the object, (3, 3) [N/m, N, N m].
 
         It is the derivative of the wrench (fx, fy, m) with respect to the displacement (dx, dy,
-        dtheta). It is zero if there is no equilibrium.
+        dtheta), without slip at the contacts. It is zero if there is no equilibrium.
         """
         response = None if self.equilibrium is None else self.equilibrium.response
         return np.zeros((3, 3)) if response is None else response.stiffness
 
     def _named(self, find: Callable[[HeldGrip], Array], every: bool = False) -> dict[str, float]:
-        """Return values of the equilibrium by grasping member, or by any member."""
+        """Return values by member name, of the grasping members or of every member."""
         if self.lost is not None and every:
             return dict.fromkeys(self.lost.config.robot.member_names, 0.0)
         grip = self.equilibrium

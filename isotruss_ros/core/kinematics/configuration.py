@@ -18,21 +18,19 @@ from isotruss_ros.core.numerics.tolerances import MAX_NEWTON_ITERATIONS, NEGLIGI
 import numpy as np
 from numpy.typing import ArrayLike
 
-#: Largest change of a member in one continuation step, relative to the shortest member [-].
-MAX_MEMBER_STEP = 0.25
 #: Largest roller travel that is predicted to first order [m].
 MAX_FIRST_ORDER_TRAVEL = 3e-3
 
 
 class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')):
     """
-    Configuration of a robot, immutable; `Robot.configuration` makes it.
+    Configuration of a robot, immutable; it is created by `Robot.configuration`.
 
     :ivar robot: the robot.
     :ivar roller_positions: (r,) travel of the tube through each roller since home [m].
     :ivar points: (n,) node positions x + iy in the robot frame [m].
-    :param nearby: factorised matrix of a nearby configuration, for prediction and continuation;
-        None: the matrix of this configuration.
+    :param nearby: factorised matrix of (12) in a nearby configuration, used for prediction and
+        continuation; None: the matrix of this configuration is used.
     """
 
     def __init__(
@@ -50,7 +48,7 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
         points.flags.writeable = False
 
     def __eq__(self, other: object) -> bool:
-        """Return whether roller travel and robot of the other configuration are equal."""
+        """Return whether another configuration has the same robot and equal roller travel."""
         if type(other) is not Configuration:
             return NotImplemented
         # Called in every control cycle for cache keys.
@@ -84,7 +82,7 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
 
     @cached_property
     def gradients(self) -> Points:
-        """Return the entries of the matrix of (12), see `Constraints.gradients`."""
+        """Return the nonzero entries of the matrix of (12), see `Constraints.gradients`."""
         return self.robot.constraints.gradients(self.points)
 
     @cached_property
@@ -114,7 +112,7 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
             ) from error
 
     def residual(self) -> Array:
-        """Return the residual of the constraints: bisection rows in [rad], other rows in [m]."""
+        """Return the residual of the constraints; bisection rows in [rad], other rows in [m]."""
         return self.robot.constraints.residual(
             self.points, _targets(self.robot, self.roller_positions)
         )
@@ -137,19 +135,15 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
     @single_threaded
     def moved_to(self, roller_positions: ArrayLike, nearby: Factor | None = None) -> Configuration:
         """
-        Return the configuration at other roller travel on the same branch of solutions.
+        Return the configuration at other roller travel, on the same branch of solutions.
 
         :param roller_positions: (r,) roller travel since home [m].
-        :param nearby: factorised matrix of a nearby configuration, for the first step of the
-            continuation, and for predictions from the result.
+        :param nearby: factorised matrix of (12) in a nearby configuration. It is used for the
+            first step of the continuation, and for predictions from the result.
         :raises ConfigurationError: the roller travel has a wrong shape or is not finite; a member
             would have no length; or the straight line in roller travel passes a singular
             configuration or takes more than `MAX_NEWTON_ITERATIONS` steps.
         """
-        return self._reached(roller_positions, nearby)
-
-    def _reached(self, roller_positions: ArrayLike, nearby: Factor | None) -> Configuration:
-        """`moved_to` without the thread guard."""
         robot, start, goal = self.robot, self.roller_positions, self._checked(roller_positions)
         goal_targets = _targets(robot, goal)
         goal_lengths = goal_targets.lengths[: robot.topology.n_modules]
@@ -160,16 +154,11 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
                 f'robot {robot.name}: roller positions {goal.tolist()} m make member '
                 f'{robot.member_names[worst]} {shortest:.6g} m long; must be positive'
             )
-        lengths = self.member_lengths
-        difference = goal_lengths - lengths
-        change = float(np.abs(difference).max())
+        change = float(np.abs(goal_lengths - self.member_lengths).max())
         points, factor = self.points, nearby or self.__dict__.get('factor', self._nearby)
         done, step, steps, least = 0.0, change, 0, NEGLIGIBLE_SHARE * change
         while done < change:
             steps += 1
-            step = min(
-                step, MAX_MEMBER_STEP * float((lengths + (done / change) * difference).min())
-            )
             end = change if done + step > change * (1.0 - 1e-9) else done + step
             targets = goal_targets
             if end < change:
@@ -190,7 +179,7 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
         return Configuration(robot, goal, points, nearby)
 
     def _checked(self, roller_positions: ArrayLike) -> Array:
-        """Return a checked copy of roller travel (r,); fast for the arrays of a control loop."""
+        """Return a checked copy of roller travel (r,), quickly for suitable arrays."""
         start, goal = self.roller_positions, np.array(roller_positions)
         if goal.dtype == start.dtype and goal.shape == start.shape and np.isfinite(goal).all():
             return goal
@@ -198,7 +187,7 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
 
     def has_factor_for(self, roller_positions: Array) -> bool:
         """
-        Return whether this configuration's factorised matrix is valid at other roller travel.
+        Return whether this configuration's factorised matrix can be used at other roller travel.
 
         :param roller_positions: (r,) other roller travel since home [m].
         """
@@ -210,10 +199,10 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
 
     def predict(self, travel: Array) -> Configuration:
         """
-        Return the configuration after further roller travel, to first order if it is short.
+        Return the configuration after further roller travel, to first order if this is short.
 
         The first-order prediction is much faster than `moved_to`. It violates the constraints by
-        about travel^2 over the length of a member, so it is not suitable as a start of `moved_to`.
+        about travel^2 / (member length), so `moved_to` must not start from it.
 
         :param travel: (r,) change of the roller travel [m].
         :raises ConfigurationError: see `moved_to`.
@@ -222,24 +211,20 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
             return self
         if np.abs(travel).max() > MAX_FIRST_ORDER_TRAVEL:
             return self.moved_to(self.roller_positions + travel)
-        # With Ldot = C phidot.
-        points = self._lengthened(self.robot.topology.incidence @ travel)
-        return Configuration(self.robot, self.roller_positions + travel, points)
-
-    def _lengthened(self, lengths: Array) -> Points:
-        """Return the nodes (n,) after members lengthen by (m,), to first order, from (12) [m]."""
+        # (12) with Ldot = C phidot.
         right = np.zeros(self.robot.constraints.n_rows)
-        right[: self.robot.topology.n_modules] = lengths
-        return self.points + (self._nearby or self.factor).solve(right).view(np.complex128)
+        right[: self.robot.topology.n_modules] = self.robot.topology.incidence @ travel
+        moved = (self._nearby or self.factor).solve(right).view(np.complex128)
+        return Configuration(self.robot, self.roller_positions + travel, self.points + moved)
 
     def roller_rows(self, node_rows: Array) -> Array:
         """
-        Return the rows on roller speeds that are equivalent to rows on node velocities.
+        Convert linear functions of node velocities to functions of roller speeds.
 
         It solves the transpose of (12) with one right-hand side for each row.
 
-        :param node_rows: (k, 2n) rows on the node velocities (x0, y0, x1, y1, ...).
-        :return: (k, r) rows on the roller speeds.
+        :param node_rows: (k, 2n) coefficients of the node velocities (x0, y0, x1, y1, ...).
+        :return: (k, r) coefficients of the roller speeds.
         :raises ConfigurationError: the configuration is singular.
         """
         topology = self.robot.topology
@@ -256,7 +241,7 @@ def _targets(robot: Mechanism, roller_positions: Array) -> Targets:
 
 class ConfigurationTracker:
     """
-    Computes configurations at measured roller travel, each from the previous configuration.
+    Forward kinematics at measured roller travel, starting from the previous configuration.
 
     :param home: initial configuration, at zero roller travel.
     """
@@ -267,7 +252,7 @@ class ConfigurationTracker:
 
     def configuration(self, roller_positions: Array) -> Configuration:
         """
-        Return the configuration at measured travel; the same object if the travel is unchanged.
+        Return the configuration at measured travel; the last one if the travel is unchanged.
 
         :param roller_positions: (r,) measured roller travel since home [m].
         :raises ConfigurationError: no configuration exists at this travel.
@@ -277,7 +262,7 @@ class ConfigurationTracker:
             if ahead is not None and ahead.has_factor_for(roller_positions):
                 start, nearby = ahead, ahead.factor
             try:
-                self._last = start._reached(roller_positions, nearby)
+                self._last = start.moved_to(roller_positions, nearby)
             except ConfigurationError:
                 self._last = self._home.moved_to(roller_positions)
         return self._last
@@ -286,10 +271,10 @@ class ConfigurationTracker:
         self, roller_positions: Array, travel: Array
     ) -> tuple[Configuration, Configuration]:
         """
-        Return the configuration at measured travel, and the prediction after further travel.
+        Return the configuration at measured travel, and the one predicted after further travel.
 
-        The next call reuses the factorised matrix of the prediction, so a cycle needs only one
-        factorisation.
+        The next call reuses the factorised matrix of the predicted configuration, so a control
+        cycle needs only one factorisation.
 
         :param roller_positions: (r,) measured roller travel since home [m].
         :param travel: (r,) further roller travel [m].

@@ -6,7 +6,7 @@ Kinematic constraints of the nodes and their Jacobian, the matrix of equation (1
 
 Points of the plane are complex numbers x + iy. For a vector v with direction angle t, d|v| =
 Re(conj(e) dv) with e = v/|v|, and dt = Re(conj(g) dv) with g = i v/|v|^2. So each row of the
-matrix is a list of nodes with one complex gradient each.
+matrix consists of one complex gradient for each node in the constraint.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ MAX_REUSE_CONTRACTION = 0.1
 
 @dataclass(frozen=True)
 class Targets:
-    """Right-hand sides of the constraints."""
+    """Prescribed values of the constraints."""
 
     #: (4m,) lengths of the m members, then of the m sides AB, m sides AC and m sides BC [m]
     lengths: Array
@@ -38,7 +38,7 @@ class Targets:
 
 class Constraints:
     """
-    Residuals and matrix of (12), with rows in its order: tube, module, bisection, ground.
+    Residuals and matrix of (12), with the rows tube, module, bisection, ground, as in (12).
 
     :param topology: the robot's connections.
     """
@@ -97,7 +97,7 @@ class Constraints:
         )
 
     def _bisection(self, stretched: Points) -> Array:
-        """Return the difference of the two angles of (3), between rod and sides [rad]."""
+        """Return the difference of the two angles between rod and sides in (3) [rad]."""
         side, to_b, to_c, _ = stretched.reshape(4, -1)
         rod = (to_b + to_c).conj()
         turned = -side * side[self._topology.previous] * rod * rod
@@ -124,12 +124,12 @@ class Constraints:
 
     def gradients(self, points: Points) -> Points:
         """
-        Return the entries of the matrix; each is the gradient of a row for a node, x + iy.
+        Return the nonzero entries of the matrix; each is the gradient of a row by a node, x + iy.
 
         :param points: (n,) nodes [m].
-        :return: (13m,) entries: first those of the 4m lengths (see `Targets`) for the end nodes
-            [-], then their negatives, for the start nodes, and last the 5m entries of the
-            bisection rows [1/m].
+        :return: (13m,) entries: first the gradients of the 4m lengths (see `Targets`) by the end
+            nodes [-], then those by the start nodes, which are their negatives, and last the 5m
+            gradients of the bisection rows [1/m].
         """
         m = self._topology.n_modules
         spans = self.spans(points).reshape(4, m)
@@ -145,7 +145,7 @@ class Constraints:
 
     def matrix_of(self, values: Points) -> Array | csc_matrix:
         """
-        Return the matrix that has given entries; see `matrix`.
+        Return the matrix with given nonzero entries; see `matrix`.
 
         :param values: (13m,) entries, see `gradients`.
         """
@@ -168,11 +168,10 @@ class Constraints:
         The second derivatives are d2|v|[a, b] = (n . a) (n . b) / |v| with the unit normal n of v,
         and d2t[a, b] = -Im(a b / v^2) with the direction angle t of v.
 
-        :param points: (n,) nodes [m].
-        :param weights: (5m + g, p) factors of the rows, one column for each scalar.
-        :param motions: (2n, p) velocities of the nodes, one column for each scalar.
-        :return: (2n, p) derivatives with respect to the node coordinates, one column for each
-            scalar.
+        :param points: (n,) nodes [m]. Each column is one such scalar weights^T matrix motion.
+        :param weights: (5m + g, p) factors of the rows.
+        :param motions: (2n, p) velocities of the nodes.
+        :return: (2n, p) derivatives with respect to the node coordinates.
         """
         m = self._topology.n_modules
         stretched = (points[self._heads] - points[self._tails])[:, None]
@@ -203,16 +202,17 @@ def follow_branch(
     tolerance: float = 1e-12,
 ) -> Points | None:
     """
-    Move nodes to new targets along the same branch of solutions.
+    Solve the constraints for new prescribed values, on the same branch of solutions.
 
-    The predictor is a tangent step (12), the corrector modified Newton steps.
+    The predictor is a tangent step (12); the corrector consists of modified Newton steps.
 
     :param constraints: the robot's constraints.
-    :param points: (n,) nodes that fulfil the constraints for nearby targets [m].
+    :param points: (n,) nodes that fulfil the constraints for nearby prescribed values [m].
     :param targets: new lengths and grounded coordinates.
-    :param factor: factorised matrix at `points`; None: computed.
-    :param tolerance: largest residual [m, rad]; rounding is 1e-15, accuracy of hardware 1e-4.
-    :return: (n,) nodes; None if the step is too long or no configuration exists.
+    :param factor: factorised matrix at `points`; None: it is computed.
+    :param tolerance: largest residual of the result [m, rad]. For comparison, rounding errors are
+        1e-15, and the accuracy of hardware is 1e-4.
+    :return: (n,) nodes [m]; None if the step is too long or no configuration exists.
     """
     # Rounding error of a residual relative to the coordinates.
     tolerance = max(tolerance, 64.0 * EPSILON * float(np.abs(points).max()))

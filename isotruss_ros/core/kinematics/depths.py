@@ -14,7 +14,7 @@ import numpy as np
 
 def member_lines(config: Configuration) -> Points:
     """
-    Return the undeformed centre lines (m, 2) of the members, pinch point to pinch point [m].
+    Return the end points (m, 2) of the members' undeformed centre lines (pinch points) [m].
 
     :param config: configuration of the robot.
     """
@@ -41,10 +41,11 @@ def member_depths(config: Configuration, body: ConvexObject) -> Array:
 
 def push_out(config: Configuration, body: ConvexObject) -> ConvexObject:
     """
-    Return an object after translation out of all members that overlap it.
+    Return an object after it was moved out of all members that it overlaps.
 
-    The object is translated along the normal of the member with the deepest overlap, until no
-    member overlaps it. If members enclose the object, the last translation ends the search.
+    It is repeatedly translated along the normal of the member with the deepest overlap, until
+    there is no overlap. If members enclose it so closely that this is impossible, the last
+    translation is returned.
 
     :param config: configuration of the robot.
     :param body: the object at its pose.

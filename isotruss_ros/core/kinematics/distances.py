@@ -4,8 +4,8 @@
 """
 Distances between parts of a robot, and between the robot and an object.
 
-Distances are between surfaces [m], negative for an overlap. There are three kinds of parts, m of
-each:
+Distances are between surfaces [m], negative for an overlap. There are three kinds of parts, with m
+parts of each kind:
 
 - a member is its straight tube from pinch point to pinch point;
 - a module is a disc around the midpoint of its pinch points B and C, which contains the pinched
@@ -18,8 +18,8 @@ cross are nearest at an end of one of them. Every end is a joint, the midpoint o
 inside the disc of a module. So the pairs are modules with members, rods and modules, and joints
 with members and rods.
 
-Pairs of parts that are fixed to each other are excluded: a member with the modules, rods and
-joints at its ends. Rods that share a joint meet at it; the pair of their modules keeps them apart.
+Pairs of connected parts are excluded: a member with the modules, rods and joints at its ends. Rods
+that meet at a joint are kept apart by the distance of their modules.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ def _add(rows: Points, nodes: Indices, gradients: Points) -> None:
 
 class CollisionModel:
     """
-    Parts of a robot, and the pairs of parts that must stay apart.
+    Parts of a robot, and the pairs of parts that must not collide.
 
     :ivar part_radii: (3m,) radii of the parts around their segments [m], read-only.
     :param robot: the robot.
@@ -101,7 +101,7 @@ class CollisionModel:
 
     def names(self, pairs: Indices) -> list[str]:
         """
-        Return the names of pairs of parts.
+        Return a name for each of the given pairs of parts.
 
         :param pairs: (k,) indices of pairs.
         """
@@ -133,7 +133,7 @@ class CollisionModel:
 
         :param config: configuration of the robot.
         :param pairs: (k,) indices of pairs.
-        :return: (k, 2n) rows on the node velocities (x0, y0, x1, y1, ...) [-].
+        :return: (k, 2n) derivatives with respect to (x0, y0, x1, y1, ...) [-].
         """
         _, normals, shares = self._nearest(config, pairs)
         rows = self.part_rows(config, self._second[pairs], shares, normals)
@@ -144,15 +144,15 @@ class CollisionModel:
         self, config: Configuration, body: ConvexObject, parts: Indices | slice = slice(None)
     ) -> tuple[Array, Array, Array]:
         """
-        Return the distances between an object and parts of the robot, with gradients.
+        Return the distances between an object and parts of the robot, with their gradients.
 
         :param config: configuration of the robot.
         :param body: the object at its pose.
         :param parts: (k,) indices of parts; by default, all parts. Parts are numbered: first the m
             members, then the m modules, then the m rods.
-        :return: (k,) distances [m], negative for an overlap; (k, 2n) rows on the node velocities
-            [-]; (k, 3) rows on the object's twist vx, vy [-], omega [m] in the robot frame. The
-            rows give the rates of the distances.
+        :return: (k,) distances [m], negative for an overlap; (k, 2n) derivatives with respect to
+            the node coordinates [-]; and (k, 3) derivatives of the distances' rates with respect
+            to the object's twist vx, vy [-], omega [m] in the robot frame.
         """
         starts, ends = self.part_ends(config, parts)
         found = segment_gaps(body, starts, ends)
@@ -173,7 +173,7 @@ class CollisionModel:
         self, config: Configuration, parts: Indices | slice = slice(None)
     ) -> tuple[Points, Points]:
         """
-        Return the start and end points (k,) of the segments of parts, x + iy [m].
+        Return the start points (k,) and end points (k,) of the parts' segments, x + iy [m].
 
         :param config: configuration of the robot.
         :param parts: (k,) indices of parts; by default, all parts.
@@ -187,13 +187,13 @@ class CollisionModel:
         self, config: Configuration, parts: Indices | slice, shares: Array, normals: Points
     ) -> Points:
         """
-        Return the node gradients of the distances between parts and fixed points.
+        Return the gradients of distances between parts and fixed points with respect to nodes.
 
         :param config: configuration of the robot.
         :param parts: (k,) indices of parts.
         :param shares: (k,) positions of the nearest points along their segments, 0 to 1.
         :param normals: (k,) unit vectors from the nearest points to the fixed points, x + iy.
-        :return: (k, n) rows on the node velocities as complex numbers [-].
+        :return: (k, n) gradients x + iy with respect to the nodes [-].
         """
         rows = np.zeros((len(shares), len(config.points)), dtype=np.complex128)
         _add(rows, self._start[:, parts], -(1.0 - shares) * normals)
@@ -202,7 +202,7 @@ class CollisionModel:
 
 
 def _measured(robot: Mechanism) -> Array:
-    """Return the mask (m + j, 3m) of point-segment pairs; points are modules, then joints."""
+    """Return a mask (m + j, 3m) of the pairs: rows are modules and joints, columns are parts."""
     topology = robot.topology
     m = topology.n_modules
     joint = np.concatenate([topology.joint, np.arange(len(topology.joint_names))])
@@ -222,7 +222,7 @@ def _measured(robot: Mechanism) -> Array:
 @functools.lru_cache(maxsize=16)
 def collision_model(robot: Mechanism) -> CollisionModel:
     """
-    Return the collision model of a robot from a cache.
+    Return the collision model of a robot, cached.
 
     :param robot: the robot.
     """

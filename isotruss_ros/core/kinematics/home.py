@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Home configuration: given joints, with modules turned such that the bisection constraints hold.
+Home configuration: the modules are rotated at given joints until the bisections (3) hold.
 
 The joint A is outside of the tube's corner. The rod goes from A into the triangle, to the midpoint
-of the pinch points B and C, at which the two sides of the tube begin. At home and with locked
-rollers, the structure must be rigid and kinematically determinate.
+of the pinch points B and C, at which the two sides of the tube begin. At home, the structure with
+locked rollers must be rigid and kinematically determinate.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ def place_home(
 def _corners(
     description: RobotDescription, topology: Topology, joints: Points
 ) -> tuple[Points, Array]:
-    """Return each corner's inward direction, and +1 if its next side is on the left, else -1."""
+    """Return each corner's inward direction, and 1 or -1 if its next side is left or right."""
     here = joints[topology.joint]
     ahead = joints[topology.joint[topology.following]] - here
     back = joints[topology.joint[topology.previous]] - here
@@ -154,7 +154,7 @@ def _refuse_misfits(
 def _misfit(
     description: RobotDescription, topology: Topology, module: int, what: str
 ) -> RobotFileError:
-    """Return the error that a module does not fit into its corner."""
+    """Return the error for a module that does not fit into its corner."""
     size = description.module
     return RobotFileError(
         f'{description.source}: module {topology.module_names[module]} does not fit its corner: '
@@ -167,14 +167,14 @@ def require_determinate(source: str, topology: Topology, matrix: Array | csc_mat
     """
     Raise RobotFileError if the matrix of (12) at home is not square and regular.
 
-    With locked rollers the structure must be rigid and determinate, because redundant members or
-    supports would resist the rollers.
+    The structure with locked rollers must be rigid, and must have no redundant members or
+    supports, because these would resist the rollers.
 
     :param source: robot file, for the error message.
     :param topology: the robot's connections.
     :param matrix: (5m + g, 2n) Jacobian of the constraints at home, with scaled rows.
     :raises RobotFileError: the structure is not determinate; the message names the moving joints
-        or the number of redundant constraints.
+        or states the number of redundant constraints.
     """
     m, joints, grounded = topology.n_modules, len(topology.joint_names), len(topology.grounded)
     needed = 2 * joints - m

@@ -17,14 +17,14 @@ from numpy.typing import ArrayLike
 
 class Mechanism:
     """
-    Robot without a configuration; the subclass `Robot` adds the configuration at home.
+    Properties of a robot without a configuration; the subclass `Robot` adds home.
 
     :ivar name: the robot's name.
     :ivar frame: name of the robot's coordinate frame.
     :ivar node_names: names of the kinematic nodes: joints j, then t/j/B and t/j/C of each module.
     :ivar member_names: names t/j-k of the members, in module order.
     :ivar module_names: names t/j of the modules, in the order of the robot file.
-    :ivar roller_names: names of the driven modules, in the order of all roller arrays.
+    :ivar roller_names: names of the driven modules, in the order of every array over the rollers.
     :ivar description: content of the robot file.
     :ivar topology: names and index arrays of joints, modules, members and rollers.
     """
@@ -45,7 +45,7 @@ class Mechanism:
         Return a checked copy of an array with one number for each roller.
 
         :param values: (r,) numbers in the order of `roller_names`.
-        :param what: name of the numbers, for the error message.
+        :param what: name of the numbers, used in the error message.
         :raises ConfigurationError: the values are not (r,) finite numbers.
         """
         names = self.roller_names

@@ -2,14 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Rigidity index: the scaled smallest singular value of the matrix of (12).
+Rigidity index, which is the scaled smallest singular value of the matrix of (12).
 
 The bisection rows [1/m] are multiplied by the rod length h. Then all rows are dimensionless, and
 the singular values do not depend on the robot's size. The rigidity index is the smallest singular
-value divided by that at home. It is 1 at home, and 0 for a mechanism with locked rollers.
+value divided by that at home. It is 1 at home. It is 0 if the robot with locked rollers is a
+mechanism.
 
-Block inverse iteration with the factorised matrix replaces a full singular value decomposition. A
-block finds the smallest value even if singular values are close or change their order.
+The smallest singular values are found by inverse iteration with the factorised matrix, which is
+faster than a singular value decomposition. Several vectors are iterated at once (block), so that
+the smallest value is found even if singular values are close or change their order.
 """
 
 from __future__ import annotations
@@ -32,7 +34,7 @@ ITERATIONS = 3
 
 
 class Modes(NamedTuple):
-    """Modes of the p smallest singular values, in ascending order."""
+    """The p smallest singular values, in ascending order, with their singular vectors."""
 
     values: Array  #: (p,) singular values, divided by the smallest one at home
     rows: Array  #: (5m + g, p) left singular vectors, by rows of (12)
@@ -43,9 +45,8 @@ class RigidityIndex:
     """
     Rigidity index of a robot's configurations.
 
-    :ivar weights: (13m,) weights of the entries `Constraints.gradients`. The weighted norm of a
-        perturbation bounds the change of the index (Weyl; the Frobenius norm bounds the spectral
-        norm).
+    :ivar weights: (13m,) weights for `Constraints.gradients`. If these change, the weighted norm
+        of their change is an upper bound of the change of the index (Weyl's inequality).
     :param robot: the robot; its index at home is 1.
     """
 
@@ -67,7 +68,7 @@ class RigidityIndex:
 
     def modes(self, config: Configuration) -> Modes:
         """
-        Return the modes of the smallest singular values in a configuration.
+        Return the smallest singular values and vectors in a configuration.
 
         :param config: configuration of the robot.
         :raises ConfigurationError: the matrix is exactly singular.
@@ -78,11 +79,12 @@ class RigidityIndex:
         """
         Return the gradients of the scaled singular values with respect to the nodes.
 
-        They are u^T dM v / s_home; s_home is the smallest singular value at home.
+        They are u^T dM v / s_home with the matrix M, its singular vectors u and v, and the
+        smallest singular value s_home at home.
 
         :param config: configuration of the robot.
-        :param modes: all or the first modes in this configuration.
-        :return: (p, 2n) rows on the node velocities (x0, y0, x1, y1, ...) [1/m].
+        :param modes: all or some of the smallest singular values in this configuration.
+        :return: (p, 2n) derivatives with respect to (x0, y0, x1, y1, ...) [1/m].
         """
         turning = config.robot.constraints.second_derivative(
             config.points, self._scale * modes.rows, modes.nodes
@@ -107,7 +109,7 @@ class RigidityIndex:
 @single_threaded
 def rigidity_index(robot: Robot) -> RigidityIndex:
     """
-    Return the rigidity index of a robot from a cache.
+    Return the function that computes the rigidity index of a robot, cached.
 
     :param robot: the robot.
     """

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Robot with its kinematics, from the description of a robot file."""
+"""Robot with its kinematics, created from the description in a robot file."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class Robot(
         return self._hash
 
     def __reduce__(self) -> tuple:
-        """Return the arguments for unpickling, which makes only one object of equal robots."""
+        """Return the arguments for unpickling, which creates one object for all equal robots."""
         return _made_of, (pickle.dumps(self.description),)
 
     def configuration(
@@ -66,10 +66,12 @@ class Robot(
         """
         Return the configuration at given roller travel (forward kinematics).
 
-        Continuation along the straight line of roller travel from `near` selects the branch.
+        Several configurations may exist; the result is the one that is reached continuously if the
+        roller travel changes linearly from `near`.
 
         :param roller_positions: (r,) travel of the tube through each roller since home [m].
-        :param near: start of the continuation; None: home. A close start saves time.
+        :param near: configuration from which the result is reached; None: home. A close
+            configuration saves time.
         :raises ConfigurationError: the roller travel has a wrong shape or is not finite, or no
             configuration exists at it.
         """
@@ -77,7 +79,7 @@ class Robot(
 
 
 def _refuse_collision(robot: Robot) -> None:
-    """Raise RobotFileError if two parts overlap at home."""
+    """Raise RobotFileError if two parts of a robot overlap at home."""
     model = collision_model(robot)
     distances = model.distances(robot.home)
     least = int(distances.argmin())

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Inverse kinematics from object twist to roller velocities: equations (11), (14) to (20).
+Inverse kinematics: roller velocities for a twist of the object, equations (11), (14) to (20).
 
 Entry points: `solve_twist.solve_twist`, `grip.Grip`, `rolling_grip.RollingGrip`, `limits`.
 Imports `core.statics` and the layers below it, not `core.contact`.

@@ -4,9 +4,10 @@
 """
 Limit of the roller accelerations from one control cycle to the next.
 
-The command is on the straight line from the previous to the desired command, as close to the
-desired command as the largest change of a roller's speed admits. Both ends of the line fulfil the
-linear constraints of contacts and limits, so every point of the line fulfils them.
+The command is a point on the straight line from the previous to the desired command, as close to
+the desired command as the largest change of a roller's speed admits. Both ends of the line fulfil
+the linear constraints of contacts and limits, so every point of the line fulfils these
+constraints.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ def limit_acceleration(
     command: RollerCommand, previous: Array, change: float, find_rows: Callable[[], Rows]
 ) -> RollerCommand:
     """
-    Return the command closest to a desired one, with limited change of the roller speeds.
+    Return the command closest to a desired one within the largest change of roller speeds.
 
     If limits of the configuration require a faster stop than `change` admits, the rollers
     decelerate by `change`.
@@ -55,7 +56,7 @@ def limit_acceleration(
 
 def limit_change(speeds: Array, previous: Array, change: float) -> Array:
     """
-    Return speeds (r,) on the line from previous to desired ones, as far as `change` admits [m/s].
+    Return the point on the line from previous to desired speeds that `change` admits, (r,) [m/s].
 
     :param speeds: (r,) desired speeds [m/s].
     :param previous: (r,) speeds of the previous cycle [m/s].
@@ -83,7 +84,7 @@ def _brake(speeds: Array, rows: Rows) -> Array:
 
 def _largest_share(away: Array, step: Array, change: float) -> float:
     """
-    Return the largest share of a step, 0 to 1, at which all values are within a bound.
+    Return the largest fraction of a step, 0 to 1, at which all values are within a bound.
 
     :param away: (r,) values without the step.
     :param step: (r,) change of the values by the whole step.

@@ -4,10 +4,10 @@
 """
 Grip of an object between any two or three members, with its contacts.
 
-Members are undeformed centre lines from pinch point to pinch point. A contact is the point of the
-object's surface farthest toward the member. A face on a member has contacts at both ends, see
-`Shape.contact_patch`, so it can neither lift nor rotate. Points of the plane are complex numbers
-x + iy.
+Members are regarded as undeformed centre lines from pinch point to pinch point. A contact is the
+point of the object's surface that is farthest toward the member. A face that touches a member has
+contacts at both of its ends, see `Shape.contact_patch`, so it can neither lift nor rotate. Points
+of the plane are complex numbers x + iy.
 """
 
 from __future__ import annotations
@@ -34,15 +34,14 @@ GRIP_SIZES = (2, 3)
 @dataclass(frozen=True)
 class Grip:
     """
-    An object with its grasping members, in any configuration.
+    Object with its grasping members, without a configuration of the robot.
 
     :ivar members: names `t/j-k` of two or three members.
     :ivar body: the object at its pose in the robot frame.
-    :ivar friction: coefficient of friction between tubes and object; by default the object's own,
-        or `DEFAULT_FRICTION`.
+    :ivar friction: coefficient of friction between tubes and object; by default that of the
+        object, or `DEFAULT_FRICTION` if the object has none.
     :ivar corners: for each member, the indices of the corners in contact: one corner, or the
-        corners at both ends of a face. None: the contacts at the planned indentation, see
-        `Shape.contact_patch`.
+        corners at both ends of a face. None: the corners are found by `Shape.contact_patch`.
     :raises GraspError: the members are not two or three different names, or the coefficient is
         invalid.
     """
@@ -53,7 +52,7 @@ class Grip:
     corners: tuple[tuple[int, ...], ...] | None = None
 
     def __post_init__(self) -> None:
-        """Check the number of members; a robot checks their names later."""
+        """Check the number of members; their names are checked later, against a robot."""
         try:
             friction = self.body.friction_or(self.friction)
         except AttributeError:
@@ -72,7 +71,7 @@ class Grip:
 
     @property
     def center(self) -> complex:
-        """Return the origin of the object's frame, reference point of its twist, x + iy [m]."""
+        """Return the origin of the object's frame, the reference point of its twist [m]."""
         return self.body.center
 
     def moved_to(self, pose: ArrayLike) -> Grip:
@@ -89,10 +88,11 @@ class Grip:
 
     def touching(self, owners: Indices, corners: Indices) -> Grip:
         """
-        Return the grip with known contacts.
+        Return the grip with given contacts.
 
-        :param owners: (k,) number of each contact's member within the grip, ascending.
-        :param corners: (k,) index of the corner in contact.
+        :param owners: (k,) grasping member of each contact, numbered 0, 1 or 2 within the grip,
+            ascending.
+        :param corners: (k,) index of the object's corner at each contact.
         """
         touched = [tuple(corners[owners == i].tolist()) for i in range(len(self.members))]
         found = object.__new__(Grip)
@@ -104,12 +104,12 @@ class Grip:
         cls, robot: Robot, module: str, body: ConvexObject, friction: float | None = None
     ) -> Grip:
         """
-        Return the grip of the two members that meet at a module, as in the paper.
+        Return the grip of an object between the two members of a module, as in the paper.
 
         :param robot: the robot.
         :param module: name `t/j` of the module.
         :param body: the object at its pose in the robot frame.
-        :param friction: coefficient between tubes and object; see `Grip`.
+        :param friction: coefficient of friction between tubes and object; see `Grip`.
         :raises GraspError: the robot has no such module, or a value is invalid, see `Grip`.
         """
         return cls(members_at(robot, module), body, friction)  # type: ignore[arg-type]
@@ -117,7 +117,7 @@ class Grip:
 
 def members_at(robot: Mechanism, module: str) -> tuple[str, str]:
     """
-    Return the names of the next and the previous member, which meet at a module.
+    Return the names of the two members that meet at a module, the one after it first.
 
     :param robot: the robot.
     :param module: name `t/j` of the module.
@@ -133,20 +133,20 @@ def members_at(robot: Mechanism, module: str) -> tuple[str, str]:
 
 
 class MemberNodes(NamedTuple):
-    """Indices of k members, their end nodes and rollers."""
+    """Indices of k members, of their end nodes and of their rollers."""
 
     members: Indices  #: (k,) indices of the members, equal to those of the modules at their starts
     lines: Indices  #: (k, 2) nodes B at the members' starts, and C at their ends
     driven: Indices  #: (d,) positions in `members` of those that start at a driven module
     rollers: Indices  #: (d,) indices of the rollers of these modules
-    #: (4 k,) flat indices of the nonzero entries of an array (3 k, n), three rows of gradients
-    #: with respect to the nodes for each member; for `member_rows`
+    #: (4 k,) flat indices of the nonzero entries of an array (3 k, n), which has three rows of
+    #: gradients with respect to the nodes for each member; used by `member_rows`
     entries: Indices
 
 
 def find_members(robot: Mechanism, names: tuple[str, ...]) -> MemberNodes:
     """
-    Return the indices of members and their nodes, read-only.
+    Return the indices of given members, of their end nodes and of their rollers, read-only.
 
     :param robot: the robot.
     :param names: (k,) names `t/j-k`.
@@ -180,7 +180,7 @@ def _find_nodes(topology: Topology, names: tuple[str, ...]) -> MemberNodes:
 
 
 class GripContact(NamedTuple):
-    """One contact of a grip, in Python numbers for speed."""
+    """One contact of a grip, as plain Python numbers for speed."""
 
     owner: int  #: index of the member within the grip
     start: complex  #: start of the member, robot frame [m]
@@ -193,19 +193,19 @@ class GripContact(NamedTuple):
 @functools.lru_cache(maxsize=8)
 def find_contacts(config: Configuration, grip: Grip) -> list[GripContact]:
     """
-    Return the contacts of the members with the object, from a cache of the last few results.
+    Return the contacts of the members with the object, cached.
 
     :param config: configuration of the robot.
     :param grip: the grip.
-    :return: contacts in the order of the members: one contact for each member, or two contacts for
-        a member along a face.
-    :raises GraspError: the robot has no such member; or a member is not in contact with the object
-        between its ends; a gap or penetration of at most one tube diameter counts as contact.
+    :return: contacts in the order of the members: one contact for each member, or two for a member
+        that a face touches.
+    :raises GraspError: the robot has no such member; or a member does not touch the object between
+        its ends. A gap or penetration of at most one tube diameter counts as contact.
     """
     nodes = find_members(config.robot, grip.members)
     tube = config.robot.description.tube_diameter
-    body = grip.body.smoothed(0.5 * tube)
-    inside, back = body.middle, body.turn.conjugate()
+    body, shape = grip.body, grip.body.shape.smoothed(0.5 * tube)
+    inside, back = body.center + body.turn * shape.centroid, body.turn.conjugate()
     found: list[GripContact] = []
     places: list[tuple[float, float]] = []
     fits = True
@@ -215,11 +215,11 @@ def find_contacts(config: Configuration, grip: Grip) -> list[GripContact]:
         side = math.copysign(1.0, (axis.conjugate() * (inside - start)).imag)
         normal = -1j * side * axis
         if grip.corners is None:
-            patch = body.shape.contact_patch(normal * back, 0.5 * tube)
+            patch = shape.contact_patch(normal * back, 0.5 * tube)
             touched = [(end.corner, end.point) for end in patch]
         else:
             corners = grip.corners[owner]
-            touched = [(k, body.shape.point_at(k, normal * back)) for k in corners]
+            touched = [(k, shape.point_at(k, normal * back)) for k in corners]
         for corner, own_point in touched:
             point = body.center + body.turn * own_point
             found.append(GripContact(owner, start, normal, point, corner, side))
@@ -236,7 +236,7 @@ def find_contacts(config: Configuration, grip: Grip) -> list[GripContact]:
 def _check_touch(
     grip: Grip, owners: list[int], places: list[tuple[float, float]], tube: float
 ) -> None:
-    """Raise GraspError for a member without contact; a face may extend beyond a member's end."""
+    """Raise GraspError if a member has no contact; a face may extend beyond a member's end."""
     for number, name in enumerate(grip.members):
         own = [place for owner, place in zip(owners, places, strict=True) if owner == number]
         gap = min((gap for gap, _ in own), key=abs)

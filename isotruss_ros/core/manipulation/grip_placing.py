@@ -28,10 +28,10 @@ def place_between(
     indentation: float = 0.0,
 ) -> Grip:
     """
-    Return a grip of an object in contact with members, at equal depth in all members.
+    Return the grip of an object that is placed with equal penetration of all given members.
 
-    If several poses exist, the pose nearest to the middle of the members is returned. For three
-    members, or parallel ones, the depths are as equal as possible.
+    If several such poses exist, the pose nearest to the middle of the members is used. For three
+    members, or parallel ones, the penetrations are as equal as possible.
 
     :param config: configuration of the robot.
     :param members: names `t/j-k` of two or three members.
@@ -78,16 +78,15 @@ def tangent_center(
     config: Configuration, module: str, diameter: float, indentation: float = 0.0
 ) -> tuple[float, float]:
     """
-    Return the centre at which an object is tangent to both grasping members of a module.
+    Return the centre at which a disc touches both members of a module without pressing.
 
     :param config: configuration of the robot.
     :param module: name `t/j` of the module.
-    :param diameter: diameter of the object [m].
-    :param indentation: shift of the centre toward the corner of the two members [m].
+    :param diameter: diameter of the disc [m].
+    :param indentation: additional shift of the centre toward the corner of the two members [m].
     :return: (x, y) in the robot frame [m].
-    :raises GraspError: the robot has no such module; the diameter is not positive; the
-        indentation is not finite; or the object would be behind the module or beyond the end of a
-        member.
+    :raises GraspError: the robot has no such module; the diameter is not positive; the indentation
+        is not finite; or the disc would be behind the module or beyond the end of a member.
     """
     (depth,) = finite_array([indentation], 1, 'indentation [m]', GraspError)
     nodes = find_members(config.robot, members_at(config.robot, module))

@@ -5,10 +5,10 @@
 Grip Jacobian: the grasp constraint J_h(q) qdot = G^T nu, solved for the twist nu.
 
 J_h qdot is the velocity of the tubes' material at the contacts, and G^T nu is the velocity of the
-object's surface there; they are equal, because contacts roll. The tube is inextensible, so the
-material of a straight member moves as a rigid body. Along the member it has the speed of the
-roller at the member's start; by (12), the roller at the member's end gives the same speed. For a
-cylinder between the two members of one module, the rows are (14) to (18).
+object's surface at the contacts; both are equal, because contacts roll. The tube is inextensible,
+so the material of a straight member moves as a rigid body. Along the member it has the speed of
+the roller at the member's start; by (12), the roller at the member's end gives the same speed. For
+a cylinder between the two members of one module, the rows are (14) to (18).
 """
 
 from __future__ import annotations
@@ -27,18 +27,19 @@ import numpy as np
 @functools.lru_cache(maxsize=8)
 def grip_jacobian(config: Configuration, grip: Grip) -> Array:
     """
-    Return the Jacobian from roller speeds to the object's motion in a grip: (19) after (12).
+    Return the Jacobian of the object's motion with respect to roller speeds, (19) with (12).
 
-    The first three rows give the twist. The other g rows give the residual of J_h(q) qdot = G^T
-    nu; it is zero if the contacts are kept. The last few Jacobians are cached.
+    Its first three rows yield the twist. Its other g rows yield the residual of J_h(q) qdot = G^T
+    nu, which is zero if no contact opens or slips. The Jacobian is cached.
 
     :param config: configuration of the robot.
     :param grip: the grip.
-    :return: (3 + g, r) for roller speeds of 1 m/s, read-only. Rows: vx, vy [m/s] and omega [rad/s]
-        of the object in the robot frame; the opening rate [m/s], which is the rate of the distance
-        between the contacts of two members, or twice the speed of each of three members away from
-        the object; g - 1 other residuals [m/s]. g is 1 for two point contacts, 2 with one face, 3
-        with two faces, and 2 k - 3 for k contacts on three members.
+    :return: (3 + g, r) values for roller speeds of 1 m/s, read-only. The rows are vx, vy [m/s] and
+        omega [rad/s] of the object in the robot frame; then the opening rate [m/s], which is the
+        rate of the distance between the contacts of two members, or twice the speed of each of
+        three members away from the object; then g - 1 other residuals [m/s]. The number g is 1 for
+        two point contacts, 2 with one face, 3 with two faces, and 2 k - 3 for k contacts on three
+        members.
     :raises GraspError: see `find_contacts`; or all contacts coincide.
     :raises ConfigurationError: the configuration is singular.
     """
@@ -63,12 +64,12 @@ def _require_apart(distance: float) -> None:
 
 def member_rows(config: Configuration, names: tuple[str, ...]) -> Array:
     """
-    Return the Jacobian of the velocity of the tube's material in members.
+    Return the Jacobian of the velocities of members by roller speeds.
 
     :param config: configuration of the robot.
     :param names: (m,) names of the members.
-    :return: (3 m, r) rows, three for each member: vx, vy of the material at the member's start in
-        the robot frame [-], and the angular velocity of the member (16) [1/m].
+    :return: (3 m, r) array with three rows for each member: vx, vy of the tube's material at the
+        member's start in the robot frame [-], and the angular velocity of the member (16) [1/m].
     :raises GraspError: the robot has no such member.
     :raises ConfigurationError: the configuration is singular.
     """
@@ -93,9 +94,9 @@ def contact_rows(config: Configuration, grip: Grip) -> tuple[Array, Array]:
 
     :param config: configuration of the robot.
     :param grip: the grip.
-    :return: J_h (2 k, r), velocities vx, vy of each contact by roller speeds [-]; and G^T (2 k,
-        3), velocities vx, vy of each contact by the twist vx, vy [-], omega [m], in the robot
-        frame.
+    :return: J_h (2 k, r), the derivatives of each contact's velocity vx, vy with respect to roller
+        speeds [-]; and G^T (2 k, 3), the derivatives of each contact's velocity vx, vy with
+        respect to the twist vx, vy [-], omega [m]. All are in the robot frame.
     :raises GraspError: see `find_contacts`.
     :raises ConfigurationError: the configuration is singular.
     """
@@ -113,7 +114,7 @@ def contact_rows(config: Configuration, grip: Grip) -> tuple[Array, Array]:
 
 def _misfits(rigid: Array, normals: Array) -> Array:
     """
-    Return an orthogonal basis (2 k, 2 k - 3) of the complement of the range of G^T.
+    Return an orthogonal basis (2 k, 2 k - 3) of the complement of G^T's range.
 
     The first vector is a motion of each member away from the object at 0.5 m/s, minus its
     projection on the range of G^T.
@@ -125,11 +126,11 @@ def _misfits(rigid: Array, normals: Array) -> Array:
 
 def rows_of_two(grip: Grip, contacts: Sequence[GripContact], members: Array) -> Array:
     """
-    Return the rows of `grip_jacobian` for two members with some of their contacts.
+    Return the rows of `grip_jacobian` for two members with given contacts.
 
-    This is the explicit solution of the constraint in `contact_rows`. The object rotates with the
-    member of a face contact, else with the line through both points. The midpoint of the points
-    moves with their mean velocity.
+    They solve the constraint of `contact_rows` in closed form. The object rotates with the member
+    that touches a face, or without face contacts, with the line through both contact points. The
+    midpoint of both points moves with their mean velocity.
 
     :param grip: grip of two members.
     :param contacts: contacts with the object.

@@ -2,16 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Execution of a twist under limits, by scaling or by sliding along the limits.
+Execution of a twist under limits, either by scaling it or by sliding along the limits.
 
-Scaling keeps the direction of the twist. Sliding scales the twist only for roller speed limits,
-which do not depend on the configuration. Then it projects the twist on the convex set of
-admissible twists. The projection's component along the twist is at least that of scaling.
+Scaling keeps the direction of the twist. Sliding scales the twist only as far as the limits of
+roller speed require; then it projects the twist on the convex set of twists that the other limits
+admit. The projection's component along the twist is at least as large as the scaled twist.
 
-Close to degeneracy (nearly empty admissible sets, rollers that hardly move the object) full roller
+If the set of admissible twists is nearly empty, or if rollers hardly move the object, full roller
 speed would produce a thousandth of the twist, with a sign that alternates from cycle to cycle. So
-regularisation reduces roller speed at the expense of progress. Sliding may then be slower than
-scaling by a few per cent of the twist.
+a regularisation reduces roller speed at the expense of progress along the twist. Sliding may then
+be slower than scaling by a few per cent of the twist.
 """
 
 from __future__ import annotations
@@ -29,30 +29,28 @@ from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.numerics.tolerances import NEGLIGIBLE_SHARE, ROUNDING
 import numpy as np
 
-#: Largest number of rollers for which a program is solved with all rows at once [-]; for more
-#: rollers, the search for the active rows is faster (benchmarks/scaling.py).
-MAX_ROLLERS_WITH_ALL_ROWS = 60
 #: Initial number of active rows, and smallest number of rows added at a time [-].
 ROW_BATCH = 16
-#: Weight of progress against roller speed [-]. Full roller speed is used if the object's surface
-#: moves along the twist at 2 / `PROGRESS_WEIGHT` of the roller speed or faster. When sliding, the
-#: inverse of the weight is the weight of roller speeds against the twist's error. In loops slower
-#: than `REFERENCE_PERIOD` [s], the weight decreases with the period.
+#: Weight of progress along the twist relative to roller speed [-]. Full roller speed is used if
+#: the object's surface moves along the twist with at least 2 / `PROGRESS_WEIGHT` of the roller
+#: speed. When sliding, the inverse of the weight is the weight of roller speeds relative to the
+#: error of the twist. In control loops slower than `REFERENCE_PERIOD` [s], the weight decreases
+#: with the period.
 PROGRESS_WEIGHT, REFERENCE_PERIOD = 100.0, 1e-2
 
-#: Solver: function from cost, task and rows to speeds (n,) and progress.
+#: Function that returns speeds (n,) and progress for a cost, a task and rows.
 Solver: TypeAlias = Callable[[Array, Array, Rows], tuple[Array, float]]
 
 
 @dataclass(frozen=True)
 class LimitHandling:
     """
-    Behaviour of a command at binding limits.
+    Choice of the behaviour of a command at binding limits.
 
-    :ivar slide_along_limits: whether the command slides along limits of the configuration;
-        otherwise it is scaled.
-    :ivar period: period of the control loop, which determines the regularisation [s]; 0: no
-        regularisation, largest progress.
+    :ivar slide_along_limits: True to project the twist on the admissible twists at limits of the
+        configuration; otherwise the twist is scaled.
+    :ivar period: period of the control loop, which determines the regularisation [s]; 0: largest
+        progress without regularisation.
     """
 
     slide_along_limits: bool = False
@@ -70,8 +68,8 @@ def apply_limits(
     :param limits: the limits.
     :param rows: rows of the limits, see `stack_rows`.
     :param handling: behaviour at binding limits.
-    :return: roller velocities (r,) [m/s], scale (see `RollerCommand`), status, and names of the
-        rollers and members whose limits bind.
+    :return: roller velocities (r,) [m/s]; scale, see `RollerCommand`; status; and names of the
+        rollers and members of which the limits bind.
     :raises SolverError: a quadratic program was not solved.
     """
     reach, max_speed = task.reach, config.robot.description.max_speed
@@ -128,37 +126,28 @@ def apply_limits(
 
 def _solve(task: Task, solve: Solver, rows: Rows, guess: Array | None) -> tuple[Array, float]:
     """
-    Solve a quadratic program with all rows, or for a large robot with its active rows only.
+    Solve a quadratic program of the twist, with its active rows only if there is a guess.
 
-    Without a guess all rows are used, because many rows bind without regularisation.
+    Without a guess all rows are used, because without regularisation many rows bind.
+
+    The program is strictly convex, so a solution with some of the rows that fulfils all other rows
+    is the solution with all rows. The initial rows are those closest to their bounds at the guess;
+    violated rows are added, usually a few times, until none is violated. With the rows S, the
+    least-cost speeds are u = E y with |C E y| = |y|, where y is in the span of E^T [J^T, G_S^T],
+    because a component normal to the span only increases the cost. So there are only as many
+    variables as rows.
     """
-    working, equality = task.reach.working, task.reach.rows
-    if guess is not None and len(working.places) > MAX_ROLLERS_WITH_ALL_ROWS:
-        return _solve_by_few_rows(solve, working.even, equality, rows, guess)
-    return solve(working.cost, equality, rows)
-
-
-def _solve_by_few_rows(
-    solve: Solver, even: Array, equality: Array, rows: Rows, guess: Array
-) -> tuple[Array, float]:
-    """
-    Solve a quadratic program of the twist with its active rows only.
-
-    It replaces `solve(cost, equality, rows)`. The programs are strictly convex, so a solution with
-    some rows that fulfils all other rows is the solution with all rows. Violated rows are added
-    until none is violated, a few times. With the rows S, the least-cost speeds are u = E y with |C
-    E y| = |y| and y in the span of E^T [J^T, G_S^T]: a component normal to the span increases the
-    cost and changes nothing else. So there are only as many variables as rows. The rows closest to
-    their bounds at the guess are the initial set.
-    """
-    task = equality.dot(even)
+    equality, even = task.reach.rows, task.reach.working.even
+    if guess is None:
+        return solve(task.reach.working.cost, equality, rows)
+    reached = equality.dot(even)
     chosen = np.sort(_largest(-rows.slack(guess), ROW_BATCH))
     while True:
         some = rows.take(chosen)
         matrix = some.matrix.dot(even)
-        basis = np.linalg.qr(np.concatenate([task, matrix]).T)[0]
+        basis = np.linalg.qr(np.concatenate([reached, matrix]).T)[0]
         cost, reduced = np.eye(basis.shape[1]), some._replace(matrix=matrix.dot(basis))
-        found, progress = solve(cost, task.dot(basis), reduced)
+        found, progress = solve(cost, reached.dot(basis), reduced)
         speeds = even.dot(basis.dot(found))
         excess = -rows.slack(speeds)
         excess[chosen] = -np.inf
@@ -170,5 +159,5 @@ def _solve_by_few_rows(
 
 
 def _largest(values: Array, count: int) -> Indices:
-    """Return the indices of the largest values, `count` of them."""
+    """Return the indices of the `count` largest values."""
     return np.argsort(-values, kind='stable')[:count]

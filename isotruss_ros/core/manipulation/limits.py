@@ -2,9 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Limits: rows lower <= G phidot <= upper of the quadratic program.
+Limits on the roller speeds phidot: rows lower <= G phidot <= upper of the quadratic program.
 
-Zero speed fulfils every limit. A robot beyond a bound may stop or return, but not move further.
+Zero speed fulfils every limit. A robot beyond a bound may stop or move back, but not move further
+beyond it.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ class Rows(NamedTuple):
 
     def slack(self, speeds: Array) -> Array:
         """
-        Return the distance of each row (k,) from its bound, negative if violated [m/s].
+        Return the distance of each row (k,) from its nearer bound, negative if violated [m/s].
 
         :param speeds: (r,) roller speeds [m/s].
         """
@@ -55,11 +56,11 @@ class Limit(Protocol):
 
     @property
     def status(self) -> Status:
-        """Return the status of a command that this limit reduces."""
+        """Return the status code of a command that this limit reduces."""
 
     @property
     def can_slide(self) -> bool:
-        """Return whether commands can slide along this limit, with `slide_along_limits`."""
+        """Return whether commands can slide along this limit, see `LimitHandling`."""
 
     def rows(self, config: Configuration) -> Rows:
         """
@@ -103,11 +104,11 @@ class RollerSpeedLimit:
 @dataclass(frozen=True)
 class MemberLengthLimit:
     """
-    Bounds of the member lengths, enforced by an exponential approach.
+    Bounds on the member lengths, which members approach exponentially.
 
-    The speed toward a bound is at most `rate` times the distance from it. Lengths are linear in
-    roller travel, so a loop at `rate` [Hz] or faster never violates the bound. The deceleration is
-    at most `rate` times the largest roller speed.
+    The speed toward a bound is at most `rate` times the distance from the bound. Lengths are
+    linear in roller travel, so a control loop at the frequency `rate` [Hz] or faster never
+    violates the bound. The deceleration is at most `rate` times the largest roller speed.
     """
 
     min_length: float  #: smallest length, pinch point to pinch point [m]
@@ -133,7 +134,7 @@ class MemberLengthLimit:
 @functools.lru_cache(maxsize=16)
 def default_limits(robot: Robot) -> tuple[Limit, ...]:
     """
-    Return the limits of the robot file.
+    Return the limits that the robot file contains.
 
     :param robot: the robot.
     """

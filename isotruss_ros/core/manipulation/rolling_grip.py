@@ -2,16 +2,17 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Rolling of an object in a grip: its pose is a function of the configuration, without drift.
+Rolling of an object in a grip; its pose is computed from the configuration without drift.
 
 A rolling contact has two invariants: the gap of the object from the member, and the anchor, which
-is the position of the contact on the tube's material minus the unrolled arc of the object:
+is the position of the contact on the tube's material minus the arc length of the object that has
+rolled off:
 
     Im(conj(e) (p - B)) = gap,   Re(conj(e) (p - B)) - phi - arc = anchor
 
 with the start B of the member, its direction e, the point of contact p, and the travel phi of the
 tube into the member. The time derivative of the invariants is the constraint J_h(q) qdot = G^T nu.
-Gaps are positive toward the object, arcs are positive along the member.
+Gaps are positive toward the object; arcs are positive along the member.
 """
 
 from __future__ import annotations
@@ -39,15 +40,16 @@ class RollingGrip:
 
     :ivar config: the configuration.
     :ivar grip: the grip, with the object at its pose.
-    :ivar angles: (m,) unwrapped angles of the normals in the object's frame [rad].
-    :ivar owners: (k,) number of each contact's member within the grip: one contact for each
-        member, or two for a face.
-    :ivar corners: (k,) index of the polygon's corner in contact.
+    :ivar angles: (m,) angles of the members' normals in the object's frame, not wrapped to one
+        turn [rad].
+    :ivar owners: (k,) grasping member of each contact, numbered within the grip; a member has one
+        contact, or two if a face touches it.
+    :ivar corners: (k,) index of the polygon's corner at each contact.
     :ivar kept: (2, k) invariants: gaps from the centre lines, and anchors along the tubes [m].
     :ivar sides: (m,) +1 for an object on the left of the member, -1 on the right.
-    :ivar shape: shape of the object for contacts, see `Shape.smoothed`.
-    :ivar misfit: largest deviation from the invariants [m]; it is not zero if members have come
-        closer, moved apart or slipped, because the rollers did not keep the contacts.
+    :ivar shape: shape of the object that is used for the contacts, see `Shape.smoothed`.
+    :ivar misfit: largest deviation from the invariants [m]. It is not zero if the rollers moved
+        such that members approached each other, moved apart or slipped.
     """
 
     config: Configuration
@@ -63,7 +65,7 @@ class RollingGrip:
     @classmethod
     def attach(cls, config: Configuration, grip: Grip) -> RollingGrip:
         """
-        Return the rolling grip of an object in contact.
+        Return the rolling grip of an object at its present pose, with its rolling invariants.
 
         :param config: configuration of the robot.
         :param grip: the grip, with the object at its pose.
@@ -89,15 +91,14 @@ class RollingGrip:
 
     def moved_to(self, config: Configuration) -> RollingGrip:
         """
-        Return the grip rolled to another configuration.
+        Return the grip after the object has rolled to another configuration.
 
-        A face on a member may lift at one of its ends. If the rollers did not keep the contacts,
-        the pose minimises the squared deviations from the invariants, and `misfit` is the largest
-        deviation.
+        A face that touches a member may lift at one of its ends. If no pose has these invariants,
+        the pose minimises the squared deviations from them, and `misfit` is the largest deviation.
 
-        :param config: configuration nearby; the object rotates by less than half a turn.
-        :raises GraspError: no pose of the object is found; or a member does not touch the object
-            any more.
+        :param config: a configuration so close that the object rotates by less than half a turn.
+        :raises GraspError: no pose of the object is found; or a member no longer touches the
+            object.
         """
         rolled = self._rolled(config)
         if rolled.misfit <= ROUNDING or len(self.owners) == len(self.sides):
@@ -120,7 +121,7 @@ class RollingGrip:
         return rolled
 
     def _clears(self, rolled: RollingGrip) -> bool:
-        """Return whether this grip's contact corners penetrate no member after rolling."""
+        """Return whether no corner of this grip's contacts penetrates a member after rolling."""
         body, lines = rolled.grip.body, rolled._lines(rolled.config)
         touch = self._touch_there(lines, body.center, body.pose.angle, self.corners)
         return bool((touch.values[0] >= self.kept[0] - rolled.misfit - ROUNDING).all())
@@ -159,7 +160,7 @@ class RollingGrip:
         )
 
     def _lowest(self, normals: Points) -> Indices:
-        """Return the corners (k,) in contact: both ends of a face, or the farthest corner."""
+        """Return the corners (k,) in contact: both ends of a face, or the outermost corner."""
         if not self.shape.faces_at(0):
             return self.corners
         alone = np.bincount(self.owners) == 1
@@ -167,7 +168,7 @@ class RollingGrip:
         return np.where(alone[self.owners], np.array(farthest)[self.owners], self.corners)
 
     def _unwrapped(self, normals: Points, angle: float) -> Array:
-        """Return the angles (m,) of normals in the object's frame, unwrapped."""
+        """Return the angles (m,) of normals in the object's frame, continued beyond one turn."""
         return self.angles + np.angle(normals * np.exp(-1j * (angle + self.angles)))
 
     def _lines(self, config: Configuration) -> _Lines:
@@ -204,7 +205,7 @@ class RollingGrip:
 
 
 class _Touch(NamedTuple):
-    """Gaps and anchors of the k contacts of an object, which rolling keeps constant."""
+    """Gaps and anchors of an object's k contacts, which stay constant while contacts roll."""
 
     values: Array  #: (2, k) gaps and anchors, see `RollingGrip.kept` [m]
     rows: Array  #: (2 k, 3) derivatives of gaps and anchors with respect to the object's twist
@@ -221,11 +222,11 @@ class _Lines(NamedTuple):
 
 def roll_object(grip: Grip, start: Configuration, end: Configuration) -> Grip:
     """
-    Return a grip rolled to another configuration; see `RollingGrip`.
+    Return a grip after its object has rolled to another configuration, see `RollingGrip`.
 
     :param grip: grip in the first configuration.
     :param start: first configuration.
-    :param end: second configuration, near the first.
+    :param end: second configuration, close to the first.
     :raises GraspError: a member does not touch the object in one of the configurations.
     """
     return RollingGrip.attach(start, grip).moved_to(end).grip

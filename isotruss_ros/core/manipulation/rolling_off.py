@@ -2,11 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Rolling of a polygon over its corners, for twists that are not admissible with face contacts.
+Rolling of a polygon over its corners, for twists that face contacts do not admit.
 
-Contacts at both ends of a face do not admit all twists. For other twists the object may roll over
-one end of the face while the other end lifts. Then the forces must balance without a force at the
-lifted end. Two members balance if their forces act along one line in both friction cones.
+Contacts at both ends of a face do not admit all twists. For the other twists the object may roll
+over one end of the face while its other end lifts. Then the forces must balance without a force at
+the lifted end. The forces of two members balance if they act along one line that is inside both
+friction cones.
 """
 
 from __future__ import annotations
@@ -27,11 +28,12 @@ import numpy as np
 
 def roll_off_faces(config: Configuration, grip: Grip, reach: Reach, twist: Array) -> Reach:
     """
-    Return the reachable twists of that subset of contacts which comes closest to a twist.
+    Return the reachable twists with the subset of contacts that comes closest to a twist.
 
     :param config: configuration of the robot.
     :param grip: the grip.
-    :param reach: reachable twists with all contacts; the result if no subset comes closer.
+    :param reach: reachable twists with all contacts; they are the result if no subset comes
+        closer.
     :param twist: (3,) twist of the object, not zero [m/s, rad/s].
     :raises ConfigurationError: the configuration is singular.
     """
@@ -56,7 +58,7 @@ def roll_off_faces(config: Configuration, grip: Grip, reach: Reach, twist: Array
 
 
 def _missed(reach: Reach, twist: Array) -> float:
-    """Return the norm of a twist's unreachable part, relative to the twist."""
+    """Return the norm of the unreachable part of a twist, relative to that of the twist."""
     unit = reach.weights * (twist / np.abs(twist).max())
     left = unit - reach.directions.T @ (reach.directions @ unit)
     return math.sqrt(left @ left) / math.sqrt(unit @ unit)
@@ -66,11 +68,11 @@ def rolled_corners(
     contacts: Sequence[GripContact], friction: float
 ) -> Iterator[list[GripContact]]:
     """
-    Yield the contacts that remain when an object rolls over ends of faces.
+    Yield the sets of contacts that may remain when an object rolls over ends of faces.
 
     :param contacts: contacts of two members; for three members nothing is yielded.
-    :param friction: coefficient between tubes and object.
-    :return: subsets of the contacts that admit a balance of forces.
+    :param friction: coefficient of friction between tubes and object.
+    :return: those subsets of the contacts at which forces can balance.
     """
     if contacts[-1].owner != 1 or len(contacts) == 2:
         return
@@ -83,7 +85,7 @@ def rolled_corners(
 
 
 def _choices(own: list[GripContact]) -> list[list[GripContact]]:
-    """Return the possible remaining contacts of a member: all, or one end of a face."""
+    """Return the sets of contacts that may remain at a member: all, or one end of a face."""
     return [own] if len(own) == 1 else [own, own[:1], own[1:]]
 
 

@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike
 @dataclass(frozen=True, eq=False, repr=False)
 class JointCommand(RollerCommand):
     """
-    Roller velocities with the resulting velocities of joints; see `RollerCommand`.
+    Roller velocities with the resulting velocities of joints, see `RollerCommand`.
 
     :ivar achieved_twist: (2 k,) velocities vx, vy of k joints in the robot frame [m/s].
     :ivar reachable_dof: number of independent motions that the working rollers can produce.
@@ -35,7 +35,7 @@ class JointCommand(RollerCommand):
 
     @property
     def achieved_velocities(self) -> dict[str, Array]:
-        """Return the achieved velocities (vx, vy) by joint [m/s]."""
+        """Return the achieved velocity (vx, vy) for the name of each joint [m/s]."""
         velocities = self.achieved_twist[: 2 * len(self.joints)].reshape(-1, 2)
         return dict(zip(self.joints, velocities, strict=True))
 
@@ -71,8 +71,9 @@ def solve_joint_velocity(
     scaled or projected, as in `solve_twist`.
 
     :param config: configuration of the robot.
-    :param velocities: (vx, vy) by joint in the robot frame [m/s]; other joints are free.
-    :param failed: names of failed rollers, which stand still.
+    :param velocities: velocity (vx, vy) for the name of each commanded joint, robot frame [m/s];
+        the other joints may move in any way.
+    :param failed: names of failed rollers, which do not move.
     :param limits: limits that replace those of the robot file; None: the limits of the file.
     :param handling: behaviour at binding limits.
     :raises GraspError: the robot has no such joint or roller, no velocity is given, or a velocity

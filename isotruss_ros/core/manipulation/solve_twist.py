@@ -41,26 +41,26 @@ def solve_twist(
     """
     Return the least-cost (11) roller velocities for a twist of the object (20).
 
-    The object keeps its contacts (a disc at a module keeps the opening angle (14)) unless an
-    opening rate is given. Every tube keeps its length (13). A twist that is unreachable or would
-    break contacts is replaced by the closest reachable one in the norm |v|^2 + |omega d/2|^2; then
-    the status is `UNREACHABLE`. A polygon rolls over the end of a face if statics admits it, see
-    `roll_off_faces`. At binding limits the twist is scaled, or with `slide_along_limits` projected
-    on the admissible twists, see `apply_limits`.
+    Contacts neither slip nor open, and unless an opening rate is given, members do not press more
+    or less (a disc at a module keeps the opening angle (14)). Every tube has a constant length
+    (13). A twist that is unreachable or would break contacts is replaced by the closest reachable
+    one in the norm |v|^2 + |omega d/2|^2; then the status is `UNREACHABLE`. A polygon rolls over
+    the end of a face if forces can balance, see `roll_off_faces`. At binding limits the twist is
+    scaled, or with `slide_along_limits` projected on the admissible twists, see `apply_limits`.
 
     :param config: configuration of the robot.
     :param grip: the object and its grasping members.
     :param twist: (3,) vx, vy [m/s], omega [rad/s] of the object in the robot frame.
-    :param failed: names of failed rollers, which stand still.
+    :param failed: names of failed rollers, which do not move.
     :param limits: limits that replace those of the robot file; None: the limits of the file.
     :param handling: behaviour at binding limits.
     :param opening_rate: rate of the distance between the contacts of two members, or twice the
         speed of each of three members away from the object [m/s]. It is the right-hand side of the
-        fourth row of (19). It is scaled with the twist. With `slide_along_limits` it is scaled by
-        roller speed limits only, and it is zero if the other limits do not admit it.
-    :param cost: (r, r) positive definite matrix J of (11) by roller speeds; None: the paper's
-        cost, the squared change of the member lengths. A cost W of the node velocities is `rows.T
-        @ W @ rows` with `rows = config.roller_rows(np.eye(len(W)))`.
+        fourth row of (19), and is scaled with the twist. With `slide_along_limits`, only limits of
+        roller speed scale it; if the other limits do not admit it, it is set to zero.
+    :param cost: (r, r) positive definite matrix J of (11) for the roller speeds; None: the paper's
+        cost, which is the squared rate of the member lengths. A cost W of the node velocities is
+        `rows.T @ W @ rows` with `rows = config.roller_rows(np.eye(len(W)))`.
     :raises GraspError: the grip, the twist, the cost or a name in `failed` is invalid.
     :raises ConfigurationError: the configuration is singular.
     :raises SolverError: a quadratic program was not solved.
@@ -82,7 +82,7 @@ def solve_twist(
 
 
 def _find_reach(config: Configuration, grip: Grip, working: WorkingRollers) -> Reach:
-    """Return the twists of the object that keep its contacts."""
+    """Return the twists of the object at which no contact slips or opens."""
     weights = np.array([1.0, 1.0, grip.body.arm])
     return Reach.of(grip_jacobian(config, grip), working, weights)
 
@@ -103,7 +103,7 @@ def carry_out(
     :param desired: (k,) desired motion.
     :param limits: limits of rollers and configuration; None: the limits of the robot file.
     :param handling: behaviour at binding limits.
-    :param opening_rate: right-hand side of the grip's opening row [m/s].
+    :param opening_rate: opening rate of the grip, see `solve_twist` [m/s].
     :raises SolverError: a quadratic program was not solved.
     """
     task = find_task(reach, desired, opening_rate)
@@ -130,15 +130,15 @@ def solve_twist_ahead(
     handling: LimitHandling = SCALING,
 ) -> RollerCommand:
     """
-    Return the roller velocities for the configuration predicted after `lead` seconds.
+    Return the roller velocities computed for the configuration predicted `lead` seconds ahead.
 
-    This is the explicit midpoint rule. With lead = age of the measurement + half of the interval
-    of the command, the local error is of third order instead of second.
+    If `lead` is the age of the measurement plus half of the time for which the command is valid,
+    this is the explicit midpoint rule, and the local error is of third order instead of second.
 
     :param config: configuration of the robot.
     :param grip: the object and its grasping members.
     :param twist: (3,) vx, vy [m/s], omega [rad/s] of the object in the robot frame.
-    :param lead: time of the prediction, not negative [s].
+    :param lead: time by which the configuration is predicted, not negative [s].
     :param failed: names of failed rollers, which stand still.
     :param limits: limits that replace those of the robot file; None: the limits of the file.
     :param handling: behaviour at binding limits.
@@ -158,7 +158,7 @@ def solve_twist_ahead(
 @single_threaded
 def reachable_twists(config: Configuration, grip: Grip, failed: Collection[str] = ()) -> Array:
     """
-    Return a basis of the object's twists that the working rollers can produce with all contacts.
+    Return a basis of the object's twists that working rollers can produce without losing contacts.
 
     :param config: configuration of the robot.
     :param grip: the object and its grasping members.

@@ -16,8 +16,8 @@ class Status(enum.IntEnum):
     """
     Status codes of a command, equal to those of isotruss_msgs/ManipulationStatus.
 
-    With codes below 30 the rollers follow the command. From 30 on the rollers are stopped; only
-    the squeeze of a slipped object is still controlled.
+    With codes below 30 the rollers follow the command. With codes of 30 and above the rollers are
+    stopped, except that the squeeze of a slipped object is still controlled.
     """
 
     OK = 0  #: the commanded twist is executed
@@ -34,7 +34,7 @@ class Status(enum.IntEnum):
     SLOWED_BARRIER = 16  #: scaled twist: a user-defined barrier or limit binds
     SLOWED_SLIP_MARGIN = 17  #: scaled twist: the slip margin is near its bound
     UNREACHABLE = 20  #: the closest reachable twist is executed, possibly scaled
-    SLIDING = 21  #: the closest twist within limits is executed, with `slide_along_limits`
+    SLIDING = 21  #: `slide_along_limits`: the closest twist within limits is executed
     HALT_NO_TWIST = 30  #: no twist was received yet, or the last twist is too old
     HALT_INVALID_TWIST = 31
     HALT_NO_JOINT_STATES = 32
@@ -51,13 +51,14 @@ class Status(enum.IntEnum):
     HALT_NOT_HELD = 43  #: the squeezed object has no equilibrium
     HALT_TRAJECTORY = 44  #: a trajectory was rejected or aborted, and no twist was received since
     HALT_OTHER_COMMANDS = 45  #: another node also commands the rollers
-    HALT_SLIPPED = 46  #: the object slipped or its pose is inconsistent; the squeeze is controlled
-    HALT_OSCILLATES = 48  #: the oscillation of the object grows: the rollers stop
+    #: the object slipped, or its pose is inconsistent; only the squeeze is controlled
+    HALT_SLIPPED = 46
+    HALT_OSCILLATES = 48  #: the object oscillates with growing amplitude; the rollers are stopped
     HALT_STALE_TUBE_PRESSURES = 50
     HALT_INVALID_TUBE_PRESSURES = 51
 
     def __str__(self) -> str:
-        """Return the name as words."""
+        """Return the name of the code in lower case, with spaces."""
         return self.name.lower().replace('_', ' ')
 
 
@@ -71,13 +72,14 @@ class RollerCommand(
     :ivar roller_velocities: (r,) speed of the tube through each roller [m/s].
     :ivar achieved_twist: (3,) vx, vy [m/s], omega [rad/s] of the object in the robot frame,
         computed from `roller_velocities`.
-    :ivar scale: factor by which limits reduced the twist, or the closest reachable twist, 0 to 1;
-        when sliding, the executed component along this twist, relative to its norm.
+    :ivar scale: factor by which limits reduced the closest reachable twist, 0 to 1; when sliding,
+        the component of the executed twist along this twist, divided by its norm.
     :ivar status: status code.
-    :ivar limiting: names of the rollers, members and parts whose limits bind.
+    :ivar limiting: names of the rollers, members and parts of which the limits bind.
     :ivar reachable_dof: number of independent motions of the object that the working rollers can
         produce, 0 to 3; 0 in a halt without valid inputs.
-    :ivar motion: (3, r) Jacobian of the twist with respect to roller speeds; None in a halt.
+    :ivar motion: (3, r) Jacobian of the object's twist with respect to roller speeds; None in a
+        halt.
     :ivar contact_rows: (g, r) contact constraints on the roller speeds; None in a halt.
     """
 
@@ -92,7 +94,7 @@ class RollerCommand(
 
     def slowed(self, share: float, status: Status, names: tuple[str, ...]) -> RollerCommand:
         """
-        Return a scaled copy of this command.
+        Return a copy of this command with velocities multiplied by a factor.
 
         :param share: factor on the velocities, 0 to 1.
         :param status: new status code.

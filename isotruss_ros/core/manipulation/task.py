@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Reachable twists of a grasped object, and the task (20).
+Reachable twists of a grasped object, and the equality constraint (20) for a desired twist.
 
-The rows are the contact constraints of a grip on the roller speeds, see `grip_rows`. Node
-velocities are eliminated by (12), so the unknowns are the speeds of the working rollers.
+The constraints are those of the contacts of a grip, see `grip_rows`. Node velocities are
+eliminated by (12), so the unknowns are the speeds of the working rollers.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import lapack
 
-#: Smallest singular value of a reachable direction: surface speed [m/s] for roller speeds of 1
-#: m/s.
+#: Smallest singular value of a direction that counts as reachable, which is the speed of the
+#: object's surface [m/s] for roller speeds of 1 m/s.
 RANK_TOLERANCE = 1e-5
 #: Basis of all twists.
 IDENTITY = np.eye(3)
@@ -34,7 +34,7 @@ IDENTITY.flags.writeable = False
 
 @dataclass(frozen=True, eq=False)
 class WorkingRollers:
-    """Working rollers with the cost of their speeds."""
+    """Indices of the working rollers, with the cost (11) of their speeds."""
 
     count: int  #: number of all rollers
     places: Indices  #: (w,) indices of the working rollers
@@ -43,7 +43,7 @@ class WorkingRollers:
 
     def take(self, rows: Array) -> Array:
         """
-        Return the columns of rows that belong to these rollers, as a copy.
+        Return the columns that belong to these rollers, as a copy.
 
         :param rows: (..., r) coefficients of the speeds of all rollers.
         """
@@ -51,9 +51,9 @@ class WorkingRollers:
 
     def with_cost(self, cost: ArrayLike) -> WorkingRollers:
         """
-        Return these rollers with another cost (11) of their speeds.
+        Return the working rollers with another cost (11) of their speeds.
 
-        The cost is scaled to the trace of the paper's cost.
+        The cost is scaled so that its trace equals that of the paper's cost.
 
         :param cost: (r, r) cost of the speeds of all rollers, symmetric and positive definite.
         :raises GraspError: the cost is not symmetric and positive definite.
@@ -113,9 +113,9 @@ def _even(cost: Array) -> Array:
 
 class Reach(NamedTuple):
     """
-    Reachable twists, which the working rollers can produce without breaking contacts.
+    Reachable twists: those that the working rollers can produce without breaking contacts.
 
-    All rows are speeds of the object's surface, so translation and rotation have the same unit.
+    Rotations are multiplied by d/2, so that translation and rotation have the same unit.
     """
 
     working: WorkingRollers  #: the working rollers
@@ -172,13 +172,14 @@ class Reach(NamedTuple):
 
 
 class Task(NamedTuple):
-    """Commanded twist, projected on the reachable twists."""
+    """Desired twist, projected on the reachable twists."""
 
     reach: Reach  #: reachable twists, with the rows of (20)
-    direction: Array  #: (k + g,) unit vector of the closest reachable twist, in the rows of (20)
+    #: (k + g,) unit vector of the closest reachable twist, in the basis of `Reach.rows`
+    direction: Array
     speed: float  #: norm of the closest reachable twist [m/s]
-    status: Status  #: `OK` for the commanded twist, else `UNREACHABLE`; `IDLE` without a command
-    free: Array  #: (w,) least-cost speeds for a twist of norm 1 m/s along `direction`, no limits
+    status: Status  #: `OK` if the desired twist is reachable, else `UNREACHABLE`; `IDLE` for zero
+    free: Array  #: (w,) least-cost speeds for 1 m/s along `direction`, without limits
     #: (r,) least-cost speeds of all rollers for the closest reachable twist [m/s]
     velocities: Array
 
@@ -189,7 +190,7 @@ def find_task(reach: Reach, twist: Array, opening_rate: float = 0.0) -> Task:
 
     :param reach: the reachable twists.
     :param twist: (3,) commanded twist vx, vy [m/s], omega [rad/s] in the robot frame.
-    :param opening_rate: right-hand side of the grip's opening row [m/s]; zero in the paper.
+    :param opening_rate: opening rate of the grip, see `solve_twist` [m/s]; zero in the paper.
     """
     direction, working = np.zeros(len(reach.rows)), reach.working
     opening = (reach.opening * opening_rate).tolist() if opening_rate else []
@@ -227,7 +228,7 @@ def least_cost(even: Array, equality: Array, direction: Array) -> Array:
     """
     Return the minimiser u (w,) of the cost (11) under the task J u = direction, without limits.
 
-    It replaces `even @ numpy.linalg.lstsq(equality @ even, direction)[0]` at full rank.
+    At full rank it equals `even @ numpy.linalg.lstsq(equality @ even, direction)[0]`.
 
     :param even: (w, w) matrix E, see `WorkingRollers`.
     :param equality: (k, w) matrix J of full row rank.

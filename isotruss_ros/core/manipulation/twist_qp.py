@@ -2,15 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Quadratic programs (QP) of the task: largest progress under limits at the least cost (11).
+Quadratic programs (QP) for the largest progress along a twist under limits, at least cost (11).
 
     minimize   1/2 |C u|^2 - rho (s - s^2 / 4 reach)
     subject to J u = s * direction,  0 <= s <= reach,  lower <= G u <= upper
 
-The second term is an exact penalty: its slope is at least rho / 2, larger than any saving in the
-first term. So s is maximal up to |C u|^2 / rho, and the cost is minimal at this s. The direction
-must be scaled such that u and s have equal magnitudes. Without binding limits the solution is
-`least_cost`. At binding limits `project_target` deviates from the direction.
+The second term is an exact penalty: its slope is at least rho / 2, which is larger than any
+possible decrease of the first term. So the progress s is the largest possible one up to |C u|^2 /
+rho, and the cost is minimal for this s. The direction must be scaled such that u and s have equal
+magnitudes. Without binding limits the solution is `least_cost`. At binding limits `project_target`
+deviates from the direction.
 """
 
 from __future__ import annotations
@@ -40,14 +41,16 @@ def maximize_progress(
     penalty: float = PENALTIES[0],
 ) -> tuple[Array, float]:
     """
-    Return the speeds with the largest progress s; quantities are dimensionless, |u| is O(1).
+    Return the speeds u with the largest progress s in a direction, at least cost.
+
+    All quantities are dimensionless, and |u| is of order 1.
 
     :param cost: (r, r) matrix C^T C, positive definite.
     :param equality: (k, r) matrix J of full row rank.
     :param direction: (k,) value of J u at s = 1.
-    :param reach: largest useful s, positive.
+    :param reach: upper bound of s, positive.
     :param limited: (l, r) rows G with their bounds, which u = 0 fulfils.
-    :param penalty: weight rho of missing progress against the cost.
+    :param penalty: weight rho of missing progress relative to the cost.
     :return: speeds u (r,), and progress s.
     :raises SolverError: no solution was found.
     """
@@ -77,18 +80,18 @@ def project_target(
     cost: Array, equality: Array, target: Array, rank: int, limited: Rows, regularization: float
 ) -> Array:
     """
-    Return the speeds u of least cost with the smallest distance of J u from a target.
+    Return the speeds u for which J u is closest to a target, at least cost.
 
-    It minimises 1/2 |J u - target|^2 + regularization/2 |C u|^2 over the first `rank` rows of J.
-    The other rows are equalities; if the bounds do not admit their targets, their targets are
-    replaced by 0. All quantities are dimensionless, |u| is O(1).
+    They minimise 1/2 |J u - target|^2 + regularization/2 |C u|^2, where the first term has the
+    first `rank` rows of J. The other rows are equalities; if the bounds do not admit their
+    targets, these are replaced by 0. All quantities are dimensionless, and |u| is of order 1.
 
     :param cost: (r, r) matrix C^T C, positive definite.
     :param equality: (k, r) matrix J.
     :param target: (k,) desired value of J u.
-    :param rank: number of rows of J in the least squares.
+    :param rank: number of rows of J in the least-squares term.
     :param limited: (l, r) rows G with their bounds, which u = 0 fulfils.
-    :param regularization: weight of the cost against the distance, small.
+    :param regularization: weight of the cost relative to the distance, small.
     :return: (r,) speeds u.
     :raises SolverError: no solution was found.
     """

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Directions of planar wrenches as characters."""
+"""Arrow characters for the directions of planar wrenches."""
 
 from __future__ import annotations
 
@@ -15,9 +15,11 @@ FORCES, LEFT, RIGHT = '→↗↑↖←↙↓↘', '↺', '↻'
 
 def arrow_of(wrench: Sequence[float]) -> str:
     """
-    Return an arrow for a planar wrench; empty for a zero wrench.
+    Return an arrow character for the direction of a planar wrench; empty for zero.
 
-    :param wrench: (fx, fy, m / arm) [N]; a moment larger than the force is shown instead.
+    If the moment m / arm is larger than the force, the arrow shows the sense of rotation.
+
+    :param wrench: (fx, fy, m / arm) [N], with the characteristic radius as arm.
     """
     fx, fy, m = wrench
     force = math.hypot(fx, fy)

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Convex objects: shape, pose and optional mass, centre of mass and friction."""
+"""Convex objects with shape and pose, and optionally mass, centre of mass and friction."""
 
 from __future__ import annotations
 
@@ -35,9 +35,9 @@ class ConvexObject:
     :ivar center_of_mass: centre of mass (x, y) in the object's frame [m]; None: the centroid of
         the area.
     :ivar friction: coefficient of friction between this object and the tubes [-]; None: the
-        coefficient that is given for the grasp.
+        coefficient given for the grasp is used.
     :ivar center: origin of the object's frame in the robot frame, x + iy [m].
-    :ivar turn: direction of the object's x axis in the robot frame, cos + i sin.
+    :ivar turn: direction of the object's x axis in the robot frame, as cos + i sin of the angle.
     :ivar middle: centroid of the area in the robot frame, x + iy [m].
     :ivar arm: characteristic radius, half of the mean width [m]; moments are divided by it.
     :raises GraspError: a number is not finite or not within its range.
@@ -93,7 +93,7 @@ class ConvexObject:
         :param center: (x, y) in the robot frame [m].
         :param diameter: diameter d of the object [m].
         :param friction: coefficient of friction between object and tubes [-]; None: the
-            coefficient that is given for the grasp.
+            coefficient given for the grasp is used.
         :raises GraspError: a number is not finite or not within its range.
         """
         x, y = finite_array(center, 2, "the object's centre [m]", GraspError)
@@ -101,10 +101,10 @@ class ConvexObject:
 
     def friction_or(self, given: float | None) -> float:
         """
-        Return the coefficient of friction: `given`, else the object's own, else the default.
+        Return a given coefficient of friction; None is replaced by the object's own.
 
-        :param given: coefficient for the grasp [-]; None: the object's own coefficient, or
-            `DEFAULT_FRICTION` if that is unknown.
+        :param given: coefficient for the grasp [-]. None is replaced by the object's coefficient,
+            or by `DEFAULT_FRICTION` if the object has none.
         """
         if given is not None:
             return given
@@ -127,7 +127,7 @@ class ConvexObject:
         """
         Return the object with the smooth outline that it approximates, see `Shape.smoothed`.
 
-        :param length: length [m]; only shorter faces are taken for chords of a smooth outline.
+        :param length: only faces shorter than this are regarded as chords of a smooth outline [m].
         """
         shape = self.shape.smoothed(length)
         if shape is self.shape:
@@ -191,7 +191,7 @@ class SegmentGaps(NamedTuple):
 
 def segment_gaps(body: ConvexObject, starts: Points, ends: Points) -> SegmentGaps:
     """
-    Return the gaps between an object and line segments, with their directions.
+    Return the gaps between an object and line segments, with the directions of the gaps.
 
     A normal is perpendicular to its segment and points away from the object's centroid.
 

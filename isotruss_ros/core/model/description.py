@@ -12,7 +12,7 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Module:
-    """Dimensions, rigidities and mass of the roller modules (see docs/robot_file.md)."""
+    """Dimensions, rigidities and mass of the roller modules, see docs/robot_file.md."""
 
     pinch_separation: float  #: distance s of the pinch points B and C [m]
     rod_length: float  #: length h of the rod from the joint to the midpoint of BC [m]
@@ -34,27 +34,28 @@ class Tube:
 @dataclass(frozen=True)
 class RobotDescription:
     """
-    Content of a robot file after the check of its form, before the check of its mechanics.
+    Content of a robot file of which the form was checked, but not yet the mechanics.
 
     :ivar source: path of the robot file, for error messages.
     :ivar name: name of the robot.
     :ivar frame: name of the robot's coordinate frame.
-    :ivar joints: home positions (x, y) of the joints by name [m].
+    :ivar joints: position (x, y) at home for the name of each joint [m].
     :ivar tubes: the closed tubes.
     :ivar module: dimensions of the roller modules.
     :ivar tube_diameter: outer diameter of the tubes [m].
-    :ivar pressures: gauge pressures by tube, in the order of the file [Pa].
+    :ivar pressures: gauge pressure for the name of each tube, in the order of the file [Pa].
     :ivar stiffness: block `stiffness` of the robot file, unchanged.
-    :ivar supports: grounded axes (`x`, `y`) by joint.
+    :ivar supports: for the name of each supported joint, the axes (`x`, `y`) along which it is
+        fixed.
     :ivar max_speed: largest speed of a roller [m/s].
     :ivar max_acceleration: largest acceleration of a roller [m/s^2].
     :ivar min_length: smallest length of a member, pinch point to pinch point [m].
     :ivar max_length: largest length of a member, pinch point to pinch point [m].
-    :ivar local_stiffness: ratio of the flattening stiffness to the theoretical one [-].
-    :ivar stiffness_scale: ratio of the tubes' stiffness to the model's [-].
+    :ivar local_stiffness: ratio of the true flattening stiffness to the theoretical one [-].
+    :ivar stiffness_scale: ratio of the tubes' true stiffness to the modelled one [-].
     :ivar tube_mass: mass of the tubes per length [kg/m].
-    :ivar damping_ratio: damping ratio of the slowest mode [-].
-    :ivar calibration: block `calibration` of the file: deviations of home and stiffness.
+    :ivar damping_ratio: damping ratio of the vibration mode with the lowest frequency [-].
+    :ivar calibration: block `calibration` of the file, with the deviations of home and stiffness.
     """
 
     source: str

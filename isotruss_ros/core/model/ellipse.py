@@ -110,10 +110,10 @@ class Ellipse(Shape):
 
 def _foot(u: Array, v: Array, flat: float) -> tuple[Array, Array]:
     """
-    Return the nearest points on an ellipse with semi-axes 1 and b = flat, in the first quadrant.
+    Return the points of an ellipse with semi-axes 1 and b = flat nearest to points (u, v) >= 0.
 
-    The nearest point of (u, v) is (u / (t + 1), b^2 v / (t + b^2)). It fulfils the equation of the
-    ellipse, which is convex and decreasing in t, so Newton's method converges from below. The
+    The point nearest to (u, v) is (u / (t + 1), b^2 v / (t + b^2)) for a parameter t. The equation
+    of the ellipse is convex and decreasing in t, so Newton's method converges from below. The
     unknown is s = t + b^2.
     """
     square = flat**2

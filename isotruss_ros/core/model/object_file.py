@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Objects from YAML: a file, or the text of a parameter.
+Reading of objects from YAML, which is a file or the text of a parameter.
 
     shape: polygon                            # or disc, with diameter; or ellipse, with semi_axes
     vertices: [[0, 0], [0.3, 0], [0.3, 0.2], [0, 0.2]]
@@ -35,7 +35,7 @@ OPTIONAL_KEYS = ('mass', 'center_of_mass', 'friction')
 
 def read_object(path_or_text: str | Path) -> ConvexObject:
     """
-    Read an object from a YAML file or a YAML text; its pose is the origin.
+    Read an object from a YAML file or text, and place it at the origin of the robot frame.
 
     :param path_or_text: path of a file, or a text that begins with `{`.
     :raises ObjectFileError: the file is missing, is not YAML 1.2, or does not describe an object.
@@ -51,10 +51,10 @@ def read_object(path_or_text: str | Path) -> ConvexObject:
 
 def make_object(content: Any, source: str) -> ConvexObject:
     """
-    Return the object that keys and values describe; its pose is the origin.
+    Return the object that keys and values describe, at the origin of the robot frame.
 
     :param content: content of a file, or of a message.
-    :param source: name of the file or message, for errors.
+    :param source: name of the file or message, used in error messages.
     :raises ObjectFileError: the content does not describe an object; the message names key and
         range.
     """

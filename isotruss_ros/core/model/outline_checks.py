@@ -17,7 +17,7 @@ import numpy as np
 
 def check_outline(vertices: object, corner_radius: object) -> tuple[Points, Array]:
     """
-    Return vertices (k,) x + iy and radii of the arcs (k,) [m] as checked arrays.
+    Check vertices and corner radii; return them as arrays (k,) x + iy and (k,) [m].
 
     :param vertices: vertices, see `Polygon`.
     :param corner_radius: radius of the corners, see `Polygon`.
@@ -33,7 +33,9 @@ def check_outline(vertices: object, corner_radius: object) -> tuple[Points, Arra
 
 def polygon_moments(corners: Points) -> tuple[float, complex, float]:
     """
-    Return the integrals of 1, z and |z|^2 over a polygon; positive if counter-clockwise.
+    Return the integrals of 1, z and |z|^2 over the area of a polygon, with z = x + iy.
+
+    They are multiplied by -1 if the vertices are clockwise.
 
     :param corners: (k,) vertices of the polygon, x + iy [m].
     """

@@ -19,9 +19,9 @@ from isotruss_ros.core.model.smooth_outline import SmoothOutline
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 import numpy as np
 
-#: Largest turning angle of corners that are taken for samples of a smooth outline [rad]. The
-#: corners of regular polygons with 13 or more corners turn by less, and so do 24 corners on an
-#: ellipse with an aspect ratio below 1.9.
+#: Largest exterior angle of corners that are regarded as samples of a smooth outline [rad]. The
+#: exterior angles of regular polygons with 13 or more corners are smaller, and so are those of 24
+#: corners on an ellipse with an aspect ratio below 1.9.
 MAX_SAMPLE_TURN = 0.5
 
 
@@ -32,10 +32,10 @@ class Polygon(Shape):
 
     A polygon with many corners may approximate a smooth outline, see `smoothed`.
 
-    :ivar vertices: (x, y) of three or more vertices in the object's frame [m], in either sense,
-        without repetition of the first. They are stored counter-clockwise.
-    :ivar corner_radius: radius of the arcs [m]: one number for all corners, or one number for each
-        corner; 0 for a sharp corner.
+    :ivar vertices: (x, y) of three or more vertices in the object's frame [m], clockwise or
+        counter-clockwise, without repetition of the first. They are stored counter-clockwise.
+    :ivar corner_radius: radius of the arcs [m], given as one number for all corners or as one
+        number for each corner; 0 for a sharp corner.
     :raises GraspError: the polygon is not convex, or an arc does not fit; the message names the
         vertex.
     """
@@ -60,13 +60,13 @@ class Polygon(Shape):
 
     @cached_property
     def normals(self) -> Points:
-        """Return the outward unit normal of each side from a vertex to the next, (k,)."""
+        """Return the outward unit normals of the sides, each from a vertex to the next, (k,)."""
         sides = np.roll(self.corners, -1) - self.corners
         return -1j * sides / np.abs(sides)
 
     @property
     def bounding_normals(self) -> Points:
-        """Return outward unit normals (k,) of sides that enclose the shape tightly."""
+        """Return outward unit normals (k,) of tangents that enclose the shape tightly."""
         return self.normals[:: 1 + (len(self.normals) - 1) // 32]  # at most 32
 
     @cached_property
@@ -76,7 +76,7 @@ class Polygon(Shape):
 
     @cached_property
     def turns(self) -> Array:
-        """Return the turning angles of the outline at the vertices, (k,) [rad]."""
+        """Return the exterior angles of the polygon at the vertices, (k,) [rad]."""
         return np.angle(self.normals * np.roll(self.normals, 1).conj())
 
     @cached_property
@@ -88,7 +88,7 @@ class Polygon(Shape):
 
     @cached_property
     def _moments(self) -> tuple[float, complex, float]:
-        """Return the integrals of 1, z and |z|^2 over the area."""
+        """Return the integrals of 1, z and |z|^2 over the area, with z = x + iy."""
         parts = [polygon_moments(self.corners)]
         for corner, center, radius, turn in zip(
             self.corners, self.arc_centers, self.radii, self.turns, strict=True
@@ -148,7 +148,7 @@ class Polygon(Shape):
 
     @cached_property
     def _numbers(self) -> tuple[list[complex], list[float], list[tuple[complex, float]]]:
-        """Return conjugate normals, directions and arcs as Python numbers, for speed."""
+        """Return conjugate normals, directions and arcs as plain Python numbers, for speed."""
         arcs = zip(self.arc_centers.tolist(), self.radii.tolist(), strict=True)
         return self.normals.conj().tolist(), self._directions.tolist(), list(arcs)
 
@@ -202,7 +202,7 @@ class Polygon(Shape):
 
     @cached_property
     def _unrolled_corners(self) -> tuple[Array, Array]:
-        """Return the angles (k,) of the corners' middle normals, and the arc lengths at them."""
+        """Return the angles (k,) of the corners' middle normals, and arc lengths (k,) there."""
         turns, along = self.turns, 1j * self.normals
         middles = np.angle(self.normals[0]) - 0.5 * turns[0]
         middles = middles + np.append(0.0, np.cumsum(0.5 * (turns[1:] + turns[:-1])))
@@ -246,9 +246,9 @@ class Polygon(Shape):
         """
         Return the polygon with corners rounded to the resolution of contact points.
 
-        A contact point represents a segment of tube. A segment centred on a corner underestimates
-        the corner's height by a quarter of its length times the slope of the sides. The arc
-        removes the same height.
+        A contact point represents a segment of tube. If the segment is centred on a corner, the
+        mean height of the surface along it is less than the corner's height by a quarter of its
+        length times the slope of the sides. The arc removes the same height.
 
         :param length: length of tube that each contact point represents [m].
         """
@@ -261,7 +261,7 @@ class Polygon(Shape):
         The polygon approximates a smooth curve if all corners turn by less than `MAX_SAMPLE_TURN`,
         all faces are shorter than `length`, and a convex curve through the corners exists.
 
-        :param length: length [m]; only shorter faces are taken for chords of a smooth curve.
+        :param length: only faces shorter than this are regarded as chords of a smooth curve [m].
         """
         longest = np.abs(np.roll(self.arc_centers, -1) - self.arc_centers).max()
         return self if self._curve is None or longest >= length else self._curve
@@ -296,7 +296,7 @@ class Polygon(Shape):
 
 @functools.lru_cache(maxsize=64)
 def _rounded(polygon: Polygon, length: float) -> Polygon:
-    """Return `Polygon.rounded` from a cache of the last few polygons."""
+    """Return `Polygon.rounded`, cached."""
     half = 0.5 * polygon.turns
     sides = np.abs(np.roll(polygon.corners, -1) - polygon.corners)
     room = 0.5 * np.minimum(sides, np.roll(sides, 1)) / np.tan(half)

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Poses in the robot frame, and the range of object coordinates."""
+"""Poses in the robot frame, and the admissible range of an object's coordinates."""
 
 from __future__ import annotations
 

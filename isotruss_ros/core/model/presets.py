@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Paths of robot files: presets of the package, or a given path."""
+"""Paths of robot files, which are presets of the package or files of the user."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def preset_names() -> list[str]:
 
 def find_robot_file(name_or_path: str | Path) -> Path:
     """
-    Return the path of a preset's file, or a given path.
+    Return the path of a robot file, given as the name of a preset or as a path.
 
     :param name_or_path: name of a preset, or path of a robot file (ending in .yaml).
     :raises RobotFileError: neither such a preset nor such a file exists.

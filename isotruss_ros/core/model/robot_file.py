@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Reading of robot files: parse YAML, check it, and return the description."""
+"""Reading of robot files: YAML is parsed, checked, and converted to a description."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ def _check_stiffness(
     limits: Mapping[str, float],
     module: Module,
 ) -> Iterator[str]:
-    """Yield lengths and pressures of a robot file at which its stiffness model is invalid."""
+    """Yield a fault for lengths and pressures at which the stiffness model is invalid."""
     if stiffness['model'] == 'power_law':
         lengths = limits['min_length'], limits['max_length']
         ring = module.guide_ring_distance

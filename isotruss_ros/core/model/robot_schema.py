@@ -27,7 +27,7 @@ MAX_COMPLAINTS = 50
 
 def check_form(path: Path, content: Any) -> None:
     """
-    Raise one error with all faults of a robot file, so it can be corrected at once.
+    Raise an error that lists all faults in the form of a robot file.
 
     :param path: path of the robot file, for error messages.
     :param content: plain values from YAML.
@@ -69,10 +69,10 @@ def _is_number(_checker: jsonschema.TypeChecker, value: Any) -> bool:
 
 def _unique_texts(_validator: Any, wanted: bool, value: Any, _schema: Any) -> Iterator[Any]:
     """
-    Yield an error for repeated texts.
+    Yield an error for texts that occur more than once.
 
-    It replaces the check of jsonschema, whose time is quadratic in the length. Items that are not
-    texts have an error of their own.
+    This replaces the check in jsonschema, whose computing time is quadratic in the length. Items
+    that are not texts are reported by another check.
     """
     texts = [item for item in value if isinstance(item, str)] if isinstance(value, list) else []
     if wanted and len(set(texts)) < len(texts):
@@ -105,7 +105,7 @@ def _keys_that_are_not_text(value: Any, where: str = 'top level') -> Iterator[tu
 
 
 def _explain(error: jsonschema.ValidationError) -> Iterator[str]:
-    """Translate a schema error into lines 'key: value: fault; valid range'."""
+    """Translate a schema error into lines of the form 'key: value: fault; valid range'."""
     where = '.'.join(map(str, error.absolute_path)) or 'top level'
     right = error.schema.get('description') if isinstance(error.schema, dict) else None
     if error.validator == 'additionalProperties':
@@ -130,7 +130,7 @@ def _explain(error: jsonschema.ValidationError) -> Iterator[str]:
 
 
 def _plausible(error: jsonschema.ValidationError) -> str:
-    """Return the violated range of a number, and the unit in which it would be valid."""
+    """Return the violated range of a number, and a unit in which the number would be valid."""
     if error.validator not in ('minimum', 'maximum'):
         return ''
     low = error.schema.get('minimum', error.schema.get('exclusiveMinimum'))

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Parser of YAML from outside, with bounds of size and depth."""
+"""Parser of YAML from outside, with bounds on size and nesting depth."""
 
 from __future__ import annotations
 
@@ -25,7 +25,8 @@ def read_text(path: Path, kind: str, error: type[IsotrussError]) -> str:
     Return the text of a file.
 
     :param path: path of the file.
-    :param kind: kind of file with its article, for error messages.
+    :param kind: what the file should be, with an article, for error messages (such as 'a robot
+        file').
     :param error: class of the exception to raise.
     :raises IsotrussError: the file is missing, too long or not UTF-8; its class is `error`.
     """
@@ -49,10 +50,10 @@ def parse_yaml(source: object, text: str, kind: str, refusal: type[IsotrussError
 
     :param source: origin of the text, for error messages.
     :param text: YAML text.
-    :param kind: kind of texts in the plural, for error messages.
+    :param kind: what such texts are, in the plural, for error messages (such as 'robot files').
     :param refusal: class of the exception to raise.
-    :raises IsotrussError: the text is not YAML 1.2, is nested too deeply, or has anchors or too
-        long values; its class is `refusal`.
+    :raises IsotrussError: the text is not YAML 1.2, is nested too deeply, or has anchors or values
+        that are too long; its class is `refusal`.
     """
     try:
         depth = 0

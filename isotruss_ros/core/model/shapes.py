@@ -25,7 +25,7 @@ from isotruss_ros.core.numerics.arrays import Array, finite_array, Indices, Poin
 from isotruss_ros.core.numerics.tolerances import NEGLIGIBLE_SHARE
 import numpy as np
 
-#: Assumed depth of an object that does not penetrate a tube yet, in tube radii [-].
+#: Indentation that is assumed for an object that does not indent a tube yet, in tube radii [-].
 PLANNED_DEPTH = 0.02
 
 
@@ -40,7 +40,7 @@ class SurfacePoints(NamedTuple):
 
 
 class Face(NamedTuple):
-    """Straight face of a shape, described relative to the corner at one of its two ends."""
+    """Straight face of a shape, described from the corner at one of its two ends."""
 
     step: int  #: 1 for the face after this corner, counter-clockwise; -1 for the face before it
     corner: int  #: index of the corner at the other end of the face
@@ -49,7 +49,7 @@ class Face(NamedTuple):
 
 
 class PatchEnd(NamedTuple):
-    """One end of the contact patch of a shape and a tube."""
+    """One end of the contact patch between a shape and a tube."""
 
     corner: int  #: index of the corner, see `Shape.corner_at`
     point: complex  #: point of the surface, x + iy in the object's frame [m]
@@ -61,8 +61,8 @@ class Shape(ABC):
     """
     Convex cross-section in the frame of the object.
 
-    User-defined shapes derive from this class. Its methods with a body are valid for smooth
-    shapes; shapes with faces or corners override them.
+    User-defined shapes derive from this class. Its methods that are not abstract are valid for
+    smooth shapes; shapes with faces or corners override them.
     """
 
     #: Whether the shape is invariant under rotation about the origin.
@@ -76,7 +76,7 @@ class Shape(ABC):
     @property
     @abstractmethod
     def perimeter(self) -> float:
-        """Return the length of the outline [m], which is 2 pi times the mean of h(n)."""
+        """Return the length of the outline [m], which is 2 pi times the mean support function."""
 
     @property
     @abstractmethod
@@ -95,7 +95,7 @@ class Shape(ABC):
 
     def support(self, normals: Points) -> Array:
         """
-        Return the support function h(n) for normals, (c,) [m].
+        Return the support function h(n) for given normals, (c,) [m].
 
         :param normals: (c,) outward unit normals of the tangents, x + iy.
         """
@@ -113,7 +113,7 @@ class Shape(ABC):
 
     def corner_at(self, normal: complex) -> int:
         """
-        Return the index of the farthest corner along a normal; 0 for a smooth shape.
+        Return the index of the corner that is farthest along a normal; 0 for a smooth shape.
 
         :param normal: outward unit normal, x + iy.
         """
@@ -140,16 +140,16 @@ class Shape(ABC):
         self, normal: complex, tube_radius: float, skin: float = math.inf
     ) -> list[PatchEnd]:
         """
-        Return one or two ends of the contact patch with a tube, counter-clockwise.
+        Return the two ends of the contact patch with a tube, or one end for a point contact.
 
-        A face is in contact at both ends if both corners penetrate the straight tube; the angle of
-        the face has no threshold. A face shorter than the tube radius is one contact. The method
-        defines the contacts for twist, rolling, planner, guard and the model of a held object.
+        The ends are in counter-clockwise order. A face is in contact at both ends if both of its
+        corners penetrate the straight tube. A face shorter than the tube radius counts as one
+        contact. All parts of this package find contacts by this method.
 
         :param normal: unit vector toward the straight tube, x + iy.
         :param tube_radius: radius of the tube [m].
-        :param skin: height of the straight tube's skin along the normal, from the origin [m];
-            infinite before the tube is pressed.
+        :param skin: position of the straight tube's skin along the normal, from the origin [m];
+            infinite if the tube is not indented yet.
         """
         corner, back = self.corner_at(normal), normal.conjugate()
         point, short = self.point_at(corner, normal), tube_radius
@@ -185,20 +185,21 @@ class Shape(ABC):
         """
         Return points (k,) of the surface with given normals [m], and their radii of curvature [m].
 
-        :param corners: (k,) index of each point's corner, whose arc is extended beyond its ends.
+        :param corners: (k,) index of the corner on whose arc each point is; arcs are extended
+            beyond their ends.
         :param normals: (k,) outward unit normals, x + iy.
         """
 
     @abstractmethod
     def unroll(self, angles: Array, corners: Indices) -> Array:
         """
-        Return the arc lengths (k,) from a fixed point of the surface to given normals [m].
+        Return arc lengths (k,) from a fixed surface point to points with given normals [m].
 
-        A shape that rolls on a line touches it at the point whose normal is normal to the line. A
-        rotation unrolls the arc between two contact points. A face unrolls at a single angle, that
-        of its normal. A full rotation unrolls the perimeter.
+        A shape that rolls on a line touches the line at the point whose normal is perpendicular to
+        it, so the difference of two arc lengths is the rolled distance. A full rotation adds the
+        perimeter. All points of a face have the same normal, so the arc length jumps at its angle.
 
-        :param angles: (k,) unwrapped angles of the outward normals [rad].
+        :param angles: (k,) angles of the outward normals, not wrapped to one turn [rad].
         :param corners: (k,) indices of the corners in contact, see `corner_at`.
         """
 
@@ -224,7 +225,7 @@ class Shape(ABC):
 
         A polygon with many corners may approximate a smooth curve through these corners.
 
-        :param length: length [m]; only shorter faces are taken for chords of a smooth curve.
+        :param length: only faces shorter than this are regarded as chords of a smooth curve [m].
         """
         return self
 
@@ -236,7 +237,7 @@ class Shape(ABC):
     @abstractmethod
     def outline(self, spacing: float) -> Points:
         """
-        Return points (k,) along the surface, counter-clockwise and without repetition [m].
+        Return points (k,) along the surface, counter-clockwise, without repeating the first [m].
 
         :param spacing: largest distance of successive points where the surface is curved [m].
         """

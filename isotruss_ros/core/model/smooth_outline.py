@@ -2,12 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Smooth convex curves through the corners of polygons that sample a curved outline.
+Smooth convex curves through the corners of polygons that approximate a curved outline.
 
-The tangent at a corner is the tangent of a conic through this corner and two corners on either
-side; it is exact for circles and ellipses. The distance h of the tangents from the centroid is a
-periodic quintic spline of the normal's angle. So the surface point (h + i h') n and the radius of
-curvature h + h'' are continuous.
+The tangent at a corner is that of the conic through this corner and the two corners on each side;
+it is exact for circles and ellipses. The distance h of a tangent from the centroid is a periodic
+quintic spline of the angle of the tangent's normal n. So the surface point (h + i h') n and the
+radius of curvature h + h'' are continuous.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class SmoothOutline(Shape):
 
     @cached_property
     def _moments(self) -> tuple[float, complex, float]:
-        """Return the integrals of 1, z and |z|^2 over the area of the polygon."""
+        """Return the integrals of 1, z and |z|^2 over the area of the polygon, with z = x + iy."""
         return polygon_moments(self.corners)
 
     @cached_property
@@ -61,10 +61,8 @@ class SmoothOutline(Shape):
     @cached_property
     def perimeter(self) -> float:
         """Return the length of the outline [m]."""
-        angle = self._angles[-1:]
-        last = np.array([len(self.vertices) - 1])
-        begin, end = self._at(np.array([0]), self._angles[:1]), self._at(last, angle)
-        return float((end[0] + end[2] - begin[0] - begin[2])[0])
+        integral = self._functions[0]
+        return float(integral(self._angles[-1]) - integral(self._angles[0]))
 
     @cached_property
     def reach(self) -> float:
@@ -73,31 +71,21 @@ class SmoothOutline(Shape):
 
     @cached_property
     def _angles(self) -> Array:
-        """Return the angles (n + 1,) of normals at all corners, and again at the first [rad]."""
+        """Return the angles (n + 1,) of normals at all corners, and again at the first."""
         tangents = _conic_tangents(self.corners)
         turns = np.angle(np.roll(tangents, -1) / tangents)
         return float(np.angle(-1j * tangents[0])) + np.append(0.0, np.cumsum(turns))
 
     @cached_property
-    def _pieces(self) -> Array:
-        """
-        Return the polynomials between corners, (4, 7, n) by falling powers.
-
-        The four functions of the angle from the corner are the integral of h, h, and its first
-        two derivatives.
-        """
+    def _functions(self) -> list[scipy.interpolate.PPoly]:
+        """Return functions of the normal's angle: the integral of h, h itself, h' and h''."""
         away = self.corners - self.centroid
         heights = (away * np.exp(-1j * self._angles[:-1])).real
         spline = scipy.interpolate.make_interp_spline(
             self._angles, np.append(heights, heights[0]), k=5, bc_type='periodic'
         )
-        found = scipy.interpolate.PPoly.from_spline(spline.antiderivative())
-        inside = found.x.searchsorted(self._angles[:-1], 'right') - 1
-        rows, powers = [found.c[:, inside]], np.arange(len(found.c))[::-1, None]
-        for _ in range(3):
-            # The constant comes last, and vanishes.
-            rows.append(np.roll(rows[-1] * powers, 1, axis=0))
-        return np.array(rows)
+        integral = scipy.interpolate.PPoly.from_spline(spline.antiderivative())
+        return [integral, *(integral.derivative(order) for order in (1, 2, 3))]
 
     @cached_property
     def _sampled(self) -> Array:
@@ -107,7 +95,7 @@ class SmoothOutline(Shape):
 
     @cached_property
     def is_convex(self) -> bool:
-        """Return whether the curve turns to the left everywhere, and goes around once."""
+        """Return whether the curve turns to the left everywhere, by one full turn in total."""
         around = abs(self._angles[-1] - self._angles[0] - 2.0 * np.pi) < 1e-9
         if not around or np.diff(self._angles).min() <= 0.0:
             return False
@@ -115,16 +103,9 @@ class SmoothOutline(Shape):
         return bool((found[1] + found[3]).min() > 0.0)
 
     def _around(self, angles: Array) -> Array:
-        """Return the integral of h from the first corner, h, h' and h'' at angles (k,), (4, k)."""
+        """Return (4, k) values at angles (k,): the integral of h, h itself, h' and h''."""
         angles = self._angles[0] + (angles - self._angles[0]) % (2.0 * np.pi)
-        pieces = self._angles[1:-1].searchsorted(angles, 'right')
-        return self._at(pieces, angles)
-
-    def _at(self, pieces: Indices, angles: Array) -> Array:
-        """Return the values (4, k) of the polynomials `_pieces` at given angles."""
-        count = self._pieces.shape[1]
-        powers = (angles - self._angles[pieces]) ** np.arange(count)[::-1, None]
-        return np.einsum('dpk,pk->dk', self._pieces[:, :, pieces], powers)
+        return np.array([function(angles) for function in self._functions])
 
     def support_points(self, normals: Points) -> Points:
         """Return the points where tangents touch the surface; see `Shape.support_points`."""
@@ -180,8 +161,8 @@ def _conic_tangents(points: Points) -> Points:
     """
     Return the unit tangents (n,) of a closed curve at 5 or more points, x + iy.
 
-    Each is the tangent of the conic through the point and two points on either side, by Pascal's
-    theorem in homogeneous coordinates.
+    Each is the tangent of the conic through the point and the two points on each side, found by
+    Pascal's theorem in homogeneous coordinates.
     """
     size = np.abs(points - points.mean()).max()
     # A hexagon on the conic, two of whose corners are the point: that side is the tangent.

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Measured stiffness laws k = C p^a L^b of a robot file, and their consistency as beams.
+Measured stiffness laws k = C p^a L^b of a robot file, and a check whether a beam has them.
 
 In the axial law, L is the length of a member from pinch point to pinch point. In the transverse
 and the rotary laws, L is the length of tube from guide ring to guide ring (section III-A of the
@@ -20,7 +20,7 @@ import numpy as np
 
 
 class Law(NamedTuple):
-    """Power law k = C p^a L^b of an end stiffness, in SI units."""
+    """Power law k = C p^a L^b of the stiffness at a member's end, in SI units."""
 
     C: float  #: factor
     a: float  #: exponent of the gauge pressure
@@ -28,10 +28,10 @@ class Law(NamedTuple):
 
     def stiffness(self, length: Array, pressure: Array) -> Array:
         """
-        Return the stiffness k; zero after underflow, infinite after overflow.
+        Return the stiffness k; it is zero after underflow and infinite after overflow.
 
-        :param length: (k,) lengths L [m]: pinch point to pinch point for an axial law, else guide
-            ring to guide ring.
+        :param length: (k,) lengths L [m], from pinch point to pinch point for an axial law, from
+            guide ring to guide ring for the other laws.
         :param pressure: (k,) gauge pressures p [Pa].
         :return: (k,) stiffnesses: [N/m], or [N m/rad] for a rotary law.
         """
@@ -41,7 +41,7 @@ class Law(NamedTuple):
 
 def read_laws(block: Mapping[str, Any]) -> dict[str, Law]:
     """
-    Return the power law of each mode (axial, transverse, rotary) from a block `stiffness`.
+    Return the axial, transverse and rotary power laws from a block `stiffness`.
 
     :param block: block `stiffness` of a robot file, for the model `power_law`; its form must have
         been checked by the schema.
@@ -58,14 +58,15 @@ def find_contradictions(
     ring: float,
 ) -> Iterator[str]:
     """
-    Yield lengths and pressures at which a stiffness is out of range, or no beam fulfils the laws.
+    Yield a fault for lengths and pressures at which no beam has the stiffnesses of the laws.
 
-    A beam has the ratio 12 k_rotary / (k_transverse L^2) = 4 + 12 EI / (GA L^2), at least 4. For
-    two power laws the ratio is a power law. So if it is at least 4 at both ends of a range of
-    lengths, it is at least 4 in the range. The length with the ratio 4 follows in closed form.
+    A stiffness that is out of range is a fault too. For a beam, the ratio 12 k_rotary /
+    (k_transverse L^2) is 4 + 12 EI / (GA L^2), so at least 4. The ratio of two power laws is a
+    power law, so if it is at least 4 at both ends of a range of lengths, it is at least 4 in
+    between. The length at which the ratio is 4 follows in closed form.
 
-    :param laws: power laws by mode: axial, transverse and rotary.
-    :param pressures: gauge pressures by tube [Pa].
+    :param laws: power laws with the keys axial, transverse and rotary.
+    :param pressures: gauge pressure for the name of each tube [Pa].
     :param limits: shortest and longest member, pinch point to pinch point [m].
     :param ring: distance g of each guide ring from its pinch point [m].
     """

@@ -18,10 +18,11 @@ import numpy as np
 @dataclass(frozen=True, eq=False)
 class Topology:
     """
-    Index arrays over modules i = 0..m-1, in the order of the robot file.
+    Names and index arrays of joints, modules i = 0..m-1, members and rollers.
 
-    Nodes are first the joints, then B and C of each module. Member i goes from B of module i to C
-    of module `following[i]`, so members and modules have the same indices.
+    Modules are in the order of the robot file. The first nodes are the joints, followed by B and C
+    of each module. Member i goes from B of module i to C of module `following[i]`, so members and
+    modules have the same indices.
     """
 
     joint_names: tuple[str, ...]  #: names of the joints, in the order of the robot file
@@ -86,7 +87,7 @@ class Topology:
     @cached_property
     def incidence(self) -> Array:
         """
-        Return the incidence matrix C of Ldot = C phidot, by members and rollers, (m, r).
+        Return the incidence matrix C (m, r) in Ldot = C phidot for members and rollers.
 
         The columns of C sum to zero over each tube; (13) follows from this.
         """
@@ -131,7 +132,7 @@ def check_roller_names(what: str, names: Iterable[str], roller_names: Sequence[s
     """
     Raise GraspError if names do not belong to rollers.
 
-    :param what: source of the names, for the error message.
+    :param what: source of the names, used in the error message.
     :param names: names to check.
     :param roller_names: names of the robot's rollers.
     :raises GraspError: the robot has no such rollers.

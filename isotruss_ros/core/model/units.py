@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Probable units of values outside of their range."""
+"""Guesses of the unit in which a value outside of its range may have been given."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Checked conversion of input to arrays of finite numbers, and of points to coordinates."""
+"""Conversion of input to checked arrays of finite numbers, and of points to coordinates."""
 
 from __future__ import annotations
 

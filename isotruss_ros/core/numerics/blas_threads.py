@@ -2,12 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Linear algebra of this package on one BLAS thread.
+Restriction of this package's linear algebra to one BLAS thread.
 
 The matrices of a robot have some hundred rows. OpenBLAS distributes their products over all cores;
 the busy waiting of its threads then takes longer than the product. The number of threads is a
-setting of the process. It is set at the begin of a solve and restored at its end; in the meantime
-it applies to all threads of the user's process. Other BLAS libraries are not changed.
+setting of the process. It is set at the beginning of a computation and restored at its end; in the
+meantime it applies to all threads of the user's process. Other BLAS libraries are not changed.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def _find_libraries() -> list[tuple[Callable[[], int], Callable[[int], None]]]:
 
 
 class _OneThread:
-    """Context with one BLAS thread; the last of overlapping contexts restores the number."""
+    """Context with one BLAS thread; the context that ends last restores the number of threads."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -82,7 +82,7 @@ _ONE_THREAD = _OneThread()
 
 def single_threaded(function: Callable[P, R]) -> Callable[P, R]:
     """
-    Return a function that runs with one BLAS thread.
+    Return a decorated function that runs with one BLAS thread.
 
     :param function: function to run.
     """

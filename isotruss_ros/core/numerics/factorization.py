@@ -122,30 +122,6 @@ def factorize_with_condition(matrix: Array | csc_matrix) -> tuple[Factor | None,
     return factor, condition if np.isfinite(condition) else float('inf')
 
 
-#: Number of rows from which matrices are inverted one by one [-]; smaller matrices are inverted
-#: together.
-FEW_ROWS = 13
-
-
-def invert_symmetric(matrices: Array) -> Array:
-    """
-    Return the inverses of symmetric, regular matrices.
-
-    :param matrices: (b, n, n) matrices, usually positive definite.
-    """
-    if matrices.shape[1] < FEW_ROWS:
-        return np.linalg.inv(matrices)
-    found = np.empty_like(matrices)
-    for i, matrix in enumerate(matrices):
-        factor, indefinite = lapack.dpotrf(matrix, lower=True)
-        if indefinite:
-            found[i] = np.linalg.inv(matrix)
-            continue
-        lower, _ = lapack.dpotri(factor, lower=True, overwrite_c=True)
-        found[i] = lower + np.tril(lower, -1).T
-    return found
-
-
 def count_negative_pivots(matrix: Array | csc_matrix, constraints: int) -> int:
     """
     Return the number of negative pivots of the factorisation L D L^T of a symmetric matrix.

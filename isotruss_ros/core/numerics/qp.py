@@ -5,19 +5,19 @@
 Strictly convex quadratic programs (QP), solved by SciPy's nonnegative least squares.
 
     minimize   1/2 x^T P x + q^T x
-    subject to A x = b,  G x <= h,  lower <= x <= upper
+    subject to A x = b,  G x <= h
 
 The null space of the equalities and the Cholesky factor L of P reduce it to the least distance
 problem (Lawson and Hanson, Solving Least Squares Problems, 1974, chapter 23, LDP):
 
     minimize |y|  subject to  y . column <= room  for each column
 
-The search is finite even at degenerate vertices, where dual active-set solvers fail occasionally.
-It needs only SciPy, so the solver is the same with and without ROS. Each solution is checked by
-duality.
+The active-set search ends after finitely many steps even at degenerate vertices, where dual
+active-set solvers fail occasionally. Only SciPy is needed, so the solver is the same with and
+without ROS. Each solution is checked by duality.
 
-Contact is a program with the only constraint x >= 0, a linear complementarity problem (LCP),
-equation (8). Block principal pivoting solves it in a few steps.
+The contact problem (8) is such a program with x >= 0 as its only constraint, which is a linear
+complementarity problem (LCP). Block principal pivoting solves it in a few steps.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from isotruss_ros.core.numerics.tolerances import (
 )
 import numpy as np
 import scipy
-from scipy.linalg import cholesky, lapack, solve_triangular
+from scipy.linalg import cholesky, lapack, lstsq, solve_triangular
 
 #: Tolerance of the inequalities if active constraints are nearly dependent (else `ROUNDING`),
 #: relative to the largest coefficient times 1 + |x|; and relative duality gap of |y|^2 [-].
@@ -46,15 +46,12 @@ BOUND_PERTURBATIONS = (0.0, 1e-12, 1e-11, 1e-10, 1e-9)
 
 
 class QuadraticProgram(NamedTuple):
-    """Strictly convex quadratic program in quantities without units."""
+    """Strictly convex quadratic program in dimensionless quantities."""
 
     hessian: Array  #: (n, n) matrix P, positive definite
     gradient: Array  #: (n,) vector q
     rows: Array  #: (l, n) matrix G
     bounds: Array  #: (l,) vector h; infinite entries do not bound
-    #: (n,) lower bounds of x, possibly infinite; None: no lower and upper bounds
-    lower: Array | None = None
-    upper: Array | None = None  #: (n,) upper bounds of x; None if `lower` is None
     equality: Array | None = None  #: (k, n) matrix A of full row rank; None: no equalities
     target: Array | None = None  #: (k,) vector b
 
@@ -64,16 +61,16 @@ def solve_qp(problem: QuadraticProgram) -> Array | None:
     Return the solution of a quadratic program.
 
     :param problem: quadratic program.
-    :return: (n,) optimal point; None if none is found, or P is not positive definite.
+    :return: (n,) solution; None if none is found, or if P is not positive definite.
     """
-    rows, bounds = _inequalities(problem)
+    bounded = problem.bounds < np.inf
+    rows, bounds = problem.rows[bounded], problem.bounds[bounded]
     free, start = _free_space(problem)
     largest = np.abs(rows).max(initial=SMALLEST_NORMAL)
     if not free.shape[1]:  # LAPACK takes no empty factor
         excess = (rows @ start - bounds).max(initial=0.0)
         return start if excess <= LOOSE_TOLERANCE * largest * (1.0 + np.abs(start).max()) else None
-    whole = problem.equality is None
-    curvature = problem.hessian if whole else free.T @ problem.hessian @ free
+    curvature = free.T @ problem.hessian @ free
     # Scaled variables: P has penalties up to 1e8 beside costs of 1.
     scale = 1.0 / np.sqrt(np.maximum(curvature.diagonal(), SMALLEST_NORMAL))
     factor, failed = lapack.dpotrf(scale[:, None] * curvature * scale, lower=1)
@@ -83,7 +80,7 @@ def solve_qp(problem: QuadraticProgram) -> Array | None:
     # y = L^T z + offset: distance from the unconstrained minimum.
     slope = free.T @ (problem.hessian @ start + problem.gradient)
     offset, _ = lapack.dtrtrs(factor, slope, lower=1)
-    turned, _ = lapack.dtrtrs(factor, (rows * scale if whole else rows @ free).T, lower=1)
+    turned, _ = lapack.dtrtrs(factor, (rows @ free).T, lower=1)
     room = bounds - rows @ start + offset @ turned
     best: Array | None = None
     least = LOOSE_TOLERANCE
@@ -108,28 +105,14 @@ def solve_qp(problem: QuadraticProgram) -> Array | None:
     return best
 
 
-def _inequalities(problem: QuadraticProgram) -> tuple[Array, Array]:
-    """Return matrix C and bounds d of all inequalities C x <= d."""
-    rows, bounds = problem.rows, problem.bounds
-    if problem.lower is not None and problem.upper is not None:
-        unit = np.eye(len(problem.gradient))
-        rows = np.concatenate([rows, unit, -unit])
-        bounds = np.concatenate([bounds, problem.upper, -problem.lower])
-    kept = bounds < np.inf
-    return (rows, bounds) if kept.all() else (rows[kept], bounds[kept])
-
-
 def _free_space(problem: QuadraticProgram) -> tuple[Array, Array]:
-    """Return an orthonormal null space (n, f) of the equalities, and one solution (n,)."""
-    n = len(problem.gradient)
+    """Return an orthonormal basis (n, f) of the equalities' null space, and one solution (n,)."""
     if problem.equality is None:
+        n = len(problem.gradient)
         return np.eye(n), np.zeros(n)
     k = len(problem.equality)
-    packed, tau, _, _ = lapack.dgeqrf(np.asfortranarray(problem.equality.T))
-    square = np.zeros((n, n), order='F')
-    square[:, :k] = packed
-    basis, _, _ = lapack.dorgqr(square, tau)
-    start, _ = lapack.dtrtrs(packed[:k], problem.target, trans=1)
+    basis, factor = np.linalg.qr(problem.equality.T, mode='complete')
+    start = solve_triangular(factor[:k], problem.target, trans='T', check_finite=False)
     return basis[:, k:], basis[:, :k] @ start
 
 
@@ -144,12 +127,13 @@ def find_nearest(columns: Array, room: Array, size: float, relaxation: float) ->
     """
     Return the point of a polyhedron nearest to the origin.
 
-    :param columns: (f, l) normals of the polyhedron's planes, of any length.
-    :param room: (l,) upper bounds of y . column, one for each plane.
-    :param size: estimate of |y|, not negative.
-    :param relaxation: perturbation of the bounds in the active-set search relative to the size,
+    :param columns: (f, l) normal vectors of the polyhedron's planes, of any length.
+    :param room: (l,) upper bounds of y . column for a point y, one for each plane.
+    :param size: estimate of |y| at the nearest point, not negative.
+    :param relaxation: perturbation of the bounds in the active-set search, relative to `size`;
         zero or small [-].
-    :return: nearest point; None if the polyhedron is empty, or rounding disturbed the search.
+    :return: nearest point; None if the polyhedron is empty, or if the search fails because of
+        rounding errors.
     """
     lengths = np.sqrt(np.einsum('fl,fl->l', columns, columns))
     lengths[lengths <= COINCIDENCE * lengths.max(initial=0.0)] = np.inf
@@ -189,31 +173,24 @@ def find_nearest(columns: Array, room: Array, size: float, relaxation: float) ->
 
 def solve_least_squares(matrix: Array, right: Array) -> Array:
     """
-    Return the minimum-norm least-squares solution of matrix x = right.
-
-    It replaces `numpy.linalg.lstsq(matrix, right, rcond=COINCIDENCE)`, without singular values.
+    Return the minimum-norm least-squares solution of matrix x = right, by pivoted QR.
 
     :param matrix: (m, n) matrix of any rank, with m and n at least 1.
     :param right: (m,) right-hand side.
     """
-    rows, columns = matrix.shape
-    padded = np.zeros((max(rows, columns), 1))
-    padded[:rows, 0] = right
-    pivots = np.zeros(columns, dtype=np.intc)
-    work = 16 * len(padded)
-    return lapack.dgelsy(matrix, padded, pivots, COINCIDENCE, work)[1][:columns, 0]
+    return lstsq(matrix, right, COINCIDENCE, check_finite=False, lapack_driver='gelsy')[0]
 
 
 def solve_complementarity(compliance: Array, gaps: Array, active: Flags) -> tuple[Array, Flags]:
     """
     Solve the contact LCP f >= 0, g = gaps + compliance @ f >= 0, f g = 0, equations (6) and (8).
 
-    Block principal pivoting (Judice and Pires, 1994) takes a few steps. If it cycles, nonnegative
-    least squares follows.
+    Block principal pivoting (Judice and Pires, 1994) takes a few steps. If it cycles, the problem
+    is solved by nonnegative least squares.
 
     :param compliance: (c, c) compliance, symmetric positive definite [m/N].
     :param gaps: (c,) gaps without contact forces [m].
-    :param active: (c,) mask of the points in contact, initial guess.
+    :param active: (c,) mask of the points in contact, as initial guess.
     :return: forces (c,) [N], and mask (c,) of the points in contact.
     :raises SolverError: the matrix is not positive definite.
     """

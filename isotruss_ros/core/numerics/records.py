@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Results as data: short `repr`, table for notebooks, plain Python, equality by value."""
+"""Base class of results, with a short `repr`, a table for notebooks, and equality by value."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ MAX_SHOWN_CHARACTERS = 90
 
 class Record:
     """
-    Base class of results, whose data are public fields and properties.
+    Base class of results, with uniform display, conversion and comparison of their data.
 
-    The data of a result are its properties and its fields without `repr=False`. A class attribute
-    `data` replaces them. The `repr` shows the data of `headline`.
+    The data of a result are its properties and those of its fields that do not have `repr=False`,
+    or the names in the class attribute `data`. The `repr` shows the data named in `headline`.
 
-    :cvar headline: names of the data that are shown, the most important first.
+    :cvar headline: names of the data that are displayed, the most important first.
     :cvar data: names of all data; if it is empty, the data are fields and properties.
     """
 
@@ -36,16 +36,16 @@ class Record:
     def __init_subclass__(
         cls, headline: tuple[str, ...] = (), data: tuple[str, ...] = (), **rest: Any
     ) -> None:
-        """Store the names of the data; the methods below replace those of a dataclass."""
+        """Store the names of the data; use the methods of this class in place of a dataclass's."""
         super().__init_subclass__(**rest)
         cls.headline, cls.data = headline or cls.headline, data or cls.data
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the data as plain Python: numbers, texts, lists and dictionaries."""
+        """Return the data as a dictionary of numbers, texts, lists and dictionaries."""
         return {name: as_plain(getattr(self, name)) for name in _names(type(self))}
 
     def __repr__(self) -> str:
-        """Return the name of the class and one line for each item of the headline."""
+        """Return the name of the class, and one line for each name in the headline."""
         lines = [f'{name}: {_show(getattr(self, name))}' for name in _shown(type(self))]
         return '\n  '.join([type(self).__name__, *lines])
 
@@ -82,10 +82,11 @@ class Record:
 
 def as_plain(value: Any) -> Any:
     """
-    Return a value as numbers, texts, lists and dictionaries.
+    Convert a value to numbers, texts, lists and dictionaries.
 
-    :param value: an array (complex numbers become pairs), a result, an object, or plain Python.
-    :raises TypeError: the value is of another kind.
+    :param value: an array (complex numbers become pairs), a result, an object, or a value of plain
+        Python.
+    :raises TypeError: the value is none of these.
     """
     if value is None or (
         isinstance(value, (bool, int, float, str)) and not isinstance(value, enum.Enum)
@@ -117,7 +118,9 @@ def as_plain(value: Any) -> Any:
 
 def is_equal(value: Any, other: Any) -> bool:
     """
-    Return whether two values are equal; arrays are compared by their numbers, NaN equals NaN.
+    Return whether two values are equal; arrays are compared element by element.
+
+    NaN counts as equal to NaN.
 
     :param value: first value.
     :param other: second value.

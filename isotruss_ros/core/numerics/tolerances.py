@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Rounding tolerances and iteration limits for all of the core."""
+"""Rounding tolerances and iteration limits for the whole core."""
 
 import numpy as np
 

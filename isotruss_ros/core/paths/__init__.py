@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Object paths and roller trajectories: timing and tracking.
+Timing and tracking of object paths and roller trajectories.
 
 Entry points: `object_path.ObjectPath`, `path_servo.PathServo`, `roller_trajectory`.
 Imports `core.safety` and the layers below it, not `core.estimation`, planning or the servo.

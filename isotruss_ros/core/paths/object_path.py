@@ -2,13 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Path of the object: interpolated poses as a function of time.
+Path of the object: its desired pose as a function of time, interpolated between given poses.
 
-Position and angle are interpolated linearly between poses, the angle in the shorter direction. A
-segment lasts as long as the centre's translation at `speed` or the rotation at `turn_rate`,
-whichever takes longer. A smooth path is a centripetal Catmull-Rom spline through the poses,
-sampled in short segments; it has no cusps or loops between two poses (Yuksel, Schaefer and Keyser,
-Computer-Aided Design 2011).
+Position and angle are interpolated linearly between poses, the angle in the shorter direction. The
+duration of a segment is the time for the translation at `speed` or the time for the rotation at
+`turn_rate`, whichever is longer. A smooth path is a centripetal Catmull-Rom spline through the
+poses, sampled in short segments; it has no cusps or loops between two poses (Yuksel, Schaefer and
+Keyser, Computer-Aided Design 2011).
 """
 
 from __future__ import annotations
@@ -31,18 +31,19 @@ PIECE, PIECE_TURN = 0.005, 0.02
 
 class ObjectPath:
     """
-    Path of the object: poses with their times.
+    Path of the object, given by poses with their times.
 
-    :ivar poses: (n, 3) x, y [m] and unwrapped angle [rad] in the robot frame; the angle of the
-        first pose is as given.
+    :ivar poses: (n, 3) x, y [m] and angle [rad] in the robot frame. Angles are continued beyond
+        one turn, from the given angle of the first pose.
     :ivar times: (n,) times of the poses, from 0 [s].
     :ivar duration: duration of the path [s].
     :ivar length: length of the centre's path [m].
-    :param poses: (n, 3) two or more poses x, y [m], angle [rad]; repeated poses are removed.
+    :param poses: (n, 3) two or more poses x, y [m], angle [rad]; successive equal poses are
+        removed.
     :param speed: speed of the centre along the path [m/s].
     :param turn_rate: largest angular velocity [rad/s].
-    :param smooth: whether a spline through the poses replaces straight segments.
-    :param first: index of the first pose in error messages.
+    :param smooth: True for a spline through the poses in place of straight segments.
+    :param first: number by which error messages call the first pose.
     :raises PathError: a value is invalid; the message names it and its valid range.
     """
 
@@ -88,7 +89,7 @@ class ObjectPath:
 
     def pose(self, time: float) -> Array:
         """
-        Return the desired pose at a time; constant before the start and after the end.
+        Return the desired pose at a time; it is constant before the start and after the end.
 
         :param time: time since the start of the path [s].
         :raises PathError: the time is not a number.
@@ -105,7 +106,7 @@ def _limit(name: str, value: float, most: float, unit: str) -> float:
 
 
 def _checked(poses: ArrayLike, first: int) -> Array:
-    """Return the poses as an array (n, 3) of checked numbers."""
+    """Return the poses as an array (n, 3); raise PathError if a number is invalid."""
     try:
         array = np.asarray(poses, dtype=np.float64)
     except (TypeError, ValueError) as error:
@@ -126,7 +127,7 @@ def _checked(poses: ArrayLike, first: int) -> Array:
 
 
 def _unwrapped(poses: Array, first: int) -> Array:
-    """Return the poses with unwrapped angles."""
+    """Return the poses with angles that are continued beyond one turn."""
     turns = np.diff(poses[:, 2])
     turns = turns - 2.0 * math.pi * np.round(turns / (2.0 * math.pi))
     # A half turn has no shorter direction.
@@ -142,7 +143,7 @@ def _unwrapped(poses: Array, first: int) -> Array:
 
 
 def _distinct(poses: Array) -> Array:
-    """Return the poses without repetitions of a pose."""
+    """Return the poses without those that equal their predecessor."""
     cells = np.round(poses / ROUNDING)
     differs = (np.diff(cells, axis=0) != 0.0).any(axis=1)
     if not differs.any():
@@ -156,7 +157,8 @@ def _smoothed(poses: Array, durations: Array) -> Array:
     """
     Return samples of the spline through poses.
 
-    :param durations: (n - 1,) durations of the segments, the metric of the spline [s].
+    :param durations: (n - 1,) durations of the segments, which are the knot intervals of the
+        spline [s].
     """
     spans = np.sqrt(durations)
     knots = np.concatenate([[0.0], np.cumsum(spans)])

@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Path servo, which follows, pauses or aborts a path in each control cycle.
+Path servo, which decides in each control cycle whether a path is followed, paused or aborted.
 
 A missing, stale or rejected pose ends the path. While the manipulation is stopped or its feedback
-is stale, path time stops and the twist is zero.
+is stale, path time does not advance and the twist is zero.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ import numpy as np
 
 
 class PathOutcome(enum.IntEnum):
-    """Results of path following, equal to those of isotruss_msgs/FollowObjectPath."""
+    """Codes for the result of path following, equal to those of isotruss_msgs/FollowObjectPath."""
 
     REACHED = 0
     CANCELLED = 1
@@ -42,11 +42,11 @@ class PathOutcome(enum.IntEnum):
 
 
 class ServoFeedback(NamedTuple):
-    """Feedback of the manipulation on the last twist."""
+    """Feedback of the manipulation node on the execution of the last twist."""
 
     code: int  #: status code, see `Status`
-    scale: float  #: executed share of the twist, 0 to 1
-    message: str  #: reason of the status in words
+    scale: float  #: factor by which limits reduced the twist, 0 to 1
+    message: str  #: sentence with the reason of the status
     frequency: float = 0.0  #: lowest natural frequency of the held object [rad/s]; 0 if unknown
 
 
@@ -54,12 +54,12 @@ class Step(NamedTuple):
     """Output of the path servo in one control cycle."""
 
     twist: Array  #: (3,) twist of the object, robot frame [m/s, rad/s]
-    outcome: PathOutcome | None  #: result of path following; None while the path is active
-    message: str  #: result in words
+    outcome: PathOutcome | None  #: result of path following; None while it goes on
+    message: str  #: sentence with the result
     tracking: Tracking | None  #: state of the tracking; None if unknown
 
 
-#: For each final phase, the result of path following.
+#: Result of path following for each final phase.
 OUTCOMES = {
     PathPhase.REACHED: PathOutcome.REACHED,
     PathPhase.OFF_PATH: PathOutcome.OFF_PATH,
@@ -69,12 +69,13 @@ OUTCOMES = {
 
 class PathServo:
     """
-    State of path following: settings, and the latest value of each input.
+    State of path following: current path, settings, and latest value of each input.
 
-    :ivar rollers: input of the measured `RollerState`, for the feasibility of paths.
-    :ivar held_grip: input of the `GripRecord` from the control loop that holds the object, for the
-        feasibility of paths.
-    :ivar estimate: input of the `EstimatedTravel` with the roller offsets; None if there is none.
+    :ivar rollers: input for the measured `RollerState`, used to check whether paths are feasible.
+    :ivar held_grip: input for the `GripRecord` of the control loop that holds the object, used to
+        check whether paths are feasible.
+    :ivar estimate: input for the `EstimatedTravel` with the roller offsets; None if no estimator
+        is used.
     :ivar tracker: tracker of the current or last path; None before the first path.
     :param period: period of the control loop [s].
     :param timeout: largest age of inputs [s].
@@ -95,18 +96,18 @@ class PathServo:
         """
         Return the measured pose of the object.
 
-        :param now: time on the clock of the inputs [s].
+        :param now: current time on the clock of the inputs [s].
         :raises InputError: the object's pose is missing, stale or invalid.
         """
         return require_fresh(now, self.timeout, object_pose=self.pose)[0].value
 
     def begin(self, path: ObjectPath, settings: TrackingSettings, now: float) -> None:
         """
-        Start a path; the next cycle is its first.
+        Start a path, which is followed from the next cycle on.
 
         :param path: path of the object.
         :param settings: settings of the tracking.
-        :param now: time on the clock of the inputs [s].
+        :param now: current time on the clock of the inputs [s].
         :raises PathError: the path does not begin at the object's pose.
         :raises InputError: the object's pose is missing, stale or invalid.
         """
@@ -125,9 +126,9 @@ class PathServo:
 
     def decide(self, now: float) -> Step:
         """
-        Return the output of the current cycle; an invalid input ends the path and raises no error.
+        Return the output of the current cycle; an invalid input ends the path without an error.
 
-        :param now: time on the clock of the inputs [s].
+        :param now: current time on the clock of the inputs [s].
         """
         elapsed, self._before = now - self._before, now
         self.tracker.clock.period = self.period
@@ -148,7 +149,7 @@ class PathServo:
         return Step(tracking.twist, outcome, message, tracking)
 
     def _last_feedback(self, now: float) -> ServoFeedback:
-        """Return the feedback on the last twist; a halt if the feedback is unknown."""
+        """Return the feedback on the last twist; if there is none, that of a stopped robot."""
         try:
             (given,) = require_fresh(now, self.timeout, status=self.servo_feedback)
         except InputError as error:

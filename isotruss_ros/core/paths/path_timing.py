@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Path time, which runs slower if the robot lags, without jumps."""
+"""Path time, which advances more slowly if the robot lags behind, and never jumps."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ MIN_LIMITED_RATE = 0.1
 
 class PathClock:
     """
-    Path time from 0 to the path's duration, at a rate from 0 to 1.
+    Clock of the path time, which runs from 0 to the path's duration at a rate from 0 to 1.
 
     :ivar time: path time [s].
     :ivar rate: derivative of path time with respect to time [-].
-    :ivar ramp_time: time from rest to rate 1, and back [s].
+    :ivar ramp_time: time in which the rate changes from 0 to 1, or back [s].
     :ivar waited: time since the last progress [s].
-    :ivar period: period of the control loop [s]; may vary along the path.
+    :ivar period: period of the control loop [s], which may vary along the path.
     :param duration: duration of the path [s].
     :param ramp_time: initial ramp time [s].
     :param progress_timeout: largest time without progress [s].
-    :param period: initial period [s]; an elapsed time is clipped to two periods.
+    :param period: initial period of the control loop [s].
     """
 
     def __init__(
@@ -47,7 +47,7 @@ class PathClock:
 
     @property
     def time_left(self) -> float:
-        """Return the remaining time with ramps up and down, without further slow-down [s]."""
+        """Return the time to the end of the path [s], provided that the robot does not slow it."""
         left = self._duration - self.time
         peak = min(1.0, math.sqrt(left / self.ramp_time + 0.5 * self.rate**2))
         cruise = left - (peak**2 - 0.5 * self.rate**2) * self.ramp_time
@@ -55,16 +55,16 @@ class PathClock:
 
     def time_then(self, elapsed: float, age: float) -> float:
         """
-        Return the path time at a past moment [s].
+        Return the value that path time had at an earlier moment [s].
 
         :param elapsed: time since the last call of `advance` [s].
-        :param age: time since that moment [s].
+        :param age: time from that moment until now [s].
         """
         return self._known.at(self._now + elapsed - age)
 
     def step(self, elapsed: float) -> float:
         """
-        Return an elapsed time, clipped to two periods against jumps after a late cycle [s].
+        Return an elapsed time, limited to two periods so that a late cycle causes no jump [s].
 
         :param elapsed: time since the last cycle [s].
         """
@@ -75,11 +75,11 @@ class PathClock:
         Advance path time by one cycle.
 
         :param elapsed: time since the last call [s].
-        :param room: largest rate that the robot's lag admits, 0 to 1; the rate is reduced to it at
+        :param room: largest rate that the robot's lag admits, 0 to 1; a larger rate is reduced at
             once.
         :param scale: factor by which the robot's limits reduced the last twist, 0 to 1; the rate
-            follows it along a ramp, because this feedback is some cycles late.
-        :param held: whether the robot is stopped.
+            approaches this factor along a ramp, because this feedback is some cycles late.
+        :param held: whether the robot is stopped, which sets the rate to zero.
         """
         self._now += max(elapsed, 0.0)
         if self._now > self._known.last[0]:

@@ -2,14 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Path tracking: feed-forward by the path, and feedback of the measured pose.
+Path tracking: feed-forward of the path's velocity, and feedback of the measured pose.
 
     twist = r * (d pose of the path / d tau)  +  K * (pose of the path - measured pose)
 
-Each coordinate of the object is an integrator of its twist; slip, noise and kinematic errors are
-disturbances at its input. The error decays at the rate K and is bounded by disturbance / K for any
-length of the path. Path time tau runs at the rate r = d tau / dt from 0 to 1. It is monotonic, has
-no jumps, and is slower if the robot lags.
+Each coordinate of the object is the integral of its component of the twist; slip, noise and
+kinematic errors are disturbances of this twist. The error decays at the rate K and is bounded by
+disturbance / K for any length of the path. Path time tau advances at the rate r = d tau / dt,
+between 0 and 1. It never jumps, and it advances more slowly if the robot lags behind.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ MAX_GAIN_DELAY_PRODUCT = 0.75
 #: Peak deviation of an object with natural frequency omega under a step of acceleration a, in
 #: units of a / omega^2 [-]. It is 2 without damping, and larger with the lag of the loop.
 PEAK_DEVIATION_FACTOR = 2.5
-#: Errors relative to the tolerance at which path time begins to slow down, and at which it stops
+#: Errors divided by the tolerance at which path time begins to slow down, and at which it stops
 #: [-].
 FREE, STANDING = 0.5, 0.9
 #: Largest feedback relative to the path's speed and turn rate [-].
@@ -43,13 +43,13 @@ MAX_FEEDBACK_SHARE = 0.5
 class PathPhase(enum.Enum):
     """Phases of path following."""
 
-    FOLLOWING = enum.auto()  #: path time runs at full rate
-    SLOWED = enum.auto()  #: path time runs slower: the robot lags or is at its limits
+    FOLLOWING = enum.auto()  #: path time advances at full rate
+    SLOWED = enum.auto()  #: path time advances more slowly: the robot lags or is at its limits
     HELD = enum.auto()  #: the robot and path time are stopped
-    SETTLING = enum.auto()  #: path time is at the end, the object not yet within tolerance
+    SETTLING = enum.auto()  #: path time is at its end, but the object is not yet within tolerance
     REACHED = enum.auto()  #: the object is within tolerance of the end
-    #: the object is farther from the path than the tolerance, or it has not come within the
-    #: tolerance of the end in time
+    #: the object is farther from the path than the tolerance, or it has not come close enough to
+    #: the end in time
     OFF_PATH = enum.auto()
     STUCK = enum.auto()  #: path time has made no progress for too long
 
@@ -67,7 +67,8 @@ class TrackingSettings:
     :ivar angle_tolerance: largest error of orientation [rad].
     :ivar position_gain: decay rate of the position error [1/s].
     :ivar angle_gain: decay rate of the orientation error [1/s].
-    :ivar ramp_time: time from rest to the full speed of the path, and back [s].
+    :ivar ramp_time: time in which the speed rises from zero to the speed of the path, or falls
+        back [s].
     :ivar progress_timeout: largest time without progress [s].
     :raises PathError: a value is invalid; the message names it and its valid range.
     """
@@ -80,7 +81,7 @@ class TrackingSettings:
     progress_timeout: float = 3.0
 
     def __post_init__(self) -> None:
-        """Raise PathError for values that are not positive numbers; gains may be 0."""
+        """Raise PathError if a value is not a positive number; gains may be 0."""
         for name, value in vars(self).items():
             if not (value > 0.0 or (value == 0.0 and name.endswith('gain'))) or value == math.inf:
                 raise PathError(f'{name} {value!r}: must be a positive number')
@@ -94,7 +95,7 @@ RETURN_SPEED, RETURN_TURN_RATE = 0.002, 0.02
 
 
 class Tracking(NamedTuple):
-    """Output of the tracking in one cycle."""
+    """Twist and state of path tracking in one cycle."""
 
     phase: PathPhase  #: phase of path following
     twist: Array  #: (3,) twist of the object, robot frame [m/s, rad/s]
@@ -102,12 +103,12 @@ class Tracking(NamedTuple):
     angle_error: float  #: error of orientation at the time of the measurement, not negative [rad]
     progress: float  #: path time relative to the path's duration, 0 to 1
     time_left: float  #: remaining time at full rate [s]
-    message: str  #: result in words and numbers; empty before a final phase
+    message: str  #: sentence with the result; empty before a final phase
 
 
 class PathTracker:
     """
-    State of the tracking of one path.
+    Feedback controller that tracks one path, with its state.
 
     :ivar clock: path time.
     :ivar max_position_error: largest position error so far [m].
@@ -152,11 +153,11 @@ class PathTracker:
         self, measured: Pose, age: float, elapsed: float, scale: float = 1.0, held: bool = False
     ) -> Tracking:
         """
-        Advance path time by one cycle, and return the twist and the state of the tracking.
+        Advance path time by one cycle, and return the twist of this cycle.
 
         :param measured: measured pose of the object.
         :param age: age of the pose [s].
-        :param elapsed: time since the last cycle [s]; path time advances by at most two periods.
+        :param elapsed: time since the last cycle [s]; at most two periods of it are counted.
         :param scale: factor by which the robot's limits reduced the last twist, 0 to 1.
         :param held: whether the robot is stopped.
         :raises PathError: the measured pose is not three finite numbers within range.
@@ -213,8 +214,8 @@ class PathTracker:
         """
         Return the phase of path following.
 
-        :param share: error relative to its tolerance.
-        :param over: whether path time had reached the end at the time of the measurement.
+        :param share: error divided by its tolerance [-].
+        :param over: whether path time had reached its end when the pose was measured.
         :param pace: rate of path time that the robot's lag and limits admit.
         """
         if share > 1.0:
@@ -231,7 +232,7 @@ class PathTracker:
         return PathPhase.SLOWED if pace < 1.0 else PathPhase.FOLLOWING
 
     def _words(self, phase: PathPhase, error: str) -> str:
-        """Return the message of a final phase; empty for any other phase."""
+        """Return the message for a final phase; empty for the other phases."""
         where = 'the end of the path' if self.clock.at_end else 'the path'
         if phase is PathPhase.STUCK:
             return f'no progress for {self.clock.waited:.3g} s, {error} off {where}'

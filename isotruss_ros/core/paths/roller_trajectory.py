@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Roller trajectories: piecewise linear roller travel with parabolic blends, and its tracking.
+Roller trajectories, piecewise linear with parabolic blends, and a servo that tracks them.
 
-The servo starts at the measured positions and controls them in a closed loop. Trajectory time
-stops while a roller lags. A missing, stale or rejected input ends the trajectory, and so does a
-violated tolerance of the goal.
+The servo starts at the measured roller positions and controls them by feedback. Trajectory time
+stops while a roller lags behind. A missing, stale or rejected input ends the trajectory; a
+violated tolerance of the goal ends it too.
 """
 
 from __future__ import annotations
@@ -18,40 +18,42 @@ from isotruss_ros.core.inputs import Input, require_fresh, RollerState
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.numerics.arrays import Array, finite_array
 from isotruss_ros.core.paths.object_path import MAX_DURATION
+from isotruss_ros.core.paths.path_tracking import TrackingSettings
 from isotruss_ros.core.paths.trajectory_tolerances import TrajectoryTolerances
 import numpy as np
 from numpy.typing import ArrayLike
 
 #: Decay rate of errors of the roller positions [1/s].
 POSITION_GAIN = 5.0
-#: End tolerance of the rollers, and larger end tolerance for imprecise drives or encoders of low
-#: resolution [m].
+#: Largest distance of a roller from the end of its trajectory, and larger value for imprecise
+#: drives or encoders of low resolution [m].
 TOLERANCE, NEAR_TOLERANCE = 2e-5, 5e-4
 #: Largest distance of the measured positions from the start of the trajectory [m].
 START_TOLERANCE = 0.01
-#: Largest distance of a roller from the trajectory while its time runs [m].
+#: Largest distance of a roller from the trajectory at which trajectory time still advances [m].
 MAX_LAG = 5e-3
 #: Time within the end tolerance after which a trajectory ends [s].
 REST_TIME = 0.1
-#: Largest time without progress [s].
-PROGRESS_TIMEOUT = 3.0
+#: Largest time without progress, the default of paths [s].
+PROGRESS_TIMEOUT = TrackingSettings.progress_timeout
 #: Largest advance of trajectory time in a cycle [s]; larger advances would cut corners.
 MAX_TIME_STEP = 0.2
 
 
 class RollerTrajectory:
     """
-    Waypoints of the rollers with times, connected by straight lines.
+    Waypoints of the rollers with times, with constant velocity between waypoints.
 
-    Start, corners and end have parabolic blends with the largest acceleration, centred on the
-    waypoint. The duration is extended by half of the first blend.
+    At each waypoint the velocity changes with the largest acceleration (parabolic blend), for a
+    time centred on the waypoint. So the trajectory starts half of the first blend earlier, by
+    which its duration is extended.
 
     :ivar duration: duration of the trajectory [s].
     :param robot: the robot.
     :param positions: (k, r) one or more waypoints [m].
     :param times: (k,) times of the waypoints, increasing from 0, at most a day [s].
-    :raises ConfigurationError: wrong shapes; numbers that are not finite; times that do not
-        increase or are too long; speed or acceleration beyond the limits of the rollers.
+    :raises ConfigurationError: an array has a wrong shape; a number is not finite; times do not
+        increase or are too long; or a speed or acceleration exceeds the limits of the rollers.
     """
 
     def __init__(self, robot: Robot, positions: ArrayLike, times: ArrayLike) -> None:
@@ -85,7 +87,7 @@ class RollerTrajectory:
         self.duration = float(self._times[-1] + self._halves[-1])
 
     def _round_corners(self, robot: Robot, steps: Array) -> Array:
-        """Return half of the duration (k,) of each blend [s]."""
+        """Return half of the duration of the blend at each of k waypoints [s]."""
         changes = np.abs(np.diff(self._slopes, axis=0)).max(axis=1)
         most = robot.description.max_acceleration
         needed = 0.5 * (changes[1:] + changes[:-1])
@@ -125,7 +127,7 @@ class RollerTrajectory:
 
 
 class RollerStep(NamedTuple):
-    """Output of the trajectory servo in one control cycle."""
+    """Roller velocities and state of the trajectory in one control cycle."""
 
     speeds: Array  #: (r,) commanded roller speeds [m/s]
     ended: bool  #: whether the trajectory has ended, successfully or not
@@ -135,7 +137,7 @@ class RollerStep(NamedTuple):
 
 class RollerTrajectoryServo:
     """
-    State of the tracking of one trajectory.
+    Feedback controller that tracks one trajectory of the rollers, with its state.
 
     :param robot: the robot.
     :param timeout: largest age of measurements [s].
@@ -170,12 +172,12 @@ class RollerTrajectoryServo:
         tolerances: TrajectoryTolerances | None = None,
     ) -> None:
         """
-        Start a trajectory in place of the current one; a rejected trajectory changes nothing.
+        Start a trajectory, which replaces the current one unless it is rejected.
 
         :param trajectory: new trajectory.
-        :param now: time on the clock of the inputs [s].
-        :param start: start time, before which the rollers are at rest [s]; None: at once.
-        :param tolerances: tolerances of the goal; None: the default tolerances of the servo.
+        :param now: current time on the clock of the inputs [s].
+        :param start: start time, until which the rollers rest [s]; None: now.
+        :param tolerances: tolerances of the action goal; None: the defaults of this servo.
         :raises InputError: the joint states are missing, timed out or rejected.
         :raises ConfigurationError: the trajectory does not begin at the measured positions.
         """
@@ -187,10 +189,10 @@ class RollerTrajectoryServo:
 
     def check_start(self, trajectory: RollerTrajectory, now: float) -> RollerState:
         """
-        Return the measured roller state; raise an error if a trajectory does not begin at it.
+        Return the measured roller state; raise an error if a trajectory does not begin there.
 
         :param trajectory: trajectory that is to start.
-        :param now: time on the clock of the inputs [s].
+        :param now: current time on the clock of the inputs [s].
         :raises InputError: the joint states are missing, timed out or rejected.
         :raises ConfigurationError: the trajectory does not begin at the measured positions.
         """
@@ -206,14 +208,14 @@ class RollerTrajectoryServo:
         return state
 
     def end(self) -> None:
-        """Abort the trajectory."""
+        """Abort the current trajectory."""
         self._trajectory = None
 
     def decide(self, now: float) -> RollerStep:
         """
         Return the output of the current cycle; an invalid input ends the trajectory as a failure.
 
-        :param now: time on the clock of the inputs [s].
+        :param now: current time on the clock of the inputs [s].
         """
         trajectory = self._trajectory
         if trajectory is None:
@@ -247,7 +249,7 @@ class RollerTrajectoryServo:
         now: float,
         elapsed: float,
     ) -> RollerStep:
-        """Advance trajectory time unless a roller lags; end it on arrival or after a timeout."""
+        """Advance trajectory time unless a roller lags; end on arrival or after a timeout."""
         ahead, positions = min(self.time + elapsed, trajectory.duration), state.positions
         behind = trajectory.at(self.time).positions - positions
         error = trajectory.at(ahead).positions - positions
@@ -282,20 +284,20 @@ class RollerTrajectoryServo:
         return RollerStep(np.clip(speeds, -limit, limit), False, '')
 
     def _gives_up(self, trajectory: RollerTrajectory, at_end: bool, now: float) -> bool:
-        """Return whether rollers that have not reached the end have timed out."""
+        """Return whether the rollers have failed to reach the end in time."""
         goal_time = self._tolerances.goal_time
         if goal_time is not None and now > self._start + trajectory.duration + goal_time:
             return True
         return self._waited > PROGRESS_TIMEOUT and (goal_time is None or not at_end)
 
     def _finish(self, failure: str = '', at_goal: bool = False) -> RollerStep:
-        """End the trajectory with the rollers at rest."""
+        """End the trajectory, and return a step that stops the rollers."""
         self._trajectory = None
         return RollerStep(np.zeros(len(self._robot.roller_names)), True, failure, at_goal)
 
     def _rests(self, near: bool, measured: float, now: float) -> bool:
         """
-        Update the time within the end tolerance; return whether it is long enough.
+        Return whether the rollers have been within the end tolerance for long enough.
 
         :param measured: time of the measurement [s].
         """

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Tolerances of a roller trajectory, with the meaning of control_msgs/FollowJointTrajectory."""
+"""Tolerances of a roller trajectory, as defined in control_msgs/FollowJointTrajectory."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import numpy as np
 
 
 class Tolerance(NamedTuple):
-    """Largest deviations of measured from desired roller states; infinite without a bound."""
+    """Largest deviations of measured from desired roller states; infinite if not bounded."""
 
     positions: Array  #: (r,) deviations of positions [m]
     velocities: Array  #: (r,) deviations of velocities [m/s]
@@ -23,7 +23,7 @@ class Tolerance(NamedTuple):
         self, names: Sequence[str], wanted: RollerState, measured: RollerState
     ) -> str:
         """
-        Return in words a roller beyond the tolerance, and its deviation; empty if there is none.
+        Return a sentence naming a roller beyond the tolerance; empty if there is none.
 
         :param names: names of the rollers.
         :param wanted: desired state of the rollers.
@@ -44,10 +44,11 @@ class Tolerance(NamedTuple):
 
 
 class TrajectoryTolerances(NamedTuple):
-    """Tolerances of a trajectory goal."""
+    """Tolerances of the goal of a trajectory action."""
 
-    #: tolerance along the trajectory; None: no bound, trajectory time stops while a roller lags
+    #: tolerance along the trajectory; None: no bound, and trajectory time stops while a roller
+    #: lags behind
     path: Tolerance | None = None
     goal: Tolerance | None = None  #: tolerance at the end; None: the default of the servo
-    #: largest delay of the end [s], infinite for no bound; None: the servo's default
+    #: largest delay of arrival [s], infinite if not bounded; None: the servo's default
     goal_time: float | None = None

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Approach of the grasping members to the object, the first step of the search.
+Approach of the grasping members to the object, which is the first step of the search.
 
-The approach is kinematic. Each of its steps is admissible, so the steps form the path.
+The approach is kinematic. Each of its steps fulfils the requirements, so the steps form the path.
 """
 
 from __future__ import annotations
@@ -17,22 +17,23 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.numerics.tolerances import MAX_SEARCH_STEPS
 from isotruss_ros.core.planning.closing import Closing, evaluate_state
 from isotruss_ros.core.planning.closing_step import take_closing_step
-from isotruss_ros.core.planning.facing import balances, CONE_SHARE, find_facing, USED_SHARE
+from isotruss_ros.core.planning.facing import balances, CONE_SHARE, find_facing
 from isotruss_ros.core.planning.violations import RequirementError
 import numpy as np
 
-#: Gap between the grasping members and the object at the end of the approach, and its tolerance,
-#: in tube diameters [-].
-STANDOFF, STANDOFF_TOLERANCE = 0.06, 0.02
-#: Tolerance of the members' rotation at the end of the approach [rad].
-TURN_TOLERANCE = 1e-3
+#: Gap between the grasping members and the object at the end of the approach, in tube diameters
+#: [-].
+STANDOFF = 0.06
+#: Tolerance of the approach: of the gap in tube diameters [-], and of the members' rotation [rad].
+APPROACH_TOLERANCE = 0.02
 
 
 def approach(config: Configuration, closing: Closing) -> Iterator[Configuration]:
     """
-    Yield the path on which grasping members approach the object in directions with force closure.
+    Yield the path on which grasping members approach the object, toward force closure.
 
-    The path begins at the current configuration and is piecewise linear in roller travel.
+    At its end the directions of the members admit force closure. The path begins at the current
+    configuration and is piecewise linear in roller travel.
 
     :param config: configuration of the robot.
     :param closing: closing motion with members and object.
@@ -47,13 +48,13 @@ def approach(config: Configuration, closing: Closing) -> Iterator[Configuration]
         yield state.config
         gap = float((state.gaps[members] - targets).max())
         missing, turned = _find_turn(state.config, closing)
-        far = gap > STANDOFF_TOLERANCE * diameter
-        if not far and missing <= TURN_TOLERANCE:
+        far = gap > APPROACH_TOLERANCE * diameter
+        if not far and missing <= APPROACH_TOLERANCE:
             return
         left = max(gap, 0.0) / diameter + missing
-        idle = 0 if left < best - STANDOFF_TOLERANCE else idle + 1
+        idle = 0 if left < best - APPROACH_TOLERANCE else idle + 1
         best = min(best, left)
-        # Steps with less progress than the tolerance of the standoff [tube diameters, rad].
+        # Steps with less progress than the tolerance.
         if idle > MAX_SEARCH_STEPS:
             name, value = ('reach', gap) if far else ('facing', missing)
             raise RequirementError(name, value, 0.0)
@@ -62,17 +63,17 @@ def approach(config: Configuration, closing: Closing) -> Iterator[Configuration]
 
 def _find_turn(config: Configuration, closing: Closing) -> tuple[float, Closing]:
     """
-    Return the rotation that force closure still requires [rad], and the closing motion for it.
+    Return the rotation that force closure still requires [rad], and the closing for it.
 
-    Directions of force closure need no rotation. Otherwise two members are rotated to the nearest
-    directions of force closure.
+    It is zero if the members' directions admit force closure. Otherwise two members are to be
+    rotated to the nearest directions that do.
     """
-    normals, angle = closing.normals(config), closing.friction_angle
+    normals, angle = closing.normals(config), CONE_SHARE * closing.friction_angle
     radius = 0.5 * config.robot.description.tube_diameter
-    if balances(closing.body, normals, USED_SHARE * angle, radius):
+    if balances(closing.body, normals, angle, radius):
         return 0.0, replace(closing, facing=None)
     if closing.facing is None:
         return math.pi, closing
     missing = float(np.abs(np.angle(closing.facing / normals)).sum())
-    found = find_facing(closing.body, normals, CONE_SHARE * angle, radius)
+    found = find_facing(closing.body, normals, angle, radius)
     return missing, closing if found is None else replace(closing, facing=found)

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Closing motion of members on an object, and the state of its search."""
+"""Data of a closing motion of members on an object, and the state of its search."""
 
 from __future__ import annotations
 
@@ -26,19 +26,20 @@ FIRST_INDENTATION = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Closing:
-    """Closing motion: object, grasping members and bounds."""
+    """Object, grasping members, bounds and targets of a closing motion."""
 
-    body: ConvexObject  #: the object at rest
+    body: ConvexObject  #: the object, which does not move
     members: tuple[int, ...]  #: indices of the grasping members
-    limits: tuple[Limit, ...]  #: limits of a step, which is treated as a motion of 1 s
+    limits: tuple[Limit, ...]  #: limits on a step, which is regarded as a motion of 1 s
     min_rigidity: float  #: smallest rigidity index, 1 at home [-]
-    friction_angle: float = 0.0  #: half angle of the usable friction cones [rad]
-    #: (r,) roller positions to which free motions of the rollers tend [m]; None: no such posture
+    friction_angle: float = 0.0  #: half angle of the friction cones that may be used [rad]
+    #: (r,) roller positions toward which rollers move if the closing leaves them free [m]; None:
+    #: no such positions
     nominal_posture: Array | None = None
     #: (s,) desired unit vectors from the object to the members, x + iy; None: no desired rotation
     facing: Points | None = None
     tubes: TubeModel = AS_MODELLED  #: model of the tubes
-    #: counts of the search, and its closest violation
+    #: counts of the search, and the violation of the candidate closest to an admissible grasp
     tally: SearchTally = field(default_factory=SearchTally)
 
     def normals(self, config: Configuration) -> Points:
@@ -52,13 +53,13 @@ class Closing:
 
 @dataclass(frozen=True, eq=False)
 class SearchState:
-    """Configuration with the quantities that are bounded in a closing step."""
+    """Configuration with all quantities that are bounded in a closing step."""
 
     config: Configuration  #: the configuration
     #: (3m,) gaps between the object and the members, modules and rods [m]; negative if indented
     gaps: Array
     gaps_by_nodes: Array  #: (3m, 2n) derivatives of the gaps with respect to node coordinates [-]
-    modes: Modes  #: modes of the smallest singular values; the first is the rigidity index
+    modes: Modes  #: smallest singular values; the first is the rigidity index
     distances: Array  #: (p,) distances of the pairs of `CollisionModel` [m]
 
     @property
@@ -68,7 +69,7 @@ class SearchState:
 
     @property
     def clearance(self) -> float:
-        """Return the smallest distance of the pairs of `CollisionModel` [m]."""
+        """Return the smallest distance of two parts of the robot, see `CollisionModel` [m]."""
         return float(self.distances.min(initial=np.inf))
 
     def check_bounds(self, rigidity: float, clearance: float, gaps: Array) -> None:
@@ -76,8 +77,8 @@ class SearchState:
         Raise RequirementError if the configuration violates a bound.
 
         :param rigidity: smallest allowed rigidity index.
-        :param clearance: smallest allowed distance of the pairs of `CollisionModel` [m].
-        :param gaps: (3m,) smallest allowed gaps [m].
+        :param clearance: smallest allowed distance between two parts of the robot [m].
+        :param gaps: (3m,) smallest allowed gaps between the object and the robot's parts [m].
         :raises RequirementError: a bound is violated.
         """
         low = int((self.gaps - gaps).argmin())
@@ -92,7 +93,7 @@ class SearchState:
 
 def evaluate_state(config: Configuration, body: ConvexObject) -> SearchState:
     """
-    Return the state of the search in a configuration.
+    Return all quantities that are bounded in a closing step, for one configuration.
 
     :param config: the configuration.
     :param body: the object.

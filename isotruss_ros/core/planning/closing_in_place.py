@@ -2,11 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Closing in place: the squeeze on a free object increases while the object is at rest.
+Closing in place: the squeeze on a free object is increased without moving the object.
 
-Two members have force closure at first contact. Then contacts roll, by the mechanics of the
-elastic plant, and the squeeze increases at constant pose of the object. A path that is computed
-for a fixed object would displace a free one by several centimetres.
+Two members have force closure from the first contact on. Then the rollers move such that the
+squeeze increases while the object keeps its pose; the motion is computed with rolling contacts and
+elastic tubes. A motion computed for a fixed object would displace a free object by several
+centimetres.
 """
 
 from __future__ import annotations
@@ -19,10 +20,8 @@ from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.model.pose import pose_difference
 from isotruss_ros.core.planning.closing import Closing, FIRST_INDENTATION
 from isotruss_ros.core.planning.closing_step import press
-from isotruss_ros.core.planning.facing import contact_ends
 from isotruss_ros.core.planning.grasp_plan import ClosedGrip
 from isotruss_ros.core.planning.motion_in_place import (
     hold_between,
@@ -33,18 +32,10 @@ from isotruss_ros.core.planning.requirements import GraspRequirements
 from isotruss_ros.core.planning.violations import RequirementError
 import numpy as np
 
-#: First indentation of a face that is in contact at both ends, in tube diameters [-].
-FACE_INDENTATION = 0.01
-#: Increment of the indentation of two members between waypoints, in tube diameters [-].
+#: Increment of the opening of the members between waypoints, in tube diameters [-].
 CLOSING_STEP = 0.12
-#: Largest increment of the squeeze of three members between waypoints [N]; the squeeze at most
-#: doubles from one waypoint to the next.
-MAX_SQUEEZE_STEP = 4.0
-#: Displacement below which the object is at rest, with rotations times the characteristic radius
-#: [m].
-REST_TOLERANCE = 1e-4
-#: Factor on the increments after the first violation of a bound [-]; the second violation ends the
-#: closing.
+#: Factor by which the increments are reduced after the first violation of a bound [-]; the second
+#: violation ends the closing.
 REFINEMENT = 0.34
 
 
@@ -52,7 +43,7 @@ def close_in_place(
     touch: Configuration, closing: Closing, needs: GraspRequirements
 ) -> Iterator[ClosedGrip]:
     """
-    Yield grips with increasing squeeze until a bound is reached.
+    Yield grips with increasing squeeze until a requirement would be violated.
 
     :param touch: configuration in which the members touch the object.
     :param closing: closing motion with members and object.
@@ -61,7 +52,9 @@ def close_in_place(
     :raises StructureError: see `structure_of`.
     """
     wanted, pair = needs.squeeze, len(closing.members) == 2
-    grasp = _hold(touch, closing)
+    diameter = touch.robot.description.tube_diameter
+    depths = np.full(len(closing.members), FIRST_INDENTATION * diameter)
+    grasp = hold_between(press(touch, closing, depths), closing)
     _check_hold(grasp, needs.friction)
     # Two members move the object back to its pose in the next step only.
     if not pair:
@@ -69,10 +62,7 @@ def close_in_place(
             yield _judge(grasp, closing, needs)
     share = 1.0
     while share >= REFINEMENT and not (wanted and _reached(grasp, wanted)):
-        rise = min(grasp.squeeze, MAX_SQUEEZE_STEP)
-        if pair:
-            step = CLOSING_STEP * touch.robot.description.tube_diameter
-            rise = -step * grasp.squeeze_stiffness()
+        rise = -CLOSING_STEP * diameter * grasp.squeeze_stiffness()
         force = min(grasp.squeeze + share * rise, wanted or math.inf)
         with closing.tally.recording():
             moved = squeeze_in_place(grasp, force, closing)
@@ -82,22 +72,11 @@ def close_in_place(
         share *= REFINEMENT
 
 
-def _hold(touch: Configuration, closing: Closing) -> HeldGrip:
-    """Return the first equilibrium of the object."""
-    diameter = touch.robot.description.tube_diameter
-    one, other = contact_ends(closing.body, closing.normals(touch), 0.5 * diameter)
-    depth = FIRST_INDENTATION if (one == other).all() else FACE_INDENTATION
-    depths = np.full(len(closing.members), depth * diameter)
-    return hold_between(press(touch, closing, depths), closing)
-
-
 def _judge(grasp: HeldGrip, closing: Closing, needs: GraspRequirements) -> ClosedGrip:
-    """Return a grip with its loads; raise RequirementError on slip or a violated bound."""
+    """Return a grip with its loads; raise RequirementError if it slips or violates a bound."""
     _check_hold(grasp, needs.friction)
     closing.tally.analyses += 1
-    moved = pose_difference(grasp.pose, closing.body.pose) * (1.0, 1.0, grasp.arm)
-    stays = np.abs(moved).max() < REST_TOLERANCE
-    body = closing.body if stays else closing.body.moved_to(grasp.pose)
+    body = closing.body.moved_to(grasp.pose)
     analysis = analyze_grasp(
         grasp.config,
         body,

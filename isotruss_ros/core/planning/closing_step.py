@@ -5,12 +5,13 @@
 One step of closing the grasping members on an object: a quadratic program (QP).
 
 minimize 1/2 |g + (dg/dphi) u - target|^2 + 1/2 a^2 |turn - facing|^2 + 1/2 w |u - n|^2 subject to
-limits, gaps of other parts, rigidity, clearance, |u| <= longest step
+limits, bounds on gaps of other parts, rigidity and clearance, |u| <= longest step
 
-u is the roller travel of the step, n the travel to the nominal posture, g are the gaps of the
-grasping members, a is `TURNING_ARM` and w is `MOTION_WEIGHT`. The configuration at the end of each
-step is evaluated; a step that violates a requirement is halved. So the steps form a path. Lengths
-are relative to the mean member length at home or to the tube diameter, for robots of any size.
+u is the roller travel of the step, n is the travel to the nominal posture, g are the gaps of the
+grasping members, a is `TURNING_ARM`, and w is `MOTION_WEIGHT`. The configuration at the end of
+each step is evaluated; a step that violates a requirement is halved. So the steps form an
+admissible path. Lengths are relative to the mean member length at home or to the tube diameter, so
+that they suit robots of any size.
 """
 
 from __future__ import annotations
@@ -35,23 +36,26 @@ MAX_TURN_STEP = 0.1
 MOTION_WEIGHT = 1e-4
 #: Length that scales rotations against gaps [m].
 TURNING_ARM = 0.3
-#: Smallest gap between the object and the parts that do not grasp it, in tube diameters [-].
+#: Smallest distance between parts of the robot, and between the object and the parts that do not
+#: grasp it, in tube diameters [-].
 CLEARANCE = 0.1
-#: Smallest distance between parts of the robot, and largest distance that is constrained in a
-#: step, in mean member lengths [-].
-SELF_CLEARANCE, NEAR = 0.01, 0.15
+#: Largest distance of parts of the robot that is constrained in a step, in mean member lengths
+#: [-].
+NEAR = 0.15
 #: Largest overshoot of a grasping member, in tube diameters [-].
 MAX_OVERSHOOT = 0.015
 
 
 def press(config: Configuration, closing: Closing, depths: Array) -> Configuration:
     """
-    Move the grasping members to given indentations while the object is at rest.
+    Return the configuration in which the grasping members indent by given depths.
+
+    The object does not move.
 
     :param config: initial configuration.
     :param closing: closing motion with members and object.
-    :param depths: (s,) indentation of each grasping member [m].
-    :raises RequirementError: a requirement stops the motion.
+    :param depths: (s,) indentation of each grasping member by the object [m].
+    :raises RequirementError: the motion would violate a requirement.
     :raises SolverError: a quadratic program was not solved.
     """
     state = evaluate_state(config, closing.body)
@@ -73,10 +77,10 @@ def take_closing_step(
     :param state: state at the start of the step.
     :param closing: closing motion with members and object.
     :param targets: (s,) desired gaps of the grasping members [m].
-    :param share: length of the step relative to the longest step: first 1, then the result of the
-        previous step.
-    :return: state at the end of the step, and share for the next step.
-    :raises RequirementError: no step is admissible.
+    :param share: length of the step relative to the longest step [-]. It is 1 for the first step;
+        then it is the second result of the previous step.
+    :return: state at the end of the step, and `share` for the next step.
+    :raises RequirementError: every step violates a requirement.
     :raises SolverError: the quadratic program was not solved.
     """
     move = solve_step(state, closing, targets, share)
@@ -109,7 +113,7 @@ def solve_step(state: SearchState, closing: Closing, targets: Array, share: floa
     :param state: state at the start of the step.
     :param closing: closing motion with members and object.
     :param targets: (s,) desired gaps of the grasping members [m].
-    :param share: length of the step relative to the longest step.
+    :param share: length of the step relative to the longest step [-].
     :raises SolverError: the quadratic program was not solved.
     """
     config, members = state.config, list(closing.members)
@@ -128,14 +132,13 @@ def solve_step(state: SearchState, closing: Closing, targets: Array, share: floa
     if closing.nominal_posture is not None:
         nominal = np.clip(closing.nominal_posture - config.roller_positions, -longest, longest)
     rows, least = _bound_rows(state, closing, targets)
+    unit = np.eye(len(longest))
     found = solve_qp(
         QuadraticProgram(
-            matrix.T @ matrix + MOTION_WEIGHT * np.eye(len(nominal)),
+            matrix.T @ matrix + MOTION_WEIGHT * unit,
             -matrix.T @ aim - MOTION_WEIGHT * nominal,
-            -rows,
-            -least,
-            -longest,
-            longest,
+            np.concatenate([-rows, unit, -unit]),
+            np.concatenate([-least, longest, longest]),
         )
     )
     if found is None:
@@ -148,19 +151,20 @@ def solve_step(state: SearchState, closing: Closing, targets: Array, share: floa
 
 def _bound_rows(state: SearchState, closing: Closing, targets: Array) -> tuple[Array, Array]:
     """
-    Return the bounds of a step u as rows (k, r) and bounds (k,): rows u >= bounds.
+    Return the constraints rows u >= bounds of a step u, as rows (k, r) and bounds (k,).
 
-    The rows bound the gaps of grasping members (by targets (s,) [m]), the gaps of other parts (by
-    the clearance), the rigidity, and the distances of near parts; the last rows are the limits.
+    They bound the gaps of grasping members (by targets (s,) [m]), the gaps of other parts to the
+    object, the rigidity, and the distances between near parts of the robot; last come the limits.
     """
     config, members, robot = state.config, list(closing.members), state.config.robot
     collisions, length = collision_model(robot), robot.home.member_lengths.mean()
-    gaps = BOUND_SHARE * (CLEARANCE * robot.description.tube_diameter - state.gaps)
+    clearance = CLEARANCE * robot.description.tube_diameter
+    gaps = BOUND_SHARE * (clearance - state.gaps)
     gaps[members] = targets - state.gaps[members]
     # The two smallest singular values may change places during a step.
     few = Modes(*(each[..., :2] for each in state.modes))
     near = np.flatnonzero(state.distances < NEAR * length)
-    apart = state.distances[near] - SELF_CLEARANCE * length
+    apart = state.distances[near] - clearance
     left = np.append(few.values - closing.min_rigidity, apart)
     shape = [rigidity_index(robot).gradients(config, few), collisions.gradients(config, near)]
     matrices = [

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Planned grasps as plain data, as a timed path, and in words."""
+"""Conversion of planned grasps to plain data, to a timed path, and to text."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ NEAR_SPEED_SHARE = 0.25
 
 def export_figures(grasp: PlannedGrasp) -> dict[str, Any]:
     """
-    Return the data of a grasp by name: module, members, roller positions, scores.
+    Return the data of a grasp as a dictionary: module, members, roller positions, scores.
 
     The module is empty if the members of the grip do not meet at a module.
 
-    :param grasp: planned grasp; see `PlannedGrasp` for the data and units.
+    :param grasp: planned grasp; `PlannedGrasp` lists the data with their units.
     """
     numbers = [field.name for field in fields(grasp) if field.type == 'float']
     return {
@@ -37,10 +37,11 @@ def export_figures(grasp: PlannedGrasp) -> dict[str, Any]:
 
 def export_path(grasp: PlannedGrasp) -> dict[str, Any]:
     """
-    Return the path to a grasp: `path` (k, r) [m], `times` (k,) [s], and its row `touch`.
+    Return the path to a grasp as a dictionary with `path`, `times` and `touch`.
 
-    All grasping members are in contact from the row `touch` on. The rollers move at their largest
-    speed, and at `NEAR_SPEED_SHARE` of it near this row.
+    `path` (k, r) are roller positions [m], and `times` (k,) are their times [s]. From the row with
+    the index `touch` on, all grasping members are in contact. The rollers move at their largest
+    speed, but near this row at the fraction `NEAR_SPEED_SHARE` of it.
 
     :param grasp: planned grasp.
     """
@@ -51,11 +52,11 @@ def export_path(grasp: PlannedGrasp) -> dict[str, Any]:
 
 def path_times(path: Array, limits: RobotDescription, near: Array) -> Array:
     """
-    Return the times of the waypoints of a piecewise linear path.
+    Return the times (k,) at which rollers pass the waypoints of a piecewise linear path.
 
     :param path: (k, r) roller positions [m].
     :param limits: description of the robot, with largest speed and acceleration of the rollers.
-    :param near: (k - 1,) mask of the segments with `NEAR_SPEED_SHARE` of the speed.
+    :param near: (k - 1,) mask that is true for segments with reduced speed, `NEAR_SPEED_SHARE`.
     :return: (k,) times of the waypoints, from 0 [s].
     """
     speeds = np.where(near, NEAR_SPEED_SHARE * limits.max_speed, limits.max_speed)
@@ -76,9 +77,9 @@ def path_times(path: Array, limits: RobotDescription, near: Array) -> Array:
 
 def plan_in_words(plan: GraspPlan) -> str:
     """
-    Return a plan in words: its best grasp, or the violated requirement if it has no grasp.
+    Return a text with the best grasp of a plan, or with the reason why it has no grasp.
 
-    This is the requirement violated by the candidate nearest to an admissible grasp.
+    The reason is the requirement that the candidate nearest to an admissible grasp violates.
 
     :param plan: the plan.
     """
@@ -94,7 +95,7 @@ def plan_in_words(plan: GraspPlan) -> str:
 
 
 def _grasp_in_words(grasp: PlannedGrasp) -> str:
-    """Return members and forces of a grasp in words, with a note if it is outside of the model."""
+    """Return a text with members and forces of a grasp, with a note if a tube wrinkles."""
     outside = '; a tube wrinkles, these numbers are outside of the model'
     where = '' if grasp.module is None else f'at {grasp.module} '
     return (

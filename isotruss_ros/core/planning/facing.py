@@ -2,12 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Directions of members around an object that have force closure.
+Directions of members around an object that admit force closure.
 
-Two balanced forces act along one line. The required friction is the tangent of the angle between
-this line and the normals, for the best line through the contacts. A face can have contact at any
-of its points, see `Shape.contact_patch`. Three members that enclose the object balance with forces
-within their friction cones.
+Two balanced forces act along one line. The required friction coefficient is the tangent of the
+angle between this line and the normals, for the best line through both contacts. A face can be in
+contact at any of its points, see `Shape.contact_patch`. Three members have force closure if forces
+within their friction cones balance.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ from isotruss_ros.core.numerics.tolerances import ROUNDING
 import numpy as np
 import scipy
 
-#: Usable share of the friction angle in planned closed grips, and in open grips [-].
-CONE_SHARE, USED_SHARE = 0.75, 0.85
+#: Fraction of the friction angle that may be used in planned grips [-].
+CONE_SHARE = 0.85
 #: Weight of the members' rotation relative to the friction angle [-].
 TURN_WEIGHT = 0.3
 
 
 def contact_ends(body: ConvexObject, normals: Points, tube_radius: float) -> tuple[Points, Points]:
     """
-    Return both ends of each contact with straight members, first the ends on the clockwise side.
+    Return both ends of each contact with straight members, the clockwise end first.
 
     :param body: the object at its pose.
     :param normals: (s,) unit vectors from the object toward the members, robot frame.
@@ -70,7 +70,7 @@ def friction_angles(
     body: ConvexObject, normals: Points, others: Points, tube_radius: float
 ) -> Array:
     """
-    Return the smallest friction angles (s,) at which pairs of members balance [rad].
+    Return the smallest friction angles (s,) at which s pairs of members balance [rad].
 
     :param body: the object at its pose.
     :param normals: (s,) unit vectors from the object toward the first members, robot frame.
@@ -93,7 +93,7 @@ def friction_angles(
 
 def balances(body: ConvexObject, normals: Points, angle: float, tube_radius: float) -> bool:
     """
-    Return whether members balance an object with forces within their friction cones.
+    Return whether forces within the friction cones of the members can balance an object.
 
     :param body: the object at its pose.
     :param normals: (s,) unit vectors from the object toward the members, robot frame.
@@ -120,13 +120,15 @@ def find_facing(
     turning: float = TURN_WEIGHT,
 ) -> Points | None:
     """
-    Return the best directions of two members with force closure near the current directions.
+    Return directions of two members that admit force closure, near the current directions.
+
+    They minimise a weighted sum of the required friction angle and the rotation.
 
     :param body: the object at its pose.
     :param normals: (2,) current unit vectors from the object toward the members, robot frame.
-    :param angle: half angle of the usable friction cones [rad].
+    :param angle: half angle of the friction cones that may be used [rad].
     :param tube_radius: radius of the members [m].
-    :param turning: weight of the members' rotation relative to the friction angle [-].
+    :param turning: weight of the members' rotation relative to the required friction angle [-].
     :return: (2,) unit vectors from the object toward the members; None if no such directions exist
         nearby.
     """

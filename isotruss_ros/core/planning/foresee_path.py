@@ -21,22 +21,21 @@ from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import Pose, pose_difference
 from isotruss_ros.core.numerics.arrays import Array, finite_array, finite_rows, MAX_MAGNITUDE
 from isotruss_ros.core.numerics.blas_threads import single_threaded
+from isotruss_ros.core.planning.reach_pose import MIN_STEP_SCALE
 import numpy as np
 
 #: Length of a step, with rotations times the characteristic radius [m], and largest number of
 #: steps [-]; long paths have longer steps.
 STEP, MAX_STEPS = 0.005, 400
-#: Smallest factor by which limits may scale a step [-]; a smaller factor ends the path.
-MIN_STEP_SCALE = 0.5
 
 
 class Foresight(NamedTuple):
-    """Predicted motion of a held object along a path."""
+    """Predicted motion of a held object along a path, see `foresee_path`."""
 
-    pose: Pose  #: last pose that is reached
-    share: float  #: share of the path that is reached, 0 to 1
+    pose: Pose  #: pose at the end of the predicted motion
+    share: float  #: fraction of the path that is reached, 0 to 1
     slip_margin: float  #: smallest slip margin on the path [N]
-    why: str  #: reason of an early end; empty at the end of the path
+    why: str  #: reason for an end before the end of the path; otherwise empty
 
 
 @single_threaded
@@ -49,15 +48,15 @@ def foresee_grip(
     tubes: TubeModel = AS_MODELLED,
 ) -> Foresight | None:
     """
-    Predict the motion of a held object along a path, see `foresee_path`.
+    Find the grip of an object, and predict its motion along a path by `foresee_path`.
 
     :param config: configuration of the robot.
     :param body: the object at its pose in the grip.
     :param friction: coefficient of friction between tubes and object.
     :param poses: poses of the path, see `foresee_path`.
-    :param record: grip, from the control loop that holds the object. If it is None, or its
-        prediction ends before the end of the path, the equilibrium with unknown contact history
-        is used.
+    :param record: equilibrium reported by the control loop that holds the object. If it is None,
+        or if the motion from it ends before the end of the path, the motion is predicted from the
+        equilibrium of `attach_grip` instead.
     :param tubes: model of the tubes.
     :return: predicted motion; None if no members hold the object.
     :raises IsotrussError: see `foresee_path`.
@@ -79,14 +78,15 @@ def foresee_grip(
 @single_threaded
 def foresee_path(held: HeldGrip, friction: float, poses: Array) -> Foresight:
     """
-    Predict the motion of a held object along a path from rest to rest, at constant squeeze.
+    Predict how a held object moves along a path from rest to rest, at constant squeeze.
 
-    Contacts roll without slip. External loads and barriers are not included. The motion ends if
-    the slip margin is less than `LEFT_MARGIN` of the squeeze.
+    Contacts roll without slip. External loads and barriers are not considered. The motion ends if
+    the slip margin becomes less than `LEFT_MARGIN` times the squeeze.
 
     :param held: equilibrium of the object at the first pose.
     :param friction: coefficient of friction between tubes and object.
-    :param poses: (n, 3) x, y [m] and unwrapped angle [rad] of the object.
+    :param poses: (n, 3) poses x, y [m], angle [rad] of the object; angles are not wrapped to one
+        turn.
     :raises GraspError: the poses are not finite numbers within range, or the members do not touch
         the object at the first pose, see `solve_twist`.
     :raises ConfigurationError: the configuration is singular.
@@ -125,7 +125,7 @@ def foresee_path(held: HeldGrip, friction: float, poses: Array) -> Foresight:
 def _take_step(
     held: HeldGrip, friction: float, force: float, displacement: Array
 ) -> tuple[HeldGrip | None, str]:
-    """Return the grip after a displacement (3,) [m, rad]; None and a reason if none exists."""
+    """Return the grip after a displacement (3,) [m, rad]; or None with a reason."""
     grip = held.touching(friction)
     opening = (force - held.squeeze) / held.squeeze_stiffness()
     command = solve_twist(held.config, grip, displacement, opening_rate=opening)
@@ -138,7 +138,7 @@ def _take_step(
 
 
 def _divide(poses: Array, arm: float) -> Array:
-    """Return the poses (n, 3) at the steps along a path."""
+    """Return poses (n, 3) along a path, one for each step."""
     along = np.abs(np.diff(poses, axis=0)) * (1.0, 1.0, arm)
     lengths = np.concatenate([[0.0], np.cumsum(np.hypot.reduce(along, axis=1))])
     count = min(max(math.ceil(lengths[-1] / STEP), 1), MAX_STEPS)

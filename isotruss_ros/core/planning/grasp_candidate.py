@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Evaluation of one grasp candidate: approach, closing, and planned grasp."""
+"""Evaluation of one grasp candidate by approach and closing."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from isotruss_ros.core.errors import IsotrussError
 from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip
+from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.planning.approach import approach
 from isotruss_ros.core.planning.closing import Closing
 from isotruss_ros.core.planning.closing_in_place import close_in_place
@@ -24,17 +25,18 @@ from isotruss_ros.core.safety.margins import shape_margins
 import numpy as np
 
 
+@single_threaded  # also in the processes of an executor
 def judge_candidate(
     config: Configuration, closing: Closing, needs: GraspRequirements
 ) -> tuple[PlannedGrasp | None, SearchTally]:
     """
-    Return the planned grasp of a candidate after approach and closing, and the search's counts.
+    Compute approach and closing of a candidate; return its planned grasp and the counts.
 
     :param config: configuration of the robot.
     :param closing: closing motion from which the candidate starts, see `find_seeds`.
     :param needs: requirements of the grasp.
-    :return: planned grasp, or None if it violates a requirement; and the counts, with the
-        violation closest to an admissible grasp.
+    :return: planned grasp, or None if the candidate violates a requirement; and the counts of the
+        search, with the violation that was closest to an admissible grasp.
     """
     grasp, tally = None, closing.tally
     try:
@@ -57,12 +59,13 @@ def close_grip(
     """
     Return the path from first contact to the best admissible grip, and that grip.
 
-    The squeeze increases until the score decreases or a bound is reached.
+    The squeeze is increased until the score decreases or a requirement is violated.
 
-    :param opened: configuration with the members near the object.
+    :param opened: configuration in which the members are near the object.
     :param closing: closing motion with members and object.
     :param needs: requirements of the grasp.
-    :return: path and grip; None if no grip is admissible (then `closing.tally` has a violation).
+    :return: path and grip; None if no grip is admissible. In this case `closing.tally` contains
+        the violation.
     :raises SolverError: a quadratic program, or the contact, was not solved.
     :raises StructureError: see `structure_of`.
     """

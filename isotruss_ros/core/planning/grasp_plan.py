@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Result of the grasp search: grasps with their paths."""
+"""Result of the grasp search: grasps with the paths that lead to them."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ from isotruss_ros.core.planning.violations import Violation
 
 class ClosedGrip(NamedTuple):
     """
-    A grip with contact forces on the object.
+    Grip with contact forces on the object, reached by closing.
 
-    The slip margin is zero if the free object is not held, and None if the grip violates
-    requirements; see `SettledGrasp.slip_margin`.
+    Its slip margin (see `SettledGrasp`) is zero if the free object is not held, and None if the
+    grip violates requirements.
     """
 
     config: Configuration  #: configuration of the robot
     body: ConvexObject  #: the object at its pose after closing
     analysis: GraspAnalysis  #: analysis of the fixed object
-    loads: dict[str, float]  #: loads by requirement, see `GraspRequirements.find_loads`
+    loads: dict[str, float]  #: loads, see `GraspRequirements.find_loads`
     squeeze: float  #: mean normal force of the grasping members [N]
     slip_margin: float | None  #: slip margin of the free object [N]
 
@@ -39,29 +39,30 @@ class PlannedGrasp(
     Record, headline=('members', 'squeeze', 'slip_margin', 'utilisation', 'roller_positions')
 ):
     """
-    Grasp that fulfils the requirements, with the path to it.
+    Grasp that fulfils the requirements, with the path that leads to it.
 
-    The path is linear between its rows. Friction closure (10) is computed for a fixed object; an
-    object that is held may be without closure.
+    The rollers move linearly between the rows of the path. Closure by friction (10) is computed
+    for a fixed object; a free object may be held without it.
     """
 
     grip: Grip  #: grasping members, and the object at its pose after closing
     members: tuple[str, ...]  #: names `t/j-k` of all members in contact with the object
     config: Configuration  #: configuration of the robot in the grasp
     analysis: GraspAnalysis  #: analysis of the fixed object
-    score: float  #: score by the required measure; larger is better
+    score: float  #: score by the required criterion; larger is better
     squeeze: float  #: mean normal force of the grasping members on the free object [N]
     slip_margin: float  #: slip margin of the free object [N]; zero if not held
     closure_margin: float  #: closure margin of the fixed object [N]; negative without closure
     required_friction: float  #: required friction of the fixed object [-]
     max_contact_force: float  #: largest normal force on the fixed or the free object [N]
-    total_force: float  #: larger of the two sums of normal forces on fixed and free object [N]
-    utilisation: float  #: largest utilisation of a member [-]; above 1, outside of the model
+    #: larger of the sums of normal forces on the fixed and on the free object [N]
+    total_force: float
+    utilisation: float  #: largest utilisation of a member [-]; the model holds below 1
     nonlinearity: float  #: nonlinearity of the contact forces, see `GraspAnalysis` [-]
     travel: float  #: largest travel of a roller along the path [m]
     rigidity: float  #: smallest rigidity index along the path, 1 at home [-]
     path: Array  #: (k, r) roller positions from the current positions to the grasp [m]
-    touch: int  #: first row of `path` at which all grasping members have contact
+    touch: int  #: index of the first row of `path` with all grasping members in contact
 
     @property
     def module(self) -> str | None:
@@ -72,7 +73,7 @@ class PlannedGrasp(
 
     @property
     def outside_model(self) -> bool:
-        """Return whether a tube wrinkles; then all results are invalid."""
+        """Return whether a tube wrinkles, which makes all results invalid."""
         return self.utilisation > 1.0
 
     @property
@@ -88,12 +89,12 @@ class GraspPlan(
     headline=('best', 'complete', 'closest_violation', 'computing_time'),
 ):
     """
-    Result of a grasp search; as a sequence it contains the grasps.
+    Result of a grasp search, usable as a sequence of the grasps.
 
     :ivar grasps: distinct grasps, best first.
     :ivar complete: whether the search was completed; false if it was stopped.
-    :ivar closest_violation: violation of the candidate closest to an admissible grasp; None if
-        there is a grasp.
+    :ivar closest_violation: requirement violated by the candidate closest to an admissible grasp;
+        None if there is a grasp.
     :ivar evaluations: number of evaluated configurations.
     :ivar analyses: number of static analyses.
     :ivar computing_time: computing time [s].
@@ -113,7 +114,7 @@ class GraspPlan(
     def __getitem__(self, place: slice) -> tuple[PlannedGrasp, ...]: ...
 
     def __getitem__(self, place: int | slice) -> PlannedGrasp | tuple[PlannedGrasp, ...]:
-        """Return a grasp or a slice of the grasps."""
+        """Return the grasp at an index, or the grasps of a slice."""
         return self.grasps[place]
 
     @property
@@ -128,10 +129,10 @@ class GraspPlan(
 
 @dataclass(frozen=True)
 class Progress:
-    """Progress of a grasp search."""
+    """Counts that describe the progress of a grasp search."""
 
     evaluations: int  #: number of evaluated configurations so far
     found: int  #: number of grasps so far
     best: float | None  #: score of the best grasp; None if no grasp was found
-    share: float  #: computed share of the candidates of all rounds begun so far, 0 to 1
+    share: float  #: fraction of the candidates computed, in all rounds begun so far, 0 to 1
     time_left: float | None  #: estimated remaining time [s]; None without an estimate

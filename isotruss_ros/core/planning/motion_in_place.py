@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Motion in place: change of the squeeze of a held object at constant pose.
+Motion in place: the squeeze of a held object is changed without moving the object.
 
-Contacts of the held object roll, by the mechanics of the elastic plant. Newton steps in roller
-travel, with exact derivatives of the equilibrium, lead to the desired squeeze and pose.
+The roller travel for the desired squeeze and pose is found by Newton's method, with rolling
+contacts, elastic tubes and exact derivatives of the equilibrium.
 """
 
 from __future__ import annotations
@@ -28,19 +28,18 @@ from isotruss_ros.core.planning.closing import Closing, evaluate_state
 from isotruss_ros.core.planning.violations import RequirementError
 import numpy as np
 
-#: Relative tolerance of the squeeze [-], and tolerance of the pose with rotations times the
-#: characteristic radius [m].
-SQUEEZE_TOLERANCE, PLACE_TOLERANCE = 1e-3, 2e-5
-#: Relative tolerance of the forces of three members, compared with those of a balance without
-#: friction [-].
-EVENNESS_TOLERANCE = 0.02
-#: Weights of the residuals of x, y, angle and the forces of three members, in units of their
-#: tolerances, if not all residuals can vanish [-].
-RESIDUAL_WEIGHTS = np.array([1.0, 1.0, 0.05, 10.0, 10.0, 10.0])
-#: Largest displacement of the object by a change of the squeeze, in tube diameters [-]; a robot
-#: with few rollers cannot avoid a displacement.
+#: Relative tolerance of the squeeze, and of the forces of three members compared with those of a
+#: balance without friction [-].
+SQUEEZE_TOLERANCE = 1e-3
+#: Tolerance of the pose, with rotations times the characteristic radius [m].
+PLACE_TOLERANCE = 2e-5
+#: Weight of the rotation relative to the other residuals in units of their tolerances, if not all
+#: residuals can vanish [-].
+ROTATION_WEIGHT = 0.05
+#: Largest displacement of the object due to a change of the squeeze, in tube diameters [-]; a
+#: robot with few rollers cannot avoid a displacement.
 MAX_SHIFT = 0.25
-#: Weight of roller travel [1/m^2].
+#: Weight of squared roller travel relative to squared residuals [1/m^2].
 MOTION_WEIGHT = 2e4
 #: Largest ratio of the residuals of successive steps [-]; slower convergence ends the iteration.
 MAX_CONTRACTION = 0.7
@@ -48,9 +47,9 @@ MAX_CONTRACTION = 0.7
 
 def hold_between(config: Configuration, closing: Closing) -> HeldGrip:
     """
-    Return the equilibrium of an object between the members of a grip, with rolling contacts.
+    Return the equilibrium of an object between given members, from which contacts can roll.
 
-    :param config: configuration with contact.
+    :param config: configuration in which the members touch the object.
     :param closing: closing motion with members and object.
     :raises RequirementError: the object is not held, or another member is in contact.
     :raises StructureError: see `structure_of`.
@@ -68,21 +67,19 @@ def hold_between(config: Configuration, closing: Closing) -> HeldGrip:
 
 def squeeze_in_place(grasp: HeldGrip, force: float, closing: Closing) -> HeldGrip:
     """
-    Return a grasp with another squeeze at the same pose of the object.
+    Return the grasp after a change of its squeeze without motion of the object.
 
-    :param grasp: equilibrium of the object, from `roll_grip`.
+    :param grasp: equilibrium of the object, a result of `roll_grip`.
     :param force: mean normal force of the members, positive [N].
     :param closing: closing motion with members, object at the desired pose, and bounds.
-    :raises RequirementError: a requirement ends the motion.
+    :raises RequirementError: the motion would violate a requirement.
     :raises StructureError: see `structure_of`.
     """
     evened = len(closing.members) if len(closing.members) > 2 else 0
-    scale = np.array(
-        [SQUEEZE_TOLERANCE * force, PLACE_TOLERANCE, PLACE_TOLERANCE]
-        + [PLACE_TOLERANCE / grasp.arm]
-        + evened * [EVENNESS_TOLERANCE * force]
-    )
-    weights = RESIDUAL_WEIGHTS[: len(scale) - 1]
+    place = PLACE_TOLERANCE / np.array([1.0, 1.0, grasp.arm])
+    scale = np.array([SQUEEZE_TOLERANCE * force, *place, *evened * [SQUEEZE_TOLERANCE * force]])
+    weights = np.ones(len(scale) - 1)
+    weights[2] = ROTATION_WEIGHT
     limits = stack_rows(grasp.config, closing.limits)
     rows = np.concatenate([limits.matrix, -limits.matrix])
     room = np.concatenate([limits.upper, -limits.lower])  # up to the end of the motion
@@ -131,7 +128,7 @@ def squeeze_in_place(grasp: HeldGrip, force: float, closing: Closing) -> HeldGri
 
 
 def _missing(grasp: HeldGrip, force: float, body: ConvexObject) -> Array:
-    """Return the errors of squeeze [N] and pose [m, rad], and of the forces of three members."""
+    """Return the errors of squeeze [N], pose [m, rad], and distribution of three forces [N]."""
     missing = np.append(force - grasp.squeeze, pose_difference(body.pose, grasp.pose))
     owners = grasp.contacts.owners
     if owners[-1] < 2:
@@ -143,7 +140,7 @@ def _missing(grasp: HeldGrip, force: float, body: ConvexObject) -> Array:
 
 
 def _check_place(grasp: HeldGrip, closing: Closing) -> None:
-    """Raise RequirementError if a grip violates a bound or has displaced the object."""
+    """Raise RequirementError if a grip violates a bound or the object was displaced."""
     state = evaluate_state(grasp.config, grasp.body)
     least = np.zeros(len(state.gaps))
     least[list(closing.members)] = -np.inf

@@ -2,12 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Search for grasps: approach by kinematics, then closing by statics.
+Search for grasps: kinematic approach of the members, then closing by statics.
 
-The search runs in rounds. Each round has a number of seeds, from which candidates start. A seed
+The search runs in rounds. Each round has several candidates. A candidate starts from a seed, which
 consists of grasping members, their directions toward the object, and a nominal posture for the
-remaining freedom. Kinematics moves each candidate to an open grip or rejects it; statics closes
-the grip. The first round has promising seeds; the following rounds have random postures.
+remaining degrees of freedom. By kinematics, each candidate reaches an open grip or is rejected;
+then the grip is closed by statics. The seeds of the first round are the most promising ones; the
+following rounds have random postures.
 """
 
 from __future__ import annotations
@@ -52,24 +53,25 @@ def plan_grasps(
     max_rounds: int = 5,
 ) -> GraspPlan:
     """
-    Return grasps of a free object inside a loop of the robot, with paths to them.
+    Return grasps of a free object inside a loop of the robot, with the paths to these grasps.
 
     Candidates are all pairs and triples of members around the object, unless the requirements name
     a module or members. Grasps are ranked by slip margin, unless the requirements name another
-    measure. The plan depends on `seed`, but not on the number of cores.
+    criterion. The plan depends on `seed`, but not on the number of cores.
 
     :param config: configuration of the robot.
-    :param body: the object; its own coefficient of friction has precedence over the required one.
+    :param body: the object. If it has a coefficient of friction, this replaces the one in the
+        requirements.
     :param requirements: requirements of a grasp; None: `GraspRequirements()`.
-    :param seed: seed of the random postures.
-    :param executor: executor of the candidates, for example a process pool or the executor of a
-        Dask client; None: this process.
+    :param seed: seed of the random number generator.
+    :param executor: executor that computes the candidates, for example a process pool or that of a
+        Dask client; None: this process computes them.
     :param on_progress: callback at the start of each round and after each candidate.
     :param should_stop: function that is called before each candidate, and with an executor every
         `POLL_INTERVAL`. If it returns true, the search stops with the grasps found so far.
-    :param thorough: whether a round computes all candidates; otherwise it ends when enough grasps
-        are found.
-    :param max_rounds: largest number of rounds; no further round begins after enough grasps are
+    :param thorough: True to compute all candidates of a round; otherwise a round ends when enough
+        grasps are found.
+    :param max_rounds: largest number of rounds. No further round begins when enough grasps are
         found.
     :raises GraspError: the robot has no such module or members, or the seed is invalid.
     :raises StructureError: the robot cannot be analysed.
@@ -116,7 +118,7 @@ class _Search:
         self.stopped, self.tally = False, SearchTally()
 
     def judge(self, closings: list[Closing], thorough: bool) -> None:
-        """Compute the grasps of seeds; stop after enough grasps unless `thorough`."""
+        """Compute grasps from seeds; stop when enough are found, unless `thorough`."""
         self._known += len(closings)
         self._report()
         for grasp, tally in self._judge_each(closings):
@@ -145,7 +147,7 @@ class _Search:
         return distinct[: self._needs.count]
 
     def plan(self) -> GraspPlan:
-        """Return the plan."""
+        """Return the result of the search so far."""
         best, tally = tuple(self.best()), self.tally
         return GraspPlan(
             best,
@@ -159,7 +161,7 @@ class _Search:
     def _judge_each(
         self, closings: list[Closing]
     ) -> Iterator[tuple[PlannedGrasp | None, SearchTally]]:
-        """Yield the results of seeds in their order until the search is stopped."""
+        """Yield the results of the seeds in their order, until the search is stopped."""
         if self._executor is None:
             for closing in closings:
                 if self._check_stop():
@@ -181,7 +183,7 @@ class _Search:
                 future.cancel()
 
     def _report(self) -> None:
-        """Report the progress of the search."""
+        """Pass the progress of the search to its callback."""
         if self._on_progress is None:
             return
         share = self._judged / self._known if self._known else 0.0

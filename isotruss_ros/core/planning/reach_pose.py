@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Roller positions for a desired pose of the held object."""
+"""Roller positions at which the held object has a desired pose."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from isotruss_ros.core.errors import ConfigurationError, GraspError, SolverError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.limit_handling import LimitHandling
-from isotruss_ros.core.manipulation.limits import default_limits
+from isotruss_ros.core.manipulation.limits import APPROACH_RATE, default_limits
 from isotruss_ros.core.manipulation.rolling_grip import RollingGrip
 from isotruss_ros.core.manipulation.solve_twist import solve_twist_ahead
 from isotruss_ros.core.manipulation.status import Status
@@ -27,9 +27,7 @@ from numpy.typing import ArrayLike
 
 #: Length of a step of the object, with rotations times the characteristic radius [m].
 STEP = 2e-3
-#: Speed of the twists [m/s], so low that limits of the configuration do not slow the object early.
-STEP_SPEED = 0.02
-#: Smallest factor by which limits may scale a step [-]; a smaller factor ends the motion, so the
+#: Smallest factor by which limits may shorten a step [-]; a smaller factor ends the motion, so the
 #: number of steps is bounded.
 MIN_STEP_SCALE = 0.05
 
@@ -41,9 +39,10 @@ class ReachedPose(Record, headline=('status', 'why', 'share', 'pose', 'roller_po
 
     :ivar config: configuration at the end of the motion.
     :ivar pose: pose of the object at the end.
-    :ivar share: share of the motion that is reached, 0 to 1.
-    :ivar status: OK if the pose is reached, else the status of the limit.
-    :ivar why: limit in words; empty if the pose is reached.
+    :ivar share: fraction of the motion that was executed, 0 to 1.
+    :ivar status: OK if the pose is reached, otherwise the status of the limit that ended the
+        motion.
+    :ivar why: sentence that names this limit; empty if the pose is reached.
     :ivar path: (k, r) roller positions along the motion, from its start [m].
     """
 
@@ -65,15 +64,15 @@ def reach_pose(
     config: Configuration, grip: Grip, pose: ArrayLike, guard: ShapeGuard | None = None
 ) -> ReachedPose:
     """
-    Move a held object on a straight line to a pose, and return the roller positions.
+    Compute the roller positions that move a held object on a straight line to a pose.
 
-    Contacts roll, by (19) and (20) in each step, within the limits of member lengths and the
-    barriers. Forces are not computed; for forces see `foresee_path`.
+    In each step contacts roll by (19) and (20), within the limits of member lengths and the
+    barriers. Forces are not computed; `foresee_path` computes them.
 
     :param config: initial configuration.
     :param grip: initial grip.
-    :param pose: desired pose (x, y, angle) [m, rad]; the shorter rotation is taken.
-    :param guard: guard with the barriers; None: `ShapeGuard(robot)`.
+    :param pose: desired pose (x, y, angle) [m, rad], reached by the shorter rotation.
+    :param guard: barriers on the configuration; None: those of `ShapeGuard(robot)`.
     :raises GraspError: the pose is not three finite numbers within range, or the members do not
         touch the object.
     """
@@ -104,9 +103,9 @@ def reach_pose(
 def _take_step(
     rolling: RollingGrip, step: Array, guard: ShapeGuard
 ) -> tuple[RollingGrip | None, Status, str]:
-    """Return the grip after a displacement (3,), or None if a limit ends it; status and reason."""
+    """Return the grip after a displacement (3,), or None at a limit; then status and reason."""
     config, grip = rolling.config, rolling.grip
-    duration = STEP / STEP_SPEED
+    duration = 1.0 / APPROACH_RATE  # in one step a length reaches its bound
     watch = guard.watch(config, grip)
     limits = (*default_limits(config.robot), *watch.limits)
     command = solve_twist_ahead(

@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Release of a held object: unloading in place, opening of the grip, retreat.
+Release of a held object: unloading without motion, opening of the grip, and retreat.
 
-The squeeze decreases at constant pose of the object. When it is negligible, the members move away
-from the object at rest.
+The squeeze is decreased while the object keeps its pose. When the squeeze is negligible, the
+members move away from the object.
 """
 
 from __future__ import annotations
@@ -33,22 +33,23 @@ from isotruss_ros.core.planning.requirements import GraspRequirements
 from isotruss_ros.core.planning.violations import RequirementError, Violation
 import numpy as np
 
-#: Squeeze at the waypoints of the unloading relative to the initial squeeze [-]. At the end the
-#: object moves by the last share of its deflection.
+#: Squeeze at the waypoints of the unloading relative to the initial squeeze [-]. When the last
+#: contact opens, the object springs back by the last of these fractions of its deflection.
 UNLOADING_SHARES = (0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 0.04, 0.015, 0.005, 0.002)
 #: Smallest normal force of a pressing member [N].
 MIN_CONTACT_FORCE = 0.01
-#: Opening of the grip in place before the retreat, in tube diameters [-].
+#: Gap to which the grip is opened before the retreat, in tube diameters [-].
 FIRST_OPENING = 0.015
 
 
 @dataclass(frozen=True, eq=False)
 class Release:
     """
-    Path of a release, or the violated requirement.
+    Path that releases an object, or the requirement that prevents it.
 
-    :ivar path: (k, r) roller positions from now on [m]; empty with a violation.
-    :ivar apart: first row of `path` without contact.
+    :ivar path: (k, r) roller positions, from the current ones on [m]; empty if there is a
+        violation.
+    :ivar apart: index of the first row of `path` in which no member touches the object.
     :ivar violation: violated requirement; None if the release is possible.
     """
 
@@ -72,12 +73,13 @@ def plan_release(
     :param config: configuration of the robot.
     :param body: the object at its measured pose.
     :param members: names `t/j-k` of the two or three members that hold the object.
-    :param clearance: gap of these members at the end [m], at most the sum of all lengths.
-    :param record: grip, from the control loop that holds the object. If it is None or has no
-        equilibrium, the equilibrium with unknown contact history is used.
-    :param max_turn: largest predicted rotation of the object [rad].
+    :param clearance: gap between these members and the object at the end [m]; at most the sum of
+        all member lengths.
+    :param record: equilibrium reported by the control loop that holds the object. If it is None or
+        cannot be restored, the equilibrium of `attach_grip` is used instead.
+    :param max_turn: largest admissible predicted rotation of the object [rad].
     :raises GraspError: the robot has no such members, or the clearance is out of range.
-    :raises ConfigurationError: the configuration at the opening is singular.
+    :raises ConfigurationError: the configuration in which the grip opens is singular.
     :raises SolverError: a quadratic program was not solved.
     :raises StructureError: see `structure_of`.
     """
@@ -113,8 +115,8 @@ def _unload(
     """
     Return the path of decreasing squeeze, and the closing motion at its end.
 
-    Without contact forces the path has only its start. A robot with few rollers displaces the
-    object a little.
+    Without contact forces the path consists of its start only. With few rollers the object is
+    displaced a little.
     """
     path, diameter = [config], config.robot.description.tube_diameter
     if float(member_depths(config, closing.body).max()) <= FIRST_INDENTATION * diameter:

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Requirements of grasps, and their ranking."""
+"""Requirements that grasps must fulfil, and criteria by which grasps are ranked."""
 
 from __future__ import annotations
 
@@ -34,16 +34,17 @@ class Measure(str, Enum):
 @dataclass(frozen=True)
 class GraspRequirements:
     """
-    Requirements of a grasp of a free object.
+    Requirements that a grasp of a free object must fulfil.
 
-    The path `carry` is shifted to the held pose. A grasp is rejected if its object slips on this
-    path, see `foresee_path`.
+    The path `carry` is shifted so that it begins at the pose in which the object is held. A grasp
+    is rejected if the object would slip on this path, see `foresee_path`.
 
     :ivar friction: coefficient of friction, not negative [-].
     :ivar external_wrench: external wrench (fx, fy, m) on the object [N, N m].
-    :ivar module: module `t/j` at which the grasping members meet; None: any.
-    :ivar members: names of the two or three grasping members.
-    :ivar squeeze: normal force of each member [N]; None: the search chooses it.
+    :ivar module: name `t/j` of the module at which the grasping members must meet; None: any
+        module.
+    :ivar members: names of the two or three required grasping members; empty: any members.
+    :ivar squeeze: required normal force of each member [N]; None: the search chooses it.
     :ivar min_slip_margin: smallest `SettledGrasp.slip_margin`, not negative [N].
     :ivar min_margin: smallest `GraspAnalysis.closure_margin` [N]; None: no bound.
     :ivar max_contact_force: largest normal force of a member [N].
@@ -53,7 +54,8 @@ class GraspRequirements:
     :ivar min_length: smallest member length [m]; None: as in the robot file.
     :ivar max_length: largest member length [m]; None: as in the robot file.
     :ivar measure: criterion of the ranking.
-    :ivar direction: displacement (x, y, angle) along which `STIFFNESS` is the stiffness [m, rad].
+    :ivar direction: displacement (x, y, angle) [m, rad] along which the stiffness is taken if
+        `measure` is `STIFFNESS`.
     :ivar carry: poses (x, y, angle) along which the object is carried after the grasp [m, rad].
     :ivar paper_model: see `analyze_grasp`.
     :ivar count: number of distinct grasps, at least 1.
@@ -80,7 +82,7 @@ class GraspRequirements:
     count: int = 3
 
     def __post_init__(self) -> None:
-        """Check the values; names are checked against a robot at the begin of a search."""
+        """Check the values; names are checked against the robot when a search begins."""
         for name in ('external_wrench', 'direction'):
             values = finite_array(getattr(self, name), 3, f'requirement {name}', GraspError)
             object.__setattr__(self, name, tuple(values.tolist()))
@@ -112,11 +114,14 @@ class GraspRequirements:
         self, analysis: GraspAnalysis, normal_forces: Iterable[float], utilisation: Iterable[float]
     ) -> dict[str, float]:
         """
-        Return the loads of a grasp by requirement, each the larger of fixed and free object.
+        Return the largest loads of a grasp, each the larger value of fixed and free object.
+
+        The keys of the result are the names of the requirements that bound these loads.
 
         :param analysis: analysis of the fixed object.
         :param normal_forces: normal forces of the members on the free object [N].
-        :param utilisation: utilisation of the members under these forces [-].
+        :param utilisation: utilisation of the members under the normal forces on the free object
+            [-].
         :raises RequirementError: a load exceeds its bound.
         """
         pressing = [*analysis.contact_forces.values(), *normal_forces]
@@ -143,10 +148,11 @@ class GraspRequirements:
 
     def rate_grip(self, grip: ClosedGrip, shortness: float) -> float:
         """
-        Return the score of a grip by the measure; a larger score is better.
+        Return the score of a grip by the criterion `measure`; a larger score is better.
 
         :param grip: admissible grip.
-        :param shortness: score for the measure of travel, larger for a shorter path.
+        :param shortness: score if the criterion is the roller travel; it is larger for a shorter
+            path.
         """
         if self.measure is Measure.TRAVEL:
             return shortness

@@ -26,7 +26,7 @@ from isotruss_ros.core.planning.workers import WorkerPool
 
 
 class SearchOutcome(enum.IntEnum):
-    """Final codes of a search, equal to those of the action PlanGrasp."""
+    """Codes for the outcome of a search, equal to those of the action PlanGrasp."""
 
     FOUND = 0
     NONE_FOUND = 1
@@ -38,18 +38,18 @@ class SearchOutcome(enum.IntEnum):
 
 
 class Answer(NamedTuple):
-    """Result of a search."""
+    """Result of a search in the background."""
 
-    outcome: SearchOutcome  #: final code
-    message: str  #: result in words
+    outcome: SearchOutcome  #: code of the outcome
+    message: str  #: sentence with the result
     plan: GraspPlan | None = None  #: the plan; None without a search, or after a failure
 
 
 class Stop:
     """
-    Condition for a stop: a request, or the time limit.
+    Condition under which a search stops: a request, or the end of its time limit.
 
-    :param time_limit: time limit from now [s]; 0: no limit.
+    :param time_limit: time limit of the search, which starts now [s]; 0: no limit.
     """
 
     def __init__(self, time_limit: float = 0.0) -> None:
@@ -58,7 +58,7 @@ class Stop:
 
     @property
     def time_left(self) -> float:
-        """Return the time until the limit [s]."""
+        """Return the time until the limit is reached [s]."""
         return max(0.0, self._deadline - time.monotonic())
 
     def __call__(self) -> bool:
@@ -68,7 +68,7 @@ class Stop:
 
 class Searcher:
     """
-    Search that does not block the caller; its processes start with the first search.
+    Search for grasps in the background; its worker processes start with the first search.
 
     :param workers: number of processes, see `WorkerPool`.
     """
@@ -101,15 +101,15 @@ class Searcher:
         threading.Thread(target=self._run, args=(self._search, arguments), daemon=True).start()
 
     def progress(self) -> Progress | None:
-        """Return the progress and remaining time of the search; None without a search."""
+        """Return progress and remaining time of the running search; None if none is running."""
         return None if self._search is None else self._progress
 
     def cancel(self) -> None:
-        """Stop the search soon; its result has the grasps found so far."""
+        """Ask the search to stop; its result contains the grasps found so far."""
         self._stop.requested = True
 
     def answer(self) -> Answer | None:
-        """Return the result of the search once; None while it runs or without a search."""
+        """Return the result of a finished search, once only; None while it runs or without one."""
         if self._search is None or not self._search.done():
             return None
         search, self._search = self._search, None
@@ -136,7 +136,7 @@ class Searcher:
         return Answer(outcome, plan_in_words(plan), plan)
 
     def close(self) -> None:
-        """Stop the search without a result, and end the processes."""
+        """Stop the search without a result, and end its worker processes."""
         if self._search is not None:
             self.cancel()
             self._search.exception()  # joins the thread

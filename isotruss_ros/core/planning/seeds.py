@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Seeds of the grasp search, which are closing motions of two or three members on an object."""
+"""Seeds of the grasp search: closing motions of members from which the candidates start."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.manipulation.grip import find_members, members_at
 from isotruss_ros.core.manipulation.limits import MemberLengthLimit
 from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.numerics.tolerances import ROUNDING
 from isotruss_ros.core.planning.closing import BOUND_SHARE, Closing
 from isotruss_ros.core.planning.facing import balances, CONE_SHARE, find_facing, TURN_WEIGHT
 from isotruss_ros.core.planning.requirements import GraspRequirements
@@ -22,8 +23,6 @@ from isotruss_ros.core.planning.violations import RequirementError
 from isotruss_ros.core.safety.margins import object_distances
 import numpy as np
 
-#: Number of lines of sight from the object's centre [-].
-SIGHT_LINES = 180
 #: Largest number of seeds of a round [-].
 MAX_SEEDS = 8
 #: Standard deviation of random nominal postures, in mean member lengths [-].
@@ -41,10 +40,10 @@ def find_seeds(
     :param config: configuration of the robot.
     :param body: the object.
     :param needs: requirements of the grasp. If they name a module or members, only these members
-        are grasping members.
+        are used.
     :param seed: seed of the random numbers.
     :param number: index of the round, from 0. Later rounds have random friction cones and
-        postures, and repeat members if there are few.
+        postures, and use the same members several times if there are few.
     :raises RequirementError: no members around the object are suitable.
     :raises GraspError: the robot has no such required module or members.
     """
@@ -93,7 +92,7 @@ def find_seeds(
 
 def required_members(robot: Mechanism, needs: GraspRequirements) -> frozenset[int]:
     """
-    Return the indices of the required grasping members; empty if no members are required.
+    Return the indices of the required grasping members; empty if none are required.
 
     :param robot: the robot.
     :param needs: requirements of a grasp.
@@ -107,7 +106,7 @@ def required_members(robot: Mechanism, needs: GraspRequirements) -> frozenset[in
 
 def enclosing_members(config: Configuration, point: complex) -> tuple[int, ...]:
     """
-    Return the members in line of sight of a point; none if a line of sight leaves the robot.
+    Return the members visible from a point; none if the robot does not enclose the point.
 
     :param config: configuration of the robot.
     :param point: point x + iy in the robot frame [m].
@@ -117,8 +116,10 @@ def enclosing_members(config: Configuration, point: complex) -> tuple[int, ...]:
     b, c = points[topology.b], points[topology.c]
     starts = np.concatenate([b, b, points[topology.joint]]) - point
     ends = np.concatenate([points[topology.end], c, 0.5 * (b + c)]) - point
-    sights = np.exp(2j * np.pi * (np.arange(SIGHT_LINES)[:, None] + 0.5) / SIGHT_LINES)
-    # Intersections of lines of sight and segments.
+    # Between the directions of ends, all lines of sight meet the same segments.
+    angles = np.sort(np.angle(np.concatenate([starts, ends])))
+    between = np.diff(angles, append=angles[0] + 2.0 * np.pi)
+    sights = np.exp(1j * (angles + 0.5 * between)[between > ROUNDING, None])
     one, other = starts * sights.conj(), ends * sights.conj()
     crossing = (one.imag > 0.0) != (other.imag > 0.0)
     share = one.imag / np.where(crossing, one.imag - other.imag, 1.0)

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Violations of requirements by candidates, in numbers and words."""
+"""Violations of requirements by grasp candidates, as numbers and as text."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from typing import Any
 
 from isotruss_ros.core.errors import IsotrussError
 
-#: Sentences by requirement, in the order of the search; a candidate that violates a later
-#: requirement is closer to a grasp.
+#: Sentence for each violated requirement, in the order in which the search tests them; a candidate
+#: that violates a later requirement is closer to a grasp.
 SENTENCES_BY_REQUIREMENT = {
     'free': 'the robot touches the object already: the gap between them is {value:.4g} m',
     'enclosed': 'no members enclose the object',
@@ -31,8 +31,8 @@ SENTENCES_BY_REQUIREMENT = {
     'squeeze': 'limits end the closing at {value:.4g} N of each member; must be {bound:.4g} N',
     'held': 'no pose near the object balances the forces of the members',
 }
-#: Sentences by requirement for the last stage of the search; violations of these requirements are
-#: compared by their relative size.
+#: Sentence for each requirement of the last stage of the search; violations of these are compared
+#: by their relative size.
 BOUNDS = {
     'min_slip_margin': 'the slip margin is {value:.4g} N, and must be {bound:.4g} N',
     'force_closure': 'the required friction coefficient is {value:.4g}; must be {bound:.4g}',
@@ -54,7 +54,7 @@ class Violation:
 
     @property
     def distance(self) -> float:
-        """Return a measure of the candidate's distance from an admissible grasp [-]."""
+        """Return a number that is smaller for candidates closer to an admissible grasp [-]."""
         if self.requirement in BOUNDS:
             low, high = sorted((max(self.value, 0.0), self.bound))
             return 1.0 - low / high if high > 0.0 else 1.0
@@ -65,16 +65,16 @@ class Violation:
 
 
 class RequirementError(IsotrussError):
-    """Error: a candidate violates a requirement; its arguments are the fields of a `Violation`."""
+    """Error: a candidate violates a requirement. The arguments are the fields of a `Violation`."""
 
 
 @dataclass
 class SearchTally:
-    """Counts of a search, and the violation of the candidate closest to an admissible grasp."""
+    """Counts of a search, and the violation that was closest to an admissible grasp."""
 
     evaluations: int = 0  #: number of computed configurations
     analyses: int = 0  #: number of calls of `analyze_grasp`
-    #: violation of the candidate closest to an admissible grasp; the first one of several
+    #: violation of the candidate closest to an admissible grasp; if there are several, the first
     closest: Violation | None = None
 
     def record(self, violation: Violation) -> None:
@@ -88,7 +88,7 @@ class SearchTally:
 
     @contextlib.contextmanager
     def recording(self) -> Iterator[None]:
-        """Catch a RequirementError of the block, and record its violation."""
+        """Catch a RequirementError raised inside a `with` block, and record its violation."""
         try:
             yield
         except RequirementError as error:
@@ -96,7 +96,7 @@ class SearchTally:
 
     def add(self, other: SearchTally) -> None:
         """
-        Add the counts of another candidate, and record its violation.
+        Add the counts of another candidate, and record the violation of that candidate.
 
         :param other: counts and violation of the other candidate.
         """
@@ -108,7 +108,7 @@ class SearchTally:
 
 def export_violation(violation: Violation | None) -> dict[str, Any]:
     """
-    Return the violated requirement with its value and bound; empty for None.
+    Return a violated requirement with its value and bound as a dictionary; empty for None.
 
     :param violation: closest violation of a search; None if there was none.
     """
@@ -123,7 +123,7 @@ def export_violation(violation: Violation | None) -> dict[str, Any]:
 
 def violation_in_words(violation: Violation | None) -> str:
     """
-    Return a violation in words.
+    Return a sentence that describes a violation.
 
     :param violation: violation of the closest candidate; None if there was no candidate.
     """

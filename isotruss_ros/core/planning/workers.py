@@ -1,11 +1,10 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Worker processes of the search, one for each core, which end with their parent process."""
+"""Worker processes of the search, one for each core, which end when their parent process ends."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 import contextlib
 import multiprocessing
@@ -15,11 +14,6 @@ import os
 import signal
 import threading
 
-#: Environment for one BLAS thread per process, set before NumPy is loaded; more threads would
-#: compete for the cores.
-SINGLE_THREAD_ENVIRONMENT = dict.fromkeys(
-    ('OPENBLAS_NUM_THREADS', 'OMP_NUM_THREADS', 'MKL_NUM_THREADS'), '1'
-)
 #: Niceness of the workers [-], which gives priority to control loops.
 NICENESS = 5
 #: Largest number of processes [-].
@@ -35,13 +29,13 @@ def core_count() -> int:
 
 class WorkerPool(contextlib.AbstractContextManager):
     """
-    Pool of processes, which start with the first task and end at `close` or with this process.
+    Pool of processes that start with the first task and end at `close` or with this process.
 
-    They are spawned, because forking a process with threads is unsafe. On two cores, two processes
-    search 1.6 times as fast as one process.
+    The processes are spawned, because it is unsafe to fork a process with threads. On two cores,
+    two processes search 1.6 times as fast as one process.
 
-    :ivar executor: executor for `plan_grasps`. It is broken after the death of a worker; then
-        close the pool and make another.
+    :ivar executor: executor to be passed to `plan_grasps`. If a worker dies, the executor is
+        unusable: close the pool and create another one.
     :param workers: number of processes; 0: the number of cores.
     """
 
@@ -57,7 +51,7 @@ class WorkerPool(contextlib.AbstractContextManager):
 
     def close(self) -> None:
         """
-        End the processes at once, and join them.
+        End the processes at once, and wait until they have ended.
 
         It must not be called while another thread submits tasks.
         """
@@ -66,13 +60,12 @@ class WorkerPool(contextlib.AbstractContextManager):
 
 
 class _Worker(SpawnProcess):
-    """Process with one BLAS thread that ignores Ctrl-C."""
+    """Process that ignores Ctrl-C."""
 
     def start(self) -> None:
         before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:
-            with _environment(SINGLE_THREAD_ENVIRONMENT):
-                super().start()
+            super().start()
         finally:
             signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
@@ -81,21 +74,6 @@ class _Context(SpawnContext):
     """Multiprocessing context whose processes are workers."""
 
     Process = _Worker
-
-
-@contextlib.contextmanager
-def _environment(values: dict[str, str]) -> Iterator[None]:
-    """Set environment variables for the processes that start in the block."""
-    before = {name: os.environ.get(name) for name in values}
-    os.environ.update(values)
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
 
 
 def _begin(wanted: Connection) -> None:

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Safety of motions: clearances, control barrier functions, detection of failed rollers.
+Safety of motions by clearances, control barrier functions and detection of failed rollers.
 
 Entry points: `shape_guard.ShapeGuard`, `barriers`, `roller_failure.FailureDetector`.
 Imports `core.holding` and the layers below it.

@@ -2,15 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Barriers and the control barrier function of their margins.
+Barriers, and the control barrier function that bounds the rate of their margins.
 
 A margin h is the difference between a value and its lower bound. Its rate is bounded by
 
-    dh/dt >= -rate h / (1 - h / band),   h reduced by a small safety margin,
+    dh/dt >= -rate h / (1 - h / band),
 
-a class-K function of h, which is unbounded above `band` and zero at the safety margin. A command
-is constant during a sample, so a discrete-time bound applies as well: a share of the margin must
-remain at the end of the sample, including effects of second order.
+where h is reduced by a small safety margin first. The right-hand side is a class-K function of h:
+at the safety margin no decrease is allowed, and from h = band on the rate is not bounded. A
+command is constant during a sample, so a discrete-time bound applies as well: a fraction of the
+margin must remain at the end of the sample, including effects of second order.
 """
 
 from __future__ import annotations
@@ -27,11 +28,11 @@ from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.numerics.tolerances import EPSILON, ROUNDING
 import numpy as np
 
-#: Safety margin at which motion stops, as a share of the band [-]; it covers effects of second
-#: order.
+#: Safety margin at which no further decrease is allowed, as a fraction of the band [-]; it covers
+#: effects of second order.
 SAFETY_MARGIN_SHARE = 0.01
-#: Smallest share of a margin, and of the safety margin, that remains after a sample of any length
-#: [-].
+#: Smallest fraction of a margin, and of the safety margin, that must remain after a sample of any
+#: length [-].
 LEFT_MARGIN = 0.1
 #: Roller travel at which effects of second order are as large as the band [m]; the effects grow
 #: with the square of the travel.
@@ -40,10 +41,10 @@ SECOND_ORDER_LENGTH = 0.05
 
 @dataclass(frozen=True)
 class BarrierLaw:
-    """Lower bound of a barrier's values, and bound of the rate at which they approach it."""
+    """Lower bound of a barrier's values, and bound of the rate at which the values approach it."""
 
     bound: float  #: smallest allowed value
-    band: float  #: margin above which the rate is unbounded, in the unit of the value
+    band: float  #: margin above which the rate is not bounded, in the unit of the value
     rate: float = 5.0  #: largest decay rate of a small margin [1/s]
 
     @cached_property
@@ -53,12 +54,14 @@ class BarrierLaw:
 
     @cached_property
     def safety_margin(self) -> float:
-        """Return the margin at which motion stops."""
+        """Return the margin at which no further decrease is allowed."""
         return SAFETY_MARGIN_SHARE * self.band
 
     def class_k_bound(self, margins: Array) -> Array:
         """
-        Return the largest rates of decrease (k,) of margins, per second; infinite above the band.
+        Return the largest allowed rates of decrease (k,) of margins; infinite above the band.
+
+        The unit is the unit of the margin per second.
 
         :param margins: (k,) margins.
         """
@@ -68,9 +71,9 @@ class BarrierLaw:
         """
         Return the smallest admissible margins (k,) at the end of a sample.
 
-        A margin below the share `LEFT_MARGIN` of the safety margin must not decrease. A decrease
-        by effects of second order is tolerated, because the robot would otherwise stop every other
-        sample; but a positive margin must stay positive.
+        A margin below `LEFT_MARGIN` times the safety margin must not decrease, except by effects
+        of second order, because otherwise the robot would stop in every other sample. A positive
+        margin must stay positive.
 
         :param margins: (k,) margins at the start of the sample.
         :param duration: duration of the sample, positive [s].
@@ -98,12 +101,12 @@ ALL_VALUES = slice(None)
 
 
 class ActiveValues(NamedTuple):
-    """Values of a barrier that are so near to its bound that their rate is limited."""
+    """Values of a barrier that are so close to its bound that their rate is limited."""
 
     indices: Indices  #: (k,) indices of the values
     values: Array  #: (k,) values
     node_rows: Array  #: (k, 2n) derivatives with respect to the node coordinates
-    #: (k, r) derivatives with respect to roller travel at fixed nodes; None: zero
+    #: (k, r) derivatives with respect to roller travel while the nodes are fixed; None: zero
     roller_rows: Array | None = None
 
 
@@ -111,27 +114,27 @@ NO_ACTIVE_VALUES = ActiveValues(np.zeros(0, dtype=np.intp), np.zeros(0), np.zero
 
 
 class Barrier(Protocol):
-    """Protocol of a lower bound on functions of the configuration."""
+    """Protocol of barriers, each a lower bound on one or more functions of the configuration."""
 
     @property
     def status(self) -> Status:
-        """Return the status of a command that this barrier reduces."""
+        """Return the status code of a command that this barrier reduces."""
 
     @property
     def needs_object(self) -> bool:
         """
-        Return whether the values depend on the object.
+        Return whether the values depend on a held object.
 
-        Such a barrier applies only while an object is held; the guard predicts the object's pose.
+        Such a barrier applies only while an object is held.
         """
 
     @property
     def law(self) -> BarrierLaw:
-        """Return the bound and the rate of approach."""
+        """Return the bound, and the law for the rate of approach."""
 
     def active(self, config: Configuration, grip: Grip | None) -> ActiveValues:
         """
-        Return the barrier values so near to their bound that the law limits their rate.
+        Return the values that are so close to their bound that the law limits their rate.
 
         :param config: configuration of the robot.
         :param grip: the grip; None without an object.
@@ -148,7 +151,7 @@ class Barrier(Protocol):
 
     def names(self, indices: Indices) -> list[str]:
         """
-        Return the names of the values with given indices, one name for each value.
+        Return a name for each of the values with given indices.
 
         :param indices: indices of the values.
         """
@@ -157,19 +160,19 @@ class Barrier(Protocol):
 class BarrierViolation(NamedTuple):
     """Violation of a barrier by a motion."""
 
-    share: float  #: admissible share of the motion
+    share: float  #: largest admissible fraction of the motion
     status: Status  #: status of a command that the barrier reduces
     names: tuple[str, ...]  #: names of the violated values, such as two parts of the robot
 
 
 class BarrierLimit:
     """
-    Limit on roller speeds by the values of one barrier near its bound in one configuration.
+    Limit on roller speeds due to those values of one barrier that are close to its bound.
 
     :ivar barrier: the barrier.
     :ivar indices: (k,) indices of the values.
     :ivar matrix: (k, r) derivatives with respect to roller travel.
-    :param active: values near the bound, see `Barrier.active`.
+    :param active: values close to the bound in one configuration, see `Barrier.active`.
     """
 
     can_slide = True
@@ -180,7 +183,7 @@ class BarrierLimit:
 
     @property
     def status(self) -> Status:
-        """Return the status of a command that this limit reduces."""
+        """Return the status code of a command that this limit reduces."""
         return self.barrier.status
 
     def rows(self, config: Configuration) -> Rows:
@@ -201,13 +204,14 @@ class BarrierLimit:
         duration: float,
     ) -> BarrierViolation | None:
         """
-        Return the violation of the discrete-time bound by a motion; None if it is admissible.
+        Return the violation of the discrete-time bound by a motion; None if there is none.
 
         :param end: configuration at the end of the motion.
         :param grip: grip at the end of the motion; None without an object.
         :param travel: (r,) roller travel of the motion [m].
         :param velocities: (r,) roller velocities before the motion [m/s].
-        :param duration: duration of the motion [s]; this limit was linearised at its midpoint.
+        :param duration: duration of the motion [s], at the midpoint of which this limit was
+            linearised.
         """
         law = self.barrier.law
         before = self.margins - 0.5 * duration * (self.matrix @ velocities)
@@ -224,13 +228,13 @@ class BarrierLimit:
 
 def _admissible_share(room: Array, slope: Array, change: Array) -> Array:
     """
-    Return the share of a motion at which the decrease of a margin reaches its bound.
+    Return the fraction of a motion after which the decrease of a margin reaches its bound.
 
-    The margin is approximated by a parabola in the share, from its slope at the start and its
-    value at the end.
+    The margin is approximated by a quadratic function of this fraction, which has the given slope
+    at the start and the given value at the end.
 
-    :param room: largest decrease, not negative.
-    :param slope: derivative of the margin with respect to the share, at the start.
+    :param room: largest allowed decrease, not negative.
+    :param slope: derivative of the margin with respect to the fraction at the start.
     :param change: change of the margin by the whole motion.
     """
     root = np.sqrt(np.maximum(slope**2 - 4.0 * (change - slope) * room, 0.0))

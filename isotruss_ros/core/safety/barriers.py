@@ -4,7 +4,7 @@
 """
 Barriers of rigidity, of clearances between parts of the robot, and of clearances to the object.
 
-A Verlet neighbour list selects the distances that are evaluated.
+Distances are evaluated for those pairs of parts that a Verlet neighbour list selects.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ NO_PAIRS = np.zeros(0, dtype=np.intp)
 
 
 class Measured(NamedTuple):
-    """State of the last evaluation of distances."""
+    """State in which distances were last evaluated, and the smallest distance."""
 
     config: Configuration  #: configuration of the robot
     grip: Grip | None  #: grip; None if the distances do not depend on it
@@ -42,10 +42,10 @@ class Measured(NamedTuple):
 
     def holds(self, config: Configuration, grip: Grip | None) -> bool:
         """
-        Return whether no pair can be close in another configuration.
+        Return whether the evaluation proves that no pair is close in another configuration.
 
         :param config: the other configuration.
-        :param grip: grip in that configuration; None if there is none.
+        :param grip: grip in the other configuration; None if there is none.
         """
         if self.spare <= 0.0:
             return False
@@ -68,15 +68,17 @@ def _moved(grip: Grip, then: Grip) -> float:
 
 class NeighborList:
     """
-    Pairs of parts that may be close, evaluated only if necessary.
+    List of the pairs of parts that may be close, so that few distances are evaluated.
 
-    The results are exact, because the distance of two parts changes at most by the displacements
-    of both. A list contains the near pairs. All pairs are evaluated if a pair outside of the list
-    may have become near; the pairs of the list are evaluated if one of them may have become close.
+    A pair is close if the law limits the rate of its distance; the list contains all pairs up to a
+    larger distance. The distance of two parts changes at most by the displacements of both. So the
+    list is renewed from all pairs only if a pair outside of it may have entered this larger
+    distance; the pairs of the list are evaluated only if one of them may have become close. The
+    results are exact.
 
-    :ivar listed_below: distance below which pairs are near and in the list [m]: half a band more
-        than the distance below which pairs are close.
-    :param law: law of the distances; pairs are close if it limits the rate of their distance.
+    :ivar listed_below: distance below which pairs are in the list [m]; it exceeds the distance
+        below which pairs are close by half of the band.
+    :param law: law that limits the rate of the distances.
     """
 
     def __init__(self, law: BarrierLaw) -> None:
@@ -114,7 +116,7 @@ class NeighborList:
 
 class SelfCollisionBarrier:
     """
-    Clearance between parts of the robot, see `CollisionModel`.
+    Barrier on the distances between parts of the robot, see `CollisionModel`.
 
     :param robot: the robot.
     :param law: law of the distance between surfaces [m].
@@ -129,7 +131,7 @@ class SelfCollisionBarrier:
         self._neighbors = NeighborList(law)
 
     def active(self, config: Configuration, grip: Grip | None) -> ActiveValues:
-        """Return the close pairs; see `Barrier.active`."""
+        """Return the pairs of parts that are close; see `Barrier.active`."""
         pairs, distances = self._neighbors.find_close(
             config, None, lambda indices: self.values(config, grip, indices)
         )
@@ -148,7 +150,7 @@ class SelfCollisionBarrier:
 
 class ObjectBarrier:
     """
-    Clearance between the held object and the parts of the robot outside of the grip.
+    Barrier on the distances between the held object and the parts outside of the grip.
 
     :param robot: the robot.
     :param law: law of the distance between surfaces [m].
@@ -163,7 +165,7 @@ class ObjectBarrier:
         self._neighbors = NeighborList(law)
 
     def active(self, config: Configuration, grip: Grip) -> ActiveValues:
-        """Return the parts close to the object; see `Barrier.active`."""
+        """Return the parts that are close to the object; see `Barrier.active`."""
         parts, distances = self._neighbors.find_close(
             config, grip, lambda indices: self.values(config, grip, indices)
         )
@@ -172,7 +174,7 @@ class ObjectBarrier:
         return ActiveValues(parts, distances, *grip_gradients(config, grip, parts))
 
     def values(self, config: Configuration, grip: Grip, indices: Selection) -> Array:
-        """Return distances to parts [m]; infinite to parts of the grip; see `Barrier.values`."""
+        """Return distances to parts [m], infinite to parts of the grip; see `Barrier.values`."""
         far = self._neighbors.listed_below
         return object_distances(config, grip.body, grip.members, far, indices)
 
@@ -184,9 +186,10 @@ class ObjectBarrier:
 
 class RigidityBarrier:
     """
-    Rigidity index of the configuration, see `rigidity_index`.
+    Barrier on the rigidity index of the configuration, see `rigidity_index`.
 
-    All singular values near the bound are included, because their order may change in a step.
+    Each small singular value is one value of the barrier, because their order may change in a
+    step.
 
     :param robot: the robot.
     :param law: law of the rigidity index [-].
@@ -201,7 +204,7 @@ class RigidityBarrier:
         self._far: tuple[Configuration, float] | None = None
 
     def active(self, config: Configuration, grip: Grip | None) -> ActiveValues:
-        """Return the smallest rigidity indices, near the bound; see `Barrier.active`."""
+        """Return the scaled singular values close to the bound; see `Barrier.active`."""
         if self._far is not None and self.change(config, self._far[0]) < self._far[1]:
             return NO_ACTIVE_VALUES
         modes = self._index.modes(config)
@@ -224,9 +227,9 @@ class RigidityBarrier:
         return math.sqrt(change @ change)
 
     def values(self, config: Configuration, grip: Grip | None, indices: Selection) -> Array:
-        """Return the rigidity indices of modes in ascending order; see `Barrier.values`."""
+        """Return the scaled singular values in ascending order; see `Barrier.values`."""
         return self._index.modes(config).values[indices]
 
     def names(self, indices: Indices) -> list[str]:
-        """Return `the rigidity of the shape` for every mode; see `Barrier.names`."""
+        """Return `the rigidity of the shape` for each singular value; see `Barrier.names`."""
         return ['the rigidity of the shape'] * len(indices)

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Margins of a configuration against singularity and collision."""
+"""Distances of a configuration from singularity and from collisions."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ import numpy as np
 
 
 class ShapeMargins(NamedTuple):
-    """Margins of a configuration against singularity and collision."""
+    """Distances of a configuration from singularity and from collisions."""
 
     rigidity: float  #: rigidity index, 1 at home, 0 at a singular configuration
-    #: smallest distance between surfaces of the robot's parts [m], negative for an overlap; see
-    #: `CollisionModel`
+    #: smallest distance between the surfaces of two parts of the robot [m], negative for an
+    #: overlap; see `CollisionModel`
     clearance: float
     #: smallest distance between the object and the parts outside of the grip [m]; infinite without
     #: an object
@@ -42,12 +42,12 @@ def shape_margins(
     config: Configuration, body: ConvexObject | None = None, members: tuple[str, ...] = ()
 ) -> ShapeMargins:
     """
-    Return the margins against singularity, self-collision and collision with the object.
+    Return the distances of a configuration from singularity and from collisions.
 
     :param config: configuration of the robot.
     :param body: object in the plane of the robot; None: no object.
-    :param members: names of the grasping members, which are excluded, see `object_distances`;
-        empty: no part is excluded.
+    :param members: names of the grasping members, which are excluded from the distances to the
+        object, see `object_distances`; empty: no part is excluded.
     :raises GraspError: the robot has no such members.
     """
     try:
@@ -78,9 +78,10 @@ def object_distances(
 
     :param config: configuration of the robot.
     :param body: the object at its pose.
-    :param members: names of the grasping members; empty for a free object. Excluded are these
-        members, a module at which two of them meet, and the rods at the joint of this module.
-    :param far: distance beyond which a lower bound of the distance may be returned [m].
+    :param members: names of the grasping members; empty if the object is not grasped. These
+        members, a module at which two of them meet, and the rods at the joint of this module are
+        excluded.
+    :param far: for distances above this one, a lower bound may be returned instead [m].
     :param parts: indices of parts; by default, all parts. Parts are numbered: first the m members,
         then the m modules, then the m rods.
     :return: (k,) distances; infinite for excluded parts.
@@ -100,10 +101,10 @@ def object_distances(
 
 def grip_gradients(config: Configuration, grip: Grip, parts: Indices) -> tuple[Array, Array]:
     """
-    Return the gradients of the distances between the object and parts.
+    Return the gradients of the distances between the held object and parts of the robot.
 
     :param config: configuration of the robot.
-    :param grip: the grip, with rolling contacts.
+    :param grip: the grip; its contacts roll.
     :param parts: (k,) indices of parts.
     :return: (k, 2n) gradients with respect to the nodes, due to the motion of the parts, and (k,
         r) gradients with respect to roller travel, due to the motion of the object [-].
@@ -117,7 +118,7 @@ def grip_gradients(config: Configuration, grip: Grip, parts: Indices) -> tuple[A
 
 @functools.lru_cache(maxsize=64)
 def _left_out(robot: Robot, members: tuple[str, ...]) -> Array:
-    """Return the mask (3m,) of grasping members, and modules and rods where two of them meet."""
+    """Return a mask (3m,) of the parts that `object_distances` excludes."""
     topology, own = robot.topology, find_members(robot, members).members
     held = np.zeros((3, topology.n_modules), dtype=bool)
     held[0, own] = True

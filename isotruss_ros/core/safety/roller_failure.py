@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Detection of failed rollers, which do not move under a command for a given time.
+Detection of failed rollers, which do not move for a given time although they are commanded.
 
-The ranges (maximum minus minimum) of commanded and measured travel are compared. So delays,
-oscillating commands, and noise without drift have no effect.
+The range (maximum minus minimum) of the commanded travel is compared with that of the measured
+travel. So delays, oscillating commands, and noise without drift do not lead to false detections.
 """
 
 from __future__ import annotations
@@ -16,20 +16,20 @@ from isotruss_ros.core.model.topology import check_roller_names
 from isotruss_ros.core.numerics.arrays import Array, Flags
 import numpy as np
 
-#: Time without motion under a command after which a roller has failed [s].
+#: A commanded roller that does not move for this time has failed [s].
 FAILURE_TIME = 1.0
-#: Smallest commanded speed that counts, above stiction [m/s].
+#: Smallest commanded speed that is counted [m/s]; it is above stiction.
 MIN_SPEED = 0.002
-#: Smallest measured share of the commanded range that proves motion [-].
+#: Smallest ratio of measured to commanded range of a working roller [-].
 MIN_SHARE = 0.25
-#: Largest delay between command and motion [s].
+#: Largest delay between a command and the roller's motion [s].
 SETTLING_TIME = 0.2
 #: Commanded range after which the timing of a working roller restarts [m].
 EVIDENT_TRAVEL = 0.02
 
 
 class _Range:
-    """Running minimum and maximum of r numbers, each since its last reset."""
+    """Minimum and maximum of r varying numbers, each since its last reset."""
 
     def __init__(self, count: int) -> None:
         self.least, self.most = np.zeros(count), np.zeros(count)
@@ -48,13 +48,13 @@ class _Range:
 
 class FailureDetector:
     """
-    Detector of failed rollers by commanded and measured travel.
+    Detector of failed rollers, which compares commanded with measured travel.
 
-    A roller without commands is never flagged. A flag remains until it is reset, because a roller
-    at zero speed cannot prove that it works.
+    A roller that is not commanded is never reported as failed. A failed roller is reported until
+    it is reset, because a roller at rest cannot prove that it works.
 
-    :ivar failure_time: time without motion under a command after which a roller has failed [s];
-        the caller may change it at any time.
+    :ivar failure_time: a commanded roller that does not move for this time has failed [s]; the
+        value may be changed at any time.
     :param names: names of the rollers.
     :param failure_time: initial value of the attribute [s].
     """
@@ -74,7 +74,7 @@ class FailureDetector:
 
     def reset(self, names: Collection[str] | None = None) -> None:
         """
-        Clear the flags of rollers and restart their comparison.
+        Regard rollers as working again, and restart their comparison.
 
         :param names: names of the rollers; None: all rollers.
         :raises GraspError: the robot has no such roller.
@@ -110,7 +110,7 @@ class FailureDetector:
         self._judge(time, positions)
 
     def _judge(self, time: float, positions: Array) -> None:
-        """Flag failed rollers and restart the timing of working ones."""
+        """Detect failed rollers, and restart the timing of working ones."""
         sent, moved = self._sent_range.size, self._moved_range.size
         timed = (sent >= EVIDENT_TRAVEL) & (moved >= MIN_SHARE * sent)
         long = self._commanded >= self.failure_time - SETTLING_TIME
@@ -120,7 +120,7 @@ class FailureDetector:
             self._begin(timed, positions)
 
     def _flag(self, long: Flags, sent: Array, moved: Array, time: float) -> Flags:
-        """Flag failed rollers; return the mask of the judged rollers, whose timing restarts."""
+        """Detect failed rollers; return a mask of all rollers for which a decision was made."""
         # Drives need not follow oscillations faster than they settle.
         swing = 0.5 * SETTLING_TIME * self._path
         far = (sent >= MIN_SPEED * FAILURE_TIME) & (sent * self._commanded >= swing)

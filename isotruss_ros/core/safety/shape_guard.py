@@ -2,12 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Shape guard, which keeps sampled motions away from singular and self-colliding configurations.
+Shape guard, which prevents motion into singular and colliding configurations.
 
-Barriers contribute rows dh/dt >= -class-K bound of h to the quadratic program; these bound the
-motion to first order at one instant. A command is constant during a sample, so the guard also
-evaluates the end of the sample. It scales the command down until each margin is above its
-discrete-time bound.
+Barriers add rows to the quadratic program that bound dh/dt of their margins h from below by a
+class-K function; these bound the motion to first order at one instant. A command is constant
+during a sample, so the guard also evaluates the end of the sample. It scales the command down
+until each margin is above its discrete-time bound.
 """
 
 from __future__ import annotations
@@ -33,14 +33,14 @@ from isotruss_ros.core.safety.barrier_law import (
 from isotruss_ros.core.safety.barriers import ObjectBarrier, RigidityBarrier, SelfCollisionBarrier
 import numpy as np
 
-#: Largest roller step that cannot cross a whole band [m].
+#: Largest roller travel in a sample during which no value can cross a whole band [m].
 BAND_STEP = 1e-3
 
 
 @dataclass(frozen=True)
 class ShapeBounds:
     """
-    Bounds of the configuration, and the bands in which the robot is slowed.
+    Bounds on the configuration, and margins below which the robot is slowed.
 
     :ivar min_rigidity: smallest rigidity index, 1 at home; see `rigidity_index`.
     :ivar min_clearance: smallest distance between parts of the robot [m].
@@ -77,12 +77,12 @@ class ShapeBounds:
 
 class ShapeGuard:
     """
-    Guard with the barriers of a robot.
+    Barriers of a robot, which limit commands near singular and colliding configurations.
 
-    :ivar bounds: bounds of the configuration.
+    :ivar bounds: bounds on the configuration.
     :ivar own: user-defined barriers.
     :param robot: the robot.
-    :param barriers: user-defined barriers besides rigidity and clearances.
+    :param barriers: user-defined barriers in addition to those of rigidity and clearances.
     """
 
     def __init__(
@@ -102,10 +102,10 @@ class ShapeGuard:
 
     def watch(self, config: Configuration, grip: Grip | None) -> Watch:
         """
-        Return limits on a command, one for each barrier with values near its bound.
+        Return limits on a command, one for each barrier with values close to its bound.
 
         :param config: predicted configuration at the midpoint of a command's sample.
-        :param grip: grip at that time; None without an object.
+        :param grip: grip at this midpoint; None without an object.
         :raises ConfigurationError: the configuration is singular.
         :raises GraspError: see `find_contacts`.
         """
@@ -128,11 +128,11 @@ class ShapeGuard:
 
 class Watch:
     """
-    Limits on a command, one for each barrier with values near its bound in one configuration.
+    Limits on a command in one configuration, one for each barrier with values close to its bound.
 
     :ivar limits: limits for `solve_twist`.
     :param config: predicted configuration at the midpoint of the command's sample.
-    :param grip: grip at that time; None without an object.
+    :param grip: grip at this midpoint; None without an object.
     :param barriers: the barriers.
     """
 
@@ -149,10 +149,10 @@ class Watch:
 
     def keep(self, command: RollerCommand, velocities: Array, duration: float) -> RollerCommand:
         """
-        Return a command, scaled down if it violates a discrete-time bound.
+        Return the command, scaled down if it would violate a discrete-time bound.
 
         :param command: command for the sample.
-        :param velocities: (r,) roller velocities assumed in the prediction [m/s].
+        :param velocities: (r,) roller velocities with which the configuration was predicted [m/s].
         :param duration: duration of the sample [s].
         """
         rollers = command.roller_velocities
@@ -173,7 +173,7 @@ class Watch:
     def _violation(
         self, rollers: Array, velocities: Array, duration: float
     ) -> BarrierViolation | None:
-        """Return the violation of a barrier by a motion; None if it is admissible."""
+        """Return the violation of a barrier by a motion; None if there is none."""
         start, grip = self._config, self._grasp
         travel = duration * rollers
         try:
@@ -194,7 +194,7 @@ class Watch:
     def _jumped(
         self, barrier: Barrier, end: Configuration, grip: Grip | None
     ) -> BarrierViolation | None:
-        """Return the violation by values that were not near the bound and crossed it; or None."""
+        """Return the violation by values that crossed a bound without having been close to it."""
         left = barrier.values(end, grip, ALL_VALUES) - barrier.law.bound
         for limit in self.limits:
             if limit.barrier is barrier:

@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Limits on the rate at which commands use slip margin and utilisation.
+Limits on commands that reduce the slip margin or increase the utilisation.
 
-The gradients with respect to roller travel are identified online from past travel (least mean
-squares).
+The gradients of both with respect to roller travel are identified online from past travel (least
+mean squares).
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ LMS_REGULARIZATION = 1e-4
 
 class UsageLimits:
     """
-    Limits on a command by the predicted slip margin and utilisation.
+    Limits on a command from the predicted slip margin and utilisation.
 
     :param grasp: initial equilibrium of the object.
     """
@@ -36,7 +36,7 @@ class UsageLimits:
 
     def learn(self, grasp: HeldGrip, margin: float, travel: Array) -> None:
         """
-        Update the gradients from the last travel.
+        Update the gradients from the effect of the last roller travel.
 
         :param grasp: equilibrium of the object after the travel.
         :param margin: change of the slip margin by the travel [N].
@@ -50,11 +50,11 @@ class UsageLimits:
 
     def margin_share(self, command: RollerCommand, period: float, free: float) -> float:
         """
-        Return the largest share of a command that keeps enough slip margin, 0 to 1.
+        Return the largest factor on a command, 0 to 1, that keeps enough slip margin.
 
         :param command: the command.
         :param period: duration of the command [s].
-        :param free: usable part of the slip margin [N].
+        :param free: part of the slip margin that may be used up [N].
         """
         return self._share(1, command, period * MARGIN_RATE * free, period)
 
@@ -62,7 +62,7 @@ class UsageLimits:
         self, command: RollerCommand, period: float, most: float
     ) -> RollerCommand:
         """
-        Return a command, scaled if the predicted utilisation approaches its bound too fast.
+        Return the command, scaled down if the utilisation would approach its bound too fast.
 
         :param command: the command.
         :param period: duration of the command [s].
@@ -75,12 +75,12 @@ class UsageLimits:
         return command.slowed(share, Status.SLOWED_UTILISATION, (self._member,))
 
     def _share(self, quantity: int, command: RollerCommand, left: float, period: float) -> float:
-        """Return the largest share of a command that uses at most `left` of a quantity, 0 to 1."""
+        """Return the largest factor on a command, 0 to 1, that uses at most `left`."""
         more = float(self._rates[quantity] @ (period * command.roller_velocities))
         return 1.0 if more <= max(left, 0.0) else max(left, 0.0) / more
 
     def _take(self, grasp: HeldGrip) -> None:
-        """Store the most utilised member and its utilisation."""
+        """Store the member with the largest utilisation, and this utilisation."""
         used = grasp.sections.used
         self._member = f'member {grasp.config.robot.member_names[int(used.argmax())]}'
         # At twice the wrinkling moment a tube folds.

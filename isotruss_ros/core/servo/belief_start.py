@@ -2,11 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Start of the belief of a grip: equilibrium near the measured pose, or a supposed equilibrium.
+First equilibrium of a grip, from which the estimation of its state starts.
 
-A measured pose outside of the grip has no equilibrium. If the client commands the object as
-gripped, wrong roller offsets may explain the pose. Then an equilibrium with the desired squeeze is
-supposed, and the squeeze has the large standard deviation of an unknown value.
+It is the equilibrium near the measured pose. If there is none because the measured pose is outside
+of the grip, wrong roller offsets may be the reason. Then, if the client says that the object is
+gripped, an equilibrium with the desired squeeze is assumed instead, and the squeeze gets the large
+standard deviation of an unknown value.
 """
 
 from __future__ import annotations
@@ -29,8 +30,8 @@ class BeliefStart:
     """
     Search for the first equilibrium of a grip, with at most one search in each call.
 
-    After a search without an equilibrium at the measured pose, every second call searches for a
-    supposed equilibrium instead.
+    If there is no equilibrium near the measured pose, every second call searches for an
+    equilibrium with the desired squeeze, which is then assumed.
 
     :ivar belief: estimated state of the grip that the last call found; None if it found none.
     """
@@ -50,15 +51,16 @@ class BeliefStart:
         zeros: Array | None,
     ) -> HoldStatus:
         """
-        Search an equilibrium near the measured pose, or a supposed one; return its hold status.
+        Search the equilibrium near the measured pose or the assumed one; return its hold status.
 
         :param config: configuration of the robot.
         :param grip: grip with the object at its measured pose.
         :param settings: desired squeeze.
-        :param gripped: whether the client commands the object as gripped; only then an equilibrium
-            may be supposed.
+        :param gripped: whether the client says that the object is gripped; only then an
+            equilibrium with the desired squeeze may be assumed.
         :param pressures: (t,) gauge pressure of each tube [Pa]; None: as in the robot file.
-        :param zeros: (r, r) covariance of the roller offsets [m^2]; None: from the settings.
+        :param zeros: (r, r) covariance of the roller offsets [m^2]; None: uncorrelated offsets
+            with the standard deviation of the settings.
         :raises GraspError: see `attach_model`.
         :raises StructureError: see `structure_of`.
         """
@@ -83,13 +85,13 @@ class BeliefStart:
         return hold
 
     def _suppose(self, config: Configuration, grip: Grip, zeros: float) -> Grip:
-        """Return the grip with the object equally deep in all members, at first `zeros` deep."""
+        """Return the grip with the object moved until all members are equally indented."""
         angle, depth = grip.body.pose.angle, self._depth or zeros
         placed = place_between(config, grip.members, grip.body.shape, angle, depth)
         return grip.moved_to(placed.body.pose)
 
     def _is_desired(self, found: HeldGrip, settings: SqueezeSettings) -> bool:
-        """Return whether a supposed grip has the desired squeeze; if not, correct its depth."""
+        """Return whether an assumed grip has the desired squeeze; if not, correct the depth."""
         ratio = found.squeeze / settings.force
         if abs(ratio - 1.0) <= 2.0 * PRIOR.squeeze_error:
             return True

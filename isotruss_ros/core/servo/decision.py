@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Decision of one cycle of the twist servo, with the reason of a halt."""
+"""Decision of one cycle of the twist servo: a roller command, or a halt with its reason."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from isotruss_ros.core.inputs import InputError, InputFault
 from isotruss_ros.core.manipulation.status import RollerCommand, Status
 from isotruss_ros.core.numerics.arrays import Array
 
-#: Status of a halt, by the name of an input and its fault. A stale twist counts as a missing
-#: twist, because then the client has stopped.
+#: Status of a halt for each pair of an input and its fault. A stale twist counts as a missing
+#: twist, because the client has stopped sending.
 INPUT_HALTS = {
     ('twist', InputFault.MISSING): Status.HALT_NO_TWIST,
     ('twist', InputFault.STALE): Status.HALT_NO_TWIST,
@@ -28,7 +28,7 @@ INPUT_HALTS = {
     ('tube_pressures', InputFault.STALE): Status.HALT_STALE_TUBE_PRESSURES,
     ('tube_pressures', InputFault.INVALID): Status.HALT_INVALID_TUBE_PRESSURES,
 }
-#: Status of a halt by the error of the solution; the last entry applies to all other errors.
+#: Status of a halt for each class of errors of the solver; the last entry is for all other errors.
 HALT_STATUSES = (
     (GraspError, Status.HALT_NO_GRASP),
     (IsotrussError, Status.HALT_KINEMATICS),
@@ -38,18 +38,19 @@ HALT_STATUSES = (
 @dataclass(frozen=True)
 class Decision:
     """
-    Decision of one control cycle.
+    Roller command or halt that is decided in one control cycle.
 
-    :ivar command: velocities of the rollers (zero in a halt), achieved twist, scale and status.
+    :ivar command: velocities of the rollers (zero in a halt), achieved twist, its ratio to the
+        commanded twist, and status.
     :ivar twist: (3,) commanded twist vx, vy [m/s], omega [rad/s] of the object or joint; zero
         without a command.
-    :ivar message: fault and its remedy in words; empty without a fault.
+    :ivar message: sentence that names the fault and its remedy; empty without a fault.
     :ivar failed: names of the failed rollers, which are held at zero velocity.
     :ivar frequency: lowest natural frequency of the held object [rad/s]; 0 if unknown.
-    :ivar pose_gain: gain of the pose control [1/s]; 0 without control.
-    :ivar squeeze: mean normal force of the members and its standard deviation [N]; None without
+    :ivar pose_gain: gain of the pose control [1/s]; 0 without pose control.
+    :ivar squeeze: mean normal force of the members and its standard deviation [N]; None without an
         object.
-    :ivar pose_delay: delay of the measured poses beyond their stamps [s].
+    :ivar pose_delay: estimated time by which measured poses are older than their stamps say [s].
     """
 
     command: RollerCommand
@@ -64,7 +65,7 @@ class Decision:
 
 def describe_squeeze(squeeze: float, deviation: float) -> str:
     """
-    Return a squeeze in words; unknown if its relative deviation exceeds `MAX_KNOWN_DEVIATION`.
+    Return a text with the squeeze; 'unknown' if its deviation exceeds `MAX_KNOWN_DEVIATION`.
 
     :param squeeze: mean normal force of the members [N].
     :param deviation: standard deviation of the squeeze [N].
@@ -75,11 +76,11 @@ def describe_squeeze(squeeze: float, deviation: float) -> str:
 
 class HaltError(IsotrussError):
     """
-    Error that causes a halt.
+    Error that stops the rollers with a given status.
 
     :ivar status: status of the halt.
     :param status: status of the halt.
-    :param message: reason in words.
+    :param message: reason, as a sentence for the user.
     """
 
     def __init__(self, status: Status, message: str) -> None:
@@ -102,10 +103,10 @@ def halt_for(error: IsotrussError) -> Status:
 
 def describe(command: RollerCommand, keeps_contacts: bool) -> str:
     """
-    Return the deviation of a command from its twist in words; empty if it has none, or in a halt.
+    Return a text that states how a command deviates from its twist; empty without deviation.
 
-    :param command: the command.
-    :param keeps_contacts: whether the twist is a twist of the object; false for a joint.
+    :param command: the command. In a halt the text is empty as well.
+    :param keeps_contacts: True if the twist is that of an object, false if it is that of a joint.
     """
     parts: list[str] = []
     if command.status >= Status.HALT_NO_TWIST:

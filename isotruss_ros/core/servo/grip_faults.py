@@ -13,19 +13,20 @@ from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 
-#: Smallest half-swing of the pose error that counts, unless noise is as large [m].
+#: Smallest amplitude of the pose error that counts as an oscillation, unless the noise is as large
+#: [m].
 MIN_SWING = 0.002
-#: Longest half-swing that counts, in units of pi / omega [-].
+#: Longest half period of an oscillation, in units of pi / omega [-].
 MAX_SWING_PHASE = 2.0
-#: Assumed omega where it is unknown [rad/s].
+#: Lowest natural frequency omega that is assumed if it is unknown [rad/s].
 DEFAULT_FREQUENCY = 15.0
-#: Number of successive half-swings of an oscillation [-], and smallest ratio of their amplitudes
-#: [-].
+#: Number of successive half periods after which an oscillation is detected [-], and smallest ratio
+#: of their amplitudes [-].
 SWING_COUNT, MIN_SWING_RATIO = 3, 0.95
 
 
 class GripFault(enum.Enum):
-    """Faults of the grip, with their statuses."""
+    """Faults of the grip, with the status of the halt for each."""
 
     SLIPPED = Status.HALT_SLIPPED
     NOT_HELD = Status.HALT_NOT_HELD
@@ -34,7 +35,7 @@ class GripFault(enum.Enum):
 
 class SwingWatch:
     """
-    Detector of oscillations of a held object that grow or do not decay.
+    Detector of oscillations of a held object whose amplitude grows or stays constant.
 
     :param frequency: lowest natural frequency of the held object; None if unknown [rad/s].
     """
@@ -47,12 +48,12 @@ class SwingWatch:
         self.forget()
 
     def forget(self) -> None:
-        """Restart the detection."""
+        """Restart the detection without past errors."""
         self._swings = tuple(_Swings(self._longest) for _ in range(3))
 
     def update(self, error: Array, noise: float, elapsed: float) -> bool:
         """
-        Add the pose error of a cycle; return whether the last half-swings do not decay.
+        Add the pose error of one cycle; return whether there is an oscillation without decay.
 
         :param error: (3,) estimated pose error, rotations times the characteristic radius [m].
         :param noise: standard deviation of the measured pose [m].
@@ -67,9 +68,9 @@ class SwingWatch:
 
 class _Swings:
     """
-    Successive turning points of one signal.
+    Successive maxima and minima of one signal.
 
-    :param longest: longest time between two turning points of an oscillation [s].
+    :param longest: longest time between a maximum and the next minimum of an oscillation [s].
     """
 
     def __init__(self, longest: float) -> None:
@@ -79,7 +80,7 @@ class _Swings:
         self._sizes: list[float] = []
 
     def update(self, value: float, elapsed: float, least: float) -> bool:
-        """Add the value of a cycle; return whether the last half-swings do not decay."""
+        """Add the value of a cycle; return whether the oscillation does not decay."""
         if math.isnan(self._extreme):
             self._extreme = self._turned = value
         self._age += elapsed

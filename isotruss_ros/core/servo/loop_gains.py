@@ -5,9 +5,9 @@
 Gains of the squeeze control, from the lowest natural frequency of the held object.
 
 Commands are roller velocities, so the loop is an integrator in front of a lightly damped
-structure. It has the pose gain p, and two low-pass filters with the time constant 1 / p on the
-load and the unexplained pose. A mode with the frequency omega and the damping ratio zeta is stable
-if
+structure. The loop has the pose gain p. The estimated load and the unexplained pose pass two
+low-pass filters with the time constant 1 / p. A mode with the frequency omega and the damping
+ratio zeta is stable if
 
     s^3 / p^2 + 3 s^2 / p + 3 s + p omega^2 / (s^2 + 2 zeta omega s + omega^2) = 0
 
@@ -18,7 +18,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-#: Ratio of the gain to the frequency [-]; stable for a frequency that is wrong by a factor of two.
+#: Ratio of the pose gain to the natural frequency [-]. The loop is stable even if the frequency is
+#: wrong by a factor of two.
 GAIN_SHARE = 0.25
 #: Pose gain for an unknown frequency [1/s].
 DEFAULT_GAIN = 0.6
@@ -27,9 +28,9 @@ MAX_SQUEEZE_GAIN = 5.0
 
 
 class LoopGains(NamedTuple):
-    """Gains of the squeeze control."""
+    """Gains and filter time of the squeeze control."""
 
-    pose: float  #: gain of the pose error of the model [1/s]
+    pose: float  #: gain of the error of the modelled pose [1/s]
     squeeze: float  #: gain of the squeeze error [1/s]
     bias: float  #: rate at which the unexplained pose follows the measured poses [1/s]
     filter_time: float  #: time constant of each of the two low-pass filters on the load [s]
@@ -37,7 +38,7 @@ class LoopGains(NamedTuple):
 
 def gains_of(gain: float) -> LoopGains:
     """
-    Return the gains of the squeeze control that belong to a pose gain.
+    Return all gains of the squeeze control that follow from the pose gain.
 
     :param gain: pose gain p, positive [1/s].
     """
@@ -47,7 +48,7 @@ def gains_of(gain: float) -> LoopGains:
 
 def choose_gain(frequency: float | None) -> float:
     """
-    Return the pose gain p for a frequency [1/s].
+    Return the pose gain p for the natural frequency of the held object [1/s].
 
     :param frequency: lowest natural frequency of the held object [rad/s]; None if unknown.
     """

@@ -22,16 +22,17 @@ DEFAULT_BOUNDS = ShapeBounds()
 @dataclass(frozen=True)
 class SqueezeSettings:
     """
-    Desired squeeze and settings of its control.
+    Desired squeeze, and settings of the squeeze control.
 
     :ivar force: mean normal force of the grasping members, positive [N].
-    :ivar pose_gain: pose gain, which determines all gains [1/s]; None: see `choose_gain`.
-    :ivar frequency: measured lowest natural frequency [rad/s]; None: computed from the masses.
-    :ivar max_utilisation: bound on the utilisation of the tubes [-]. Commands that approach the
-        bound are slowed; beyond the bound, only commands that decrease the utilisation are
-        executed.
+    :ivar pose_gain: pose gain, from which all other gains follow [1/s]; None: it is chosen by
+        `choose_gain`.
+    :ivar frequency: measured lowest natural frequency of the held object [rad/s]; None: it is
+        computed from the masses.
+    :ivar max_utilisation: upper bound on the utilisation of the tubes [-]. Motion toward the bound
+        is slowed; beyond the bound, only motion that decreases the utilisation is executed.
     :ivar load: standard deviation of loads on the object [N]; 0: the value of `EstimatorSettings`.
-    :ivar zeros: standard deviation of the roller offsets without an estimator [m].
+    :ivar zeros: standard deviation of the roller offsets [m], used if no estimator provides it.
     """
 
     force: float
@@ -47,20 +48,23 @@ class ServoSettings:
     """
     Settings of the twist servo.
 
-    :ivar grip: grasping members, object and friction; the object's pose is an input.
+    :ivar grip: grasping members, object and friction; the pose of this object is replaced by the
+        input.
     :ivar period: time from cycle to cycle [s].
     :ivar timeout: largest age of inputs [s]; older inputs stop the rollers.
-    :ivar joint: joint that twists move without an object; None: twists move the object.
-    :ivar squeeze: settings of the squeeze control; None: the opening angle is kept.
-    :ivar bounds: bounds of the configuration; None: no guard and no barriers.
+    :ivar joint: name of the joint that twists move; None: twists move the object.
+    :ivar squeeze: settings of the squeeze control; None: the opening angle of the grip is held
+        constant instead.
+    :ivar bounds: bounds on the configuration, enforced by barriers; None: no barriers.
     :ivar barriers: user-defined barriers.
-    :ivar limits: user-defined limits besides those of the robot file.
-    :ivar slide_along_limits: whether motion slides along limits of lengths and shapes; otherwise
-        it is slowed and stops.
+    :ivar limits: user-defined limits in addition to those of the robot file.
+    :ivar slide_along_limits: True if motion continues along limits of lengths and shapes;
+        otherwise it is slowed until it stops at them.
     :ivar max_acceleration: largest acceleration of a roller, except in halts [m/s^2]; None: the
         value of the robot file.
-    :ivar failure_time: time without motion under a command after which a roller has failed [s].
-    :ivar pressure_timeout: largest age of pressures [s].
+    :ivar failure_time: a commanded roller that does not move for this time has failed [s].
+    :ivar pressure_timeout: largest age of measured pressures [s]; older pressures stop the
+        rollers.
     """
 
     grip: Grip
@@ -78,7 +82,7 @@ class ServoSettings:
 
 
 class ServoInputs(NamedTuple):
-    """Latest value of each input of the twist servo; None before the first value."""
+    """Latest values of all inputs of the twist servo; an input is None before its first value."""
 
     twist: Input = None  #: commanded twist (vx, vy, omega) in the robot frame [m/s, rad/s]
     rollers: Input = None  #: measured `RollerState`

@@ -2,12 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Squeeze control: feedback by the model of the held object.
+Squeeze control: feedback from the estimated equilibrium of the held object.
 
-The opening of the grip determines the squeeze, by some newtons per millimetre. The opening rate is
-the right-hand side of the fourth row of (19). An additional twist corrects the displacement of the
-object on the elastic tubes. The gains follow from the lowest natural frequency of the held object,
-see `loop_gains`.
+The opening of the grip determines the squeeze: it changes by some newtons per millimetre. The
+opening rate is the right-hand side of the fourth row of (19). An additional twist corrects the
+displacement of the object on the elastic tubes. The gains follow from the lowest natural frequency
+of the held object, see `loop_gains`.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ import math
 
 from isotruss_ros.core.estimation.contact_walk import JUMP_LENGTH
 from isotruss_ros.core.estimation.grip_belief import GripBelief
+from isotruss_ros.core.estimation.state_estimate import MAX_KNOWN_DEVIATION
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, LEFT_MARGIN
 from isotruss_ros.core.holding.loaded_frame import lowest_frequency
 from isotruss_ros.core.inputs import steady_pressures
@@ -40,7 +41,8 @@ MAX_FORCE_RATE = 10.0
 #: Largest difference of stamps of the same pose [s].
 STAMP_TOLERANCE = 1e-3
 
-#: Solver of the program for a twist (3,) and an opening rate of the grip [m/s].
+#: Function that solves the quadratic program for a twist (3,) and an opening rate of the grip
+#: [m/s].
 Solve = Callable[[Array, float], RollerCommand]
 
 
@@ -48,12 +50,14 @@ class SqueezeControl:
     """
     Control of squeeze and pose of a held object.
 
-    :ivar belief: estimated state of the grip; None before `follow`.
-    :ivar reference: desired pose (x, y, angle) of the object [m, rad]: its initial pose plus the
-        executed twists; None before the first twist.
+    :ivar belief: estimated state of the grip; None before the first `follow`.
+    :ivar reference: desired pose (x, y, angle) of the object [m, rad]. It is the initial pose plus
+        the integral of the executed twists; None before the first twist.
     :ivar frequency: lowest natural frequency of the held object [rad/s]; None if unknown.
-    :ivar gains: gains for this frequency; before `follow`, for an unknown frequency.
-    :ivar fault: fault of the grip. It remains until `acknowledge`; an oscillation ends by itself.
+    :ivar gains: gains for this frequency; before the first `follow`, gains for an unknown
+        frequency.
+    :ivar fault: fault of the grip. It remains until `acknowledge` is called; only the fault of an
+        oscillation ends by itself.
     :param settings: desired squeeze.
     """
 
@@ -71,7 +75,7 @@ class SqueezeControl:
         self.reset()
 
     def reset(self) -> None:
-        """Discard the estimated grip and the desired pose; both restart from a measured pose."""
+        """Discard the estimated grip and the desired pose; a new measured pose restarts them."""
         self.belief: GripBelief | None = None
         self._lost: HoldStatus | None = None  # by the belief before
         self.reference: Array | None = None
@@ -81,7 +85,7 @@ class SqueezeControl:
         self.gains: LoopGains = gains_of(DEFAULT_GAIN)
         self._swings, self._rest = SwingWatch(), 0.0
         self._velocity, self._elapsed, self._slipped = np.zeros(3), 0.0, 0.0
-        self._stamp = -math.inf
+        self._stamp, self._excess = -math.inf, 0.0
         self._start = BeliefStart()
 
     def rest(self) -> None:
@@ -90,7 +94,7 @@ class SqueezeControl:
 
     @property
     def grasp(self) -> HeldGrip | None:
-        """Return the equilibrium of the held object; None before `follow`."""
+        """Return the equilibrium of the held object; None before the first `follow`."""
         return None if self.belief is None else self.belief.grasp
 
     def lose(self) -> None:
@@ -115,7 +119,7 @@ class SqueezeControl:
 
     def take_offsets(self, offsets: Array | float, covariance: Array | None) -> None:
         """
-        Set the roller offsets that the roller positions include from now on.
+        Set the roller offsets that are included in all roller positions from now on.
 
         :param offsets: (r,) roller offsets [m].
         :param covariance: (r, r) covariance of the offsets [m^2]; None if unknown.
@@ -130,7 +134,7 @@ class SqueezeControl:
             belief.move_zeros(offsets - before)
 
     def note(self) -> str:
-        """Return the fault of the grip in words; empty if there is none."""
+        """Return a sentence that describes the fault of the grip; empty if there is none."""
         if self.fault is GripFault.OSCILLATES:
             return f'the object oscillates: the gain is softened to {self.gains.pose:.3g} 1/s'
         if self.fault is not None:
@@ -145,7 +149,7 @@ class SqueezeControl:
         """
         Return the estimated mean normal force of the members, and its standard deviation [N].
 
-        The result is None before `follow`.
+        The result is None before the first `follow`.
         """
         belief = self.belief
         return None if belief is None else (belief.squeeze, belief.squeeze_deviation)
@@ -159,19 +163,20 @@ class SqueezeControl:
         gripped: bool = False,
     ) -> HoldStatus:
         """
-        Propagate the estimated grip and the desired pose to now, and add the measured pose.
+        Update the estimated grip and the desired pose for a new configuration and measured pose.
 
-        A call makes at most one search for an equilibrium with unknown contact history. If no
-        equilibrium exists at the estimated pose, the next call searches at the measured pose.
+        A call searches for an equilibrium with unknown contact history at most once. If none
+        exists near the estimated pose, the next call searches near the measured pose.
 
         :param config: configuration of the robot.
         :param grip: grip with the object at its predicted pose.
         :param elapsed: time since the previous cycle [s].
         :param sample: last measured pose, and its age relative to the configuration [s]; None: the
             pose of the grip with zero age.
-        :param gripped: whether the client commands the object as gripped. Then the estimate also
-            starts, at the desired squeeze, if only wrong roller offsets explain the measured pose.
-        :return: hold status of the object in the model.
+        :param gripped: whether the client says that the object is gripped. Then an equilibrium
+            with the desired squeeze is assumed if only wrong roller offsets can explain the
+            measured pose.
+        :return: hold status of the object according to the model.
         :raises GraspError: see `find_contacts`.
         :raises ConfigurationError: the configuration is singular.
         :raises StructureError: see `structure_of`.
@@ -196,11 +201,12 @@ class SqueezeControl:
         """
         Return the command that executes a twist of the object and controls the squeeze.
 
-        In a fault only the squeeze is controlled; in an oscillation the rollers stop.
+        During a fault only the squeeze is controlled; during an oscillation the rollers are
+        stopped.
 
         :param twist: (3,) vx, vy [m/s], omega [rad/s] of the object in the robot frame.
         :param period: duration of the command, positive [s].
-        :param solve: solver of the twist program.
+        :param solve: function that solves the quadratic program for a twist and an opening rate.
         """
         if self.belief is None:
             raise ValueError('follow comes before solve')
@@ -208,7 +214,7 @@ class SqueezeControl:
         if self.fault is GripFault.OSCILLATES:
             still = np.zeros(len(belief.grasp.config.roller_positions))
             return RollerCommand(still, np.zeros(3), 0.0, self.fault.value)
-        missing = self.gains.squeeze * (self.settings.force - belief.regulated_squeeze)
+        missing = self.gains.squeeze * (self._desired_squeeze(belief) - belief.regulated_squeeze)
         rate = max(-MAX_FORCE_RATE, min(missing - belief.drift[3], MAX_FORCE_RATE))
         opening = rate / belief.slope
         if self.fault is not None:
@@ -228,21 +234,33 @@ class SqueezeControl:
             )
         return belief.usage.limit_utilisation(command, period, self.settings.max_utilisation)
 
+    def _desired_squeeze(self, belief: GripBelief) -> float:
+        """
+        Return the desired squeeze [N].
+
+        A squeeze that would be unknown exceeds the setting by as much as it did at first. Opening
+        the grip could release the object, which no pose would show before the object is moved.
+        """
+        force = self.settings.force
+        known = belief.squeeze_deviation <= MAX_KNOWN_DEVIATION * force
+        return force if known else force + self._excess
+
     def advance(self, twist: Array, command: RollerCommand, missing: Array | float = 0.0) -> None:
         """
-        Integrate the executed twist into the desired pose.
+        Move the desired pose by the executed twist.
 
         :param twist: (3,) commanded twist [m/s, rad/s].
-        :param command: executed command; if it has another direction than the twist, the desired
-            pose is reset.
-        :param missing: (3,) part of the twist that acceleration or barriers did not admit.
+        :param command: executed command. If its direction differs from that of the twist, the
+            desired pose is reset to the estimated pose.
+        :param missing: (3,) part of the twist that was not executed because of acceleration limits
+            or barriers [m/s, rad/s].
         """
         if command.status in (Status.UNREACHABLE, Status.SLIDING):
             self.reference = None
         self._velocity = command.scale * np.asarray(twist) - missing
 
     def _correction(self, belief: GripBelief, period: float) -> Array:
-        """Return the twist (3,) that corrects the pose error, and the drift that (19) neglects."""
+        """Return the twist (3,) that corrects the pose error and the motion that (19) neglects."""
         here = belief.regulated_pose
         if self.reference is None:
             self.reference = here
@@ -258,6 +276,8 @@ class SqueezeControl:
         )
         if self._start.belief is not None:
             self.belief = self._start.belief
+            least = (1.0 - 2.0 * self.belief.settings.squeeze_error) * self.belief.squeeze
+            self._excess = max(least - self.settings.force, 0.0)
             self._choose_gains(self.belief)
             self._swings = SwingWatch(self.frequency)
         if self._lost is not None and hold is not HoldStatus.HELD and self.fault is None:
@@ -266,7 +286,7 @@ class SqueezeControl:
         return hold
 
     def _observe(self, belief: GripBelief, pose: Pose, age: float, elapsed: float) -> None:
-        """Update the belief by a new pose, and test for slip."""
+        """Update the belief with a new measured pose, and test for slip."""
         self._stamp -= elapsed  # of the last pose, against now
         if -age <= self._stamp + STAMP_TOLERANCE:
             return
@@ -312,7 +332,7 @@ class SqueezeControl:
 
 
 def _solve_within_limits(wanted: Array, opening: float, solve: Solve) -> RollerCommand:
-    """Return the command for a twist and an opening rate; limits scale the twist only."""
+    """Return the command for a twist and an opening rate; limits reduce the twist only."""
     command = solve(wanted, opening)
     if not Status.SLOWED_ROLLER_SPEED <= command.status <= Status.SLOWED_BARRIER:
         return command

@@ -2,13 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Twist servo, which returns a roller command from the latest inputs, or a halt, in every cycle.
+Twist servo, which computes a roller command or a halt from the latest inputs in every cycle.
 
-The twist is a twist of the held object or, without an object, of a joint.
+The twist is the desired velocity of the held object or, without an object, of a joint.
 
-Each cycle starts from the measured state. Since the measurement the rollers have followed the
-commands, so the servo predicts the current state from these commands. Commands before the
-measurement have no effect, so motion resumes from any state of robot and object.
+Each cycle starts from the last measured state. The rollers have followed the commands since this
+measurement, so the servo predicts the current state from these commands. Earlier commands have no
+influence, so motion can resume from any state of robot and object.
 """
 
 from __future__ import annotations
@@ -97,23 +97,24 @@ class TwistServo:
 
     @property
     def squeeze(self) -> SqueezeControl | None:
-        """Return the squeeze control; None if the opening angle of the grip is kept instead."""
+        """Return the squeeze control; None if the opening angle is held constant instead."""
         return self._squeeze
 
     @property
     def failed(self) -> frozenset[str]:
-        """Return the names of the failed rollers, named by the client or detected."""
+        """Return the names of failed rollers, which the client declared or which were detected."""
         return self._inputs.failed | self._detector.failed
 
     def apply(self, settings: ServoSettings) -> None:
         """
         Replace the settings from the next cycle on.
 
-        A change of the joint discards the twist. Squeeze control without a fault and detected
-        failures continue. A change of the failure time discards measurements for the detection.
+        If the joint changes, the last twist is discarded. If the failure time changes, the
+        detection of failures restarts; failures detected before remain. The squeeze control goes
+        on unless it has a fault.
 
         :param settings: new settings.
-        :raises GraspError: the robot has no such joint; then nothing changes.
+        :raises GraspError: the robot has no such joint; then the old settings remain.
         """
         if settings.joint is not None:
             check_joint(self.robot, settings.joint)
@@ -138,9 +139,9 @@ class TwistServo:
 
     def receive(self, **inputs: Any) -> None:
         """
-        Replace some inputs.
+        Store new values of some inputs.
 
-        :param inputs: values by the names of fields of `ServoInputs`.
+        :param inputs: new values; the keywords are the fields of `ServoInputs`.
         :raises GraspError: a roller named as failed does not exist in the robot; then no input is
             replaced.
         """
@@ -154,9 +155,9 @@ class TwistServo:
         """
         Return the roller command for the cycle that begins now.
 
-        A fault of an input raises no error; it becomes a halt with a status and a message.
+        A fault of an input raises no error; it results in a halt with a status and a message.
 
-        :param now: time on the clock of the inputs [s].
+        :param now: current time on the clock of the inputs [s].
         """
         settings, received = self._settings, self._inputs
         self._prepare(now)
@@ -197,13 +198,13 @@ class TwistServo:
 
     def command(self, velocities: Array, now: float) -> Array:
         """
-        Return roller velocities (r,) for desired ones, within the acceleration limit [m/s].
+        Return the desired roller velocities (r,), limited by the largest acceleration [m/s].
 
-        Clients call it in a cycle in which they command rollers directly instead of by a twist.
-        The result is recorded for the prediction and for the detection of failures.
+        It is called instead of `decide` in a cycle in which the client commands roller velocities
+        directly. The result is recorded for the prediction and for the detection of failures.
 
         :param velocities: (r,) desired velocities [m/s]; zeros stop the rollers at once.
-        :param now: time on the clock of the inputs [s].
+        :param now: current time on the clock of the inputs [s].
         """
         self._prepare(now)
         last = np.zeros(len(velocities)) if self._history.last is None else self._history.last
@@ -244,9 +245,10 @@ class TwistServo:
         failed: frozenset[str],
     ) -> RollerCommand:
         """
-        Return the command for the configuration at the midpoint of its cycle.
+        Return the command, computed for the configuration predicted at the cycle's midpoint.
 
-        A command for the older, measured configuration would have a first-order error.
+        A command computed for the measured configuration, which is older, would have a first-order
+        error.
         """
         config, grip, last = self._predict(rollers, pose, now, failed)
         watch = None if self._guard is None else self._guard.watch(config, grip)
@@ -277,7 +279,7 @@ class TwistServo:
 
     @property
     def _touching(self) -> Grip:
-        """Return the grip, with the contacts of the held object's model if it exists."""
+        """Return the grip; if the object is modelled, with the contacts of its equilibrium."""
         belief = None if self._squeeze is None else self._squeeze.belief
         return self._settings.grip if belief is None else belief.grip
 
@@ -314,7 +316,7 @@ class TwistServo:
         now: float,
         failed: frozenset[str],
     ) -> tuple[Configuration, Grip | None, Array]:
-        """Return configuration and grip at the midpoint of the cycle, and the last command."""
+        """Return the predicted configuration and grip at mid-cycle, and the last command."""
         still = np.array([name in failed for name in self.robot.roller_names])
         before, travel, last = self._history.expected_travel(
             rollers, (pose or [rollers])[0].time, now, 0.5 * self._settings.period, still
@@ -328,7 +330,7 @@ class TwistServo:
         return config, grip, last
 
     def _watch(self, squeeze: SqueezeControl, status: Status, now: float) -> None:
-        """Update the belief of the grip of an object at rest; discard it without valid inputs."""
+        """Update the belief of the grip while the object rests; discard it on invalid inputs."""
         before = self._regulated
         if before is not None and 0.0 <= now - before < WATCH_PERIOD:
             squeeze.rest()
@@ -381,7 +383,7 @@ class TwistServo:
         twist: Array,
         solve: Callable[..., RollerCommand],
     ) -> RollerCommand:
-        """Return the command that controls the squeeze by the belief of the held object."""
+        """Return the command that executes a twist and controls the squeeze."""
         if squeeze.grasp is None or (hold is not HoldStatus.HELD and squeeze.fault is None):
             why = f'the object is not held: {hold.value}'
             raise HaltError(Status.HALT_NOT_HELD, '; '.join(filter(None, (why, squeeze.note()))))

@@ -28,15 +28,17 @@ class ElasticObject:
     """
     Object held by friction between two or three members, or free on the ground.
 
-    Members in contact push a free object; the ground carries its external loads. With force
-    closure the object is held: contacts roll without slip, and its pose follows from configuration
-    and external wrench, without inertia. Without sufficient friction or without an equilibrium it
-    is lost: the members push it out of the grip, and it is free.
+    Members in contact push a free object, and the ground carries its external loads. With force
+    closure the object is held: contacts roll without slip, and the pose follows from configuration
+    and external wrench, without inertia. If friction becomes insufficient or no equilibrium
+    exists, the object is lost: the members push it out of the grip, and it is free again.
 
-    :ivar dropped: reason why the grip lost the object; None if it holds or has never held it.
+    :ivar dropped: reason why the grip lost the object; None if the object is held or was never
+        held.
     :param body: the object at its initial pose.
     :param friction: coefficient of friction between tube and object in this plant, not negative.
-    :param stiffness_scale: ratio of the stiffness in this plant to the model's, positive [-].
+    :param stiffness_scale: ratio of the stiffness in this plant to the modelled stiffness,
+        positive [-].
     :raises GraspError: friction or stiffness is invalid.
     """
 
@@ -59,7 +61,7 @@ class ElasticObject:
 
     @property
     def grasp(self) -> HeldGrip | None:
-        """Return the equilibrium of the held object; None while free."""
+        """Return the equilibrium of the held object; None while the object is free."""
         return self._grasp
 
     @property
@@ -70,7 +72,7 @@ class ElasticObject:
     @external_wrench.setter
     def external_wrench(self, wrench: ArrayLike) -> None:
         """
-        Set the external wrench, from the next step on.
+        Set the external wrench (fx, fy, m) on the object [N, N m], used from the next step on.
 
         :raises GraspError: the wrench is not three finite numbers.
         """
@@ -79,7 +81,7 @@ class ElasticObject:
 
     @property
     def slip_margin(self) -> float:
-        """Return the smallest additional wrench at which a contact slips [N]; zero if free."""
+        """Return the smallest additional wrench at which the object slips [N]; zero if free."""
         return 0.0 if self._grasp is None else self._grasp.slip_margin(self._friction)
 
     def joints(self, config: Configuration) -> Array:
@@ -140,14 +142,14 @@ class ElasticObject:
         return touch
 
     def _pressed(self, config: Configuration) -> bool:
-        """Return whether two members overlap the free object, which one member would only push."""
+        """Return whether two members overlap the free object; one member would only push it."""
         return bool(np.sort(member_depths(config, self._body))[-2] > ROUNDING)
 
     def _roll(self, before: HeldGrip, config: Configuration) -> None:
         """
-        Roll to a configuration under the external wrench.
+        Roll the object to a configuration under the external wrench.
 
-        A substep with loss of contact is halved; in the smallest substep the object is lost.
+        A substep in which contact is lost is halved; in the smallest substep the object is lost.
         """
         wrench, pulled = self._wrench / (1.0, 1.0, before.arm), before.wrench
         start, end = before.config.roller_positions, config.roller_positions

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Simulated rigid object, at rest or rolling in a grip, between undeformed tubes."""
+"""Simulated rigid object between undeformed tubes, either at rest or rolling in a grip."""
 
 from __future__ import annotations
 
@@ -22,13 +22,14 @@ class RigidObject:
     """
     Object that is at rest until friction can hold it, and then rolls in its grip.
 
-    When the rollers stop, it is checked whether friction holds the object. A held object moves to
-    its equilibrium between the two or three members in contact, and rolls with them afterwards. A
-    free object is fixed to the ground; members do not push it. A held object becomes free if a
-    contact leaves its member, or if a member has no contact when the rollers stop.
+    Each time the rollers stop, it is checked whether friction can hold the object. If so, the
+    object moves to its equilibrium between the two or three members in contact, and rolls with
+    them afterwards. A free object is fixed to the ground; members do not push it. A held object
+    becomes free if a contact leaves its member, or if a member has no contact when the rollers
+    stop.
 
     :param body: the object at its initial pose.
-    :param friction: coefficient of friction; the object's own has precedence.
+    :param friction: coefficient of friction, used if the object has none of its own.
     """
 
     def __init__(self, body: ConvexObject, friction: float) -> None:
@@ -91,7 +92,7 @@ class RigidObject:
     def _try_to_hold(
         self, config: Configuration, body: ConvexObject, names: tuple[str, ...]
     ) -> None:
-        """Hold the object between the members that press on it, if friction is sufficient."""
+        """If friction is sufficient, hold the object between the members that press on it."""
         try:
             settled = settle_grasp(config, body, self._friction, members=names)
             if settled.hold.at_rest:
@@ -107,9 +108,10 @@ class RigidObject:
 
 def pressing_members(config: Configuration, body: ConvexObject) -> tuple[str, ...]:
     """
-    Return the names of the members that an object indents, the deepest indentation first.
+    Return the names of the members that an object indents, the most indented one first.
 
-    Tubes with an indentation above their diameter are excluded; such tubes pass above the object.
+    A tube that is indented by more than its diameter is assumed to pass above the object and is
+    excluded.
 
     :param config: configuration of the robot.
     :param body: the object at its pose.

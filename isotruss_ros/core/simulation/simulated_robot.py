@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Simulated robot: rollers with faults that follow commands, and a grasped object."""
+"""Simulated robot with rollers that follow commands, faults of the rollers, and an object."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ class RollerFaults:
     """
     Faults of the rollers.
 
-    With slip, the tube lags the roller's surface by a share of the travel, in both directions. The
-    encoders are on the rollers and do not measure slip, so the true configuration drifts from the
-    measured configuration. The share of each roller is drawn once, uniformly between 0.5 and 1.5
-    times `slip`.
+    With slip, the tube moves less than the surface of the roller by a fraction of the travel, in
+    both directions. The encoders are on the rollers and do not measure slip, so the true
+    configuration drifts away from the measured one. The fraction of each roller is drawn once,
+    uniformly between 0.5 and 1.5 times `slip`.
 
-    :ivar speed_limit: bound at which commands are clipped [m/s].
+    :ivar speed_limit: largest roller speed; commands beyond it are clipped [m/s].
     :ivar noise: standard deviation of the speed of a moving roller, drawn in each step [m/s].
     :ivar stuck: names of stuck rollers.
-    :ivar slip: mean slip as a share of the travel, 0 to 0.5 [-].
+    :ivar slip: mean slip as a fraction of the travel, 0 to 0.5 [-].
     """
 
     speed_limit: float = float('inf')
@@ -45,11 +45,11 @@ class DrivenRollers:
     Rollers that follow commands, with faults; a subclass integrates their travel.
 
     :ivar roller_positions: (r,) travel measured by the encoders [m].
-    :ivar roller_velocities: (r,) mean speeds in the last step by the encoders [m/s].
+    :ivar roller_velocities: (r,) mean speeds in the last step, measured by the encoders [m/s].
     :param robot: robot with the rollers.
     :param faults: faults of the rollers.
-    :param seed: seed of noise and slip.
-    :raises GraspError: the robot has no such stuck roller.
+    :param seed: seed of the random numbers for noise and slip.
+    :raises GraspError: a roller named as stuck does not exist.
     :raises ConfigurationError: the slip is out of its range.
     """
 
@@ -69,11 +69,11 @@ class DrivenRollers:
 
     def command(self, velocities: ArrayLike) -> None:
         """
-        Set a command, which is valid until the next command.
+        Set the roller speeds, which are valid until the next command.
 
         :param velocities: (r,) roller speeds [m/s].
         :raises ConfigurationError: the speeds have a wrong shape or are not finite; the previous
-            command continues.
+            command remains valid.
         """
         self._command = self._robot.check_rollers(velocities, 'roller velocities [m/s]')
 
@@ -104,14 +104,14 @@ class SimulatedObject(Protocol):
 
     def follow(self, config: Configuration) -> None:
         """
-        Move the object with the robot to a new configuration; it is called in every step.
+        Move the object with the robot to a new configuration; called in every step.
 
         :param config: configuration of the robot.
         """
 
     def come_to_rest(self, config: Configuration) -> None:
         """
-        Handle the stop of the rollers.
+        Update the object after the rollers have stopped.
 
         :param config: configuration of the robot.
         """
@@ -119,13 +119,13 @@ class SimulatedObject(Protocol):
 
 class SimulatedRobot(DrivenRollers):
     """
-    Robot that integrates roller speeds; nodes and object follow by forward kinematics.
+    Simulated robot that integrates roller speeds; forward kinematics moves nodes and object.
 
     :ivar config: true configuration; without slip it is the configuration at `roller_positions`.
-    :param simulated: object: a `RigidObject`, an `ElasticObject` or a user-defined object.
+    :param simulated: the object, which is a `RigidObject`, an `ElasticObject` or user-defined.
     :param faults: faults of the rollers.
-    :param seed: seed of the noise.
-    :raises GraspError: the robot has no such stuck roller.
+    :param seed: seed of the random numbers for noise and slip.
+    :raises GraspError: a roller named as stuck does not exist.
     :raises ConfigurationError: the slip is out of its range.
     """
 
@@ -151,16 +151,17 @@ class SimulatedRobot(DrivenRollers):
         """
         Replace the object without moving the robot.
 
-        :param simulated: object: a `RigidObject`, an `ElasticObject` or a user-defined object.
+        :param simulated: the object, which is a `RigidObject`, an `ElasticObject` or user-defined.
         """
         self._object, self._rests = simulated, False
 
     def advance(self, duration: float) -> None:
         """
-        Integrate the motion over a time interval.
+        Move rollers, nodes and object for a time interval.
 
         :param duration: length of the interval, not negative [s].
-        :raises ConfigurationError: no configuration exists at this travel; the rollers block.
+        :raises ConfigurationError: no configuration exists at the new travel, so the rollers
+            block.
         """
         speeds = self._speeds()
         moving = bool(speeds.any())

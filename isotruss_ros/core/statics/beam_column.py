@@ -5,16 +5,16 @@
 Planar beam-columns: the stiffness (2) of a straight member, with terms in the axial force.
 
 A member has the chord length l, the rest length l0 and the end rotations t1, t2 relative to the
-chord. The axial force N makes the energy stationary,
+chord. Its axial force N is the value at which the energy U is stationary,
 
     U = N (l - l0) - N^2 l0 / (2 EA) + 1/4 (Ks (t1 + t2)^2 + Ka (t1 - t2)^2),
     Ks = 6 EI / l0 / (1 + phi - y/15 + 2 y^2/315),   Ka = 2 EI / l0 (1 + y/3 - y^2/45),
     phi = 12 EI / (GA l0^2),   y = N l0^2 / (4 EI (1 + N/GA)):
 
 the stability functions of a Timoshenko beam (Przemieniecki, Theory of Matrix Structural Analysis,
-chapter 15), expanded to N^2. For N = 0 this is (2). The terms in N are the shortening of the chord
-by bending, and the stiffness of a pulled string. The rotation of a pinned end is eliminated by
-static condensation.
+chapter 15), expanded to N^2. For N = 0 this is (2). The terms in N describe that bending shortens
+the chord, and that tension stiffens the member as in a string. The rotation of a pinned end is
+eliminated by static condensation.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ MOTION = np.array([[4, 5, 0, 2, 3, 0], [9, 6, 1, 7, 8, 0], [9, 6, 0, 7, 8, 1], [
 
 class EndForces(NamedTuple):
     """
-    Forces of k bent members, and their derivatives with respect to (l, t1, t2).
+    Forces of k bent members, and the derivatives of these forces with respect to (l, t1, t2).
 
     These are the chord length l and the end rotations t1 and t2 relative to the chord.
 
@@ -53,13 +53,13 @@ class BeamColumns:
     Members that bend under loads and are straight without loads.
 
     :ivar length: (k,) rest lengths l0 [m].
-    :ivar stretch: (k,) axial compliance l0 / EA [m/N].
+    :ivar stretch: (k,) axial compliances l0 / EA [m/N].
     :ivar rotary: (3, 3, k) rotational stiffnesses dM1/dt1, dM1/dt2 and dM2/dt2; each is a
         polynomial of degree 2 in N.
     :param length: (k,) rest lengths l0 [m].
     :param axial: (k,) EA [N].
     :param flexural: (k,) EI [N m^2]; zero for a bar.
-    :param shear: (k,) GA [N], infinite for no shear deformation.
+    :param shear: (k,) GA [N]; infinite for members without shear deformation.
     :param pinned_start: (k,) whether the start transmits no moment.
     :param pinned_end: (k,) whether the end transmits no moment.
     """
@@ -92,13 +92,13 @@ class BeamColumns:
 
     def evaluate(self, longer: Array, turns: Array, known: Array | None = None) -> EndForces:
         """
-        Return the forces of bent members.
+        Return the end forces of bent members.
 
         :param longer: (k,) elongations l - l0 [m].
         :param turns: (k, 2) rotations of the ends relative to the chord [rad].
-        :param known: (k,) axial forces N about which the members are linearised; None: the forces
-            of stationary energy. Newton's method takes N as an unknown, because N of stiff members
-            has large errors in short steps.
+        :param known: (k,) axial forces N about which the members are linearised; None: N at which
+            the energy is stationary. Newton's method treats N as an unknown, because computed from
+            small elongations of stiff members, N has large rounding errors.
         """
         rotary, turns = self.rotary, turns.T
         straight, first, second = by_power = rotary[:, :2] * turns[0] + rotary[:, 1:] * turns[1]
@@ -121,7 +121,7 @@ class BeamColumns:
 
 
 def _reciprocal(series: Array) -> Array:
-    """Return the first three terms (3, k) of the reciprocal of a power series (3, k)."""
+    """Return the first three coefficients (3, k) of the reciprocal of k power series (3, k)."""
     constant, first, second = series
     whole = 1.0 / constant
     linear = -first * whole**2
@@ -145,7 +145,7 @@ def chord_motions(axis: Points, length: Array) -> Array:
 
 def chord_stiffness(length: Array, forces: EndForces) -> Array:
     """
-    Return the stiffness (k, 4, 4) of bent members by the changes of `chord_motions`.
+    Return the stiffness (k, 4, 4) of bent members against the changes of `chord_motions`.
 
     :param length: (k,) lengths of the chords [m].
     :param forces: forces of the members and their derivatives.
@@ -170,9 +170,11 @@ def local_stiffness(
     :param length: (k,) lengths [m].
     :param axial: (k,) EA [N].
     :param flexural: (k,) EI [N m^2].
-    :param shear: (k,) GA [N], infinite for no shear deformation.
-    :param pins: (k,) masks of pinned starts and pinned ends; None for fixed ends.
-    :return: (k, 6, 6) by (ux, uy, theta) at start and end; zero for pinned rotations.
+    :param shear: (k,) GA [N]; infinite for members without shear deformation.
+    :param pins: two masks (k,), true for pinned starts and for pinned ends; None: all ends are
+        fixed.
+    :return: (k, 6, 6) stiffness against (ux, uy, theta) at start and end; zero for pinned
+        rotations.
     """
     fixed = np.zeros(np.shape(length), dtype=bool)
     columns = BeamColumns(length, axial, flexural, shear, *(pins or (fixed, fixed)))

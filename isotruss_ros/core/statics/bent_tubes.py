@@ -2,12 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Compliance of the tubes at k load points, where the frame is cut, linearised about a bent state.
+Compliance of the tubes at k load points, linearised about a bent state.
 
-The place of a load point is its distance from its member's start. If the load point moves along
-the member, the part of the tube before it becomes longer and the part behind it shorter. So the
-responses, which are the displacements and inclinations at the load points, are affine in loads and
-places.
+The frame has additional nodes at the load points: each load point cuts its member into parts. The
+place of a load point is its distance from its member's start. If it moves along the member, the
+part before it becomes longer and the part behind it shorter. The responses are the displacements
+and inclinations at the load points; they are affine functions of loads and places.
 """
 
 from __future__ import annotations
@@ -25,11 +25,9 @@ from isotruss_ros.core.statics.structure import Structure
 from isotruss_ros.core.statics.tangent import end_forces, Slopes, Tangent
 import numpy as np
 
-#: Relative error of responses that are linearised about another state, per motion of a node [1/m].
-#: The error of a predicted state is this factor times the square of the motion.
-TUBE_CURVATURE = 15.0
-#: Largest motion of a node [m] without a new linearisation while a motion is followed; for an
-#: equilibrium it is `ROUNDING`.
+#: Largest motion of a node [m] without a new linearisation in the analysis of a moving robot; for
+#: a single equilibrium it is `ROUNDING`. The remaining error is `TUBE_CURVATURE` times the square
+#: of the motion.
 FOLLOWED_MOTION = 1e-4
 #: Weight of a load point's motion relative to a node's motion in `BentTubes.distance` [-].
 PLACE_SHARE = 0.2
@@ -39,10 +37,10 @@ SHORTEST_PART = 1e-3
 
 class Displaced(NamedTuple):
     """
-    State of a bent frame, which is the initial guess for another state.
+    State of a bent frame, used as initial guess for another state.
 
     :ivar displacements: (n, 3) displacements ux, uy [m], theta [rad].
-    :ivar multipliers: (c,) multipliers of the constraints.
+    :ivar multipliers: (c,) Lagrange multipliers of the constraints.
     :ivar loads: (k, 3) loads at the load points, see `BentTubes` [N, N m].
     :ivar pull: (c,) axial forces of the members [N].
     """
@@ -55,13 +53,14 @@ class Displaced(NamedTuple):
 
 class PlaceChanges(NamedTuple):
     """
-    Changes of the frame by p motions of the load points along their members, at constant loads.
+    Changes of the frame if load points move along their members under constant loads.
 
-    :ivar nodes: (n, 3, p) motion of the nodes [m, rad].
-    :ivar inclined: (k, p) changes of the inclinations at the load points, while the nodes are
-        fixed [rad].
-    :ivar forces: (c, 3, p) changes of the members' N [N], M1 and M2 [N m], while the nodes are
-        fixed.
+    Each of the p columns is one motion of the load points.
+
+    :ivar nodes: (n, 3, p) displacements of the nodes [m, rad].
+    :ivar inclined: (k, p) changes of the inclinations at the load points if the nodes were fixed
+        [rad].
+    :ivar forces: (c, 3, p) changes of the members' N [N], M1 and M2 [N m] if the nodes were fixed.
     """
 
     nodes: Array
@@ -116,7 +115,7 @@ class BentTubes:
 
     @cached_property
     def _cut(self) -> tuple[Frame, Array, Array]:
-        """Return the cut frame, the directions (k,) of its pieces, and the cuts (k,) [m]."""
+        """Return the cut frame, the directions (k,) of its pieces, and the places (k,) of cuts."""
         frame = self.structure.frame
         if not len(self.members):
             return frame, self.places, self.places
@@ -136,7 +135,7 @@ class BentTubes:
 
     def bent_like(self, others: BentTubes) -> BentTubes:
         """
-        Return these tubes, linearised about the state of the tubes of a similar robot.
+        Return these tubes, linearised about a state taken from the tubes of a similar robot.
 
         :param others: tubes of the similar robot.
         """
@@ -154,7 +153,7 @@ class BentTubes:
 
     @cached_property
     def ahead(self) -> Array:
-        """Return (k,) 1 for load points on pieces of tube that point along the member, else -1."""
+        """Return 1 for each load point (k,) whose piece points along the member, otherwise -1."""
         return self._cut[1]
 
     @cached_property
@@ -174,7 +173,7 @@ class BentTubes:
 
     def locate(self, members: Indices, places: Array) -> tuple[Indices, Array, Array]:
         """
-        Return the members of the cut frame at points, and positions; see `Structure.locate`.
+        Return the parts of the cut frame that contain points, see `Structure.locate`.
 
         :param members: (c,) indices of the members.
         :param places: (c,) distances from the members' starts [m].
@@ -184,13 +183,13 @@ class BentTubes:
 
     @cached_property
     def share(self) -> float:
-        """Return the factor on all loads: 1, or nearly 0 in the linear model of the paper."""
+        """Return the factor on all loads: 1, or almost 0 for the paper's linear model."""
         return NEGLIGIBLE_SHARE if self.linear else 1.0
 
     @cached_property
     def tangent(self) -> Tangent:
         """
-        Return the linearised frame.
+        Return the frame linearised about the state `before`.
 
         :raises StructureError: the structure is a mechanism.
         """
@@ -212,7 +211,7 @@ class BentTubes:
 
     @cached_property
     def _changes(self) -> tuple[Array, Array]:
-        """Return changes (n, 3, p) of nodes, and multipliers, for loads, places and residual."""
+        """Return changes of nodes (n, 3, p) and multipliers by loads, places and residual."""
         units = self._units
         loads = np.column_stack([units, -self._place_rates[0]])
         applied = np.zeros(len(units))
@@ -256,7 +255,7 @@ class BentTubes:
 
     @cached_property
     def _parts(self) -> tuple[Indices, Indices]:
-        """Return the parts (2 k,) before and behind load points; and their ends there, 2 or 1."""
+        """Return the parts (2 k,) before and behind load points, and their ends there (2 or 1)."""
         count = len(self.members)
         return np.append(self.frame.before, self.frame.behind), np.repeat([2, 1], count)
 
@@ -295,9 +294,10 @@ class BentTubes:
     @cached_property
     def rates(self) -> Array:
         """
-        Return the derivatives of the responses with respect to `places`, (k, 3, k) [1/m].
+        Return the derivatives (k, 3, k) of the responses with respect to `places`.
 
-        The responses are the displacements and inclinations at the load points.
+        The responses are the displacements [m] and inclinations [rad] at the load points; `places`
+        are in metres.
         """
         count = len(self.members)
         found = self._rows[1][..., self._moving].copy()
@@ -311,7 +311,7 @@ class BentTubes:
 
     @cached_property
     def given(self) -> Array:
-        """Return the responses (k, 3) without loads, with all load points at members' starts."""
+        """Return the responses (k, 3) without loads and with all places zero."""
         state, changes = self._rows
         found = (state + changes[..., -1]) / self.share
         if self.before is not None:
@@ -320,7 +320,7 @@ class BentTubes:
 
     def respond(self, loads: Array, places: Array) -> Array:
         """
-        Return the responses (k, 3) to loads, by the linearisation.
+        Return the linear prediction of the responses (k, 3) to loads.
 
         :param loads: (k, 3) loads at the load points.
         :param places: (k,) distances of the load points from the members' starts [m].
@@ -330,7 +330,7 @@ class BentTubes:
 
     def distance(self, loads: Array, places: Array) -> float:
         """
-        Return the largest motion of a node from the state of the linearisation [m].
+        Return the largest distance of a node from its linearised position under loads [m].
 
         :param loads: (k, 3) loads at the load points.
         :param places: (k,) distances of the load points from the members' starts [m].
@@ -342,7 +342,7 @@ class BentTubes:
         return float(max(moved, slid))
 
     def _displace(self, ways: Array) -> tuple[Array, Array]:
-        """Return the changes (n, 3) of the nodes' displacements, and of the nodes' positions."""
+        """Return the changes of the nodes' displacements (n, 3), and of the positions (n, 3)."""
         nodes = self._changes[0] @ ways
         moved = nodes.copy()
         if self.before is not None:
@@ -352,7 +352,7 @@ class BentTubes:
         return moved, nodes
 
     def _ways(self, loads: Array, places: Array) -> Array:
-        """Return the factors (p,) by which loads and places multiply the columns of `_changes`."""
+        """Return the factors (p,) of the columns of `_changes` for given loads and places."""
         known = 0.0 if self.before is None else self.before.loads
         return np.concatenate([(loads - known).ravel(), places - self._cut[2], [1.0]])
 
@@ -404,12 +404,14 @@ class BentTubes:
 
     def changes(self, loads: Array, places: Array) -> tuple[Array, PlaceChanges]:
         """
-        Return the changes of the frame by additional loads and by p motions of the load points.
+        Return the changes of the frame due to additional loads and to motion of the load points.
+
+        Each of the p columns is one change.
 
         :param loads: (k, 3, p) additional loads at the load points.
         :param places: (k, p) motion of the load points along the members [m].
-        :return: (n, 3, p) displacements of the nodes by the loads, and the changes by the motions
-            of the load points.
+        :return: (n, 3, p) displacements of the nodes due to the loads, and the changes due to the
+            motion of the load points.
         """
         frame, count, found = self.frame, len(self.members), self._changes[0]
         by_loads = found[..., : 3 * count] @ loads.reshape(3 * count, -1)
@@ -421,7 +423,7 @@ class BentTubes:
 
     def inclination_changes(self, moved: Array) -> Array:
         """
-        Return the changes (k, p) of the inclinations at load points by motion of the nodes [rad].
+        Return the changes (k, p) of inclinations at load points due to moved nodes [rad].
 
         :param moved: (n, 3, p) displacements ux, uy [m], theta [rad].
         """
@@ -430,7 +432,7 @@ class BentTubes:
 
     def node_changes(self, loads: Array) -> Array:
         """
-        Return the motions (n, 3, p) of the frame's nodes by additional loads [m, rad].
+        Return the displacements (n, 3, p) of the nodes due to additional loads [m, rad].
 
         :param loads: (k, 3, p) additional loads at the load points.
         """
@@ -462,7 +464,7 @@ class BentTubes:
         return self.stiffness / self.share * ends, 0.0 * pull if self.linear else pull
 
     def _force_changes(self, ways: Array, nodes: Array) -> tuple[Array, Array]:
-        """Return changes of N, M1 and M2 (c, 3) and of the chord lengths (c,) of the members."""
+        """Return the changes of the members' N, M1 and M2 (c, 3) and chord lengths (c,)."""
         changes, longer = self.tangent.force_changes(nodes[..., None])
         changes, slid = changes[..., 0], np.tile(ways[self._moving], 2)
         np.add.at(changes, self._parts[0], self._place_rates[2] * slid[:, None])
@@ -470,13 +472,14 @@ class BentTubes:
 
     def section_changes(self, changes: Array) -> tuple[Array, Array, Array]:
         """
-        Return the changes of the frame by p changes of sections, at constant loads and places.
+        Return the changes of the frame due to p changes of sections, at constant loads and places.
 
-        In the paper's model the effect of loads is scaled by `NEGLIGIBLE_SHARE`.
+        In the paper's model, loads act with the factor `NEGLIGIBLE_SHARE`.
 
         :param changes: (4, c, p) changes of rest lengths [m], EA [N], EI [N m^2] and GA [N].
-        :return: (n, 3, p) motions of the nodes; (k, p) changes of the inclinations at the load
-            points; and (c, 3, p) changes of N, M1 and M2 of the members while the nodes are fixed.
+        :return: (n, 3, p) displacements of the nodes; and, if the nodes were fixed, (k, p) changes
+            of the inclinations at the load points and (c, 3, p) changes of the members' N, M1 and
+            M2.
         """
         frame, tangent = self.frame, self.tangent
         every = np.arange(len(frame.length))

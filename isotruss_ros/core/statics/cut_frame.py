@@ -16,12 +16,12 @@ import numpy as np
 
 class CutFrame(Frame):
     """
-    Frame whose members are cut at points; these points are its last nodes.
+    Frame whose members are divided at points; these points are its last nodes.
 
     The first part of a cut member keeps the member's index; all other parts have the last indices.
 
-    :param frame: frame without cuts.
-    :param piece: (c,) index of the member of each point.
+    :param frame: frame without these points, called uncut.
+    :param piece: (c,) index of the uncut member that contains each point.
     :param within: (c,) distances of the points from the members' starts [m].
     """
 
@@ -47,7 +47,7 @@ class CutFrame(Frame):
     @cached_property
     def rest(self) -> Tangent:
         """
-        Return the frame linearised without loads, from the factorisation of the uncut frame.
+        Return the frame linearised without loads, with the factorisation of the uncut frame.
 
         :raises StructureError: the frame is a mechanism; the message names the nodes that move.
         """
@@ -75,7 +75,7 @@ class CutFrame(Frame):
 
 def keep_apart(pieces: Indices, places: Array, length: Array, shortest: float) -> Array:
     """
-    Return positions of cuts, shifted such that each part of a member has a minimum length.
+    Return positions (c,) of cuts [m], shifted so that each part of a member has a minimum length.
 
     :param pieces: (c,) index of the member of each cut.
     :param places: (c,) distances of the cuts from the members' starts [m].

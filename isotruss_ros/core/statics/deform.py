@@ -26,19 +26,19 @@ from numpy.typing import ArrayLike
 
 #: Largest load factor up to which a limit load is searched [-].
 MAX_LIMIT_FACTOR = 100.0
-#: Largest deviation of the tangent without loads from the straight structure, as a share of the
-#: displacements [-]. Beyond it loads are applied in steps: of 971 random loads, 14 exceeded a
-#: limit load, and their shares were 0.49 or more.
+#: The frame linearised about the loaded state predicts displacements without loads; they should be
+#: zero. If they exceed this fraction of the displacements under load [-], loads are applied in
+#: steps: of 971 random loads, 14 exceeded a limit load, and their fractions were 0.49 or more.
 MAX_UNLOADED_SHARE = 0.3
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Deformation(Record, headline=('reactions', 'displacements')):
     """
-    Response of the robot to loads.
+    Displacements, reactions and member forces of the robot under loads.
 
     :ivar structure: structural model of the robot.
-    :ivar frame: frame of the structure with cuts at the loads on tubes.
+    :ivar frame: frame of the structure, with additional nodes at the loads on tubes.
     :ivar loads: (n, 3) loads fx, fy [N], m [N m] on the frame's nodes.
     :ivar state: displacements, reactions and member forces of the frame.
     """
@@ -59,7 +59,7 @@ class Deformation(Record, headline=('reactions', 'displacements')):
 
     @cached_property
     def displacements(self) -> dict[str, tuple[float, float, float]]:
-        """Return (ux, uy, theta) of each node [m, rad] by its name, see `displacement`."""
+        """Return (ux, uy, theta) [m, rad] for the name of each node, see `displacement`."""
         found = self.state.displacements.tolist()
         return {
             name: tuple(found[self.structure.node(name)]) for name in self.structure.node_names
@@ -67,7 +67,7 @@ class Deformation(Record, headline=('reactions', 'displacements')):
 
     @cached_property
     def reactions(self) -> dict[str, tuple[float, float]]:
-        """Return the force (rx, ry) of each support on the robot [N], by joint."""
+        """Return the force (rx, ry) of each support on the robot [N], by the joint's name."""
         return {
             joint: (float(self.state.reactions[node, 0]), float(self.state.reactions[node, 1]))
             for joint in self.structure.config.robot.description.supports
@@ -77,10 +77,10 @@ class Deformation(Record, headline=('reactions', 'displacements')):
     @cached_property
     def utilisation(self) -> dict[str, float]:
         """
-        Return the largest bending moment over the wrinkling moment [-], by member.
+        Return the largest ratio of bending moment to wrinkling moment of each member [-].
 
-        It includes moments inside members, which compression amplifies. A tube wrinkles from 1 on;
-        then the results are outside of the model.
+        Moments inside members, which compression amplifies, are included. At 1 and above the tube
+        wrinkles, and the model no longer holds.
         """
         forces = self.state.end_forces, self.state.bowing
         used = find_utilisation(self.structure, self.frame, *forces).used
@@ -89,9 +89,9 @@ class Deformation(Record, headline=('reactions', 'displacements')):
     @single_threaded
     def limit_factor(self) -> float:
         """
-        Return the ratio of the structure's limit load to the loads [-].
+        Return the factor on all loads at which the structure becomes unstable [-].
 
-        The ratio is infinite if it exceeds 100.
+        It is infinite if it exceeds 100.
 
         :raises SolverError: neither the limit load nor 100 times the loads was reached.
         """
@@ -116,16 +116,19 @@ def deform(
     paper_model: bool = False,
 ) -> Deformation:
     """
-    Return displacements and reactions under loads, with large bending, by (1) and (4).
+    Compute displacements and reactions under loads by (1) and (4), with large bending.
 
     :param config: configuration of the robot, with rollers at rest.
-    :param joint_loads: (fx, fy) by joint, robot frame [N]. Joints are hinges and take no moment.
-    :param pressure: gauge pressure [Pa]: one number for all tubes, one number for each tube, or a
-        mapping by tube name; None: the pressure of the robot file.
-    :param module_loads: (fx, fy, m) by module, at the midpoint of its pinch points [N, N m].
-    :param tube_loads: (l, 4) by member: rows (s, fx, fy, m) with the distance s of the load from
-        the member's start [m, N, N m].
-    :param paper_model: whether the structure is linear about straight tubes, as in the paper.
+    :param joint_loads: force (fx, fy) for each joint name, robot frame [N]. Joints are hinges and
+        transmit no moment.
+    :param pressure: gauge pressure [Pa], given as one number for all tubes, as one number for each
+        tube, or as a mapping from tube names to pressures. If None, the pressure of the robot file
+        is used.
+    :param module_loads: load (fx, fy, m) for each module name, acting at the midpoint of the
+        module's pinch points [N, N m].
+    :param tube_loads: array (l, 4) for each member name. A row is (s, fx, fy, m), with the
+        distance s of the load from the member's start [m, N, N m].
+    :param paper_model: True for a structure that is linear about straight tubes, as in the paper.
     :raises StructureError: the robot has no such joint, module or member; a load is not finite or
         outside of its member; a pressure is invalid; the robot is a mechanism (the message names
         the moving parts); or the loads exceed the limit load (the message names it).
@@ -148,7 +151,7 @@ def deform(
 
 
 def _load_tubes(structure: Structure, tube_loads: Mapping[str, ArrayLike]) -> tuple[Frame, Array]:
-    """Return the frame with cuts at the loads on tubes, and the loads (n, 3) on its nodes."""
+    """Return the frame with nodes at the loads on tubes, and the loads (n, 3) on all nodes."""
     config, rows, members = structure.config, [], []
     names = config.robot.member_names
     for member, given in tube_loads.items():
@@ -199,7 +202,7 @@ def _bend(frame: Frame, loads: Array) -> FrameState:
 
 
 def _check_name(kind: str, name: str, known: Iterable[str], robot: str) -> None:
-    """Raise StructureError for an unknown name of a part."""
+    """Raise StructureError if the robot has no part of this name."""
     if name not in known:
         raise StructureError(
             f'{kind} {name!r}: robot {robot} has no such {kind}; '

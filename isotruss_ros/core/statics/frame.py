@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Plane frames of beam-columns, pinned or fixed to nodes, with constraints: (1) and (4).
+Plane frames of beam-columns that are pinned or fixed to nodes, with constraints: (1) and (4).
 
 `Frame.solve` is linear about the unloaded frame, as in the paper. `Frame.bend` finds the
 equilibrium of the bent frame by Newton's method; its first step is `Frame.solve`.
@@ -23,7 +23,7 @@ from isotruss_ros.core.statics.tangent import end_forces, FactoredFrame, Tangent
 import numpy as np
 from scipy.sparse import csc_matrix
 
-#: Largest ratio of the displacements to those of the linear frame [-].
+#: Largest admissible ratio of the displacements to those of the linear model [-].
 MAX_GROWTH = 1.5
 #: Largest last step of Newton's method [m]; the remaining error is rounding.
 STEP_TOLERANCE = 1e-7
@@ -32,16 +32,17 @@ STEP_TOLERANCE = 1e-7
 @dataclass(frozen=True, eq=False)
 class FrameState:
     """
-    The response of a frame to its loads.
+    Displacements, reactions and member forces of a frame under loads.
 
-    :ivar displacements: (n, 3) displacements ux, uy [m], theta [rad]; theta is zero at nodes with
-        pinned members only.
+    :ivar displacements: (n, 3) displacements ux, uy [m], theta [rad]; theta is zero at nodes at
+        which all members are pinned.
     :ivar reactions: (n, 3) forces fx, fy [N] and moments m [N m] of the supports on the frame;
         zero at nodes without support.
-    :ivar end_forces: (k, 6) forces of the nodes on the members at start and end: along the chord,
-        across it [N], and moment [N m].
-    :ivar multipliers: (c,) multipliers of the constraints.
-    :ivar bowing: (k,) axial forces that amplify moments inside members [N]; zero if linear.
+    :ivar end_forces: (k, 6) forces of the nodes on the members; at the start and then at the end,
+        the force along the chord and across it [N] and the moment [N m].
+    :ivar multipliers: (c,) Lagrange multipliers of the constraints.
+    :ivar bowing: (k,) axial forces that amplify moments inside members [N]; zero in the linear
+        model.
     """
 
     displacements: Array
@@ -52,7 +53,7 @@ class FrameState:
 
 
 class Frame(FrameAssembly):
-    """Frame of beam-columns; the matrix of its unloaded state is factorised once."""
+    """Frame of beam-columns, with the factorised matrix of its unloaded state."""
 
     @cached_property
     def _columns(self) -> BeamColumns:
@@ -60,13 +61,13 @@ class Frame(FrameAssembly):
 
     @property
     def straight(self) -> Tangent:
-        """Return the frame linearised without loads, not factored."""
+        """Return the frame linearised about its unloaded state, without factorisation."""
         return self.tangent(np.zeros((len(self.points), 3)), np.zeros(self.rows.count))
 
     @cached_property
     def rest(self) -> Tangent:
         """
-        Return the frame linearised about its unloaded state, (4).
+        Return the frame linearised about its unloaded state, with its factorised matrix (4).
 
         :raises StructureError: the frame is a mechanism; the message names the nodes that move.
         """
@@ -86,11 +87,11 @@ class Frame(FrameAssembly):
         self, displacements: Array, multipliers: Array, pull: Array | None = None
     ) -> Tangent:
         """
-        Linearise the frame about displacements.
+        Return the frame linearised about given displacements.
 
         :param displacements: (n, 3) displacements ux, uy [m], theta [rad].
-        :param multipliers: (c,) multipliers of the constraints.
-        :param pull: (k,) axial forces [N], see `BeamColumns.evaluate`; None: computed.
+        :param multipliers: (c,) Lagrange multipliers of the constraints.
+        :param pull: (k,) axial forces [N], see `BeamColumns.evaluate`; None: they are computed.
         """
         ends = displacements.ravel()[self.places]
         apart = (ends[:, 3] - ends[:, 0] + 1j * (ends[:, 4] - ends[:, 1])) * self.axis.conj()
@@ -114,7 +115,7 @@ class Frame(FrameAssembly):
         )
 
     def _what_moves(self, matrix: Array | csc_matrix, scale: Array) -> list[str]:
-        """Return the names of the nodes that move in the mechanisms of a singular frame."""
+        """Return the names of the nodes that can move without force in a singular frame."""
         dense = matrix if isinstance(matrix, np.ndarray) else matrix.toarray()
         values, vectors = np.linalg.eigh(dense)
         loose = np.abs(values) < np.abs(values).max() / MAX_CONDITION**0.5
@@ -126,7 +127,7 @@ class Frame(FrameAssembly):
 
     def solve(self, loads: Array) -> FrameState:
         """
-        Return displacements, reactions and member forces under loads, by the linear frame (4).
+        Return displacements, reactions and member forces under loads by the linear model (4).
 
         :param loads: (n, 3) loads fx, fy [N], m [N m] on the nodes.
         :raises StructureError: the frame is a mechanism (the message names the nodes that move),
@@ -159,11 +160,12 @@ class Frame(FrameAssembly):
         self, loads: Array, start: Tangent | None = None, growth: float = MAX_GROWTH
     ) -> Tangent | None:
         """
-        Return the bent frame in equilibrium under loads (Newton's method).
+        Return the bent frame in equilibrium under loads, found by Newton's method.
 
         :param loads: (n, 3) loads fx, fy [N], m [N m] on the nodes.
         :param start: frame linearised about the initial state; None: about the unloaded state.
-        :param growth: largest ratio of the displacements to those of the linear frame [-].
+        :param growth: largest admissible ratio of the displacements to those of the linear model
+            [-].
         :return: the frame linearised about its equilibrium; None if none is found near the start.
         :raises StructureError: the frame is a mechanism.
         """
@@ -190,7 +192,7 @@ class Frame(FrameAssembly):
 
     def locate(self, piece: Indices, within: Array) -> tuple[Indices, Array]:
         """
-        Return the member (c,) at each point, and the distance (c,) from its start [m].
+        Return the member (c,) that contains each point, and the distance (c,) from its start.
 
         :param piece: (c,) index of the member of the uncut frame at each point.
         :param within: (c,) distances of the points from the starts of these members [m].
@@ -199,7 +201,7 @@ class Frame(FrameAssembly):
 
     def interpolate(self, displacements: Array, piece: Indices, within: Array) -> Array:
         """
-        Return the displacements (c, 3) of points inside members, by cubic centre lines.
+        Return the displacements (c, 3) of points inside members, with cubic centre lines.
 
         :param displacements: (n, 3) displacements ux, uy [m], theta [rad] of the nodes.
         :param piece: (c,) index of the member of the uncut frame at each point.
@@ -226,7 +228,7 @@ class Frame(FrameAssembly):
 
     def state(self, tangent: Tangent, loads: Array) -> FrameState:
         """
-        Return the response of the bent frame.
+        Return displacements, reactions and member forces of the bent frame.
 
         :param tangent: frame linearised about its equilibrium.
         :param loads: (n, 3) loads fx, fy [N], m [N m] on the nodes.

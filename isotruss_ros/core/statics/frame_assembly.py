@@ -17,28 +17,29 @@ from scipy.sparse import coo_matrix, csc_matrix
 
 class FrameAssembly:
     """
-    Nodes, members and constraints of a frame, and their assembly to the matrix of (4).
+    Nodes, members and constraints of a frame, which are assembled to the matrix of (4).
 
     :ivar points: (n,) nodes x + iy [m].
     :ivar members: members between the nodes.
     :ivar length: (k,) lengths of the members [m].
     :ivar axis: (k,) unit vectors of the members from start to end, x + iy.
-    :ivar rows: constraints on rotations of spans.
-    :ivar whole: (k,) index of the uncut frame's member of which each member is a part.
-    :ivar held: (n, 3) mask of ux, uy, theta fixed by supports.
-    :ivar pattern: sparsity pattern of the frame; for a cut frame, of the uncut frame.
-    :ivar places: (k, 6) indices of the displacements of the members' ends.
-    :ivar chains: members of the uncut frame that are cut here.
+    :ivar rows: constraints on rotations, see `TurnRows`.
+    :ivar whole: (k,) index of the uncut member to which each member belongs as a part.
+    :ivar held: (n, 3) mask of the displacements ux, uy, theta that supports fix.
+    :ivar pattern: sparsity pattern of the frame; in a cut frame, the pattern of the uncut frame.
+    :ivar places: (k, 6) indices of the displacements of the members' ends among all displacements.
+    :ivar chains: groups of the uncut members that are divided.
     :ivar begins: (k,) distance of each member's start from the start of the uncut member [m].
     :ivar nodes: (c,) indices of the nodes at the cuts.
     :ivar before: (c,) indices of the members that end at the cuts.
     :ivar behind: (c,) indices of the members that begin at the cuts.
     :param points: (n,) nodes x + iy [m].
     :param members: members between the nodes.
-    :param held: (n, 3) mask of ux, uy, theta fixed by supports.
+    :param held: (n, 3) mask of the displacements ux, uy, theta that supports fix.
     :param names: (n,) names of the nodes for error messages.
-    :param rows: constraints on rotations of spans.
-    :param pattern: pattern of a frame with the same connections and supports; None: computed.
+    :param rows: constraints on rotations, see `TurnRows`.
+    :param pattern: pattern of a frame with the same connections and supports; None: it is
+        computed.
     """
 
     def __init__(
@@ -66,7 +67,7 @@ class FrameAssembly:
 
     @cached_property
     def uncut(self) -> Flags:
-        """Return the mask of the members of the uncut frame that no cut divides."""
+        """Return a mask over the uncut frame's members, true where no cut divides them."""
         return np.bincount(self.whole) == 1
 
     def assemble(
@@ -75,7 +76,8 @@ class FrameAssembly:
         """
         Return the scaled matrix of (4), [[S, A^T], [A, 0]], and its scaling (f + c,).
 
-        :param matrices: (k, 6, 6) stiffness of the uncut members by their ends, in the plane.
+        :param matrices: (k, 6, 6) stiffness of the uncut members against (ux, uy, theta) at both
+            ends.
         :param values: entries of the constraints, see `TurnRows.linearize`.
         :param pairs: geometric stiffness of the constraints, see `TurnRows.curvature`.
         """

@@ -14,21 +14,23 @@ import numpy as np
 
 class TurnRows(NamedTuple):
     """
-    Constraints on rotations of spans: the weighted sum of the rotations in a row is zero.
+    Constraints on rotations of vectors; in each row the weighted sum of rotations is zero.
 
-    A span is a vector: the sum of nodes times shares that sum to zero.
+    A vector, called a span, is a combination of node positions: each position times its share,
+    where the shares of a span sum to zero.
 
     :ivar count: number of rows.
     :ivar owner: (s,) row of each span.
     :ivar weight: (s,) weight of each span's rotation in its row.
     :ivar span: (e,) index of the span of each share, ascending.
-    :ivar share: (e,) share of a node in the span.
+    :ivar share: (e,) factor of a node's position in the span.
     :ivar node: (e,) index of the node.
-    :ivar row: (2 e,) row of each entry: first the entries by x, then those by y.
+    :ivar row: (2 e,) row of each entry of the constraint matrix: first the derivatives by x, then
+        those by y.
     :ivar column: (2 e,) index of the displacement of each entry.
     :ivar pairs: two arrays (4 h,) of displacements that the geometric stiffness couples: (x, x),
         (x, y), (y, x) and (y, y) of the two nodes of each pair of shares.
-    :ivar paired: two arrays (h,) with the two shares of each pair.
+    :ivar paired: two arrays (h,) with the indices of the two shares of each pair.
     """
 
     count: int  # type: ignore[assignment]
@@ -52,7 +54,7 @@ class TurnRows(NamedTuple):
         :param row: (s,) row of each span.
         :param weight: (s,) weight of each span.
         :param span: (e,) index of the span of each share, ascending.
-        :param share: (e,) share of a node in the span.
+        :param share: (e,) factor of a node's position in the span.
         :param node: (e,) index of the node.
         """
         one, other = np.nonzero(span[:, None] == span)
@@ -91,7 +93,7 @@ class TurnRows(NamedTuple):
         return np.concatenate([curved.imag, curved.real, curved.real, -curved.imag])
 
     def _spans(self, points: Points) -> Points:
-        """Return the spans (s,) of nodes (n,), x + iy [m]."""
+        """Return the spans (s,) from node positions (n,), x + iy [m]."""
         parts, count = self.share * points[self.node], len(self.weight)
         return np.bincount(self.span, parts.real, count) + 1j * np.bincount(
             self.span, parts.imag, count
@@ -100,13 +102,13 @@ class TurnRows(NamedTuple):
 
 class Members(NamedTuple):
     """
-    Straight members between nodes, arrays of one length k.
+    Straight members between nodes, as arrays with one entry for each of k members.
 
     :ivar start: (k,) indices of the start nodes.
     :ivar end: (k,) indices of the end nodes.
     :ivar axial: (k,) EA [N].
     :ivar flexural: (k,) EI [N m^2].
-    :ivar shear: (k,) GA [N]; infinite for no shear deformation.
+    :ivar shear: (k,) GA [N]; infinite for members without shear deformation.
     :ivar pinned_start: (k,) whether the start transmits no moment.
     :ivar pinned_end: (k,) whether the end transmits no moment.
     """
@@ -124,9 +126,9 @@ class FramePattern:
     """
     Sparsity pattern of all frames with the same connections and supports.
 
-    :param members: members between the nodes; their stiffness has no effect.
-    :param held: (n, 3) mask of ux, uy, theta fixed by supports.
-    :param rows: constraints on the displacements; their values have no effect.
+    :param members: members between the nodes; only their connections are used.
+    :param held: (n, 3) mask of the displacements ux, uy, theta that supports fix.
+    :param rows: constraints on rotations; only their connections are used.
     :ivar count: number k of members.
     :ivar places: (k, 6) indices of the displacements of each member's ends.
     :ivar unknowns: (3 n,) index of each displacement among the unknowns, -1 if fixed.
@@ -175,10 +177,10 @@ class FramePattern:
 
     def cut(self, members: Members, held: Flags, piece: Indices, order: Indices) -> CutPattern:
         """
-        Return the pattern of a frame with cuts at points, from a cache.
+        Return the pattern of a frame whose members are cut at points, cached.
 
         :param members: members between the nodes.
-        :param held: (n, 3) mask of displacements fixed by supports.
+        :param held: (n, 3) mask of the displacements ux, uy, theta that supports fix.
         :param piece: (c,) index of the member of each point.
         :param order: (c,) indices that sort the points by member and along it.
         """
@@ -196,7 +198,7 @@ MAX_CUTS = 64
 
 class Chains(NamedTuple):
     """
-    Group of b members with p cuts each; no two of these members share an end node.
+    Group of b members with p cuts each, of which no two share an end node.
 
     :ivar parts: (b, p + 1) indices of the parts of each member, from start to end.
     :ivar inner: (b, 3 p) indices of the displacements at the cuts, in the order of the parts.
@@ -210,14 +212,14 @@ class Chains(NamedTuple):
 
 class CutPattern(NamedTuple):
     """
-    Data that frames with cuts in the same members and order have in common.
+    Data common to all frames with cuts in the same members and in the same order.
 
     The nodes at the cuts are the last nodes. The first part of a cut member keeps the member's
     index; all other parts have the last indices.
 
     :ivar whole: (k + c,) index of the member of which each member of the cut frame is a part.
     :ivar members: members of the cut frame, each with the section of its uncut member.
-    :ivar held: (n + c, 3) mask of ux, uy, theta fixed by supports.
+    :ivar held: (n + c, 3) mask of the displacements ux, uy, theta that supports fix.
     :ivar nodes: (c,) indices of the nodes at the points.
     :ivar before: (c,) indices of the parts that end at the points.
     :ivar behind: (c,) indices of the parts that begin at the points.
@@ -237,10 +239,11 @@ class CutPattern(NamedTuple):
     @classmethod
     def of(cls, members: Members, held: Flags, piece: Indices, order: Indices) -> CutPattern:
         """
-        Return the common data of frames with cuts at points.
+        Return the data common to frames that are cut at given members in a given order.
 
         :param members: members of the uncut frame.
-        :param held: (n, 3) mask of ux, uy, theta of the uncut frame fixed by supports.
+        :param held: (n, 3) mask of the displacements ux, uy, theta of the uncut frame that
+            supports fix.
         :param piece: (c,) index of the member of each point.
         :param order: (c,) indices that sort the points by member and along it.
         """

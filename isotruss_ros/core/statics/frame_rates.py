@@ -4,8 +4,8 @@
 """
 Derivatives of the robot's structural model with respect to roller travel and pressures.
 
-Only rest lengths and sections of the tubes depend on these parameters; displaced nodes, bisections
-(3) and supports are constant.
+Only rest lengths and sections of the tubes depend on these parameters. The displaced positions of
+the nodes, the bisections (3) and the supports are held constant.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ import numpy as np
 
 def section_rates(tubes: BentTubes, moved: Points, inflated: Array) -> Array:
     """
-    Return the changes (4, c, p) of the sections of the cut frame's members, for p parameters.
+    Return the changes (4, c, p) of the members' sections for p changes of the parameters.
 
-    A section is rest length [m], EA [N], EI [N m^2] and GA [N]. Sections of modules are constant.
-    The positions of the cuts along the members are constant.
+    The four rows are rest length [m], EA [N], EI [N m^2] and GA [N]. The c members are those of
+    the cut frame. Sections of modules and positions of cuts along the members are constant.
 
     :param tubes: tubes that are cut at their load points.
-    :param moved: (N, p) motion of the nodes of the configuration, x + iy [m].
+    :param moved: (N, p) changes of the positions of the configuration's nodes, x + iy [m].
     :param inflated: (t, p) changes of the gauge pressures of the tubes [Pa].
     """
     structure, frame = tubes.structure, tubes.frame

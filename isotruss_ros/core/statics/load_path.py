@@ -4,9 +4,9 @@
 """
 Equilibria of a frame under increasing loads, up to the limit load.
 
-At the limit load the stiffness is singular; at larger loads no stable equilibrium is near.
-Newton's method can pass this point, so the negative pivots of the factorised stiffness are
-counted.
+At the limit load the stiffness is singular; at larger loads there is no stable equilibrium nearby.
+Newton's method may still converge to an unstable one, which is recognised by negative pivots of
+the factorised stiffness.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ class LoadPath(NamedTuple):
     """
     Stable equilibria of a frame under increasing loads.
 
-    :ivar factors: (s,) increasing load factors, from 0.
+    :ivar factors: (s,) factors on the loads, increasing from 0.
     :ivar tangents: (s,) frames linearised about the equilibria at these factors.
-    :ivar limit: load factor of the limit load; infinite if the path ends before it.
+    :ivar limit: factor at which the limit load is reached; infinite if the path ends before it.
     """
 
     factors: list[float]
@@ -40,12 +40,12 @@ class LoadPath(NamedTuple):
 
 def follow_loads(frame: Frame, loads: Array, most: float, farthest: float = np.inf) -> LoadPath:
     """
-    Follow the equilibria of a frame from zero loads under increasing loads.
+    Compute the stable equilibria of a frame while its loads increase from zero.
 
     :param frame: the frame.
     :param loads: (n, 3) loads fx, fy [N], m [N m] on the nodes.
-    :param most: largest load factor.
-    :param farthest: displacement of a node at which the path ends [m].
+    :param most: largest factor on the loads.
+    :param farthest: the path ends if a node is displaced by more than this [m].
     :raises StructureError: the frame is a mechanism.
     """
     path = LoadPath([0.0], [frame.rest], np.inf)

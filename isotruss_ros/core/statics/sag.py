@@ -13,21 +13,21 @@ from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.statics.deform import deform
 import numpy as np
 
-#: Bounds that an upright robot exceeds: share of the squared displacements that the weight
+#: An upright robot exceeds both bounds: fraction of the squared displacements that the weight
 #: explains [-], and largest displacement of a joint [m]. Roller offsets of 10 mm exceed both in
 #: one robot of a hundred.
 EXPLAINED, LEAST_SAG = 0.95, 5e-3
 
 
 class Sag(NamedTuple):
-    """Fit of a uniform module weight to measured displacements of the joints."""
+    """Weight of the modules, fitted to measured displacements of the joints."""
 
     weight: Array  #: (2,) weight of each module, robot frame [N]
     explained: float  #: share of the squared displacements that the weight explains [-]
     largest: float  #: largest displacement of a joint [m]
 
     def __str__(self) -> str:
-        """Return the fit in words."""
+        """Return a sentence with the fitted weight and the displacements."""
         x, y = self.weight.tolist()
         return (
             f'the joints hang by up to {1e3 * self.largest:.0f} mm as if each module weighed '
@@ -37,16 +37,16 @@ class Sag(NamedTuple):
 
     @property
     def is_upright(self) -> bool:
-        """Return whether the weight explains the displacements, as in an upright robot."""
+        """Return whether weight explains the displacements, as it does in an upright robot."""
         return self.explained > EXPLAINED and self.largest > LEAST_SAG
 
 
 def find_sag(config: Configuration, joints: Mapping[str, tuple[float, float]]) -> Sag | None:
     """
-    Fit a uniform weight of all modules to measured joints; None if too few are measured.
+    Fit an equal weight of all modules to measured joints; None if too few are measured.
 
     :param config: configuration of the unloaded robot at its roller travel.
-    :param joints: measured (x, y) by the name of the joint, robot frame [m].
+    :param joints: measured position (x, y) for the name of each joint, robot frame [m].
     :raises StructureError: see `deform`.
     """
     if 2 * len(joints) <= len(config.roller_positions):

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Section stiffness of the inflated tube: interface of its models, and the default model.
+Section stiffness of the inflated tube: interface of the models, and the default model.
 
-Lengths are lengths of whole members from pinch point to pinch point.
+All lengths are those of whole members, from pinch point to pinch point.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ MEMBRANE_SHEAR_MODULUS = 1.0e4
 END_SOFTENING = 2.0 * np.pi / (4.0 - np.pi)
 #: Shear coefficient of a thin circular tube [-].
 SHEAR_COEFFICIENT = 0.5
-#: Gauge pressure [Pa]: one number for all tubes, one number for each tube in the order of the
-#: robot file, or a mapping by tube name.
+#: Gauge pressure [Pa], given as one number for all tubes, as one number for each tube in the order
+#: of the robot file, or as a mapping from tube names to pressures.
 Pressure: TypeAlias = 'ArrayLike | Mapping[str, float]'
 
 
@@ -36,7 +36,7 @@ class SectionStiffness(NamedTuple):
 
     axial: Array  #: (k,) EA [N]
     flexural: Array  #: (k,) EI [N m^2]
-    shear: Array  #: (k,) GA [N], infinite for no shear deformation
+    shear: Array  #: (k,) GA [N]; infinite without shear deformation
 
 
 class Fabric(NamedTuple):
@@ -47,11 +47,11 @@ class Fabric(NamedTuple):
 
 
 class TubeStiffness(Protocol):
-    """Protocol of the stiffness models."""
+    """Protocol of the stiffness models of a tube."""
 
     @property
     def fabric(self) -> Fabric | None:
-        """Return the elastic constants of the wall; None for a model without them."""
+        """Return the elastic constants of the wall; None if the model has none."""
 
     def section_stiffness(self, length: ArrayLike, pressure: ArrayLike) -> SectionStiffness:
         """
@@ -78,15 +78,16 @@ class InflatableBeam:
     Theoretical inflatable beam of Le Van and Wielgosz, with pinched ends.
 
     EI and GA are those of their theory (Thin-Walled Structures 43 (2005) 1166-1187 and 45 (2007)
-    221-236). With the pull P = p pi R^2 of the pressure, EI = (E + P/S0) I0 and GA = P + kappa G
-    S0, where S0 = 2 pi R t and I0 = pi R^3 t.
+    221-236). With the axial force P = p pi R^2 of the pressure, EI = (E + P/S0) I0 and GA = P +
+    kappa G S0, where S0 = 2 pi R t and I0 = pi R^3 t.
 
-    EA is assumed: the wall and both ends act in series, 1/k_axial = L/(E t 2 pi R) + 2/(c p R). A
-    pinched end changes its shape without stretching the fabric, so only the pressure resists. The
-    default c is that of a pillow: two inextensible sheets of width pi R/2 reach from the pinch
-    line tangentially into the tube, at the distance R from the axis. Under a pull F both are arcs
-    of radius rho = R + F/(pi R p) and angle alpha with cos alpha = 1 - R/rho. The length of the
-    end is rho (sin alpha - alpha) + const.; its derivative at F = 0 gives c = 2 pi/(4 - pi).
+    For EA, it is assumed that the wall and both ends act in series, 1/k_axial = L/(E t 2 pi R) +
+    2/(c p R). A pinched end changes its shape without stretching the fabric, so only the pressure
+    resists. The default c is computed for a pillow: two inextensible sheets of width pi R/2 reach
+    from the pinch line tangentially into the tube, at the distance R from the axis. Under an axial
+    force F both sheets are arcs of radius rho = R + F/(pi R p) and angle alpha with cos alpha = 1
+    - R/rho. The length of the end is rho (sin alpha - alpha) + const.; its derivative at F = 0
+    gives c = 2 pi/(4 - pi).
 
     :param radius: tube radius R [m].
     :param membrane_modulus: E t [N/m].
@@ -105,7 +106,7 @@ class InflatableBeam:
         return Fabric(self.membrane_modulus, self.membrane_shear_modulus)
 
     def section_stiffness(self, length: ArrayLike, pressure: ArrayLike) -> SectionStiffness:
-        """Return EA, EI and GA; EA depends on length; see `TubeStiffness.section_stiffness`."""
+        """Return EA (by length), EI and GA; see `TubeStiffness.section_stiffness`."""
         length, pressure = broadcast_members(length, pressure)
         R = self.radius
         force = pressure * np.pi * R**2
@@ -121,7 +122,7 @@ class InflatableBeam:
 
     @classmethod
     def of_block(cls, block: Mapping[str, Any], description: RobotDescription) -> InflatableBeam:
-        """Return the beam of a robot file, or the default beam; see `TubeStiffness.of_block`."""
+        """Return the beam that a robot file describes; see `TubeStiffness.of_block`."""
         return cls(0.5 * description.tube_diameter, **as_floats(block))
 
 
@@ -153,8 +154,9 @@ def tube_pressures(
     Return the gauge pressure of each tube, in the order of the robot file.
 
     :param description: description of the robot.
-    :param pressure: gauge pressure [Pa]: one number for all tubes, (t,) numbers in the order of
-        the robot file, or a mapping by tube name; None: the pressure of the robot file.
+    :param pressure: gauge pressure [Pa], given as one number for all tubes, as (t,) numbers in the
+        order of the robot file, or as a mapping from tube names to pressures. If None, the
+        pressure of the robot file is used.
     :return: (t,) gauge pressures [Pa].
     :raises StructureError: the robot has no such tube, the number of pressures is wrong, or a
         pressure is not a number from 1e-3 to 1e7 Pa.
@@ -192,7 +194,9 @@ def tube_pressures(
 
 def as_floats(block: Mapping[str, Any]) -> dict[str, float]:
     """
-    Return a block with its numbers as floats, because integers do not overflow to infinity.
+    Return a block with its numbers converted to floats.
+
+    Unlike integers, floats that overflow become infinite.
 
     :param block: block of a robot file.
     """

@@ -4,10 +4,10 @@
 """
 Frame of the robot: members of each module (Fig. 1b), tubes, and bisection constraints (3).
 
-A module's triangle ABC is rigid. The tube leaves it from C through the guide ring E, and from B
-through D. The rings are on arms that rotate about B and C, coupled by (3). A ring holds the tube
-across its axis; along its axis the tube is free. Constraints have multipliers, so the matrix of
-(4) is symmetric.
+A module's triangle ABC is rigid. The tube leaves the module from C through the guide ring E, and
+from B through the guide ring D. The rings are on arms that rotate about B and C and are coupled by
+(3). A ring holds the tube in the transverse direction only. Constraints have multipliers, so the
+matrix of (4) is symmetric.
 """
 
 from __future__ import annotations
@@ -30,17 +30,17 @@ class Structure:
     """
     Structural model of a robot in one configuration: a frame of members and nodes.
 
-    Nodes are first the joints, then B, C, D, E of each module. Members are grouped by kind, with m
-    members of each kind for m modules: sides AB, AC and BC, tube pieces BD and CE, and long tube
-    pieces DE'.
+    The first nodes are the joints, followed by B, C, D, E of each module. A robot with m modules
+    has m members of each kind, grouped by kind: sides AB, AC and BC, tube pieces BD and CE, and
+    long tube pieces DE' between two modules.
 
     :param config: configuration of the robot.
     :param pressures: gauge pressures [Pa], see `tube_pressures`.
     :ivar tube: stiffness of the tube.
     :ivar pressures: (t,) gauge pressure of each tube, in the order of the robot file [Pa].
-    :ivar pieces: (3, m) indices of the tube pieces among the frame's members: BD and CE of each
-        module, DE' of each member of the robot.
-    :ivar owners: (3, m) index of the robot's member of each piece.
+    :ivar pieces: (3, m) indices of the tube pieces among the frame's members; the rows are BD and
+        CE of each module, and DE' of each member of the robot.
+    :ivar owners: (3, m) index of the robot's member to which each piece belongs.
     :raises StructureError: no stiffness exists at a member's length and pressure.
     """
 
@@ -79,7 +79,7 @@ class Structure:
         :param members: (c,) index of the member of each point.
         :param places: (c,) distances from the members' starts [m].
         :return: (c,) indices of the pieces in the frame; (c,) distances from the pieces' starts
-            [m]; (c,) 1 for pieces that point along their member, else -1.
+            [m]; (c,) 1 for pieces that point along their member, -1 for the others.
         """
         robot, left = self.config.robot, self.config.member_lengths[members] - places
         ring = robot.description.module.guide_ring_distance
@@ -121,7 +121,7 @@ def _section_values(
 
 
 class FrameLayout(NamedTuple):
-    """Data of a robot's frame that do not depend on the configuration."""
+    """Properties of a robot's frame that do not depend on the configuration."""
 
     tube: TubeSections  #: stiffness of the tube
     #: names of the nodes: joints first, then B, C, D, E of each module
@@ -130,16 +130,16 @@ class FrameLayout(NamedTuple):
     b: Indices  #: (m,) indices of the nodes B; C, D and E follow each
     members: Members  #: members of the frame, see `Structure`, without stiffness
     held: Flags  #: (n, 3) mask of ux, uy, theta fixed by supports
-    bisection: TurnRows  #: constraints (3) without values
+    bisection: TurnRows  #: bisection constraints (3), without values
     pattern: FramePattern  #: sparsity pattern of the frame
     pieces: Indices  #: (3, m) indices of the tube pieces, see `Structure`
-    owners: Indices  #: (3, m) index of the robot's member of each piece
+    owners: Indices  #: (3, m) index of the robot's member to which each piece belongs
 
 
 @functools.lru_cache(maxsize=16)
 def frame_layout(robot: Mechanism) -> FrameLayout:
     """
-    Return the layout of a robot's frames, from a cache of the last few.
+    Return the layout of a robot's frame, cached.
 
     :param robot: the robot.
     """
@@ -190,7 +190,7 @@ def frame_layout(robot: Mechanism) -> FrameLayout:
 
 def structure_of(config: Configuration, pressure: Pressure | None = None) -> Structure:
     """
-    Return the structural model of a robot in one configuration, from a cache.
+    Return the structural model of a robot in one configuration, cached.
 
     :param config: configuration of the robot.
     :param pressure: gauge pressure [Pa], see `tube_pressures`; None: the pressure of the robot

@@ -12,12 +12,7 @@ from typing import NamedTuple
 
 from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
-from isotruss_ros.core.numerics.factorization import (
-    count_negative_pivots,
-    Factor,
-    factorize,
-    invert_symmetric,
-)
+from isotruss_ros.core.numerics.factorization import count_negative_pivots, Factor, factorize
 from isotruss_ros.core.numerics.tolerances import EPSILON
 from isotruss_ros.core.statics.beam_column import BeamColumns, chord_stiffness, EndForces
 from isotruss_ros.core.statics.frame_assembly import FrameAssembly
@@ -32,7 +27,7 @@ TUBE_CURVATURE = 15.0
 
 class CondensedChains(NamedTuple):
     """
-    Cut members whose inner points are eliminated by static condensation.
+    Cut members of which the inner points are eliminated by static condensation.
 
     :ivar chains: the cut members.
     :ivar inverse: (b, 3 p, 3 p) displacements of the inner points due to unit loads on them, while
@@ -66,7 +61,7 @@ class Slopes(NamedTuple):
 
 class FactoredFrame(NamedTuple):
     """
-    Factorised matrix of (4), which also serves for responses in similar states.
+    Factorised matrix of (4), which is also used in similar states.
 
     :ivar factor: factor of the scaled matrix.
     :ivar scale: (f + c,) scaling of its rows and columns.
@@ -81,13 +76,13 @@ class FactoredFrame(NamedTuple):
 @dataclass(frozen=True, eq=False)
 class Tangent:
     """
-    Frame linearised about displacements of its nodes; members turn with their chords.
+    Frame linearised about displacements of its nodes (corotational formulation).
 
     :ivar displacements: (n, 3) displacements ux, uy [m], theta [rad].
-    :ivar multipliers: (c,) multipliers of the constraints.
+    :ivar multipliers: (c,) Lagrange multipliers of the constraints.
     :ivar axis: (k,) unit vectors of the chords, x + iy.
     :ivar length: (k,) lengths of the chords [m].
-    :ivar forces: forces of the members.
+    :ivar forces: axial forces and end moments of the members.
     :ivar motions: (k, 4, 6) changes of the chords by displacements, see `chord_motions`.
     :ivar stretched: (k,) elongations [m], and (k, 2) end rotations relative to chords [rad].
     """
@@ -104,7 +99,7 @@ class Tangent:
 
     @cached_property
     def _condensed(self) -> tuple[Array, list[CondensedChains]]:
-        """Return the stiffness (k, 6, 6) of members by their ends, and the condensed chains."""
+        """Return the stiffness (k, 6, 6) of uncut members, and the condensed chains."""
         core = chord_stiffness(self.length, self.forces)
         matrices = self.motions.swapaxes(1, 2) @ core @ self.motions
         try:
@@ -115,7 +110,7 @@ class Tangent:
 
     @cached_property
     def chains(self) -> list[CondensedChains]:
-        """Return the cut members with their condensation."""
+        """Return the cut members after static condensation."""
         return self._condensed[1]
 
     @cached_property
@@ -132,7 +127,7 @@ class Tangent:
     @cached_property
     def factored(self) -> FactoredFrame:
         """
-        Return the factorised matrix of `system`.
+        Return the factorisation of the matrix of `system`.
 
         :raises StructureError: the structure has no stiffness in its bent shape.
         """
@@ -144,10 +139,10 @@ class Tangent:
 
     def respond(self, loads: Array, gaps: Array | float = 0.0) -> tuple[Array, Array]:
         """
-        Return the displacements (3 n, p) and multipliers (c, p) under additional loads.
+        Return the changes of displacements (3 n, p) and multipliers (c, p) due to p loads.
 
-        :param loads: (3 n, p) additional loads [N], [N m].
-        :param gaps: (c, p) changes of the constraints' values.
+        :param loads: (3 n, p) additional loads, one column each [N, N m].
+        :param gaps: (c, p) changes of the values that the constraints must have.
         """
         borne = loads
         if self.chains:
@@ -184,7 +179,7 @@ class Tangent:
 
     def borrow(self, other: Tangent) -> None:
         """
-        Use the factorised matrix of the frame in a similar state.
+        Use the factorised matrix of a similar state in place of this state's own.
 
         It must be called before any matrix of this frame is computed.
 
@@ -220,12 +215,12 @@ class Tangent:
 
     @property
     def _linear(self) -> Tangent:
-        """Return the linearised frame whose matrix is used in `respond`: another or this one."""
+        """Return the linearised frame whose matrix `respond` uses: this or the borrowed one."""
         return self.__dict__.get('_lent', self)
 
     @cached_property
     def carried(self) -> Array:
-        """Return loads and reactions (3 n,) in equilibrium with these displacements [N, N m]."""
+        """Return the loads and reactions (3 n,) that hold the frame in this state [N, N m]."""
         # The missing elongation of a stiff member is the gap of a constraint: its force acts along
         # the member as it is factorised, or else it would move soft ones.
         every, lender, gap = slice(None), self._linear, self.forces.gap[:, None, None]
@@ -239,13 +234,13 @@ class Tangent:
 
     @cached_property
     def points(self) -> Points:
-        """Return the displaced nodes (n,) without points inside members, x + iy [m]."""
+        """Return the displaced nodes (n,) of the uncut frame, x + iy [m]."""
         count = len(self._frame.points) - len(self._frame.nodes)
         return self._frame.points[:count] + self.displacements[:count] @ (1.0, 1j, 0.0)
 
     @property
     def end_forces(self) -> Array:
-        """Return the forces of the nodes on the members, see `FrameState`."""
+        """Return the forces (k, 6) of the nodes on the members, see `FrameState.end_forces`."""
         return end_forces(self.forces.values, self.length)
 
     def changed_forces(self, moved: Array) -> tuple[Array, Array]:
@@ -260,7 +255,9 @@ class Tangent:
 
     def force_rates(self, parts: Indices, changes: Array) -> Array:
         """
-        Return the changes (p, 3, c) of (N, M1, M2) of p members while the nodes are fixed.
+        Return the changes (p, 3, c) of (N, M1, M2) of p members due to changes of their sections.
+
+        The nodes are fixed. Each of the c columns is one change.
 
         :param parts: (p,) indices of the members.
         :param changes: (4, p, c) changes of rest lengths [m], EA [N], EI [N m^2] and GA [N].
@@ -281,7 +278,7 @@ class Tangent:
 
     def nodal_forces(self, parts: Indices | slice, rates: Array) -> Array:
         """
-        Return the changes (p, 6, c) of the members' end forces, as components in the plane.
+        Convert changes of (N, M1, M2) to changes (p, 6, c) of end forces (fx, fy, m).
 
         :param parts: (p,) indices of the members.
         :param rates: (p, 3, c) changes of the members' N, M1 and M2.
@@ -292,8 +289,8 @@ class Tangent:
         """
         Return the inclinations of the bent centre lines at ends of members.
 
-        It is the rotation of the section less its shear angle. Relative to the chord it is (t -
-        Q/GA) / (1 + N/GA) with the transverse force Q.
+        The inclination is the rotation of the section minus the shear angle. Relative to the chord
+        it is (t - Q/GA) / (1 + N/GA) with the transverse force Q.
 
         :param parts: (p,) indices of the members.
         :param end: (p,) 1 for a member's start, 2 for its end.
@@ -346,9 +343,9 @@ def end_forces(forces: Array, length: Array) -> Array:
 
 def _condense(matrices: Array, chains: Chains) -> CondensedChains:
     """
-    Eliminate the inner points of cut members; a member's first part gets the condensed stiffness.
+    Eliminate inner points of cut members; `matrices` of first parts become the condensed ones.
 
-    :param matrices: (k, 6, 6) stiffness of all parts, in the plane.
+    :param matrices: (k, 6, 6) stiffness of all parts against (ux, uy, theta) at both ends.
     :param chains: the cut members.
     """
     several, count = chains.parts.shape
@@ -361,7 +358,7 @@ def _condense(matrices: Array, chains: Chains) -> CondensedChains:
     whole = whole.reshape(several, 3 * count + 3, -1)
     inner, ends = slice(3, -3), np.array([0, 1, 2, -3, -2, -1])
     stiffness, coupling = whole[:, inner, inner], whole[:, inner][:, :, ends]
-    inverse = invert_symmetric(stiffness)
+    inverse = np.linalg.inv(stiffness)
     spread = -inverse @ coupling
     matrices[chains.parts[:, 0]] = whole[:, ends][:, :, ends] + coupling.swapaxes(1, 2) @ spread
     return CondensedChains(chains, inverse, spread, stiffness)

@@ -6,7 +6,8 @@ Stiffness models of the inflated tube, for the block `stiffness` of robot files.
 
 A model maps lengths and gauge pressures to the section stiffness EA, EI, GA of Timoshenko beams.
 Lengths are lengths of whole members from pinch point to pinch point. Each piece has the section
-stiffness of its member, so the end stiffness does not depend on cuts. See docs/tube_stiffness.md.
+stiffness of its member, so the stiffness of a member does not depend on the points at which the
+member is cut. See docs/tube_stiffness.md.
 """
 
 from __future__ import annotations
@@ -39,10 +40,10 @@ DIFFERENCE_STEP = 1e-5
 @dataclass(frozen=True)
 class Section:
     """
-    Constant EA, EI and GA for any length, given at one pressure.
+    Constant EA, EI and GA for all lengths, given at one pressure.
 
-    At other pressures EI and GA differ by the terms P R^2 / 2 and P of the pull P = p pi R^2, as
-    in `InflatableBeam`.
+    At other pressures, EI changes with P R^2 / 2 and GA with P, where P = p pi R^2 as in
+    `InflatableBeam`.
 
     :param axial_rigidity: EA [N].
     :param flexural_rigidity: EI [N m^2].
@@ -92,7 +93,7 @@ class Section:
 @dataclass(frozen=True)
 class PowerLaw:
     """
-    Measured end stiffnesses of a member, as power laws of pressure and length.
+    Measured stiffnesses at the ends of a member, as power laws of pressure and length.
 
     :param axial: axial force over displacement of a pinch point, while the other pinch point is
         fixed [N/m].
@@ -175,14 +176,14 @@ class PowerLaw:
 
 @dataclass(frozen=True)
 class TubeSections:
-    """Section stiffness of tubes: a model times a measured factor, with derivatives."""
+    """Section stiffness of a tube: that of a model times a measured factor."""
 
     model: TubeStiffness  #: the stiffness model
-    scale: float = 1.0  #: ratio of the tube's stiffness to the model's, positive [-]
+    scale: float = 1.0  #: ratio of the tube's true stiffness to the modelled one [-]
 
     @property
     def fabric(self) -> Fabric | None:
-        """Return the elastic constants of the model's wall, without the factor."""
+        """Return the elastic constants of the model's wall, not scaled by the factor."""
         return self.model.fabric
 
     def section_stiffness(self, length: ArrayLike, pressure: ArrayLike) -> SectionStiffness:
@@ -222,7 +223,7 @@ MODELS: dict[str, type[TubeStiffness]] = {
 
 def tube_stiffness(description: RobotDescription) -> TubeSections:
     """
-    Return the stiffness model of a robot file.
+    Return the stiffness model that a robot file describes.
 
     :param description: description of the robot, with a checked block `stiffness`.
     """

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Utilisation of inflated tubes: bending moment over wrinkling moment.
+Utilisation of inflated tubes, which is the bending moment divided by the wrinkling moment.
 
-Under the gauge pressure p and a compression N the wall carries the pull p pi R^2 - N. At the
+Under the gauge pressure p and a compression N the wall carries the tension p pi R^2 - N. At the
 bending moment M_w = (p pi R^2 - N) R / 2 one side of the wall is slack and begins to wrinkle; at 2
 M_w the tube folds (Comer and Levy, AIAA Journal 1 (1963) 1652-1655). Beyond M_w the beam model is
 not valid.
@@ -26,7 +26,7 @@ MAX_UTILISATION = 0.8
 
 def wrinkling_moment(pressure: float, radius: float) -> float:
     """
-    Return M_w = p pi R^3 / 2 of a tube without axial force [N m].
+    Return the wrinkling moment p pi R^3 / 2 of a tube without axial force [N m].
 
     :param pressure: gauge pressure p [Pa].
     :param radius: tube radius R [m].
@@ -37,9 +37,9 @@ def wrinkling_moment(pressure: float, radius: float) -> float:
 class Utilisation(NamedTuple):
     """Utilisation of the m members of a robot under loads."""
 
-    used: Array  #: (m,) largest |M| / M_w on each member; infinite if compression exceeds the pull
+    used: Array  #: (m,) largest |M| / M_w on each member; infinite if the wall has no tension
     place: Array  #: (m,) distance of this maximum from the member's start [m]
-    piece: Indices  #: (m,) index of the frame's member with the maximum
+    piece: Indices  #: (m,) index of the frame's member in which the maximum is
     kind: Indices  #: (m,) 0 if the maximum is at this member's start, 1 at its end, 2 inside
 
 
@@ -49,10 +49,11 @@ def find_utilisation(
     """
     Return the utilisation of the members of a robot under loads.
 
-    Between loads the moment of a compressed piece is a sine, so its maximum may be inside.
+    In a compressed piece the moment varies as a sine between loads, so its maximum may be inside
+    the piece.
 
     :param structure: structural model of the robot.
-    :param frame: the frame with cuts at the loads on tubes.
+    :param frame: the robot's frame with additional nodes at the loads on tubes.
     :param end_forces: (k, 6) forces on the frame's members, see `FrameState.end_forces`.
     :param pulls: (k,) axial forces on the frame's members, see `FrameState.bowing` [N].
     """
@@ -66,7 +67,7 @@ def _use_pieces(
     structure: Structure, frame: Frame, end_forces: Array, pulls: Array
 ) -> tuple[Indices, Indices, Array, Array]:
     """
-    Return the p pieces of tube, their members, |M| / M_w (3, p), and the positions of its values.
+    Return p pieces of tube, their members, |M| / M_w (3, p), and the positions (3, p) of these.
 
     The values are those at the start, at the end and at the maximum inside the piece.
     """
@@ -97,10 +98,10 @@ def _wall_pull(structure: Structure, member: Indices) -> Array:
 
 def tube_pieces(structure: Structure, frame: Frame) -> tuple[Indices, Indices]:
     """
-    Return the indices of the tube parts in a cut frame, and the robot's member of each part.
+    Return the tube parts in a cut frame (indices), and the robot's member of each part.
 
     :param structure: structural model of the robot.
-    :param frame: the frame with cuts at the loads on tubes.
+    :param frame: the robot's frame with additional nodes at the loads on tubes.
     """
     first = structure.pieces[0, 0]
     pieces = np.flatnonzero(frame.whole >= first)
@@ -111,15 +112,15 @@ def use_sections(
     loads: Array | tuple[Array, ...], sections: Array, radius: float
 ) -> tuple[Array, Array]:
     """
-    Return the utilisation of tube pieces, and the position of its maximum inside each piece.
+    Return the utilisation of tube pieces, and the position of the maximum inside each piece.
 
-    :param loads: bending moments at start and end (...) [N m]; pull of the wall [N], (3, ...) at
-        start, end and inner maximum, or (...) if constant; axial force that amplifies the moment
-        (...) [N].
+    :param loads: four arrays: bending moments (...) at start and end [N m]; tension of the wall
+        [N], (3, ...) at start, end and inner maximum, or (...) if constant; axial force (...) that
+        amplifies the moment [N].
     :param sections: (3, ...) length [m], EI [N m^2] and GA [N] of the pieces.
     :param radius: tube radius [m].
-    :return: |M| / M_w (3, ...) at start, end and inner maximum, zero without an inner maximum; and
-        the distance (...) of the inner maximum from the start [m].
+    :return: |M| / M_w (3, ...) at start, end and inner maximum, the last zero if there is none;
+        and the distance (...) of the inner maximum from the start [m].
     """
     begin, end, left, pull = loads
     length, flexural, shear = sections
@@ -138,7 +139,7 @@ def use_sections(
 
 def find_most_used(used: Array, member: Indices) -> Indices:
     """
-    Return the index (m,) of the point with the largest utilisation on each member.
+    Return, for each of m members, the index of its point with the largest utilisation.
 
     :param used: (c,) |M| / M_w at c points of the members.
     :param member: (c,) index of the member of each point.

@@ -2,9 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Bring-up of a robot: checks before its first motion, and calibration.
+Nodes for the bring-up of a robot: checks before its first motion, and calibration.
 
-Entry points: `preflight`, `check_rollers`, `calibration`, `pluck`. They measure by
-`joint_markers`.
-Imports `nodes.framework`, `calibration` and the core.
+Entry points: `preflight`, `check_rollers`, `calibration`, `pluck`. They read the measured joints
+by `joint_markers`. Imports `nodes.framework`, `calibration` and the core.
 """

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Node `calibration`: it fits roller offsets and tube stiffness to joint markers."""
+"""Node `calibration`, which fits roller offsets and tube stiffness to joint markers."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ SPECS = (
 
 
 class Calibration(StoppableNode):
-    """Node that calibrates the robot without object on request, and writes a robot file."""
+    """Node that calibrates a robot without an object on request, and writes a robot file."""
 
     node_name = 'calibration'
     specs = SPECS
@@ -52,7 +52,7 @@ class Calibration(StoppableNode):
         return self._markers.measure(self.now())
 
     def _calibrate_home(self) -> str:
-        """Add the current posture, and fit the offsets to all postures so far."""
+        """Add the current posture, and fit the roller offsets to all postures so far."""
         posture, _ = self._measure()
         kept = [each for each in self._postures if not _is_same(each, posture)]
         self._postures = [*kept, posture]

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Node `check_rollers`: moves one roller at a time, and checks the motion of the joints.
+Node `check_rollers`, which moves one roller at a time and checks the motion of the joints.
 
-The node ends at the first roller with a wrong sign, scale or assignment, before it moves another
+The node ends at the first roller with a wrong sign, scale or assignment, without moving another
 roller.
 """
 
@@ -41,9 +41,9 @@ SPECS = (
 
 class CheckRollers(StoppableNode):
     """
-    Node that moves each roller of the robot, which holds no object, forth and back.
+    Node that moves each roller of a robot without an object forth and back.
 
-    :ivar right: names of the rollers that were checked without a fault.
+    :ivar right: names of the rollers that were checked and have no fault.
     """
 
     node_name = 'check_rollers'
@@ -71,7 +71,7 @@ class CheckRollers(StoppableNode):
             raise MeasurementError('the last message of emergency_stop is true; must be false')
 
     def _cycle(self) -> None:
-        """Publish the current velocities, and continue the check when its pause is over."""
+        """Publish the current velocities, and continue the check after each of its pauses."""
         others = self._commands.find_others()
         if others is not None:
             raise MeasurementError(others)
@@ -111,14 +111,14 @@ class CheckRollers(StoppableNode):
             self.right.append(name)
 
     def _finish(self) -> None:
-        """Write the names of the checked rollers to the robot file, and end."""
+        """Write the names of the checked rollers to the robot file, and end the node."""
         if self.values.output:
             write_checked_rollers(self._robot, Path(self.values.output), self.right)
         self.done = True
 
 
 def _judge_encoders(names: Sequence[str], number: int, travel: float, turned: Array) -> str:
-    """Return the fault of the encoders in words when the correct roller moved; else empty."""
+    """Return a sentence with the fault of the encoders after one roller moved, or ''."""
     expected = np.zeros(len(names))
     expected[number] = travel
     off = np.abs(turned - expected)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 from isotruss_ros.calibration.home_fit import Posture
 from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.core import Robot
-from isotruss_ros.core.inputs import Input, InputError, require_fresh, StampedInput, Timeline
+from isotruss_ros.core.inputs import InputError, require_fresh, StampedInput, Timeline
 from isotruss_ros.nodes.framework.parameters import Spec
 from isotruss_ros.nodes.framework.runner import StoppableNode
 from isotruss_ros.nodes.framework.sensors import Inputs
@@ -29,12 +29,12 @@ DEVIATION = Spec(
 #: Largest change of an encoder reading within the averaging time at which its roller counts as at
 #: rest [m].
 REST_TOLERANCE = 5e-4
-#: Age of its last message above which a topic counts as silent [s].
+#: Largest age of the last message of a topic [s]; above it, the topic is regarded as silent.
 MAX_TOPIC_AGE = 0.5
 
 
 class MeasuredJoints(NamedTuple):
-    """Measured joints of a robot whose rollers are at rest."""
+    """Measured joint positions of a robot with rollers at rest."""
 
     posture: Posture  #: mean encoder readings and joint positions
     #: smallest number of averaged messages of a joint
@@ -45,30 +45,25 @@ class JointMarkers:
     """
     Recent messages of `joint_markers` and `joint_states`.
 
-    :param node: subscribing node.
-    :param robot: the robot.
+    :ivar inputs: subscriptions of both topics.
     """
 
     def __init__(self, node: StoppableNode, robot: Robot) -> None:
-        self.rollers: Input = None  #: input of the measured `RollerState`
-        self.markers: Input = None  #: input of the measured joints {name: (x, y)} [m]
         self._rollers, self._markers = Timeline(), Timeline()
-        self._inputs = Inputs(node, robot, self, MAX_TOPIC_AGE)
-        self._inputs.keep_encoders(take=partial(self._take, self._rollers))
-        self._inputs.keep_joint_markers(take=partial(self._take, self._markers))
+        self.inputs = Inputs(node, robot, oldest=MAX_TOPIC_AGE)
+        self.inputs.keep('rollers', take=partial(self._take, self._rollers))
+        self.inputs.keep('markers', take=partial(self._take, self._markers))
 
     def measure(self, now: float) -> MeasuredJoints:
         """
         Return the mean joint positions over the averaging time.
 
-        :param now: time on the clock of the stamps [s].
-        :raises MeasurementError: a topic is silent, or the rollers move.
+        :raises MeasurementError: no message of a topic arrives, or the rollers move.
         """
-        self._inputs.settle()
+        self.inputs.settle()
         try:
-            require_fresh(
-                now, MAX_TOPIC_AGE, '', joint_states=self.rollers, joint_markers=self.markers
-            )
+            rollers, markers = self.inputs.rollers, self.inputs.markers
+            require_fresh(now, MAX_TOPIC_AGE, '', joint_states=rollers, joint_markers=markers)
         except InputError as error:
             raise MeasurementError(str(error)) from error
         readings = np.array([state.positions for state in self._rollers.values])

@@ -4,8 +4,8 @@
 """
 Node `pluck`, which measures the oscillation of a held object.
 
-The node moves the object by a short twist and stops the object. Then the node fits frequency and
-damping ratio to the following poses, and ends.
+The node moves the object by a short twist and stops it. Then the node fits frequency and damping
+ratio to the poses that follow, and ends.
 """
 
 from __future__ import annotations
@@ -67,9 +67,8 @@ class Pluck(StoppableNode):
         self._times: list[float] = []
         self._poses: list[tuple[float, ...]] = []
         self._status: ManipulationStatus | None = None
-        self.pose = None
-        self._inputs = Inputs(self, robot, self, MAX_TOPIC_AGE)
-        self._inputs.keep_object_pose(take=self._take_pose)
+        self._inputs = Inputs(self, robot, oldest=MAX_TOPIC_AGE)
+        self._inputs.keep('pose', take=self._take_pose)
         self.create_subscription(
             ManipulationStatus, 'manipulation/status', self._take_status, RELIABLE
         )

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Node `preflight`: it checks a robot before its first motion, and prints a line per check."""
+"""Node `preflight`, which checks a robot before its first motion and prints a line per check."""
 
 from __future__ import annotations
 
@@ -18,7 +18,6 @@ from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.parameters import ROBOT, Spec
 from isotruss_ros.nodes.framework.runner import StoppableNode
-from isotruss_ros.nodes.framework.sensors import Inputs
 from isotruss_ros.nodes.framework.topics import LATCHED, RELIABLE
 import numpy as np
 from sensor_msgs.msg import JointState
@@ -26,8 +25,8 @@ from std_msgs.msg import Bool
 
 #: Smallest accepted rates of joint_states and object_pose [Hz].
 LEAST_JOINT_RATE, LEAST_POSE_RATE = 50.0, 10.0
-#: Largest accepted distance between a joint's measured position and its position by the encoders
-#: [m].
+#: Largest accepted distance between a joint's measured position and the position computed from the
+#: encoders [m].
 MAX_ZERO_ERROR = 0.01
 SPECS = (
     ROBOT,
@@ -42,7 +41,6 @@ class Preflight(StoppableNode):
     Node that receives messages for some time and checks them, without motion.
 
     :ivar faults: names of the failed checks.
-    :ivar pose: input of the object's `Pose`.
     """
 
     node_name = 'preflight'
@@ -52,7 +50,6 @@ class Preflight(StoppableNode):
         """Create the subscriptions, and start to record."""
         self._robot = load_robot(self.values.robot)
         self._markers = JointMarkers(self, self._robot)
-        self.pose = None
         self._joint_states: list[JointState] = []
         self._poses: list[PoseStamped] = []
         self._stops: list[Bool] = []
@@ -64,8 +61,8 @@ class Preflight(StoppableNode):
             (Bool, 'emergency_stop', self._stops, LATCHED),
         ):
             self.create_subscription(kind, topic, kept.append, quality)
-        self._inputs = Inputs(self, self._robot, self, MAX_TOPIC_AGE)
-        self._inputs.keep_object_pose()
+        self._inputs = self._markers.inputs
+        self._inputs.keep('pose')
         self._checks: dict[str, Callable[[], str]] = {
             'encoders': self._check_encoders,
             'zeros': self._check_zeros,
@@ -91,8 +88,8 @@ class Preflight(StoppableNode):
         self.done = True
 
     def _check_encoders(self) -> str:
-        found = self._check_live('joint_states', self._markers.rollers)
-        self._travel = self._markers.rollers.value.positions
+        found = self._check_live('joint_states', self._inputs.rollers)
+        self._travel = self._inputs.rollers.value.positions
         return found
 
     def _check_zeros(self) -> str:
@@ -126,7 +123,7 @@ class Preflight(StoppableNode):
 
     def _check_pose(self) -> str:
         self._inputs.settle()
-        return self._check_live('object_pose', self.pose)
+        return self._check_live('object_pose', self._inputs.pose)
 
     def _check_stop(self) -> str:
         if not self._stops:
@@ -176,7 +173,7 @@ class Preflight(StoppableNode):
         return f'module {module:g} kg, object {body:g} kg'
 
     def _check_live(self, topic: str, given: Input) -> str:
-        """Return the age of an input in words; raise an error if the input is stale or missing."""
+        """Return a text with the age of an input; raise an error if it is stale or missing."""
         now = self.now()
         try:
             (found,) = require_fresh(now, MAX_TOPIC_AGE, '', **{topic: given})
@@ -189,7 +186,7 @@ class Preflight(StoppableNode):
     def _check_rate(
         self, topic: str, messages: Sequence[JointState | PoseStamped], least: float
     ) -> str:
-        """Return the rate of a topic in words; raise an error if it is too low."""
+        """Return a text with the rate of a topic; raise an error if it is too low."""
         rate = len(messages) / self.values.listen_time
         if rate < 0.9 * least:
             raise MeasurementError(f'{topic} has {rate:.3g} Hz: must be at least {least:g} Hz')

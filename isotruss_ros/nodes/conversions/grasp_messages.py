@@ -22,7 +22,7 @@ from isotruss_ros.nodes.conversions.messages import (
     name_contact_frame,
     name_object_frame,
 )
-from isotruss_ros.nodes.conversions.object_messages import describes_object, read_object_message
+from isotruss_ros.nodes.conversions.object_messages import read_described
 from isotruss_ros.nodes.grasp.grasp_report import GraspQuery, GraspReport
 import numpy as np
 
@@ -43,14 +43,14 @@ def read_external_wrench(
     message: WrenchStamped, frame: str, angle: float | None = None
 ) -> tuple[float, float, float]:
     """
-    Return the external wrench (fx, fy, m) on the object, along the robot's axes [N, N m].
+    Return the external wrench (fx, fy, m) on the object in a message, in robot axes [N, N m].
 
     :param message: wrench about the object's origin, in the aligned frame (see
         `name_aligned_frame`) or in the object's frame.
     :param frame: name of the robot frame.
     :param angle: angle of the object in the robot frame [rad]; None if unknown.
-    :raises MessageError: the message has another frame, a value that is not finite, or a component
-        above `MAX_WRENCH`.
+    :raises MessageError: the message has another frame, or a component is not finite or exceeds
+        `MAX_WRENCH`.
     """
     wrench = _planar(message.wrench)
     if frame and message.header.frame_id == name_object_frame(frame) and angle is not None:
@@ -69,7 +69,7 @@ def read_external_wrench(
 
 def to_wrench_message(wrench: Sequence[float]) -> Wrench:
     """
-    Return the message of a planar wrench.
+    Convert a planar wrench to a message.
 
     :param wrench: planar wrench (fx, fy, m) [N, N m].
     """
@@ -81,7 +81,7 @@ def to_contact_wrench(
     frame: str, member: str, when: float, normal: float, friction: float = 0.0
 ) -> WrenchStamped:
     """
-    Return the message of a member's force on the object, in the contact frame of the member.
+    Return a message with a member's force on the object, in the member's contact frame.
 
     :param frame: name of the robot frame.
     :param member: name of the member.
@@ -99,26 +99,25 @@ def read_query(
     request: AnalyzeGrasp.Request, spacing: float, paper_model: bool = False
 ) -> GraspQuery:
     """
-    Return the query of a request; values other than the object are checked by the analysis.
+    Convert the request of a grasp analysis; the analysis checks values except the object.
 
-    :param request: request of the service `analyze_grasp`.
     :param spacing: spacing of the contact points along the tubes [m].
-    :param paper_model: whether the paper's model is used, see `analyze_grasp`.
+    :param paper_model: True for the paper's model, see `analyze_grasp`.
     :raises MessageError: the request describes no object, two objects, or an invalid object.
     """
-    body = _read_described(request)
-    if body is None:
-        body = ConvexObject.disc((request.center.x, request.center.y), request.diameter)
+    body = _read_body(request)
     wrench = _planar(request.external_wrench)
     rollers = tuple(request.roller_positions)
     friction = request.friction if body.friction is None else body.friction
     return GraspQuery(rollers, body, friction, wrench, spacing, paper_model)
 
 
-def _read_described(request: AnalyzeGrasp.Request) -> ConvexObject | None:
-    """Return the object that a request describes; None for a disc."""
-    if not describes_object(request.object):
-        if request.diameter == 0.0:
+def _read_body(request: AnalyzeGrasp.Request) -> ConvexObject:
+    """Return the object of a request: a disc, or the described object."""
+    diameter, center = request.diameter, request.center
+    body = read_described(request.object, request.object_pose, 'diameter', diameter)
+    if body is None:
+        if diameter == 0.0:
             raise MessageError(
                 'diameter 0.0 m: must be positive, that of a disc at `center`; or `object` must '
                 'describe what is at `object_pose`'
@@ -128,31 +127,24 @@ def _read_described(request: AnalyzeGrasp.Request) -> ConvexObject | None:
                 'object_pose: must be left out where there is no `object`; the place of a disc '
                 'is `center`'
             )
-        return None
-    if request.diameter != 0.0:
-        raise MessageError(
-            f'diameter {request.diameter} m, beside an `object`: must be 0, as the object is '
-            'described; or leave `object` out for a disc'
-        )
-    if request.center != Point():
-        center = request.center
+        return ConvexObject.disc((center.x, center.y), diameter)
+    if center != Point():
         raise MessageError(
             f'center ({center.x}, {center.y}), beside an `object`: must be left out; the place of '
             'an object is `object_pose`'
         )
-    return read_object_message(request.object, request.object_pose)
+    return body
 
 
 def _planar(wrench: Wrench) -> tuple[float, float, float]:
-    """Return the components (fx, fy, m) in the plane [N, N m]; the ground carries the others."""
+    """Return the components (fx, fy, m) of a wrench in the robot's plane [N, N m]."""
     return wrench.force.x, wrench.force.y, wrench.torque.z
 
 
 def to_state_message(report: GraspReport, frame: str) -> GraspState:
     """
-    Return the message of a report; without a result, its values are the most conservative.
+    Convert a grasp report to a message; without a result, it has the most cautious values.
 
-    :param report: report of the grasp monitor.
     :param frame: name of the robot frame.
     """
     state = GraspState(code=int(report.code), message=report.message)
@@ -161,16 +153,15 @@ def to_state_message(report: GraspReport, frame: str) -> GraspState:
         state.closure_residual = state.required_friction = math.inf
         state.closure_margin = -math.inf
         return state
-    settled = report.grasp.settled
+    settled, analysis = report.grasp.settled, report.grasp.analysis
     state.held = report.held
     state.force_closure = report.force_closure
     state.hold_message = settled.reason
-    state.slip_margin, state.slip_direction = settled.slip_margin, settled.slip_direction
-    state.displacement = settled.displacement
     state.grasping_members = list(settled.normal_forces)
     state.squeeze = list(settled.normal_forces.values())
     state.friction_used = list(settled.friction_used.values())
-    analysis = report.grasp.analysis
+    state.slip_margin, state.slip_direction = settled.slip_margin, settled.slip_direction
+    state.displacement = settled.displacement
     state.closed_by_friction = analysis.closed_by_friction
     for name in ('closure_residual', 'closure_tolerance', 'required_friction', 'closure_margin'):
         setattr(state, name, getattr(analysis, name))
@@ -190,7 +181,7 @@ def to_state_message(report: GraspReport, frame: str) -> GraspState:
 
 
 def _to_contact_messages(analysis: GraspAnalysis) -> list[Contact]:
-    """Return the messages of the contact points that have a normal force."""
+    """Return a message for each contact point that has a normal force."""
     touching = np.flatnonzero(analysis.normal_forces > 0.0)
     points, normals = analysis.points[touching].tolist(), analysis.normals[touching].tolist()
     numbers = (analysis.normal_forces, analysis.friction_forces, analysis.gaps)

@@ -22,7 +22,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 #: Lifetime of markers, so that they disappear after the node has ended.
 LIFETIME = Duration(seconds=1.0)
-#: Length of an arrow over its force [m/N], and largest length of the arrow of a normal force [m].
+#: Length of an arrow per force [m/N], and largest length of the arrow of a normal force [m].
 ARROW_SCALE, LONGEST_ARROW = 0.01, 0.5
 MIN_FORCE = 1e-9
 LINE_WIDTH, ARROW_WIDTH = 0.008, 0.015
@@ -45,9 +45,8 @@ OPEN = ColorRGBA(r=0.85, g=0.2, b=0.2, a=0.8)
 
 def to_marker_array(report: GraspReport, frame: str, time: float) -> MarkerArray:
     """
-    Return the markers of a report; the first marker deletes all earlier markers.
+    Return RViz markers for a grasp report; the first one deletes all earlier markers.
 
-    :param report: report of the grasp monitor.
     :param frame: name of the robot frame.
     :param time: stamp of the markers [s].
     """
@@ -132,7 +131,7 @@ def _strip(line: Points, half: float) -> Iterable[Point]:
 
 
 def _prism(outline: Points, middle: complex, half: float) -> Iterable[Point]:
-    """Yield the triangles of the top and the sides of a prism."""
+    """Yield the triangles of the top face and of the sides of a prism."""
     yield from _strip(np.append(outline, outline[0]), half)
     for here, following in zip(outline.tolist(), np.roll(outline, -1).tolist(), strict=True):
         for point in (middle, here, following):

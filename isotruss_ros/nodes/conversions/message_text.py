@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Message definitions as text, including nested types, in the format of recordings."""
+"""Text of message definitions with their nested types, in the format of recordings."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def type_name(kind: Any) -> str:
 
 def schema_text(kind: Any) -> str:
     """
-    Return the definition of a message type and of all nested types.
+    Return the text that defines a message type and all types nested in it.
 
     :param kind: class of the message.
     """
@@ -57,7 +57,7 @@ def _collect(kind: Any, found: dict[str, str]) -> None:
 
 
 def _split(described: str) -> tuple[str, str]:
-    """Return the type of a field or of its elements, and the brackets of an array, else empty."""
+    """Return the type of a field or of its elements, and the brackets of an array or ''."""
     sequence = re.fullmatch(r'sequence<([^,>]+)(?:, (\d+))?>', described)
     if sequence:
         bound = f'<={sequence[2]}' if sequence[2] else ''

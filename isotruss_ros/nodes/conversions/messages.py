@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Conversion between messages and numbers; invalid messages raise MessageError."""
+"""Conversion between common messages and numbers; invalid messages raise MessageError."""
 
 from __future__ import annotations
 
@@ -30,17 +30,13 @@ class MessageError(IsotrussError, ValueError):
 
 
 def read_stamp(header: Header) -> float:
-    """
-    Return the stamp of a header [s].
-
-    :param header: header of a message.
-    """
+    """Return the stamp of a header [s]."""
     return header.stamp.sec + 1e-9 * header.stamp.nanosec
 
 
 def make_header(when: float, frame: str = '') -> Header:
     """
-    Return a header.
+    Return a header with a time and a frame.
 
     :param when: time of the stamp [s]; a negative time is replaced by zero.
     :param frame: name of the frame.
@@ -53,7 +49,6 @@ def read_twist(twist: Twist) -> tuple[float, float, float]:
     """
     Return the planar twist (vx, vy, omega) of a message [m/s, rad/s].
 
-    :param twist: twist of the object.
     :raises MessageError: a component is not finite, or a component out of the plane is not zero.
     """
     linear, angular = twist.linear, twist.angular
@@ -70,12 +65,13 @@ def read_twist(twist: Twist) -> tuple[float, float, float]:
 
 def check_frame(what: str, header: Header, frame: str) -> None:
     """
-    Raise MessageError for a frame other than the robot frame; an empty name is accepted.
+    Raise MessageError if a header names another frame than the robot frame.
+
+    An empty name is accepted.
 
     :param what: name of the message, for the error message.
-    :param header: header of the message.
     :param frame: name of the robot frame.
-    :raises MessageError: the header names another frame; the message names both frames.
+    :raises MessageError: the header names another frame; the text names both frames.
     """
     if header.frame_id not in ('', frame):
         raise MessageError(
@@ -87,7 +83,7 @@ def request_parameters(values: Mapping[str, Any]) -> SetParameters.Request:
     """
     Return the service request that sets parameters of another node.
 
-    :param values: values of the parameters by name.
+    :param values: value for the name of each parameter.
     """
     messages = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
     return SetParameters.Request(parameters=messages)
@@ -97,18 +93,18 @@ def name_object_frame(frame: str) -> str:
     """
     Return the name of the frame that is fixed to the object.
 
-    :param frame: name of the robot frame; an empty name gives an empty name.
+    :param frame: name of the robot frame; if it is empty, the result is empty.
     """
     return f'{frame}_object' if frame else ''
 
 
 def name_aligned_frame(frame: str) -> str:
     """
-    Return the name of the frame at the object's origin whose axes are parallel to the robot's.
+    Return the name of the frame with the object's origin and the robot's axes.
 
-    The moments of wrenches on the object are about this origin.
+    Moments of wrenches on the object are about this origin.
 
-    :param frame: name of the robot frame; an empty name gives an empty name.
+    :param frame: name of the robot frame; if it is empty, the result is empty.
     """
     return f'{frame}_object_aligned' if frame else ''
 
@@ -117,7 +113,8 @@ def name_contact_frame(frame: str, member: str) -> str:
     """
     Return the name of a member's contact frame.
 
-    The x axis of this frame is the normal into the object, the y axis is along the member's side.
+    The x axis of this frame is normal to the member and points into the object; the y axis is
+    along the member.
 
     :param frame: name of the robot frame.
     :param member: name of the member in contact.
@@ -127,7 +124,7 @@ def name_contact_frame(frame: str, member: str) -> str:
 
 def check_place(what: str, x: float, y: float) -> None:
     """
-    Raise MessageError for an invalid position in a message.
+    Raise MessageError if a position in a message is invalid.
 
     :param what: name of the position, for the error message.
     :param x: x of the position [m].
@@ -142,10 +139,9 @@ def check_place(what: str, x: float, y: float) -> None:
 
 def read_pose(what: str, message: PoseMessage) -> Pose:
     """
-    Return the planar pose of a message; height and tilt are ignored.
+    Return the planar pose in a message; height and tilt are ignored.
 
     :param what: name of the pose, for the error message.
-    :param message: message of the pose.
     :raises MessageError: a value is not finite or too large, or the quaternion is not a rotation.
     """
     position, q = message.position, message.orientation
@@ -158,11 +154,7 @@ def read_pose(what: str, message: PoseMessage) -> Pose:
 
 
 def to_pose_message(pose: Pose) -> PoseMessage:
-    """
-    Return the message of a planar pose.
-
-    :param pose: (x, y, angle) [m, rad].
-    """
+    """Convert a planar pose to a message."""
     message = PoseMessage()
     message.position.x, message.position.y = pose.x, pose.y
     message.orientation.z = math.sin(0.5 * pose.angle)
@@ -172,7 +164,7 @@ def to_pose_message(pose: Pose) -> PoseMessage:
 
 def to_twist_message(twist: Sequence[float] | Array) -> Twist:
     """
-    Return the message of a planar twist.
+    Convert a planar twist to a message.
 
     :param twist: (vx, vy, omega) [m/s, rad/s].
     """

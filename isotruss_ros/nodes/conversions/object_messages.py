@@ -17,7 +17,6 @@ from isotruss_ros.core.model.object_file import make_object, SHAPES
 from isotruss_ros.nodes.conversions.messages import MessageError, read_pose
 import numpy as np
 
-NO_OBJECT = ObjectMessage()
 #: Name of a shape in object files, by its code in messages.
 SHAPE_NAMES = {
     ObjectMessage.DISC: 'disc',
@@ -26,25 +25,25 @@ SHAPE_NAMES = {
 }
 
 
-def describes_object(message: ObjectMessage) -> bool:
+def read_described(
+    message: ObjectMessage, pose: PoseMessage, name: str, diameter: float
+) -> ConvexObject | None:
     """
-    Return whether a message describes an object, valid or not; an empty message does not.
+    Return the object that a request describes, at a pose; None if it describes no object.
 
-    :param message: message of an object.
+    :param name: name of the request's field with the diameter of a disc.
+    :param diameter: diameter of a disc [m].
+    :raises MessageError: the description is invalid or has a field that belongs to another shape,
+        the pose is invalid, or a diameter is given as well. The text names the faulty field by its
+        key in object files, and the faulty vertex or side of a polygon.
     """
-    return message != NO_OBJECT
-
-
-def read_object_message(message: ObjectMessage, pose: PoseMessage) -> ConvexObject:
-    """
-    Return the object that a message describes, at a pose.
-
-    :param message: message of the object.
-    :param pose: pose of the object's frame in the robot frame.
-    :raises MessageError: the message does not describe an object or has a field of another shape,
-        or the pose is invalid. The text names the field as a key of an object file, and the vertex
-        or side of a polygon.
-    """
+    if message == ObjectMessage():
+        return None
+    if diameter != 0.0:
+        raise MessageError(
+            f'{name} {diameter} m, beside an `object`: must be 0, as the object is described; or '
+            'leave `object` out for a disc'
+        )
     place = read_pose('object_pose', pose)
     if message.shape not in SHAPE_NAMES:
         known = ', '.join(f'{number} (a {name})' for number, name in SHAPE_NAMES.items())
@@ -71,9 +70,8 @@ def read_object_message(message: ObjectMessage, pose: PoseMessage) -> ConvexObje
 
 def to_object_message(body: ConvexObject) -> ObjectMessage:
     """
-    Return the message of an object without its pose.
+    Convert an object without its pose to a message.
 
-    :param body: the object at any pose.
     :raises GraspError: messages cannot describe its shape.
     """
     shape: Any = body.shape

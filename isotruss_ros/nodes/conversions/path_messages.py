@@ -26,13 +26,12 @@ def read_object_path(
     message: Path, speed: float, turn_rate: float, robot: Robot, smooth: bool, start: Pose
 ) -> ObjectPath | None:
     """
-    Return the object path of a goal; None for a single pose at which the object already is.
+    Return the object path in a goal; None if the object is already at the only pose.
 
-    :param message: poses of the object.
     :param speed: speed of the object's centre along the path [m/s].
     :param turn_rate: largest angular velocity [rad/s].
-    :param robot: the robot; the length of its tubes limits the poses.
-    :param smooth: whether a spline through the poses replaces straight segments.
+    :param robot: the robot. Poses farther away than the length of its tubes are rejected.
+    :param smooth: True for a spline through the poses in place of straight segments.
     :param start: current pose of the object, at which a path with fewer than two poses starts.
     :raises MessageError: the message has another frame, a value that is not finite, a pose out of
         reach, or a rotation out of the plane.
@@ -74,9 +73,8 @@ def to_trajectory_message(
     robot: Robot, positions: Sequence[Sequence[float]], times: Sequence[float]
 ) -> JointTrajectory:
     """
-    Return the message of a roller trajectory.
+    Convert a roller trajectory to a message.
 
-    :param robot: the robot.
     :param positions: (k, r) roller positions of the waypoints [m].
     :param times: (k,) times of the waypoints, from 0 [s].
     """
@@ -91,7 +89,7 @@ def to_trajectory_message(
 
 def to_duration(seconds: float) -> Duration:
     """
-    Return the message of a duration.
+    Convert a duration to a message.
 
     :param seconds: duration, not negative [s].
     """
@@ -100,9 +98,5 @@ def to_duration(seconds: float) -> Duration:
 
 
 def read_duration(duration: Duration) -> float:
-    """
-    Return the duration of a message [s].
-
-    :param duration: message of the duration.
-    """
+    """Return the duration of a message [s]."""
     return duration.sec + 1e-9 * duration.nanosec

@@ -19,7 +19,7 @@ from isotruss_ros.core.planning.searcher import Answer
 from isotruss_ros.core.planning.violations import export_violation
 from isotruss_ros.nodes.conversions.grasp_messages import read_external_wrench
 from isotruss_ros.nodes.conversions.messages import check_frame, MessageError, read_pose
-from isotruss_ros.nodes.conversions.object_messages import describes_object, read_object_message
+from isotruss_ros.nodes.conversions.object_messages import read_described
 from isotruss_ros.nodes.conversions.path_messages import to_duration, to_trajectory_message
 import numpy as np
 
@@ -28,7 +28,7 @@ MAX_COUNT = 1000
 
 
 class SearchGoal(NamedTuple):
-    """Arguments of a grasp search."""
+    """Arguments of a grasp search, read from a goal."""
 
     body: ConvexObject  #: the object at its pose
     requirements: GraspRequirements  #: requirements of the grasps
@@ -40,12 +40,10 @@ def read_goal(
     goal: PlanGrasp.Goal, robot: Robot, described: ConvexObject | None = None
 ) -> SearchGoal:
     """
-    Return the arguments of the search that a goal requests.
+    Convert the goal of a grasp search to the arguments of the search.
 
-    :param goal: goal of the action.
-    :param robot: the robot.
-    :param described: object at any pose, used for goals that describe no object; None: no such
-        object.
+    :param described: object at any pose that is used if the goal describes no object; None: the
+        goal must describe one.
     :raises MessageError: the goal has no pose, another frame, no object, two objects, or a number
         out of range.
     :raises GraspError: an object or requirement is invalid, or a module or member is unknown.
@@ -67,7 +65,7 @@ def read_goal(
 
 
 def _read_requirements(goal: PlanGrasp.Goal, robot: Robot) -> GraspRequirements:
-    """Return the requirements of a goal; zero or empty fields mean the defaults."""
+    """Return the requirements in a goal; fields that are zero or empty mean the defaults."""
     names = ('max_contact_force', 'max_total_force', 'max_utilisation', 'min_rigidity')
     given = {name: getattr(goal, name) for name in (*names, 'squeeze', 'min_margin', 'module')}
     direction = tuple(goal.direction.tolist())
@@ -92,7 +90,7 @@ def _read_requirements(goal: PlanGrasp.Goal, robot: Robot) -> GraspRequirements:
 
 
 def _read_carry(goal: PlanGrasp.Goal) -> tuple[tuple[float, float, float], ...]:
-    """Return the path along which the grasp must carry the object, with unwrapped angles."""
+    """Return the poses along which the grasped object must be carried, with continuous angles."""
     if len(goal.carry) == 1 or len(goal.carry) > MAX_POSES:
         raise MessageError(f'carry: {len(goal.carry)} poses: must be none, or 2 to {MAX_POSES}')
     poses = [read_pose(f'pose {i} of carry', pose) for i, pose in enumerate(goal.carry)]
@@ -101,15 +99,11 @@ def _read_carry(goal: PlanGrasp.Goal) -> tuple[tuple[float, float, float], ...]:
 
 
 def _read_body(goal: PlanGrasp.Goal, described: ConvexObject | None) -> ConvexObject:
-    """Return the object of the goal, else of the parameter `object`, at the goal's pose."""
+    """Return the object in the goal, or else in the parameter `object`, at the goal's pose."""
     pose, diameter = goal.object_pose.pose, goal.object_diameter
-    if describes_object(goal.object):
-        if diameter != 0.0:
-            raise MessageError(
-                f'object_diameter {diameter} m, beside an `object`: must be 0, as the object is '
-                'described; or leave `object` out for a disc'
-            )
-        return read_object_message(goal.object, pose)
+    body = read_described(goal.object, pose, 'object_diameter', diameter)
+    if body is not None:
+        return body
     if diameter != 0.0:
         return ConvexObject.disc((pose.position.x, pose.position.y), diameter)
     if described is None:
@@ -121,12 +115,7 @@ def _read_body(goal: PlanGrasp.Goal, described: ConvexObject | None) -> ConvexOb
 
 
 def to_result_message(answer: Answer, robot: Robot) -> PlanGrasp.Result:
-    """
-    Return the result message of a search.
-
-    :param answer: result of the search.
-    :param robot: the robot.
-    """
+    """Convert the result of a search to a message."""
     plan = answer.plan
     if plan is None:
         return PlanGrasp.Result(code=int(answer.outcome), message=answer.message)
@@ -142,7 +131,7 @@ def to_result_message(answer: Answer, robot: Robot) -> PlanGrasp.Result:
 
 
 def _to_grasp_message(grasp: PlannedGrasp, robot: Robot) -> PlannedGraspMessage:
-    """Return the message of a grasp, with the roller trajectory to it."""
+    """Convert a grasp, with the roller trajectory that leads to it, to a message."""
     exported = export_path(grasp)
     times = exported['times']
     path = to_trajectory_message(robot, exported['path'], times)

@@ -31,11 +31,11 @@ Result = FollowRollerTrajectory.Result
 
 class TrajectoryGoalError(MessageError):
     """
-    A trajectory goal is invalid; it has an error code of `FollowJointTrajectory`.
+    Error: a trajectory goal is invalid; the error has a code of `FollowJointTrajectory`.
 
     :ivar code: error code of the result.
     :param code: error code of the result.
-    :param message: reason in words.
+    :param message: sentence with the reason.
     """
 
     def __init__(self, code: int, message: str) -> None:
@@ -44,7 +44,7 @@ class TrajectoryGoalError(MessageError):
 
 
 class RollerGoal(NamedTuple):
-    """Content of the goal of a roller trajectory."""
+    """Content of an action goal with a roller trajectory."""
 
     trajectory: RollerTrajectory  #: trajectory of the rollers
     start: float | None  #: start time on the node's clock [s]; None: start at once
@@ -55,16 +55,14 @@ def read_roller_goal(
     goal: Any, robot: Robot, here: Array, now: float, timeout: float
 ) -> RollerGoal:
     """
-    Return the arguments of a trajectory goal.
+    Return the content of an action goal with a roller trajectory.
 
     :param goal: goal of FollowRollerTrajectory or FollowJointTrajectory.
-    :param robot: the robot.
     :param here: (r,) measured roller positions [m].
-    :param now: time on the clock of the node [s].
     :param timeout: largest age of the stamp [s].
     :raises TrajectoryGoalError: a joint is unknown or missing, or the stamp is too old.
-    :raises MessageError: tolerances are invalid, fields are set that rollers do not have, or
-        `read_roller_trajectory` raises the error.
+    :raises MessageError: tolerances are invalid, fields are set that have no meaning for rollers,
+        or `read_roller_trajectory` raises this error.
     :raises ConfigurationError: see `RollerTrajectory`.
     """
     names = robot.roller_names
@@ -97,11 +95,10 @@ def read_roller_trajectory(
     message: JointTrajectory, robot: Robot, here: Array
 ) -> RollerTrajectory:
     """
-    Return the roller trajectory with the positions and times of a message.
+    Return the roller trajectory in a message, from its positions and times.
 
     :param message: trajectory of all rollers in any order. If the time of its first point is later
         than zero, the trajectory begins at the measured positions.
-    :param robot: the robot.
     :param here: (r,) measured roller positions [m].
     :raises TrajectoryGoalError: a roller is missing, unknown or repeated.
     :raises MessageError: the number of points, or of the positions of a point, is wrong; or a
@@ -133,7 +130,7 @@ def read_roller_trajectory(
 
 
 def _read_start(header: Header, now: float, timeout: float) -> float | None:
-    """Return the start time of a trajectory [s]; None for a stamp of zero, which means at once."""
+    """Return the start time of a trajectory [s]; None if the stamp is zero: start at once."""
     stamp = read_stamp(header)
     if stamp == 0.0:
         return None
@@ -151,7 +148,7 @@ def _read_start(header: Header, now: float, timeout: float) -> float | None:
 
 
 def _check_joints(what: str, given: Sequence[str], names: Sequence[str]) -> None:
-    """Raise TrajectoryGoalError if a name is no roller or is repeated."""
+    """Raise TrajectoryGoalError if a name does not belong to a roller or is repeated."""
     counts = Counter(given)
     unknown = [quote(name) for name in counts if name not in names][:20]
     twice = [name for name in names if counts[name] > 1]
@@ -164,7 +161,7 @@ def _check_joints(what: str, given: Sequence[str], names: Sequence[str]) -> None
 
 
 def _read_tolerance(what: str, given: Sequence[Any], names: Sequence[str]) -> Tolerance | None:
-    """Return the bounds in a list of tolerances; None for an empty list."""
+    """Return the bounds in a list of tolerances; None if the list is empty."""
     _check_joints(what, [each.name for each in given], names)
     bounds = np.full((2, len(names)), math.inf)
     for each in given:

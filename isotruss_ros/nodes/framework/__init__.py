@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Base classes and tools of all nodes: life cycle, parameters, control cycle, inputs and goals.
+Base classes and tools that all nodes share: life cycle, parameters, cycle, inputs, goals.
 
 Entry points: `managed.ManagedNode`, `runner.run`, `sensors.Inputs`, `parameters.Spec`. Imports
 `nodes.conversions` and the core.

@@ -19,11 +19,11 @@ ROS_ARGUMENTS, END_OF_ROS_ARGUMENTS = '--ros-args', '--'
 
 def refuse_arguments(kind: Any, arguments: Sequence[str]) -> None:
     """
-    Print the help of a node if requested; refuse arguments that ROS does not process.
+    Print the help of a node if requested, and refuse arguments that ROS does not process.
 
     :param kind: class of the node.
     :param arguments: command line; its first element is the program.
-    :raises SystemExit: the help was printed (code 0), or an argument is invalid.
+    :raises SystemExit: the help was printed (exit code 0), or an argument is invalid.
     """
     own, of_ros = [], False
     for argument in arguments[1:]:
@@ -43,7 +43,7 @@ def refuse_arguments(kind: Any, arguments: Sequence[str]) -> None:
 
 def explain_refusal(error: RuntimeError | UnicodeEncodeError) -> str:
     """
-    Return in words why ROS refuses its arguments, and the correction.
+    Return a text that explains why ROS refuses its arguments, and what to correct.
 
     :param error: error raised by `rclpy.init`.
     """

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Publishers of twists, which `manipulation` receives, and of roller velocities."""
+"""Publishers of twists for the node `manipulation`, and of roller velocities."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ QUIET_TIME = 1.0
 
 class RollerCommands:
     """
-    Publisher of roller velocities, which detects commands of other nodes.
+    Publisher of roller velocities that also detects commands of other nodes.
 
-    The middleware does not name the publisher of a message, so own messages are identified by
-    their sequence numbers. Without sequence numbers, as with Cyclone DDS, other nodes are not
-    detected.
+    The middleware does not name the publisher of a message, so the node's own messages are
+    recognised by their sequence numbers. If the middleware has no sequence numbers, such as
+    Cyclone DDS, other nodes are not detected.
 
     :param node: publishing node; a managed node publishes only while it is active.
     :param count: number of rollers.
@@ -44,7 +44,7 @@ class RollerCommands:
         self._heard = -math.inf
 
     def subscribe(self) -> None:
-        """Detect commands of other nodes, until the node is deactivated."""
+        """Start to detect commands of other nodes, until the node is deactivated."""
         self._received, self._heard = self._sent, -math.inf
         self._node.create_subscription(
             Float64MultiArray, TOPIC, self.note, NEWEST, event_callbacks=NO_EVENTS, raw=True
@@ -64,11 +64,11 @@ class RollerCommands:
         self.publish(np.zeros(self._count))
 
     def wait_for_subscribers(self) -> bool:
-        """Wait briefly; return whether all subscribers have acknowledged the last command."""
+        """Wait briefly; return whether all subscribers have received the last command."""
         return self._publisher.wait_for_all_acked(ACKNOWLEDGE_TIME)
 
     def find_others(self) -> str | None:
-        """Return in words the other nodes that command the rollers; None if there are none."""
+        """Return a text that names other nodes that command the rollers; None without any."""
         if time.monotonic() - self._heard > QUIET_TIME:
             return None
         return f'another node publishes on {TOPIC}: end or deactivate it, or this one'

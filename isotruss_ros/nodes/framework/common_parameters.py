@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Parameters that several nodes have: robot, object, grip, rates."""
+"""Parameters that several nodes have in common: robot, object, grip and rates."""
 
 from __future__ import annotations
 
@@ -59,9 +59,10 @@ REQUIRE_EMERGENCY_STOP = Spec(
 
 def read_described(values: Parameters) -> ConvexObject | None:
     """
-    Return the object of the parameter `object`; None if `object_diameter` defines a disc.
+    Return the object that the parameter `object` describes; None if it is empty.
 
-    :param values: parameters of a node.
+    Then the parameter `object_diameter` defines a disc.
+
     :raises IsotrussError: the description is invalid.
     """
     return read_object(values.object) if values.object else None
@@ -69,9 +70,8 @@ def read_described(values: Parameters) -> ConvexObject | None:
 
 def read_body(values: Parameters) -> ConvexObject:
     """
-    Return the object of the parameter `object`, else the disc of `object_diameter`.
+    Return the object that the parameter `object` or else `object_diameter` defines.
 
-    :param values: parameters of a node.
     :raises IsotrussError: the description is invalid.
     """
     return read_described(values) or ConvexObject(Disc(values.object_diameter))
@@ -79,10 +79,10 @@ def read_body(values: Parameters) -> ConvexObject:
 
 def check_grip(robot: Robot, values: Mapping[str, Value]) -> None:
     """
-    Raise IsotrussError if the robot does not have the grip's module or members.
+    Raise IsotrussError if the robot lacks the module or members of the grip parameters.
 
-    :param robot: the robot.
-    :param values: new values of parameters by name; other parameters are ignored.
+    :param values: new values for the names of parameters; other parameters than `grip` and
+        `grip_module` are ignored.
     :raises IsotrussError: a module or member does not exist, or the number of different members is
         not two or three.
     """
@@ -94,7 +94,7 @@ def check_grip(robot: Robot, values: Mapping[str, Value]) -> None:
 
 def named_members(value: Value) -> tuple[str, ...]:
     """
-    Return the members that the parameter `grip` names; empty for the value [''].
+    Return the members that the parameter `grip` names; [''] means none.
 
     :param value: value of the parameter `grip`.
     """
@@ -103,10 +103,9 @@ def named_members(value: Value) -> tuple[str, ...]:
 
 def select_grip(robot: Robot, values: Parameters) -> tuple[str, ...]:
     """
-    Return the members named by `grip`; without names, the members at the module `grip_module`.
+    Return the members named by the parameter `grip`, or else those at `grip_module`.
 
-    :param robot: the robot, whose last module is used if neither parameter names one.
-    :param values: parameters of a node.
+    :param robot: the robot. If both parameters are empty, its last module is used.
     """
     module = values.grip_module or robot.module_names[-1]
     return named_members(values.grip) or members_at(robot, module)

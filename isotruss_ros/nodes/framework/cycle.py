@@ -1,6 +1,6 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Control cycle, which continues after changes of the clock, and its executor."""
+"""Control cycle that goes on when the clock jumps, and the executor that runs it."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ MAX_CALLBACK_DELAY = 0.02
 
 class Cycle:
     """
-    Control cycle, which calls a function at a fixed rate until the node's timers are destroyed.
+    Control cycle, which calls a function at a fixed rate until the node stops its timers.
 
-    :ivar is_steady: whether the steady clock determines the times of the cycles.
-    :param node: node with a clock, simulated or not. Its `values` have the parameters `rate` [Hz]
-        and `command_timeout` [s], which is also the timeout of a stopped clock.
-    :param step: callback of each cycle with the current time [s].
-    :param jumped_back: callback that is called after the clock has run back, before the next step.
-    :param stopped: callback that is called repeatedly while simulated time stands still.
+    :ivar is_steady: whether the cycles are timed by the steady clock and not by simulated time.
+    :param node: node with the parameters `rate` [Hz] and `command_timeout` [s]. The clock is
+        regarded as stopped after the latter.
+    :param step: callback that is called in each cycle with the current time [s].
+    :param jumped_back: callback that is called before the next step if the clock was set back.
+    :param stopped: callback that is called repeatedly while simulated time does not advance.
     """
 
     def __init__(
@@ -76,12 +76,12 @@ class Cycle:
         return 1e-9 * self._timer.time_until_next_call()
 
     def run(self) -> None:
-        """Run the next cycle without an executor."""
+        """Run the next cycle; called by `PacedExecutor` in place of a timer."""
         self._timer.handle.call_timer()
         self._tick()
 
     def summary(self) -> dict[str, object]:
-        """Return the number, computing times and overruns of the cycles since the last call."""
+        """Return number, computing times and overruns of the cycles since the last summary."""
         times, period = sorted(self._times), 1e-9 * self._timer.timer_period_ns
         self._times.clear()
         if not times:
@@ -133,12 +133,12 @@ class Cycle:
 
 class PacedExecutor(SingleThreadedExecutor):
     """
-    Executor that, in each cycle, executes each ready callback once and then the control cycle.
+    Executor that runs, in each period, each ready callback once and then the control cycle.
 
-    Each wait of rclpy collects all entities of a node in Python, and rclpy waits once per message.
-    This executor waits once per cycle. With `SingleThreadedExecutor`, which works as well,
-    `manipulation` takes 1.25 to 1.6 times the CPU time (three runs in turn at 100 Hz on a busy
-    machine).
+    Before each wait, rclpy collects all entities of a node in Python, and its executor waits once
+    per message. This executor waits only once per cycle. With `SingleThreadedExecutor`, which
+    works as well, `manipulation` takes 1.25 to 1.6 times the CPU time (three runs in turn at 100
+    Hz on a busy machine).
 
     :param node: the only node that is executed; its `cycle` is None or a `Cycle`.
     """
@@ -179,9 +179,8 @@ class PacedExecutor(SingleThreadedExecutor):
 
 def create_steady_timer(node: Node, period: float, callback: Callable[[], None]) -> Timer:
     """
-    Return a timer of the steady clock, which simulated time and clock changes do not affect.
+    Return a timer on the steady clock, independent of simulated time and clock changes.
 
-    :param node: node that owns the timer.
     :param period: period of the callbacks [s].
     :param callback: function without arguments.
     """

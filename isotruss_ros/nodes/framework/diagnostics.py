@@ -1,34 +1,94 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Publication of a node's state on `/diagnostics` and in the log, at a limited rate."""
+
+"""Publication of a node's status on `/diagnostics`, and log of reasons without repetitions."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+import re
 import time
-from typing import Any
+from typing import Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.topics import EVENTS
 
+#: Time without a repetition after which a reason counts as ended [s].
+QUIET_TIME = 2.0
+#: Shortest time between log entries if two reasons of one kind alternate [s].
+MIN_LOG_PERIOD = 1.0
+#: Numbers in the text of a reason, which are ignored when two reasons are compared.
+NUMBERS = re.compile(r'[-+]?[\d.]+(e[-+]?\d+)?')
 #: Period of reports while the status does not change [s].
 REPORT_PERIOD = 1.0
 #: Shortest time between reports of an improvement [s]; a deterioration is reported at once.
 MIN_REPORT_PERIOD = 0.1
 
 
+class Reason(NamedTuple):
+    """Reason for a stop or a warning that was logged once, with the number of its occurrences."""
+
+    text: str  #: logged text
+    #: number of occurrences so far
+    count: int  # type: ignore[assignment]
+    logged: float  #: time of the log entry [s]
+    given: float  #: time of the last occurrence [s]
+
+
+class ReasonLog:
+    """
+    Log of reasons that logs only changes; reasons that differ only in numbers are equal.
+
+    :param log: function that logs a line.
+    """
+
+    def __init__(self, log: Callable[[str], object]) -> None:
+        self._log = log
+        self._reasons: dict[str, Reason] = {}
+
+    def note(self, kind: str, text: str) -> None:
+        """
+        Log a reason, or only count it if it is a repetition.
+
+        :param kind: kind of the reason. There is one current reason of each kind.
+        :param text: sentence with the reason.
+        """
+        now, known = time.monotonic(), self._reasons.get(kind)
+        if known is not None and now - known.given < QUIET_TIME:
+            same = NUMBERS.sub('', text) == NUMBERS.sub('', known.text)
+            if same or now - known.logged < MIN_LOG_PERIOD:
+                self._reasons[kind] = known._replace(count=known.count + 1, given=now)
+                return
+        self._end(kind)
+        self._log(text)
+        self._reasons[kind] = Reason(text, 1, now, now)
+
+    def end(self) -> None:
+        """For each reason that no longer occurs, log how often it occurred."""
+        now = time.monotonic()
+        for kind, reason in list(self._reasons.items()):
+            if now - reason.given >= QUIET_TIME:
+                self._end(kind)
+
+    def _end(self, kind: str) -> None:
+        """Remove the reason of a kind; if the reason was repeated, log how often it occurred."""
+        reason = self._reasons.pop(kind, None)
+        if reason is not None and reason.count > 1:
+            self._log(f'no longer, after {reason.count} times: {reason.text}')
+
+
 class Diagnostics:
     """
-    Diagnostic status of one node; it is reported at a limited rate, however often it is set.
+    Diagnostic status of one node, which is published at a limited rate however often it is set.
 
-    This class replaces the package `diagnostic_updater`, which has a fixed period and no wheel for
-    machines without ROS.
+    The package `diagnostic_updater` is not used, because it has a fixed period, and cannot be
+    installed from PyPI on machines without ROS.
 
     :ivar hardware_id: name of the robot after it is loaded. It is reported with the node's
         namespace, because several robots may have the same name.
     :param node: `StoppableNode` that publishes until it is destroyed.
-    :param details: function that returns values by name for a report.
+    :param details: function that returns the values of a report as a dictionary.
     """
 
     def __init__(self, node: Any, details: Callable[[], Mapping[str, object]]) -> None:
@@ -41,7 +101,7 @@ class Diagnostics:
 
     def set_status(self, level: bytes, message: str) -> None:
         """
-        Set the status; report a changed level at once.
+        Set the status; if the level has changed, publish it at once.
 
         :param level: constant of `DiagnosticStatus`.
         :param message: text of the status.

@@ -1,13 +1,13 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Gate of a topic, which checks stamp, content and transform of messages before their use."""
+"""Gate of a topic, which checks stamp, content and transform of each message before it is used."""
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 from isotruss_ros.core.inputs import (
     check_stamp,
@@ -22,87 +22,100 @@ from isotruss_ros.nodes.framework.runner import StoppableNode
 from isotruss_ros.nodes.framework.topics import subscribe_newest
 from rclpy.subscription import Subscription
 
+#: Checked message, or the reason of its rejection.
+Received = StampedInput | RejectedInput
 #: Largest number of messages that wait for their transforms [-].
 MAX_QUEUED_MESSAGES = 100
-#: Largest accepted lead of a stamp over simulated time [s]. A message may arrive before the /clock
-#: message of its time, by up to the longest cycle of a node.
+#: Largest accepted time by which a stamp may be ahead of simulated time [s]. A message may arrive
+#: before the /clock message of its time, by up to the longest cycle of a node.
 SIMULATED_CLOCK_SKEW = 0.1
+
+
+class Topic(NamedTuple):
+    """Topic of an input, with the type, conversion and validity rule of its messages."""
+
+    kind: type  #: type of the messages
+    topic: str  #: relative name of the topic
+    #: function that returns the value of a message, or None if the message is ignored; it raises
+    #: MessageError for an invalid message
+    read: Callable[[Any], Any]
+    words: str = ''  #: name of the input in texts; empty: the name of the topic
+    #: whether an invalid message invalidates the input, which stops the robot at once; otherwise
+    #: the previous value remains valid
+    stops: bool = False
+    timeout: str = 'command_timeout'  #: parameter with the largest age
+    #: function that merges a message, which contains a part of the input, with earlier messages at
+    #: the current time [s]; it returns None as long as parts are missing
+    merge: Callable[[Received, float], Received | None] | None = None
 
 
 class Gate:
     """
-    Gate that checks the messages of a topic, and passes on a value or a reason of rejection.
+    Gate that checks each message of a topic, and passes on its value or why it was rejected.
 
-    A message whose transform is not known yet is queued until it exceeds the largest age.
+    A message whose transform has not arrived yet is queued until it exceeds the largest age.
 
     :ivar subscription: subscription of the topic.
+    :ivar waiting: queued messages, each with the reason for waiting.
+    :ivar words: name of the input that texts for users contain.
     :param node: subscribing node, whose clock is compared with the stamps. A message without a
         header is stamped at reception.
-    :param kind: type of the messages.
-    :param topic: relative name of the topic.
-    :param name: name of the input, with underscores for spaces.
-    :param read: function that returns the value of a message, or None if the message is ignored.
-        It raises MessageError for an invalid message.
     :param take: callback that receives a `StampedInput`, whose time is not in the future, or a
-        `RejectedInput`.
-    :param timeout: function that returns the name of the parameter of the timeout, and its value,
-        which is the largest age [s].
-    :param every: whether all messages are processed, not only the newest.
+        `RejectedInput`, and the current time [s].
+    :param oldest: largest age of a message [s]; None: the value of the topic's parameter.
+    :param every: True to process all messages and not only the newest ones.
     """
 
     def __init__(
         self,
         node: StoppableNode,
-        kind: type,
-        topic: str,
-        name: str,
-        read: Callable[[Any], Any],
-        take: Callable[[StampedInput | RejectedInput], None],
-        timeout: Callable[[], tuple[str, float]],
-        every: bool = False,
+        topic: Topic,
+        take: Callable[[Received, float], None],
+        oldest: float | None,
+        every: bool,
     ) -> None:
-        self._node, self._name, self._read, self._take = node, name, read, take
-        self._timeout = timeout
+        self._node, self._take, self._read = node, take, topic.read
+        self.words = topic.words or topic.topic.replace('_', ' ').replace('/', ' ')
+        self._name = self.words.replace(' ', '_')
+        self._oldest, self._setting = oldest, '' if oldest else topic.timeout
         simulated = node.get_parameter('use_sim_time').value
         self._skew = SIMULATED_CLOCK_SKEW if simulated else CLOCK_SKEW
-        #: Queued messages, each with the reason why it is queued.
-        self._waiting: deque[tuple[Any, str]] = deque(maxlen=MAX_QUEUED_MESSAGES)
-        self.subscription: Subscription = subscribe_newest(node, kind, topic, self.receive, every)
+        self.waiting: deque[tuple[Any, str]] = deque(maxlen=MAX_QUEUED_MESSAGES)
+        self.subscription: Subscription = subscribe_newest(
+            node, topic.kind, topic.topic, self.receive, every
+        )
 
     def receive(self, message: Any) -> None:
         """
-        Check a message, and pass its value or the reason of its rejection on, or queue it.
+        Check a message; pass on its value or the reason of its rejection, or queue it.
 
         :param message: message of the topic.
         """
-        self._waiting.append((message, ''))
+        self.waiting.append((message, ''))
         self.settle()
 
     def settle(self) -> None:
         """Check the queued messages again."""
-        for _ in range(len(self._waiting)):
-            message, why = self._waiting.popleft()
+        now = self._node.now()
+        for _ in range(len(self.waiting)):
+            message, why = self.waiting.popleft()
             try:
-                self._pass_on(message)
+                self._pass_on(message, now)
             except NoTransformError as error:
-                self._waiting.append((message, str(error)))
+                self.waiting.append((message, str(error)))
             except MessageError as error:
-                self._take(RejectedInput(str(error)))
+                self._take(RejectedInput(str(error)), now)
             except InputError as error:
-                self._take(RejectedInput(why) if why else RejectedInput(str(error), error.fault))
+                rejected = RejectedInput(why) if why else RejectedInput(str(error), error.fault)
+                self._take(rejected, now)
 
-    def clear(self) -> None:
-        """Discard the queued messages."""
-        self._waiting.clear()
-
-    def _pass_on(self, message: Any) -> None:
-        """Pass the value of a valid message on."""
-        time = now = self._node.now()
+    def _pass_on(self, message: Any, now: float) -> None:
+        """Pass on the value of a valid message."""
+        time = now
         if hasattr(message, 'header'):
-            setting, timeout = self._timeout()
-            time = check_stamp(
-                self._name, read_stamp(message.header), now, timeout, setting, self._skew
-            )
+            setting, stamp = self._setting, read_stamp(message.header)
+            oldest = self._oldest or getattr(self._node.values, setting)
+            time = check_stamp(self._name, stamp, now, oldest, setting, self._skew)
         value = self._read(message)
         if value is not None:
-            self._take(StampedInput(value, time))
+            self._take(StampedInput(value, time), now)

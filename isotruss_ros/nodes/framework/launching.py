@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Launch descriptions whose arguments are the parameters of the nodes."""
+"""Launch descriptions that have all parameters of their nodes as arguments."""
 
 from __future__ import annotations
 
@@ -55,15 +55,15 @@ def describe_launch(
     defaults: Mapping[str, Value] = MappingProxyType({}),
 ) -> LaunchDescription:
     """
-    Return a launch description of the nodes, with a launch argument for each parameter.
+    Return the launch description of the nodes, with a launch argument for each parameter.
 
-    If one node ends, all nodes are shut down, because the remaining nodes would appear as a
-    working robot. If a file of parameters is missing, the launch ends before a node starts.
+    If one node ends, all nodes are shut down, because with the remaining nodes the robot would
+    seem to work. If a parameter file is missing, the launch ends before a node starts.
 
-    :param folder: folder of the launch file, beside which is the folder `config`.
+    :param folder: folder of the launch file, next to the folder `config`.
     :param simulated: whether the node `simulator` replaces the robot.
-    :param required: names of the arguments without default.
-    :param defaults: default values of arguments that differ from the nodes' defaults.
+    :param required: names of the arguments that have no default.
+    :param defaults: default values of arguments, where they differ from those of the nodes.
     """
     file = folder.parent / 'config' / 'nodes' / 'parameters.yaml'
     arguments = {
@@ -107,8 +107,10 @@ def _declare(name: str, default: Value | None, description: str) -> DeclareLaunc
 def _describe_node(executable: str, specs: Sequence[Spec]) -> Node:
     parameters = {}
     for spec in specs:
-        # All lists are lists of texts.
-        kind = list[str] if isinstance(spec.default, list) else type(spec.default)
+        default = spec.default
+        kind: type = type(default)
+        if isinstance(default, list):
+            kind = list[float] if isinstance(default[0], float) else list[str]
         given = LaunchConfiguration(spec.name)
         parameters[spec.name] = ParameterValue(given, value_type=kind)
     optional = NODES.get(executable) is not None

@@ -1,6 +1,6 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Managed (lifecycle) nodes, which activate themselves if the parameter `autostart` is set."""
+"""Base class of managed (lifecycle) nodes; they activate themselves if `autostart` is set."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ ERROR = TransitionCallbackReturn.ERROR
 
 class ManagedNode(StoppableNode, LifecycleNode):
     """
-    Base class of managed nodes; a subclass overrides the steps of the life cycle.
+    Base class of managed nodes; subclasses override the steps of the life cycle.
 
     Entities (publishers, subscriptions, services, action servers, timers) that `configure` creates
     are destroyed at cleanup; entities that `activate` creates are destroyed at deactivation. A
@@ -44,15 +44,16 @@ class ManagedNode(StoppableNode, LifecycleNode):
     If a step raises an `IsotrussError`, the node keeps its previous state; after any other
     exception the node is unconfigured. The reason is in the log and in the diagnostics.
 
-    :cvar awaited: topics and actions that the active node needs, for the log.
-    :ivar inputs: `Inputs` that `configure` creates; the diagnostics report their ages; None
-        without inputs.
+    :cvar awaited: topics and actions that the active node needs, mentioned in the log.
+    :ivar inputs: `Inputs` created by `configure`, of which the diagnostics report the ages; None
+        if the node has none.
     :ivar configured: whether `configure` has succeeded and the entities that it created exist.
-    :ivar kept: entities that are not destroyed at the end of the life-cycle state in which they
-        were created.
-    :ivar active: whether publishers are enabled; also true in transitions to and from `active`.
+    :ivar kept: entities that outlast the life-cycle state in which they were created.
+    :ivar active: whether publishers are enabled, which they also are in transitions to and from
+        the state `active`.
     :ivar diagnostics: diagnostic status of the node.
-    :ivar cycle: control cycle of the active node; None if the node is not active or has no cycle.
+    :ivar cycle: control cycle of the active node; None while the node is not active or if it has
+        no cycle.
     """
 
     awaited: ClassVar[tuple[str, ...]] = ()
@@ -65,20 +66,20 @@ class ManagedNode(StoppableNode, LifecycleNode):
     # -- Steps that subclasses override --
 
     def create(self) -> None:
-        """Create the entities that exist in all states."""
+        """Create the entities that exist in all life-cycle states."""
 
     def read_robot(self) -> Robot:
         """Load the robot that the parameter `robot` names."""
         return load_robot(self.values.robot)
 
     def _check(self, new: dict[str, Value]) -> None:
-        """Raise IsotrussError for invalid new parameter values, at `configure` and on changes."""
+        """Raise IsotrussError for invalid parameter values, at `configure` and on changes."""
 
     def configure(self) -> None:
         """Create publishers and subscriptions."""
 
     def _apply(self) -> None:
-        """Apply the parameter values, after `configure` and on changes."""
+        """Apply the parameter values; called after `configure` and on changes."""
 
     def activate(self) -> None:
         """Start the timers; the publishers are already enabled."""
@@ -87,10 +88,10 @@ class ManagedNode(StoppableNode, LifecycleNode):
         """Bring the robot to a safe state; publishers are still enabled."""
 
     def cleanup(self) -> None:
-        """Release resources other than entities; this is called after each `configure`."""
+        """Release resources other than entities, at the end of the configured states."""
 
     def details(self) -> dict[str, object]:
-        """Return additional values by name for the diagnostics of a configured node."""
+        """Return additional values, as a dictionary, for the diagnostics of a configured node."""
         return {}
 
     # -- Public interface --
@@ -125,11 +126,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
                 self.deactivate()
 
     def fail(self, error: Exception) -> None:
-        """
-        Deactivate the node after an uncaught error in a callback; the node is then unconfigured.
-
-        :param error: error, which is logged and reported.
-        """
+        """Deactivate the node after an uncaught error in a callback; it is then unconfigured."""
         traceback.print_exception(error)
         self._record_failure('run', error)
         if self.active:
@@ -138,7 +135,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
     # -- Transitions, as rclpy calls them --
 
     def on_configure(self, _state: LifecycleState) -> TransitionCallbackReturn:
-        """Configure the node; if that fails, destroy the created entities."""
+        """Configure the node; if this fails, destroy the entities that were created."""
         self._enter('configured')
         log_refusals(self)  # which may be simulated since it was unconfigured
         result = self._try_step('configure', self._configure)
@@ -185,7 +182,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
         return SUCCESS
 
     def on_error(self, _state: LifecycleState) -> TransitionCallbackReturn:
-        """Release all resources; after that the node can be configured again."""
+        """Release all resources, so that the node can be configured again."""
         return SUCCESS if self._try_step('clean up', self._release) == SUCCESS else FAILURE
 
     def _try_step(self, what: str, step: Callable[[], None]) -> TransitionCallbackReturn:
@@ -205,7 +202,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
         return FAILURE if known else ERROR
 
     def _enter(self, state: str) -> None:
-        """Record the entities that exist at the start of a state; they remain at its end."""
+        """Record the entities that exist at the start of a state, which remain at its end."""
         self._failure = None
         self._before[state] = self._list_entities()
 
@@ -232,7 +229,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
         self.cleanup()
 
     def _check_change(self, parameters: list[Parameter]) -> SetParametersResult:
-        """Return whether parameters can be set; while the node is unconfigured, any can."""
+        """Return whether parameters can be set; while the node is unconfigured, all can be."""
         new = {parameter.name: parameter.value for parameter in parameters}
         try:
             if 'configured' in self._before:
@@ -250,7 +247,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
             self.cycle.apply()
 
     def describe(self) -> dict[str, object]:
-        """Return all values for the diagnostics by name; valid in any state."""
+        """Return all values for the diagnostics as a dictionary, in any life-cycle state."""
         found = {} if self.cycle is None else self.cycle.summary()
         if self.configured:
             found |= self.details()
@@ -283,11 +280,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
 
 
 def log_refusals(node: Node) -> None:
-    """
-    Make rclpy log its errors about negative times and invalid transitions instead of raising them.
-
-    :param node: node whose rclpy methods are wrapped.
-    """
+    """Make rclpy log errors about negative times and invalid transitions, not raise them."""
     for entity in (*node.subscriptions, *node.services):
         name = getattr(entity, 'topic_name', '') or getattr(entity, 'service_name', '')
         # The callbacks of rclpy itself are methods, until they are replaced here.
@@ -296,7 +289,7 @@ def log_refusals(node: Node) -> None:
 
 
 def _try_callback(node: Node, name: str, call: Callable[..., Any], *messages: Any) -> Any:
-    """Call a callback and log its errors; return the response of a service callback, else None."""
+    """Call a callback and log its errors; return the response if it is a service callback."""
     try:
         return call(*messages)
     except (RuntimeError, ValueError) as error:  # of rclpy; what a step raises is caught there

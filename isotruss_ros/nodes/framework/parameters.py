@@ -2,15 +2,15 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Parameters of nodes with type, range and description, which are checked at start and on changes.
+Parameters of nodes with type, range and description, checked at start and on each change.
 
-Each is a parameter of rclpy with a descriptor. The package `generate_parameter_library` is not
-used, because it has no wheel for machines without ROS.
+Each one is a parameter of rclpy with a descriptor. The package `generate_parameter_library` is not
+used, because it cannot be installed from PyPI on machines without ROS.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -22,15 +22,20 @@ from rclpy.lifecycle import LifecycleNode
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-Value = bool | int | float | str | list[str]
+Value = bool | int | float | str | list[Any]
 
 #: Prefixes of the names of parameters that rclpy declares itself.
 RCLPY_PREFIXES = ('use_sim_time', 'start_type_description_service', 'qos_overrides.')
+#: Conversions of whole numbers to real numbers, by type.
+WHOLE_NUMBERS: dict[Parameter.Type, Callable[[Any], Value]] = {
+    Parameter.Type.INTEGER: float,
+    Parameter.Type.INTEGER_ARRAY: lambda values: list(map(float, values)),
+}
 UNCONFIGURED_ONLY = 'read-only unless the node is unconfigured'
 
 
 class ParameterError(IsotrussError, ValueError):
-    """A parameter has an invalid value."""
+    """Error: a parameter has an invalid value."""
 
 
 @dataclass(frozen=True)
@@ -54,11 +59,11 @@ AUTOSTART = FixedSpec('autostart', True, 'Configure and activate the node on its
 
 class Parameters:
     """
-    Parameters of one node; each value is an attribute.
+    Values of the parameters of one node, as attributes.
 
-    :ivar fixed: names of the parameters that a managed node reads only at configuration.
-    :param node: node with `automatically_declare_parameters_from_overrides`; without it, rclpy
-        does not pass on the overrides.
+    :ivar fixed: names of the parameters that a managed node reads only when it is configured.
+    :param node: node created with `automatically_declare_parameters_from_overrides`, without which
+        rclpy does not pass on overrides (values given at start).
     :param specs: declarations of the parameters.
     :raises ParameterError: an override has another type, is out of range, or is invalid.
     """
@@ -66,7 +71,7 @@ class Parameters:
     def __init__(self, node: Node, specs: Sequence[Spec]) -> None:
         self._node, self._managed = node, isinstance(node, LifecycleNode)
         self.fixed = {spec.name for spec in specs if spec.read_only} | {'use_sim_time'}
-        self._real = {spec.name for spec in specs if isinstance(spec.default, float)}
+        self._real = {spec.name for spec in specs if _is_real(spec.default)}
         present = node.get_parameters_by_prefix('')
         given = {
             name: each for name, each in present.items() if not name.startswith(RCLPY_PREFIXES)
@@ -83,7 +88,7 @@ class Parameters:
         return self._node.get_parameter(name).value
 
     def _declare(self, spec: Spec, given: Parameter | None) -> None:
-        """Declare a parameter with its override, or with its default if it has no override."""
+        """Declare a parameter with its override, or if there is none, with its default."""
         descriptor = ParameterDescriptor(name=spec.name, description=spec.description)
         if spec.read_only and self._managed:
             descriptor.additional_constraints = UNCONFIGURED_ONLY
@@ -91,7 +96,7 @@ class Parameters:
             descriptor.read_only = spec.read_only
         if spec.bounds is not None:
             low, high = spec.bounds
-            if spec.name in self._real:
+            if isinstance(spec.default, float):
                 reach = FloatingPointRange(from_value=low, to_value=high)
                 descriptor.floating_point_range = [reach]
             else:
@@ -114,8 +119,13 @@ class Parameters:
     def _read_whole_numbers(self, parameters: list[Parameter]) -> list[Parameter]:
         """Return the parameters, with integers converted to floats where floats are declared."""
         return [
-            Parameter(p.name, value=float(p.value))
-            if p.name in self._real and p.type_ == Parameter.Type.INTEGER
+            Parameter(p.name, value=WHOLE_NUMBERS[p.type_](p.value))
+            if p.name in self._real and p.type_ in WHOLE_NUMBERS
             else p
             for p in parameters
         ]
+
+
+def _is_real(default: Value) -> bool:
+    """Return whether a parameter is a real number, or a list of real numbers."""
+    return isinstance(default[0] if isinstance(default, list) else default, float)

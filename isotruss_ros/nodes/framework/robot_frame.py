@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Transformation of a tracker's measurements to the robot frame by tf2."""
+"""Transformation of measured poses and markers to the robot frame by tf2."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from geometry_msgs.msg import PoseStamped, Quaternion
 from isotruss_ros.core import Pose, Robot
 from isotruss_ros.core.errors import quote
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.nodes.conversions.marker_messages import read_joint_markers
 from isotruss_ros.nodes.conversions.messages import check_place, MessageError, read_pose
+from isotruss_ros.nodes.conversions.sensor_messages import read_joint_markers
 import numpy as np
 from rclpy.node import Node
 from rclpy.time import Time
@@ -35,14 +35,13 @@ MAX_TILT = math.radians(5.0)
 
 
 class NoTransformError(MessageError):
-    """tf2 does not have the transform to the robot's frame at the stamp of a message yet."""
+    """Error: tf2 does not have the transform to the robot frame at a message's stamp yet."""
 
 
 class RobotFrame:
     """
     Transformation of measured poses and markers to the robot frame at their stamps.
 
-    :param robot: robot with the frame and the marked joints.
     :param buffer: buffer of transforms with the method `lookup_transform` of `tf2_ros`; None
         without tf2, in which case measurements must be in the robot frame.
     """
@@ -54,10 +53,9 @@ class RobotFrame:
     @classmethod
     def heard_by(cls, node: Node, robot: Robot) -> RobotFrame:
         """
-        Return a transformation that uses the transforms received by a node, if tf2 is installed.
+        Return a transformation that uses transforms received by a node, if tf2 is installed.
 
         :param node: node that subscribes to `/tf` and `/tf_static`.
-        :param robot: the robot.
         """
         if Buffer is None:
             return cls(robot)
@@ -86,11 +84,11 @@ class RobotFrame:
 
     def read_markers(self, message: MultiDOFJointState) -> dict[str, tuple[float, float]]:
         """
-        Return the measured position (x, y) of each joint by name, in the robot frame [m].
+        Return the position (x, y) in the robot frame for the name of each measured joint [m].
 
-        :param message: joint positions in any frame; if the heights are not measured, the frame
-            must be in the robot's plane.
-        :raises MessageError: `read_joint_markers` raises the error, no transform from the frame
+        :param message: joint positions in any frame. If heights are not measured, the x-y plane of
+            this frame must be the robot's plane.
+        :raises MessageError: `read_joint_markers` raises this error, no transform from the frame
             exists, or points are out of the robot's plane.
         """
         joints = read_joint_markers(message, self._robot)
@@ -108,7 +106,7 @@ class RobotFrame:
         return moved
 
     def _look_up(self, what: str, header: Header) -> tuple[Array, Array]:
-        """Return the transform from a frame at a stamp: rotation (3, 3) and translation (3,)."""
+        """Return rotation (3, 3) and translation (3,) from the frame of a header at its stamp."""
         words, frame = f'{what} in frame {quote(header.frame_id)}', self._robot.frame
         if self._buffer is None:
             raise MessageError(

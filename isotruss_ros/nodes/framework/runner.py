@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Base class of nodes, and the function that runs a node until a signal stops it."""
+"""Base class of all nodes, and the function that runs a node until a signal stops it."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from isotruss_ros.core import IsotrussError
 from isotruss_ros.nodes.framework import MODULES
 from isotruss_ros.nodes.framework.command_line import explain_refusal, refuse_arguments
 from isotruss_ros.nodes.framework.cycle import Cycle, PacedExecutor
+from isotruss_ros.nodes.framework.diagnostics import ReasonLog
 from isotruss_ros.nodes.framework.parameters import Parameters, Spec
-from isotruss_ros.nodes.framework.reasons import ReasonLog
 import rclpy
 from rclpy.logging import LoggingSeverity, set_logger_level
 from rclpy.node import Node
@@ -35,13 +35,13 @@ WAKE_PERIOD = 1.0
 
 class StoppableNode(Node):
     """
-    Node that stops the robot before its process ends; a subclass overrides `start`.
+    Node that stops the robot before its process ends; subclasses override `start`.
 
     :cvar node_name: name of the node.
     :cvar specs: parameters of the node.
-    :cvar base_specs: parameters that all nodes of the same base class have.
-    :cvar done: whether the node has finished its task; then the process ends.
-    :ivar values: values of the parameters as attributes.
+    :cvar base_specs: parameters that a base class adds to those of all its subclasses.
+    :cvar done: whether the node has finished its task, after which the process ends.
+    :ivar values: values of the parameters, as attributes.
     :param parameter_overrides: values of parameters that differ from the defaults.
     :raises IsotrussError: a parameter is invalid; the message names it and its valid range.
     """
@@ -84,7 +84,7 @@ class StoppableNode(Node):
         """
         Log a warning, or only count it if it is a repetition, see `ReasonLog`.
 
-        :param kind: kind of the warning; repetitions are counted for each kind independently.
+        :param kind: kind of the warning. There is one current warning of each kind.
         :param message: text of the warning.
         """
         self._reasons.note(kind, message)
@@ -95,11 +95,11 @@ class StoppableNode(Node):
 
     def offer(self, name: str, carry_out: Callable[[], str]) -> None:
         """
-        Offer a service without arguments.
+        Offer a service that takes no arguments.
 
         :param name: name of the service of type std_srvs/Trigger.
-        :param carry_out: function that executes the request and returns the result in words; it
-            raises IsotrussError on failure.
+        :param carry_out: function that executes the request and returns a sentence with the
+            result; it raises IsotrussError on failure.
         """
 
         def respond(_request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
@@ -116,7 +116,7 @@ class StoppableNode(Node):
 
     def fail(self, error: Exception) -> None:
         """
-        End the process after an uncaught error in a callback.
+        End the process because of an uncaught error in a callback.
 
         :param error: error, which is raised again; `run` prints the text of an IsotrussError.
         """
@@ -125,10 +125,10 @@ class StoppableNode(Node):
 
 def catch_signals() -> list[int]:
     """
-    Catch stop signals; return a list to which the first received signal is appended.
+    Catch stop signals, and return a list to which the first received signal is appended.
 
-    The second signal raises KeyboardInterrupt. The first signal does not, because rclpy would turn
-    the exception into another error during a conversion from C.
+    The second signal raises KeyboardInterrupt. The first one raises nothing, because rclpy may
+    replace an exception by another error.
     """
     received: list[int] = []
 
@@ -158,7 +158,7 @@ def run(kind: Callable[[], StoppableNode], args: Sequence[str] | None = None) ->
 
     :param kind: class of the node.
     :param args: command line; None: the command line of the process.
-    :return: exit code: 0 if interrupted or finished, 1 after an error.
+    :return: exit code, 0 if the node was interrupted or finished, 1 after an error.
     :raises SystemExit: the help was printed, or an argument is invalid.
     """
     refuse_arguments(kind, sys.argv if args is None else args)

@@ -1,10 +1,10 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Action server with one goal at a time, executed in the cycle of a node without blocking."""
+"""Action server that executes one goal at a time, in the cycle of a node and without blocking."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 import enum
 import math
 import time
@@ -23,42 +23,45 @@ RESULT_TIMEOUT = 60
 
 
 class Ending(enum.Enum):
-    """Final states of an action's goal; the values are names of methods of rclpy's goal handle."""
+    """Final states of an action goal; the values are methods of rclpy's goal handle."""
 
     SUCCEEDED = 'succeed'
     CANCELED = 'canceled'
     ABORTED = 'abort'
 
 
+#: Final states of goals for the names of some outcomes; the outcome zero is success, all others
+#: abort the goal.
+ENDINGS = {'CANCELLED': Ending.CANCELED, 'PREEMPTED': Ending.ABORTED}
+
+
 class BusyError(IsotrussError):
-    """The node executes another goal."""
+    """Error: the node is executing another goal."""
 
 
 class SingleGoal:
     """
-    Action server with at most one active goal, which is executed by a timer of the node.
+    Action server with at most one active goal, which the cycle of the node executes.
 
-    The coroutine of the action only awaits the result, and the executor resumes it. If the result
-    message has a stamp, the stamp is the time at which the goal ended.
+    The coroutine of the action does nothing but wait for the result. If the result message has a
+    stamp, it is set to the time at which the goal ended.
 
     :ivar kind: type of the action.
-    :ivar client: watch for the loss of the client that supervises the goal; None if goals are not
-        supervised.
-    :param node: node that offers the action until it is destroyed.
+    :ivar client: detector for the loss of the goal's client; None if goals are not supervised.
     :param kind: type of the action.
     :param name: relative name of the action.
-    :param read: function that converts a goal to a request before the goal is accepted. It raises
-        IsotrussError if the goal is invalid or the node is not ready; the active goal then
+    :param read: function that checks a goal and converts it before it is accepted. It raises
+        IsotrussError if the goal is invalid or the node is not ready; then the active goal
         continues.
-    :param refuse: function that converts an error of `read` to a result for the client; if the
-        function returns None, the goal is rejected and only the log has the reason.
-    :param begin: callback that receives the request and starts the goal; this callback may end the
-        goal at once.
-    :param cancelled: callback that is called when a client cancels the goal; this callback must
-        end the goal soon.
-    :param preempted: callback that is called before `begin` if another goal is active; this
-        callback must end the other goal. It is not needed if `read` refuses a second goal.
-    :param supervised: whether the goal ends if the client that supervises it is lost.
+    :param refuse: function that converts an error of `read` to a result for the client. If it
+        returns None, the goal is rejected, and the reason is only in the log.
+    :param begin: callback that receives the converted goal and starts it; it may also end the goal
+        at once.
+    :param cancelled: callback that is called when a client cancels the goal, and must end the goal
+        soon.
+    :param preempted: callback that is called before `begin` if another goal is active, and must
+        end that goal. It is not needed if `read` refuses a second goal.
+    :param supervised: whether a goal ends if its client stops sending heartbeats.
     """
 
     def __init__(
@@ -77,8 +80,7 @@ class SingleGoal:
         self._node, self._name, self._begin = node, name, begin
         self._read, self._refuse = read, refuse
         self._preempted, self._cancelled = preempted, cancelled
-        #: Request of the goal that will be accepted next, or the result with which it will be
-        #: refused.
+        #: Converted goal that will be accepted next, or the result with which it will be refused.
         self._asked: Any = None
         self._refusal: Any = None
         self._handle: ServerGoalHandle | None = None
@@ -105,7 +107,7 @@ class SingleGoal:
 
     @property
     def request(self) -> Any:
-        """Return the message of the active goal."""
+        """Return the message of the active goal, as the client sent it."""
         return self._handle.request
 
     def publish_feedback(self, make: Callable[[], Any]) -> None:
@@ -122,32 +124,23 @@ class SingleGoal:
         """
         End the active goal; the client receives the result when the executor spins next.
 
-        :param ending: final state of the goal.
         :param result: message of the result.
         """
         self._ended[_key(self._handle)].set_result((ending, self._stamp(result)))
         self._set_active(None)
 
-    def report_end(
-        self,
-        outcome: enum.Enum,
-        endings: Mapping[Any, Ending],
-        result: Any,
-        idle: str,
-        prefix: str = '',
-    ) -> None:
+    def report_end(self, outcome: enum.IntEnum, result: Any, idle: str, prefix: str = '') -> None:
         """
-        End the active goal, and report its result in diagnostics and log.
+        End the active goal, and report its result in the diagnostics and the log.
 
-        :param outcome: final code.
-        :param endings: final state for each code; a goal with any other code is aborted.
         :param result: message of the result.
-        :param idle: text of the diagnostics after the goal.
-        :param prefix: text before the reported result.
+        :param idle: text of the diagnostics after a success.
+        :param prefix: text that precedes the result in the report.
         """
-        self.end(endings.get(outcome, Ending.ABORTED), result)
+        good, logger = outcome == 0 or outcome.name in ENDINGS, self._node.get_logger()
+        ending = ENDINGS.get(outcome.name, Ending.ABORTED)
+        self.end(Ending.SUCCEEDED if outcome == 0 else ending, result)
         text = f'{prefix}{outcome.name.lower().replace("_", " ")}: {result.message}'
-        good, logger = outcome in endings, self._node.get_logger()
         level = DiagnosticStatus.OK if good else DiagnosticStatus.WARN
         self._node.diagnostics.set_status(level, f'{idle}; last goal {text}')
         if good:
@@ -161,7 +154,7 @@ class SingleGoal:
             self.client.goal = None if handle is None else _key(handle)
 
     def _stamp(self, result: Any) -> Any:
-        """Return a result message; its stamp, if present, is the time at which the goal ended."""
+        """Return a result message, with its stamp (if any) set to the end of the goal."""
         if hasattr(result, 'stamp'):
             result.stamp = self._node.get_clock().now().to_msg()
         return result

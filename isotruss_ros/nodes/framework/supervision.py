@@ -2,12 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Heartbeats of actions, which detect the loss of a goal's client or of its server.
+Heartbeats, by which the client and the server of an action goal detect each other's loss.
 
-The liveliness and the deadline of DDS detect an ended process equally fast, but have faults (see
+Liveliness and deadline of DDS would detect an ended process as fast, but have drawbacks (see
 docs/tried.md). Their timeouts are fixed when an entity is created, whereas the parameter
-`command_timeout` can change. A subscription with them does not match a publisher without them.
-Automatic liveliness is not lost while a callback hangs.
+`command_timeout` can change. Subscriptions with these policies do not match publishers without
+them. Automatic liveliness continues while a callback hangs.
 """
 
 from __future__ import annotations
@@ -29,11 +29,7 @@ START_TIMEOUT = 1.0
 
 
 class ClientWatch:
-    """
-    Watch for the loss of the client that supervises a goal, by the time of its last heartbeat.
-
-    :param node: node that subscribes until it is destroyed.
-    """
+    """Detector for the loss of a goal's client, from the time of its last heartbeat."""
 
     def __init__(self, node: LifecycleNode) -> None:
         self.goal: bytes | None = None
@@ -42,11 +38,11 @@ class ClientWatch:
 
     def find_loss(self, timeout: float) -> str | None:
         """
-        Return an error text if the supervising client is lost; else None.
+        Return an error text if the client of the goal is lost, otherwise None.
 
         :param timeout: longest accepted time between the client's heartbeats, by the steady clock
             [s].
-        :return: error text, or None.
+        :return: error text; None if the client is alive.
         """
         goal, heard = self._heard
         if self.goal is None or goal != self.goal or time.monotonic() - heard <= timeout:
@@ -64,7 +60,7 @@ class ClientWatch:
 
 class ServerWatch:
     """
-    Watch for the loss of the server of a goal, by the time of its last feedback.
+    Detector for the loss of a goal's server, from the time of the server's last feedback.
 
     :param name: name of the action.
     :param silence: longest accepted time without feedback [s].
@@ -75,11 +71,11 @@ class ServerWatch:
         self._heard = time.monotonic() + START_TIMEOUT
 
     def note(self) -> None:
-        """Record feedback."""
+        """Record that feedback has arrived."""
         self._heard = max(self._heard, time.monotonic())
 
     def find_loss(self) -> str | None:
-        """Return an error text if the server is lost; else None."""
+        """Return an error text if the server of the goal is lost, otherwise None."""
         if time.monotonic() - self._heard <= self._silence:
             return None
         return (

@@ -2,12 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Quality of service of each topic, and subscriptions to the newest message.
+Quality of service of the topics, and subscriptions that process the newest message.
 
 States and twists are valid only while they are new. So subscriptions to them are best-effort with
 a short queue; they match reliable and best-effort publishers. Publishers of the nodes and the
-command subscription of the simulator are reliable, like the controllers of ros2_control. These
-publishers are volatile, because an old message would be wrong once its node is inactive.
+command subscription of the simulator are reliable, like the controllers of ros2_control. They are
+volatile, because an old message would be wrong once its node is inactive.
 
 Messages that are valid until the next message are latched.
 """
@@ -58,8 +58,8 @@ def subscribe_newest(
     :param kind: type of the messages.
     :param topic: relative name of the topic.
     :param callback: function that receives each message.
-    :param every: whether the callback receives all queued messages in order, of which the oldest
-        may be lost in a flood; if false, the callback receives only the last message.
+    :param every: True if the callback is to receive all queued messages in their order; the oldest
+        may be lost if too many arrive at once. If false, it receives only the last message.
     """
     profile = EACH if every else NEWEST
 
@@ -75,10 +75,9 @@ def subscribe_newest(
 
 def take_waiting(taken: list[Any], subscription: Subscription, most: int) -> list[Any]:
     """
-    Return a message, followed by the queued messages in order.
+    Return a received message, followed by the messages queued behind it, in their order.
 
-    :param taken: list with the message that the callback has received; it may be empty.
-    :param subscription: subscription with the queue.
+    :param taken: list with the received message, possibly empty.
     :param most: largest number of returned messages.
     """
     messages = list(taken)

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Publication of the frames of object, contacts and modules on `/tf`."""
+"""Publication of the coordinate frames of object, contacts and modules on `/tf`."""
 
 from __future__ import annotations
 
@@ -36,12 +36,9 @@ class TransformBroadcaster:
 
     The object has two frames with the same origin: the object frame is fixed to the object; the
     aligned frame, in which wrenches are given, has axes parallel to the robot frame. The x axis of
-    a contact frame is the normal into the object. A module frame has its origin at the joint and
-    its x axis along the connection rod. Without `tf2_msgs` a warning is logged and nothing is
-    broadcast.
-
-    :param node: publishing node.
-    :param robot: the robot.
+    a contact frame is normal to the member and points into the object. A module frame has its
+    origin at the joint and its x axis along the connection rod. If `tf2_msgs` is not installed,
+    nothing is broadcast and a warning is logged.
     """
 
     def __init__(self, node: ManagedNode, robot: Robot) -> None:
@@ -66,9 +63,8 @@ class TransformBroadcaster:
         """
         Publish the transforms from the robot frame.
 
-        :param config: measured configuration of the robot.
         :param pose: pose of the object, robot frame.
-        :param contacts: contact frames by member, see `find_contact_frames`.
+        :param contacts: contact frame of each member in contact, see `find_contact_frames`.
         :param time: time of the measurements [s].
         """
         if self._transforms is None:
@@ -97,13 +93,10 @@ def find_contact_frames(
     analysis: GraspAnalysis, robot: Robot
 ) -> dict[str, tuple[complex, complex]]:
     """
-    Return the contact frame (origin, x axis) of each member in contact, by member.
+    Return origin and x axis of the contact frame for each member in contact.
 
-    The origin of a frame is the centre of pressure, x + iy [m]. The x axis is the normal into the
-    object, a unit vector x + iy.
-
-    :param analysis: analysis of the grasp.
-    :param robot: robot to which the members belong.
+    The origin is the centre of pressure, x + iy [m]. The x axis is a unit vector x + iy, normal to
+    the member and pointing into the object.
     """
     frames, forces = {}, analysis.normal_forces
     for number in sorted(set(analysis.members[forces > 0.0].tolist())):
@@ -116,9 +109,5 @@ def find_contact_frames(
 
 
 def name_module_frames(robot: Robot) -> list[str]:
-    """
-    Return the names of the modules' frames in `Robot.module_names` order.
-
-    :param robot: the robot.
-    """
+    """Return the names of the modules' frames in `Robot.module_names` order."""
     return [f'{robot.frame}_{name.replace("/", "_")}' for name in robot.module_names]

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Monitoring of the measured grasp: it is analysed while inputs are valid, and reported with codes.
+Monitoring of a measured grasp, which is analysed while inputs are valid.
 
 Entry points: `grasp_monitor.GraspMonitor`, `grasp_report.GraspReport`. Imports the core, no ROS.
 """

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Grasp monitor, which analyses the grasp from the latest inputs, or reports the fault of an input.
+Grasp monitor, which analyses the grasp from the latest inputs or reports why it cannot.
 
 A result is valid only for the inputs from which it was computed. It is discarded when an input is
 stale, missing or rejected.
@@ -60,7 +60,7 @@ NO_CONTACT = 'the object touches nothing'
 
 class GraspMonitor:
     """
-    Latest value of each input, and the analysis of the grasp from these values.
+    Analysis of the grasp from the latest value of each input.
 
     :ivar query: settings of the analysis; its roller positions, pose, wrench and pressures are
         replaced by the inputs.
@@ -71,8 +71,6 @@ class GraspMonitor:
     :ivar wrench: input of the external wrench (fx, fy, m) on the object [N, N m]; None: zero.
     :ivar pressures: input of the gauge pressures (t,) of the tubes in the order of the robot file
         [Pa]; None: the pressures of the robot file are used.
-    :param robot: the robot.
-    :param query: settings of the analysis without roller positions.
     :param timeout: largest age of inputs [s].
     """
 
@@ -93,11 +91,9 @@ class GraspMonitor:
     @single_threaded
     def report(self, now: float) -> GraspReport:
         """
-        Return the current analysis; it is computed only if inputs or settings have changed.
+        Return the current analysis, which is recomputed only if inputs or settings have changed.
 
         Invalid inputs raise no error; the report then has a code and a message.
-
-        :param now: time on the clock of the inputs [s].
         """
         inputs: dict[str, Any] = {'joint_states': self.rollers, 'object_pose': self.pose}
         if self.wrench is not None:
@@ -127,12 +123,11 @@ class GraspMonitor:
     @single_threaded
     def analyze_request(self, query: GraspQuery, now: float) -> GraspReport:
         """
-        Return the analysis of a request, without effect on `report`.
+        Return the analysis of a request, independently of `report`.
 
-        :param query: arguments of the request. If it has no roller positions, the measured roller
-            positions are used and must be fresh. Once pressures were received, they must be fresh
+        :param query: arguments of the request. If it has no roller positions, the measured ones
+            are used and must be fresh. If pressures have ever been received, they must be fresh
             too.
-        :param now: time on the clock of the inputs [s].
         """
         try:
             pressures = fresh_pressures(now, self.pressure_timeout, self.pressures)
@@ -153,11 +148,12 @@ def _analyze(
     record: GripRecord | None = None,
 ) -> GraspReport:
     """
-    Return the report of an analysis without its time.
+    Return the report of an analysis; its time is set by the caller.
 
     :param find: function that returns the configuration at given roller positions.
     :param last: analysis of a similar grasp, used as initial guess; None: no initial guess.
-    :param record: grip of the control loop that holds the object; None without such a loop.
+    :param record: equilibrium reported by the control loop that holds the object; None without
+        such a loop.
     """
     begin = time.perf_counter()
     try:
@@ -195,7 +191,7 @@ def _analyze(
 
 
 def _alike(record: GripRecord | None, other: GripRecord | None) -> bool:
-    """Return whether all unknowns of two grips differ by less than `SMALL`."""
+    """Return whether the unknowns of two held grips differ by less than `SMALL`."""
     if record is None or other is None:
         return record is other
     if len(record.unknowns) != len(other.unknowns):
@@ -204,7 +200,7 @@ def _alike(record: GripRecord | None, other: GripRecord | None) -> bool:
 
 
 def _judge(grasp: AnalyzedGrasp) -> tuple[GraspCode, str]:
-    """Return the code of a result, and its warnings."""
+    """Return the code of a result, and a text with its warnings."""
     if not grasp.analysis.contact_lengths:
         return GraspCode.OK, NO_CONTACT
     member, (used, place) = max(grasp.utilisation.items(), key=lambda item: item[1])

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Request of a grasp analysis, and its result or the reason why there is none."""
+"""Request for a grasp analysis, and the result or the reason why there is none."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ class GraspCode(enum.IntEnum):
     NO_OBJECT_POSE = 20
     STALE_OBJECT_POSE = 21
     INVALID_OBJECT_POSE = 22
-    # Zero if never published: it cannot be missing.
+    # It cannot be missing: before the first message the wrench is zero.
     STALE_EXTERNAL_WRENCH = 31
     INVALID_EXTERNAL_WRENCH = 32
-    # Those of the robot file if never published.
+    # They cannot be missing: before the first messages those of the robot file are used.
     STALE_TUBE_PRESSURES = 36
     INVALID_TUBE_PRESSURES = 37
     NO_CONFIGURATION = 40  #: no configuration exists at the roller positions
@@ -39,7 +39,7 @@ class GraspCode(enum.IntEnum):
     INVALID_REQUEST = 50  #: a number of the request is invalid
 
     def __str__(self) -> str:
-        """Return the name as words."""
+        """Return the name of the code in lower case, with spaces."""
         return self.name.lower().replace('_', ' ')
 
 
@@ -53,7 +53,7 @@ INPUT_CODES = {
 
 
 class GraspQuery(NamedTuple):
-    """Arguments of a grasp analysis."""
+    """Arguments of a grasp analysis, from a request or from parameters."""
 
     roller_positions: tuple[float, ...]  #: (r,) roller travel since home [m]
     body: ConvexObject  #: the object at its measured pose
@@ -69,7 +69,7 @@ class GraspQuery(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class AnalyzedGrasp:
-    """Inputs and results of a grasp analysis."""
+    """Inputs and results of one grasp analysis."""
 
     config: Configuration  #: configuration of the robot
     body: ConvexObject  #: the object
@@ -80,10 +80,10 @@ class AnalyzedGrasp:
     @property
     def utilisation(self) -> dict[str, tuple[float, float]]:
         """
-        Return the utilisation of each member; friction is included if the object is held.
+        Return the utilisation of each member and its place; with friction if the object is held.
 
-        :return: for each member, the larger of its utilisations with fixed and free object [-],
-            and the distance of the place of this utilisation from the member's start [m].
+        :return: for each member, the larger of its utilisations with fixed and with free object
+            [-], and the distance from the member's start at which it occurs [m].
         """
         grasps = (self.analysis, self.settled) if self.settled.hold.at_rest else (self.analysis,)
         return {
@@ -98,8 +98,8 @@ class AnalyzedGrasp:
 class GraspReport:
     """Result of a grasp analysis, or the reason why there is none."""
 
-    #: OK for a result, WRINKLED for a result outside of the model's validity, else the reason why
-    #: there is no result
+    #: OK for a valid result, WRINKLED for one for which the model does not hold, otherwise the
+    #: reason why there is no result
     code: GraspCode
     message: str  #: warnings, or the reason why there is no result; may be empty
     time: float  #: time of the oldest input, or time of the call if there is no result [s]
@@ -107,7 +107,7 @@ class GraspReport:
 
     @property
     def held(self) -> bool:
-        """Return whether the object is held by a valid analysis, see `settle_grasp`."""
+        """Return whether a valid analysis finds that the object is held, see `settle_grasp`."""
         return self.code is GraspCode.OK and self.grasp is not None and self.grasp.settled.held
 
     @property

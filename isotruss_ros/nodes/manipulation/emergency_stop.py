@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Emergency stop, which a topic or a service sets, and only a service releases."""
+"""Emergency stop, which is set by a topic or a service and released only by a service."""
 
 from __future__ import annotations
 
@@ -19,14 +19,13 @@ RELEASE = 'release_emergency_stop'
 
 class EmergencyStop:
     """
-    Emergency stop, which can be set in any state of the node and is latched until its release.
+    Emergency stop, which can be set in any state of the node and stays set until its release.
 
-    :param node: node that has the subscription and the services until it is destroyed.
-    :param required: function that returns whether a message of the topic must arrive before any
-        motion.
+    :param required: function that returns whether a message of the topic must have arrived before
+        the robot may move.
     :param changed: callback that is called when `reason` changes.
-    :param wait_for_zero: function that waits briefly for the drives' acknowledgement of zero
-        velocity, and returns whether the acknowledgement arrived.
+    :param wait_for_zero: function that waits briefly until the drives acknowledge zero velocity,
+        and returns whether they did.
     """
 
     def __init__(
@@ -43,7 +42,7 @@ class EmergencyStop:
         #: Last message of the topic; None before the first message.
         self._last: bool | None = None
         self._stopped = False
-        #: First reason of a stop other than a message of the topic; None without such a reason.
+        #: First reason of a stop that is not a message of the topic; None if there is none.
         self._cause: str | None = None
         self._messages = SparseMessages(
             node,
@@ -79,13 +78,13 @@ class EmergencyStop:
             self._changed()
 
     def _stop_for(self, cause: str) -> None:
-        """Stop for a reason other than a message of the topic."""
+        """Stop the robot for a reason other than a message of the topic."""
         if self._cause is None:
             self._cause = cause
             self._changed()
 
     def _carry_out_stop(self) -> str:
-        """Stop, and return the service's response once the drives have received zero velocity."""
+        """Stop the robot, and return a response after the drives have received zero velocity."""
         self._stop_for(f'stopped by the service {self._service}')
         if not self._wait_for_zero():
             raise IsotrussError(

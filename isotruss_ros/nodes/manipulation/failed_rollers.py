@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Failed rollers, which the topic or parameter `failed_rollers` names or the node detects."""
+"""Failed rollers, named by the topic or parameter `failed_rollers` or detected by the node."""
 
 from __future__ import annotations
 
@@ -22,9 +22,8 @@ SERVICE = 'reset_failed_rollers'
 
 class FailedRollers:
     """
-    Record of the named and the detected failed rollers, which is kept in any state of the node.
+    Record of the named and of the detected failed rollers, in any state of the node.
 
-    :param node: node that has the subscription and the service until it is destroyed.
     :param changed: callback that is called when the named rollers change.
     """
 
@@ -41,19 +40,11 @@ class FailedRollers:
         node.offer(SERVICE, self._reset)
 
     def select_named(self, robot: Robot) -> frozenset[str]:
-        """
-        Return the rollers of the robot that the topic names.
-
-        :param robot: the robot.
-        """
+        """Return the rollers that the topic names and the robot has."""
         return self._named & frozenset(robot.roller_names)
 
     def find_fault(self, robot: Robot) -> str | None:
-        """
-        Return the reason why the rollers that the topic names are unknown; None if they are known.
-
-        :param robot: the robot.
-        """
+        """Return the reason why rollers named by the topic are unknown; None if all are known."""
         if self._unknown is not None:
             return self._unknown
         try:
@@ -63,12 +54,7 @@ class FailedRollers:
         return None
 
     def follow(self, detector: FailureDetector, robot: Robot) -> None:
-        """
-        Copy the detected failures to the failure detector of a new servo.
-
-        :param detector: failure detector of the new servo.
-        :param robot: robot of the new servo.
-        """
+        """Copy detected failures from the previous servo's detector to that of a new servo."""
         if self._detector is not None:
             detector.failed = self._detector.failed & frozenset(robot.roller_names)
         self._detector = detector
@@ -85,7 +71,7 @@ class FailedRollers:
         self._changed()
 
     def _reset(self) -> str:
-        """Clear the detected failures."""
+        """Regard the rollers with detected failures as working again."""
         if self._detector is None or not self._detector.failed:
             return 'no roller was detected to have failed'
         said = f'reset: {", ".join(sorted(self._detector.failed))}'
@@ -94,11 +80,7 @@ class FailedRollers:
 
 
 def describe_reachable_twists(servo: TwistServo) -> str:
-    """
-    Describe the twists of the object that the working rollers can produce.
-
-    :param servo: servo with its latest inputs.
-    """
+    """Return a text about the twists of the object that the working rollers can produce."""
     rollers, pose = servo.inputs.rollers, servo.inputs.pose
     if not isinstance(rollers, StampedInput) or not isinstance(pose, StampedInput):
         return 'unknown without joint states and object pose'

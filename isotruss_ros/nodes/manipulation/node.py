@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Node `manipulation`, which commands the rollers by twists or by trajectories."""
+"""Node `manipulation`, which commands roller velocities for twists or trajectories."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from isotruss_ros.nodes.conversions.messages import check_frame, read_twist
 from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.commands import RollerCommands
 from isotruss_ros.nodes.framework.cycle import Cycle
+from isotruss_ros.nodes.framework.gate import Topic
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import ParameterError, Spec, Value
 from isotruss_ros.nodes.framework.topics import NEWEST, take_waiting
@@ -49,7 +50,7 @@ SPECS = (
 
 
 class Manipulation(ManagedNode):
-    """Node that computes the roller velocities in every cycle from the latest inputs."""
+    """Node that commands roller velocities in every cycle, computed from the latest inputs."""
 
     node_name = 'manipulation'
     specs = SPECS
@@ -59,7 +60,7 @@ class Manipulation(ManagedNode):
     _trajectory: TrajectoryFollowing | None = None
 
     def create(self) -> None:
-        """Subscribe to all inputs that stop the rollers, in every state."""
+        """Create the subscriptions that can stop the rollers, which exist in every state."""
         self._stop = EmergencyStop(
             self,
             lambda: self.values.require_emergency_stop,
@@ -80,18 +81,18 @@ class Manipulation(ManagedNode):
         inputs = self.inputs = ServoSubscriptions(self, self.robot, self._servo)
         stamped = values.use_stamped_twist
         kind, read = (TwistStamped, self._read_stamped_twist) if stamped else (Twist, read_twist)
-        self._twists = inputs.keep(kind, 'cmd_vel', read, 'twist', 'twist', stops=True)
-        inputs.keep_joint_states()
-        inputs.keep_object_pose()
-        inputs.keep_tube_pressures()
+        twists = Topic(kind, 'cmd_vel', read, 'twist', stops=True)
+        self._twists = inputs.keep_topic('twist', twists)
+        inputs.keep('rollers', 'estimate', 'pose', 'pressures')
         self.create_timer(TYPE_CHECK_PERIOD, self._check_twist_type)
 
     def prepare(self, settings: ServoSettings) -> ServoSettings:
         """
-        Return the settings of the servo; a subclass can override this to add limits and barriers.
+        Return the settings of the servo; subclasses override it to add limits and barriers.
 
-        :param settings: settings that the parameters specify; this method is called after each
-            change of a parameter.
+        It is called after each change of a parameter.
+
+        :param settings: settings that the parameters specify.
         """
         return settings
 
@@ -115,11 +116,11 @@ class Manipulation(ManagedNode):
             self.get_logger().warning('not every subscriber has acknowledged the zero command')
 
     def cleanup(self) -> None:
-        """Release the robot; the record of failed rollers remains."""
+        """Discard the robot and its servo; the record of failed rollers remains."""
         self._servo = self._trajectory = None
 
     def details(self) -> dict[str, object]:
-        """Return the motion in progress, the grip and the failed rollers, by name."""
+        """Return the current motion, the grip and the failed rollers for the diagnostics."""
         servo, settings = self._servo, self._servo.settings
         details: dict[str, object] = {
             'moves': 'the object' if settings.joint is None else f'joint {settings.joint}',
@@ -136,15 +137,15 @@ class Manipulation(ManagedNode):
         return details
 
     def describe(self) -> dict[str, object]:
-        """Return the values of the diagnostics, with the reason of a stop, in every state."""
+        """Return the values for the diagnostics, including the reason of a stop, in any state."""
         return {'emergency stop': self._stop.reason or 'no'} | super().describe()
 
     def _wait_for_zero(self) -> bool:
-        """Wait briefly; return whether the subscribers have acknowledged the command zero."""
+        """Wait briefly until subscribers acknowledge zero velocity; return whether they did."""
         return not self.active or self._commands.wait_for_subscribers()
 
     def _find_halt(self) -> tuple[Status, str] | None:
-        """Return status and reason of a halt that does not depend on inputs; else None."""
+        """Return status and reason of a halt that does not depend on inputs, or None."""
         reason = self._stop.reason
         if reason is not None:
             return Status.HALT_EMERGENCY_STOP, reason
@@ -157,7 +158,7 @@ class Manipulation(ManagedNode):
         return None if fault is None else (Status.HALT_INVALID_FAILED_ROLLERS, fault)
 
     def _apply_stop(self) -> None:
-        """Halt at once at a stop; after its release, only a new twist moves the object."""
+        """Halt at once if a stop is set; after its release only a new twist moves the object."""
         if self._servo is None:
             return
         self._servo.receive(halt=self._find_halt())
@@ -201,7 +202,7 @@ class Manipulation(ManagedNode):
             check_joint(self.robot, joint)
 
     def _apply(self) -> None:
-        """Apply the parameters from the next cycle on."""
+        """Use the new parameters from the next cycle on."""
         settings, before = self._make_settings(), self._servo.settings.joint
         self._servo.apply(settings)
         self._failed_rollers.follow(self._servo.detector, self.robot)
@@ -214,7 +215,7 @@ class Manipulation(ManagedNode):
     def _set_joint_mode(
         self, request: SetBool.Request, response: SetBool.Response
     ) -> SetBool.Response:
-        """Set the parameter `mode`."""
+        """Set the parameter `mode` on request of a service."""
         mode = 'joint' if request.data else 'object'
         (result,) = self.set_parameters([Parameter('mode', value=mode)])
         response.success = result.successful
@@ -227,7 +228,7 @@ class Manipulation(ManagedNode):
         return read_twist(message.twist)
 
     def _check_twist_type(self) -> None:
-        """Halt if a publisher sends twists of the other type, which are never received."""
+        """Halt if a publisher sends twists of the type that this node does not receive."""
         servo, twist = self._servo, self._servo.inputs.twist
         timeout = servo.settings.timeout
         if isinstance(twist, StampedInput) and self.now() - twist.time < timeout:

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Settings and inputs of the twist servo, and publication of its decisions."""
+"""Settings and inputs of the twist servo, and publication of the servo's decisions."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from isotruss_ros.core.safety.roller_failure import FAILURE_TIME
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
 from isotruss_ros.core.servo.decision import Decision
 from isotruss_ros.core.servo.servo_settings import ServoSettings, SqueezeSettings
-from isotruss_ros.nodes.conversions.grip_messages import to_grip_message
 from isotruss_ros.nodes.conversions.messages import make_header, to_twist_message
+from isotruss_ros.nodes.conversions.state_messages import to_grip_message
 from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import Parameters, Spec
@@ -124,8 +124,6 @@ def make_settings(
     """
     Return the settings of the servo that the parameters specify.
 
-    :param robot: the robot.
-    :param values: parameters of the node.
     :param described: object of the parameter `object`; None for a disc with the parameter
         `object_diameter`.
     :param joint: joint that is moved by twists; None: twists move the object.
@@ -152,7 +150,7 @@ def make_settings(
 
 
 class ServoSubscriptions(Inputs):
-    """`Inputs` that are stored in a `TwistServo` by its method `receive`."""
+    """`Inputs` that are passed to the method `receive` of a `TwistServo`."""
 
     def _latest(self, name: str) -> Input:
         return getattr(self._holder.inputs, name)
@@ -162,12 +160,7 @@ class ServoSubscriptions(Inputs):
 
 
 class StatusReport:
-    """
-    Publisher of the servo's decisions, which is created at each configuration of the node.
-
-    :param node: publishing node.
-    :param robot: the robot.
-    """
+    """Publisher of the servo's decisions, created whenever the node is configured."""
 
     def __init__(self, node: ManagedNode, robot: Robot) -> None:
         self._publisher = node.create_lifecycle_publisher(
@@ -179,24 +172,14 @@ class StatusReport:
         self.status = Status.OK  #: status of the last cycle
 
     def publish_grip(self, grasp: HeldEquilibrium | None, now: float) -> None:
-        """
-        Publish the state of the held object, at most once in `GRIP_PERIOD`.
-
-        :param grasp: equilibrium of the held object; None if no object is held.
-        :param now: time of the cycle [s].
-        """
+        """Publish the equilibrium of the held object, at most once in `GRIP_PERIOD`."""
         if grasp is None or 0.0 <= now - self._told < GRIP_PERIOD:
             return
         self._told = now
         self._grips.publish(to_grip_message(GripRecord.of(grasp), self._robot, now))
 
     def publish(self, decision: Decision, now: float) -> None:
-        """
-        Publish a decision; log it if the twist is not executed as commanded.
-
-        :param decision: decision of this cycle.
-        :param now: time of the cycle [s].
-        """
+        """Publish a decision, and log it if the twist is not executed as commanded."""
         command, cycle = decision.command, self._node.cycle
         status = self.status = command.status
         squeeze, deviation = decision.squeeze or (math.nan, math.nan)

@@ -1,9 +1,10 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 """
-Subscription to messages that are rare, and whose loss is reported.
+Subscription to rare messages, which reports if a message may have been lost.
 
-rclpy takes one queued message per turn of the executor; this class takes all queued messages.
+rclpy executes the callback for one queued message at a time; this class takes all queued messages
+at once.
 """
 
 from __future__ import annotations
@@ -21,8 +22,7 @@ from rclpy.subscription import Subscription
 if TYPE_CHECKING:
     from isotruss_ros.nodes.framework.managed import ManagedNode
 
-#: Longest time between the callback of a message and the callback of the match of its publisher
-#: [s].
+#: Longest time between the event that a publisher is matched and the callback of its message [s].
 MATCH_DELAY = 1.0
 #: Largest number of messages per callback [-]; this number is processed within a millisecond.
 MAX_BATCH = 200
@@ -34,22 +34,22 @@ class SparseMessages:
     """
     Subscription that passes on messages and reports that a message may have been lost.
 
-    A publisher that publishes and exits at once may be gone before the subscription has matched
-    it. Then its message is lost without an error. So the end of a publisher is reported if no
-    message was received since the publisher was matched.
+    A publisher that publishes a message and exits at once may be gone before the subscription has
+    matched it. Then its message is lost without an error. So if a publisher ends and no message
+    was received since it was matched, a possible loss is reported.
 
-    With `every`, messages that were latched earlier are received as well; lost messages and
+    With `every`, messages that were latched earlier are received too, and lost messages and
     best-effort publishers are reported. A transient-local subscription does not match a volatile
-    publisher, such as `ros2 topic pub` without options. So the first subscription is volatile. For
-    a latching publisher a second, transient-local subscription is added; the messages of this
-    publisher are then received twice.
+    publisher, such as `ros2 topic pub` without options, so the first subscription is volatile. If
+    there is a latching publisher, a second, transient-local subscription is added; then the
+    messages of this publisher are received twice.
 
     :param node: subscribing node; its subscription is reliable.
     :param kind: type of the messages.
     :param topic: relative name of the topic.
     :param callback: function that receives a list of messages in the order of reception.
     :param missing: callback that receives the reason why a message may have been lost.
-    :param every: whether every message is required; if false, only the newest message is required.
+    :param every: True if every message is required; otherwise only the newest one is required.
     """
 
     def __init__(
@@ -119,7 +119,7 @@ class SparseMessages:
             self._report_loss()
 
     def _follow(self, event: Any) -> None:
-        """Count a newly matched publisher, or report the end of a publisher without a message."""
+        """Count a newly matched publisher, or report a publisher that ended without a message."""
         # The executor may call back with the message before the match.
         if time.monotonic() - self._received > MATCH_DELAY:
             self._silent += event.total_count_change

@@ -4,9 +4,9 @@
 """
 Roller trajectories from a topic and an action, which are followed one at a time.
 
-A trajectory replaces twists while it is followed. Topic and action have the names of
-ros2_control's joint_trajectory_controller. The type of its action is in the package control_msgs;
-without this package, only the equivalent action type of isotruss_msgs is offered.
+While a trajectory is followed, twists are ignored. Topic and action have the names that
+ros2_control's joint_trajectory_controller uses. The type of its action is in the package
+control_msgs; without this package, only the equivalent action type of isotruss_msgs is offered.
 """
 
 from __future__ import annotations
@@ -43,15 +43,13 @@ ABORTED_CODE = Result.PATH_TOLERANCE_VIOLATED
 
 class TrajectoryFollowing:
     """
-    Follower of one trajectory at a time; twists move the object again after its end.
+    Execution of one roller trajectory at a time, after which twists move the object again.
 
-    A new trajectory replaces the current trajectory. An empty trajectory or any stop of the
-    rollers ends the current trajectory, which does not resume. The result of a trajectory remains
-    the status of the node until the next twist.
+    A new trajectory replaces the current one. An empty trajectory or any stop of the rollers ends
+    the current one, which does not resume. The result of a trajectory remains the status of the
+    node until the next twist.
 
-    :ivar follower: servo of the trajectory.
-    :param node: node that subscribes while it is active.
-    :param servo: servo, which has the measured roller positions and the history of commands.
+    :ivar follower: servo that tracks the trajectory.
     """
 
     def __init__(self, node: ManagedNode, servo: TwistServo) -> None:
@@ -66,11 +64,7 @@ class TrajectoryFollowing:
         SparseMessages(self._node, JointTrajectory, TOPIC, self._receive, self._report_missing)
 
     def decide(self, now: float) -> Decision:
-        """
-        Return the decision of the current cycle, made by the active trajectory or else by twists.
-
-        :param now: time on the clock of the inputs [s].
-        """
+        """Return the decision of the cycle, from the active trajectory or else from twists."""
         if self.follower.busy:
             # A twist of this time would move the object right after the end of the trajectory.
             self._servo.receive(twist=None)
@@ -101,7 +95,7 @@ class TrajectoryFollowing:
         Abort the active trajectory if there is one.
 
         :param why: reason of the abort.
-        :return: whether a trajectory was active; then the rollers must be stopped.
+        :return: whether a trajectory was active, in which case the rollers must be stopped.
         """
         if not self.follower.busy:
             return False
@@ -122,17 +116,17 @@ class TrajectoryFollowing:
             self._end(Status.HALT_TRAJECTORY, f'trajectory rejected: {error}', ABORTED_CODE)
 
     def _report_missing(self, why: str) -> None:
-        """Stop, because a lost message could have begun or ended a trajectory."""
+        """Stop, because a message that starts or ends a trajectory may have been lost."""
         if not self.abort(f'{why}: publish the trajectory again'):
             self._node.get_logger().warning(f'{why}: if it was a trajectory, publish it again')
 
     def _update_follower(self) -> None:
-        """Pass the servo's joint states and their largest age to the follower."""
+        """Pass the joint states of the twist servo, and their largest age, to the follower."""
         self.follower.rollers = self._servo.inputs.rollers
         self.follower.timeout = self._servo.settings.timeout
 
     def _read(self, goal: Any) -> RollerGoal:
-        """Return the content of a goal; raise an error for an invalid goal."""
+        """Return the content of a goal; raise an error if it is invalid."""
         servo, now = self._servo, self._node.now()
         if servo.inputs.halt is not None:
             raise MessageError(servo.inputs.halt[1])
@@ -154,7 +148,7 @@ class TrajectoryFollowing:
         )
 
     def _offer(self, kind: Any, name: str) -> SingleGoal:
-        """Offer an action whose goals are trajectories."""
+        """Offer an action with roller trajectories as goals."""
 
         def refuse(error: IsotrussError) -> Any:
             code = getattr(error, 'code', Result.INVALID_GOAL)
@@ -213,7 +207,7 @@ class TrajectoryFollowing:
     def _end(
         self, status: Status, message: str, code: int, ending: Ending = Ending.ABORTED
     ) -> None:
-        """Report the end of the trajectory, and end its goal."""
+        """Report the end of the trajectory, and end the goal of its action."""
         self._outcome = (status, message)
         if status is Status.HALT_TRAJECTORY:
             self._node.get_logger().warning(message)
@@ -229,7 +223,7 @@ class TrajectoryFollowing:
         code: int = ABORTED_CODE,
         spared: SingleGoal | None = None,
     ) -> None:
-        """End the action goal of a finished trajectory, if the trajectory came from an action."""
+        """End the goal of a finished trajectory, if this came from an action."""
         for goal in self._goals:
             if goal.active and goal is not spared:
                 goal.end(ending, goal.kind.Result(error_code=code, error_string=text))

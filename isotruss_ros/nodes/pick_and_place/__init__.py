@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Node `pick_and_place`: picks, moves and places an object by actions of other nodes.
+Node `pick_and_place`, which picks, moves and places an object by actions of other nodes.
 
-Entry point: `node`. Its other modules have the sequences as generators, whose steps are actions
-and services. Imports `nodes.framework` and the core.
+Entry point: `node`. Its other modules contain the sequences, which are generators with actions and
+services as steps. Imports `nodes.framework` and the core.
 """

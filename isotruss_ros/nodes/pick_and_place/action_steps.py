@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Clients of actions and services as generators, in which each `yield` is one tick of a node.
+Clients of actions and services as generators; a node resumes them once in each tick.
 
-A sequence of such steps does not block. To cancel a sequence, the node throws `CancelledError` at
-a `yield`; the current step then ends its goal before the error leaves the step.
+A sequence of such steps does not block. To cancel a sequence, the node throws `CancelledError`
+into the generator; then the current step ends its goal before it passes on the error.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ Steps = Generator[float, None, Any]
 
 
 class StepOutcome(enum.IntEnum):
-    """Final codes of a sequence, equal to the codes of PickObject, PlaceObject and MoveObject."""
+    """Outcome codes of a sequence, equal to those of PickObject, PlaceObject and MoveObject."""
 
     SUCCEEDED = 0
     CANCELLED = 1
@@ -52,18 +52,17 @@ class StepOutcome(enum.IntEnum):
 
 
 class CancelledError(IsotrussError):
-    """A client has cancelled the sequence; this error is thrown into the generator."""
+    """Error that is thrown into the generator of a sequence if a client cancels it."""
 
 
 class StepError(IsotrussError, RuntimeError):
     """
-    A sequence cannot continue.
+    Error: a sequence cannot continue.
 
-    :ivar outcome: final code.
-    :ivar details: further fields of the result.
-    :param outcome: final code.
-    :param message: reason in words.
-    :param details: further fields of the result.
+    :ivar outcome: code of the outcome.
+    :ivar details: additional fields of the result message.
+    :param message: sentence with the reason.
+    :param details: additional fields of the result message.
     """
 
     def __init__(self, outcome: StepOutcome, message: str, **details: Any) -> None:
@@ -73,17 +72,15 @@ class StepError(IsotrussError, RuntimeError):
 
 class ActionStep:
     """
-    Action of another node as a step of a sequence.
+    Action of another node, used as a step of a sequence.
 
-    DDS detects a restart of the server during a goal only after seconds. So the result is
-    requested repeatedly, because a restarted server rejects the unknown goal. A server that sends
-    no feedback for some time counts as ended or hanging.
+    DDS takes seconds to detect that a server was restarted during a goal. So the result is
+    requested repeatedly: a restarted server does not know the goal and rejects the request. A
+    server that sends no feedback for some time counts as lost.
 
-    :param node: node that has the client until it is destroyed.
     :param kind: type of the action.
     :param name: relative name of the action.
-    :param beat: function that publishes the client's heartbeat for a goal; it is called in each
-        tick.
+    :param beat: function that publishes this client's heartbeat for a goal; called in each tick.
     :param silence: function that returns the longest accepted time without feedback [s].
     """
 
@@ -109,10 +106,10 @@ class ActionStep:
 
         :param goal: message of the goal.
         :param progress: function that returns the progress, 0 to 1, from a feedback message.
-        :param find_fault: function that is called in each tick and returns a reason to cancel the
-            goal, or None.
+        :param find_fault: function that is called in each tick and returns an error for which the
+            goal must be cancelled, or None.
         :raises StepError: there is no server; the server rejects the goal, ends or is restarted;
-            or `find_fault` returned a reason, for which the goal was cancelled.
+            or `find_fault` returned an error.
         :raises CancelledError: the sequence was cancelled.
         """
         # A goal is executed even if its response is lost, so it must not be sent twice. To test
@@ -178,7 +175,7 @@ class ActionStep:
         return _ask(goal.get_result_async, lambda: self._supervise(info, missing), progress)
 
     def _supervise(self, info: GoalInfo, missing: StepOutcome) -> None:
-        """Publish the client's heartbeat, if the server supervises its clients."""
+        """Publish this client's heartbeat if the server supervises its clients."""
         if not self._client.server_is_ready():
             raise StepError(missing, f'no node offers the action {self._name}')
         self._beat(info)
@@ -212,8 +209,7 @@ def set_parameters(client: Client, values: dict[str, float | str]) -> Steps:
     """
     Set parameters of another node, as a step of a sequence.
 
-    :param client: client of the node's service `set_parameters`.
-    :param values: values by name.
+    :param values: value for the name of each parameter.
     :raises StepError: the node does not exist, or refuses a value.
     """
 

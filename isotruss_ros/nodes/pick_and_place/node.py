@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Node `pick_and_place`: picks, places and moves an object by actions of other nodes."""
+"""Node `pick_and_place`, which picks, moves and places an object by actions of other nodes."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from isotruss_msgs.action import MoveObject, PickObject, PlaceObject
-from isotruss_msgs.msg import GraspState
 from isotruss_ros.core import IsotrussError
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.inputs import InputError
@@ -18,7 +17,7 @@ from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.sensors import Inputs
-from isotruss_ros.nodes.framework.single_goal import BusyError, Ending, SingleGoal
+from isotruss_ros.nodes.framework.single_goal import BusyError, SingleGoal
 from isotruss_ros.nodes.pick_and_place.action_steps import (
     CancelledError,
     StepError,
@@ -31,15 +30,9 @@ SPECS = (*common.OBJECT_SPECS, common.COMMAND_TIMEOUT)
 #: Period of the ticks of a sequence [s].
 TICK_PERIOD = 0.02
 
-#: Final state of a goal for each outcome; a goal with any other outcome is aborted.
-ENDINGS = {
-    StepOutcome.SUCCEEDED: Ending.SUCCEEDED,
-    StepOutcome.CANCELLED: Ending.CANCELED,
-}
-
 
 class PickAndPlace(ManagedNode):
-    """Node that executes one sequence at a time, and refuses other goals during a sequence."""
+    """Node that executes one sequence at a time, and refuses other goals meanwhile."""
 
     node_name = 'pick_and_place'
     specs = SPECS
@@ -51,12 +44,9 @@ class PickAndPlace(ManagedNode):
 
     def configure(self) -> None:
         """Create clients and subscriptions, and offer the actions."""
-        sequences = self._sequences = GraspSequences(self, self.robot)
-        self.inputs = Inputs(self, self.robot, sequences)
-        self.inputs.keep_joint_states()
-        self.inputs.keep_object_pose()
-        self.inputs.keep(GraspState, 'grasp/state', lambda state: state, 'grasp')
-        self.inputs.keep_held_grip()
+        self.inputs = Inputs(self, self.robot)
+        self.inputs.keep('rollers', 'estimate', 'pose', 'held_grip', 'grasp')
+        sequences = self._sequences = GraspSequences(self, self.robot, self.inputs)
         # Exists while the node is inactive as well, so that a goal that ends then gets its result.
         self._actions = [
             self._offer(PickObject, 'pick_object', sequences.check_pick, sequences.pick),
@@ -88,14 +78,10 @@ class PickAndPlace(ManagedNode):
     def _goal(self) -> SingleGoal | None:
         return next((action for action in self._actions if action.active), None)
 
-    def _apply(self) -> None:
-        """Apply the parameter `command_timeout`."""
-        self._sequences.timeout = self.values.command_timeout
-
     def _offer(
         self, kind: Any, name: str, check: Callable[[Any], None], sequence: Callable[[Any], Steps]
     ) -> SingleGoal:
-        """Offer an action whose goals are checked and executed by a sequence."""
+        """Offer an action; its goals are checked, and then executed by a sequence."""
 
         def read(goal: Any) -> Any:
             if (running := self._goal) is not None:
@@ -122,9 +108,9 @@ class PickAndPlace(ManagedNode):
         self._cancelling = True
 
     def _tick(self) -> None:
-        """Advance the sequence; end the goal when the sequence ends."""
+        """Resume the sequence; if it ends, end the goal."""
         self.inputs.settle()
-        self._sequences.track()
+        self.inputs.track()
         course = self._course
         if course is None:
             return
@@ -144,7 +130,7 @@ class PickAndPlace(ManagedNode):
         goal.publish_feedback(lambda: goal.kind.Feedback(stage=stage, progress=progress))
 
     def _end(self, ended: Any) -> None:
-        """Publish the result of the goal, which the sequence returned or an error determines."""
+        """End the goal with the result of the sequence, or with a result for its error."""
         goal, self._course = self._goal, None
         outcome = StepOutcome.SUCCEEDED
         if isinstance(ended, IsotrussError):
@@ -156,11 +142,11 @@ class PickAndPlace(ManagedNode):
         if isinstance(ended, MoveObject.Result):
             left = self._sequences.distance_left(goal.request.path)
             ended.position_error, ended.angle_error = left
-        goal.report_end(outcome, ENDINGS, ended, 'no goal', f'{goal.kind.__name__}: ')
+        goal.report_end(outcome, ended, 'no goal', f'{goal.kind.__name__}: ')
 
 
 def _find_outcome(error: IsotrussError) -> StepOutcome:
-    """Return the final code of a sequence that ended by an error."""
+    """Return the outcome of a sequence that was ended by an error."""
     if isinstance(error, StepError):
         return error.outcome
     if isinstance(error, CancelledError):

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Node `simulator`, which replaces a robot and its object.
+Node `simulator`, which takes the place of a robot and its object.
 
-Entry point: `node`. Its other modules have the object, the sensors, the true states and the
+Entry point: `node`. Its other modules contain the plants, the sensors, the true states and the
 simulated time. Imports `nodes.framework`, `mujoco_plant` and the core.
 """

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Simulated sensors and their faults: encoders, object tracker and joint markers."""
+"""Simulated encoders, object tracker and joint markers, with faults."""
 
 from __future__ import annotations
 
@@ -12,11 +12,12 @@ import math
 from geometry_msgs.msg import PoseStamped
 from isotruss_ros.core import Pose, Robot
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.nodes.conversions.marker_messages import to_joint_markers
 from isotruss_ros.nodes.conversions.messages import make_header, to_pose_message
+from isotruss_ros.nodes.conversions.sensor_messages import to_joint_markers
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import FixedSpec, ParameterError, Parameters, Spec
 from isotruss_ros.nodes.framework.topics import RELIABLE
+from isotruss_ros.nodes.simulator.plants import Plant
 import numpy as np
 from numpy.typing import ArrayLike
 from sensor_msgs.msg import JointState, MultiDOFJointState
@@ -56,7 +57,7 @@ SENSOR_SPECS = (
 
 class SensorChannel:
     """
-    Measurements of one sensor, which can be sampled, noisy, delayed or lost.
+    Measurements of one sensor, which can be sampled at a rate, noisy, delayed or lost.
 
     :param seed: random seed of noise and dropouts, not negative.
     """
@@ -76,19 +77,19 @@ class SensorChannel:
         noise: ArrayLike = 0.0,
     ) -> list[tuple[float, Array]]:
         """
-        Measure once in each period; return the measurements that have arrived.
+        Make a measurement if its time has come; return those that have arrived.
 
-        If the time runs back, measurements that have not arrived yet are discarded.
+        If the time was set back, measurements that have not arrived yet are discarded.
 
         :param time: current time [s].
         :param read: function that returns the true values (k, n); it is called only when a
             measurement is made.
-        :param rate: rate of the measurements [Hz], of which at most one is made per call; 0: one
-            per call.
+        :param rate: rate of the measurements [Hz]; at most one is made per call. 0: one is made in
+            each call.
         :param delay: time from a measurement to its arrival [s].
-        :param dropouts: share of the rows that are lost, 0 to 1.
-        :param noise: standard deviation of all values, or of each value of a row [unit of the
-            values].
+        :param dropouts: fraction of the rows that are lost, 0 to 1.
+        :param noise: standard deviation, given as one number for all values or as one for each
+            value of a row [unit of the values].
         :return: time [s] and values (k, n) of each measurement, the oldest first. Lost rows are
             NaN; measurements of which all rows are lost are left out.
         """
@@ -116,41 +117,27 @@ class SimulatedSensors:
     """
     Sensors of a simulated robot and its object.
 
-    :param node: publishing node.
-    :param robot: the robot.
-    :param values: parameters of `SENSOR_SPECS`.
-    :param seed: random seed of noise and dropouts.
     :raises ParameterError: the robot does not have a joint for which a marker is specified.
     """
 
-    def __init__(self, node: ManagedNode, robot: Robot, values: Parameters, seed: int) -> None:
+    def __init__(self, node: ManagedNode, robot: Robot, values: Parameters) -> None:
         self._robot, self._values = robot, values
         self._marked = _find_marked(robot, values)
         # Separate random streams: the noise of one sensor is independent of the faults of another.
         self._encoders, self._tracker, self._markers = (
-            SensorChannel((seed, stream)) for stream in (3, 4, 5)
+            SensorChannel((values.seed, stream)) for stream in (3, 4, 5)
         )
         make = node.create_lifecycle_publisher
         self._joint_states = make(JointState, 'joint_states', RELIABLE)
         self._object_pose = make(PoseStamped, 'object_pose', RELIABLE)
         self._joint_markers = make(MultiDOFJointState, 'joint_markers', RELIABLE)
 
-    def publish(
-        self, now: float, travel: Array, speeds: Array, pose: Pose, joints: Callable[[], Array]
-    ) -> None:
-        """
-        Publish the measurements that have arrived.
-
-        :param now: current time of the simulated robot [s].
-        :param travel: (r,) roller travel since home [m].
-        :param speeds: (r,) roller speeds [m/s].
-        :param pose: pose of the object.
-        :param joints: function that returns the joint positions (j, 2) [m].
-        """
-        values, step = self._values, self._values.encoder_step
+    def publish(self, now: float, plant: Plant) -> None:
+        """Make new measurements, and publish those that have arrived."""
+        values, travel, step = self._values, plant.roller_positions, self._values.encoder_step
         counted = step * np.round(travel / step) if step > 0.0 else travel
         encoders = self._encoders.measure(
-            now, lambda: np.append(counted, speeds), delay=values.encoder_delay
+            now, lambda: np.append(counted, plant.roller_velocities), delay=values.encoder_delay
         )
         for time, measured in encoders:
             positions, velocities = np.split(measured[0], 2)
@@ -163,25 +150,23 @@ class SimulatedSensors:
             self._joint_states.publish(states)
         tracker = values.tracker_rate, values.tracker_delay, values.tracker_dropouts
         noise = values.tracker_noise * np.array([1.0, 1.0, 1.0 / MARK_DISTANCE])
-        for time, measured in self._tracker.measure(now, lambda: pose, *tracker, noise):
+        for time, measured in self._tracker.measure(
+            now, lambda: plant.object_pose, *tracker, noise
+        ):
             header = make_header(time, self._robot.frame)
             message = to_pose_message(Pose(*measured[0].tolist()))
             self._object_pose.publish(PoseStamped(header=header, pose=message))
         if not self._marked:
             return
-
-        def read() -> Array:
-            return self._marker_places(joints())
-
-        for time, measured in self._markers.measure(now, read, *tracker, values.tracker_noise):
+        places = [self._robot.topology.joint_names.index(name) for name in self._marked]
+        noise = values.tracker_noise
+        for time, measured in self._markers.measure(
+            now, lambda: plant.joints[places], *tracker, noise
+        ):
             seen = np.flatnonzero(np.isfinite(measured[:, 0]))
             markers = to_joint_markers({self._marked[i]: measured[i] for i in seen})
             markers.header = make_header(time, self._robot.frame)
             self._joint_markers.publish(markers)
-
-    def _marker_places(self, joints: Array) -> Array:
-        """Return the positions (k, 2) of the joints with markers [m]."""
-        return joints[[self._robot.topology.joint_names.index(name) for name in self._marked]]
 
 
 def _find_marked(robot: Robot, values: Parameters) -> tuple[str, ...]:

@@ -1,22 +1,20 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Publishers of true states and of simulated time, which only a simulator has."""
+"""Publishers of true states and of simulated time, which exist only in simulation."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-
 from geometry_msgs.msg import PoseStamped, WrenchStamped
-from isotruss_ros.core import Pose, Robot
-from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core import Robot
 from isotruss_ros.nodes.conversions.grasp_messages import to_contact_wrench
-from isotruss_ros.nodes.conversions.marker_messages import to_joint_markers
 from isotruss_ros.nodes.conversions.messages import make_header, to_pose_message
+from isotruss_ros.nodes.conversions.sensor_messages import to_joint_markers
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import FixedSpec, ParameterError
 from isotruss_ros.nodes.framework.topics import EVENTS, RELIABLE
+from isotruss_ros.nodes.simulator.plants import Plant
 from rclpy.time import Time
 from rosgraph_msgs.msg import Clock as ClockMessage
 from sensor_msgs.msg import MultiDOFJointState
@@ -30,12 +28,7 @@ CLOCK_SPEED = FixedSpec(
 
 
 class SimulatedTruth:
-    """
-    Publisher of `truth/object_pose`, `truth/joint_markers` and `truth/contact_forces`.
-
-    :param node: publishing node.
-    :param robot: the simulated robot.
-    """
+    """Publisher of `truth/object_pose`, `truth/joint_markers` and `truth/contact_forces`."""
 
     def __init__(self, node: ManagedNode, robot: Robot) -> None:
         self._robot = robot
@@ -44,31 +37,18 @@ class SimulatedTruth:
         self._joints = make(MultiDOFJointState, 'truth/joint_markers', RELIABLE)
         self._forces = make(WrenchStamped, 'truth/contact_forces', EVENTS)
 
-    def publish(
-        self,
-        now: float,
-        pose: Pose,
-        joints: Callable[[], Array],
-        forces: Callable[[], Mapping[str, float]],
-    ) -> None:
-        """
-        Publish the true states on those topics that have subscribers.
-
-        :param now: current time of the simulated robot [s].
-        :param pose: pose of the object.
-        :param joints: function that returns the joint positions (j, 2) [m].
-        :param forces: function that returns the normal forces on the object by member [N].
-        """
+    def publish(self, now: float, plant: Plant) -> None:
+        """Publish the true states on the topics that have subscribers."""
         header = make_header(now, self._robot.frame)
         if self._pose.get_subscription_count():
-            self._pose.publish(PoseStamped(header=header, pose=to_pose_message(pose)))
+            self._pose.publish(PoseStamped(header=header, pose=to_pose_message(plant.object_pose)))
         if self._joints.get_subscription_count():
             names = self._robot.topology.joint_names
-            markers = to_joint_markers(dict(zip(names, joints(), strict=True)))
+            markers = to_joint_markers(dict(zip(names, plant.joints, strict=True)))
             markers.header = header
             self._joints.publish(markers)
         if self._forces.get_subscription_count():
-            for member, force in forces().items():
+            for member, force in plant.normal_forces.items():
                 self._forces.publish(to_contact_wrench(self._robot.frame, member, now, force))
 
 
@@ -76,11 +56,11 @@ class ClockSource:
     """
     Publisher of `/clock`, which advances in equal steps while the node is active.
 
-    If the node is too slow, simulated time slows down; no step is skipped.
+    If the computer is too slow, simulated time slows down; no step is skipped.
 
-    :param node: publishing node, whose own clock uses the published time too.
-    :param rate: steps per simulated second [Hz].
-    :param speed: simulated time per real time, positive [-].
+    :param node: publishing node, whose own clock uses the published time as well.
+    :param rate: number of steps per simulated second [Hz].
+    :param speed: ratio of simulated time to real time, positive [-].
     :raises ParameterError: the node does not use simulated time.
     """
 

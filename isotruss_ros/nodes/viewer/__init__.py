@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Node `viewer`, which shows the robot in a browser and executes requests of the browser.
+Node `viewer`, which shows the robot in a browser and executes requests from the browser.
 
-Entry point: `node`. `view_requests` has the requests to other nodes. Imports
+Entry point: `node`. The module `view_requests` contains the requests to other nodes. Imports
 `isotruss_ros.viewer`, `nodes.framework` and the core.
 """

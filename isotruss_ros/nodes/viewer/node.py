@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Node `viewer`: it shows robot, object and grasp in a browser, which may send commands."""
+"""Node `viewer`, which shows robot, object and grasp in a browser, and accepts its commands."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ RELEASE_TIMEOUT = 2.0
 
 
 class Viewer(StoppableNode):
-    """Node that shows the newest messages, and publishes twists toward a dragged handle."""
+    """Node that shows the newest messages, and moves the object toward a dragged handle."""
 
     node_name = 'viewer'
     specs = SPECS
@@ -115,7 +115,7 @@ class Viewer(StoppableNode):
         """
         Start the server, and print its address.
 
-        :raises ViewError: the address cannot be served.
+        :raises ViewError: the server cannot be started at its address.
         :raises MissingPackageError: viser is not installed.
         """
         try:
@@ -196,7 +196,7 @@ class Viewer(StoppableNode):
         self._view.update(now)
 
     def _dragged_pose(self, now: float) -> Pose | None:
-        """Return the pose of the dragged object or joint; None if unknown."""
+        """Return the pose of the object or joint that is dragged; None if unknown."""
         picture, name = self.picture, self._controls.dragged
         if not picture.is_fresh('object_pose' if name == OBJECT else 'joint_states', now):
             return None
@@ -284,7 +284,7 @@ class Viewer(StoppableNode):
         self.picture.goal_report = words
 
     def _ask_for_release(self) -> Calls:
-        """Call the release service until it succeeds or `RELEASE_TIMEOUT` has passed."""
+        """Call the service that releases the stop until it succeeds or a timeout has passed."""
         end = time.monotonic() + RELEASE_TIMEOUT
         while self._release.service_is_ready():
             response = yield partial(self._release.call_async, Trigger.Request())

@@ -1,6 +1,6 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Requests to other nodes by the buttons of a view, and reports of the results in words."""
+"""Requests to other nodes that buttons of the browser trigger, and reports of their results."""
 
 from __future__ import annotations
 
@@ -35,9 +35,8 @@ Calls = Generator[Callable[[], Future], Any, None]
 
 def make_calls(calls: Calls, answer: Any = None) -> None:
     """
-    Make the next service call of a sequence; the response to it triggers the following call.
+    Make the next service call of a sequence; its response triggers the call after it.
 
-    :param calls: sequence of calls.
     :param answer: response of the previous call; None before the first.
     """
     try:
@@ -51,8 +50,7 @@ class ObjectGoals:
     """
     Clients of the actions `pick_object` and `place_object`.
 
-    :param node: node of the clients.
-    :param report: callback that receives the progress of a goal in words.
+    :param report: callback that receives the progress of a goal as a sentence.
     """
 
     def __init__(self, node: Node, report: Callable[[str], None]) -> None:
@@ -90,10 +88,9 @@ class ObjectGoals:
 
 class NodeRestart:
     """
-    Reconfiguration of the simulator and other nodes by their life cycle services.
+    Reconfiguration of the simulator and other nodes by their life-cycle services.
 
-    :param node: node of the clients.
-    :param report: callback that receives the result of a restart in words.
+    :param report: callback that receives the result of a restart as a sentence.
     """
 
     def __init__(self, node: Node, report: Callable[[str], None]) -> None:
@@ -110,11 +107,12 @@ class NodeRestart:
 
     def restart_simulator(self, squeeze: float, plant: str = '') -> None:
         """
-        Reconfigure the simulator; its robot then starts at home with the simulator's grip.
+        Reconfigure the simulator, so that its robot starts again at home.
 
         A restart in progress is abandoned.
 
-        :param squeeze: parameter `squeeze_force` of the manipulation after the restart [N].
+        :param squeeze: value of the parameter `squeeze_force` of `manipulation` after the restart
+            [N].
         :param plant: parameter `plant` of the simulator; empty: unchanged.
         """
         name = f'plant {plant}' if plant else 'reset'
@@ -122,11 +120,12 @@ class NodeRestart:
 
     def change_object(self, squeeze: float, kind: str, description: str) -> None:
         """
-        Reconfigure all running nodes with another object; the robot then starts at home.
+        Reconfigure all running nodes for another object, so that the robot starts again at home.
 
-        :param squeeze: parameter `squeeze_force` of the manipulation after the restart [N].
-        :param kind: kind of the object in a word.
-        :param description: parameter `object` of the nodes.
+        :param squeeze: value of the parameter `squeeze_force` of `manipulation` after the restart
+            [N].
+        :param kind: word for the kind of the object.
+        :param description: value of the parameter `object` of the nodes.
         """
         others = [name for name in OTHERS if self._change[name].service_is_ready()]
         self._begin(f'object {kind}', squeeze, [SIMULATOR, *others], {'object': description})
@@ -169,7 +168,7 @@ class NodeRestart:
         self._report(f'{what}: {rejected or "active"}')
 
     def _restore_grip(self, squeeze: float) -> Generator[Callable[[], Future], Any, str]:
-        """Set the grip of `manipulation` to the simulator's; a pick may have changed it."""
+        """Set the grip of `manipulation` to the simulator's; a pick may have changed it before."""
         names = [IS_FREE, *GRIP]
         answer = yield partial(self._get.call_async, GetParameters.Request(names=names))
         is_free, *grip = answer.values

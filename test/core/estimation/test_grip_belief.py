@@ -128,3 +128,17 @@ def test_noise_of_poses_is_estimated_from_their_steps(deviation):
     for k in range(300):
         noise.add(np.array([1e-4 * k, 0.0, 0.0]) + deviation * rng.normal(size=3))
     assert np.sqrt(noise.variances) == pytest.approx(deviation, rel=0.35)
+
+
+def test_corrections_of_the_offsets_leave_the_motion_by_travel():
+    corrected, other, offset = believed(), believed(), np.zeros(6)
+    for number in range(1, 9):
+        way = CONFIG.roller_positions + 0.2 * number * TRAVEL
+        step = 2e-4 * (-1.0) ** number * np.arange(6.0)
+        corrected.move_zeros(step)
+        offset = offset + step
+        for belief, travel in ((corrected, way + offset), (other, way)):
+            assert belief.follow(CONFIG.moved_to(travel), PERIOD, None) is HoldStatus.HELD
+    moved = np.abs(other.pose - MODEL.pose).max()
+    assert moved > 5e-3
+    assert corrected.pose == pytest.approx(other.pose, abs=0.1 * moved)

@@ -206,3 +206,14 @@ def test_a_box_on_three_members_stays_on_its_faces():
         config, grip = random_grips.random_convex_grip(NINE, rng, 'tubes', 3, flat=True)
     assert len(find_contacts(config, grip)) > 3
     assert kept_corners(config, grip, 1.0) == []
+
+
+def test_each_of_three_members_keeps_a_contact_when_a_face_lifts_at_one_end():
+    rng = np.random.default_rng(3)
+    grip = None
+    while grip is None:
+        config, grip = random_grips.random_convex_grip(NINE, rng, 'tubes', 3, flat=True)
+    start = RollingGrip.attach(config, grip)
+    assert start.owners.tolist() == [0, 0, 1, 2]
+    travel = config.roller_positions + 1e-4 * rng.standard_normal(len(NINE.roller_names))
+    assert start.moved_to(config.moved_to(travel)).owners.tolist() == [0, 1, 2]

@@ -17,11 +17,6 @@ from scipy import optimize
 from scipy.optimize import lsq_linear
 
 
-def free(n):
-    """Return rows, bounds, lower and upper of n variables without inequalities."""
-    return np.zeros((0, n)), np.zeros(0), np.full(n, -np.inf), np.full(n, np.inf)
-
-
 def random_program(rng, n, degenerate=False):
     """Return a program that x = 0 is admissible for; many limits may meet there."""
     root = rng.standard_normal((n, n)) + np.eye(n)
@@ -37,10 +32,8 @@ def random_program(rng, n, degenerate=False):
     return QuadraticProgram(
         root.T @ root + 1e-3 * np.eye(n),
         10.0 * rng.standard_normal(n),
-        rows,
-        bounds,
-        lower,
-        upper,
+        np.concatenate([rows, np.eye(n), -np.eye(n)]),
+        np.concatenate([bounds, upper, -lower]),
         equality,
         np.zeros(k) if k else None,
     )
@@ -59,12 +52,9 @@ def corner_program(rng, n, flat, far, extra):
 
 def check_optimality(program, x):
     """Check feasibility, and that multipliers of the right sign balance the gradient."""
-    n = len(x)
-    rows = np.concatenate([program.rows, np.eye(n), -np.eye(n)])
-    bounds = np.concatenate([program.bounds, program.upper, -program.lower])
-    room = bounds - rows @ x
+    room = program.bounds - program.rows @ x
     assert room.min() >= -1e-8
-    columns, low = [rows[room < 1e-7].T], [np.zeros((room < 1e-7).sum())]
+    columns, low = [program.rows[room < 1e-7].T], [np.zeros((room < 1e-7).sum())]
     if program.equality is not None:
         assert program.equality @ x == pytest.approx(program.target, abs=1e-8)
         columns.append(program.equality.T)
@@ -86,7 +76,7 @@ def test_solution_is_of_any_size_and_rows_of_any_length(size, length):
         row, bound = rng.standard_normal(5), -rng.uniform(0.5, 2.0) * size
         rows = length * np.stack([row, rng.standard_normal(5)])
         bounds = length * np.array([bound, np.inf])
-        program = QuadraticProgram(np.eye(5), np.zeros(5), rows, bounds, *free(5)[2:])
+        program = QuadraticProgram(np.eye(5), np.zeros(5), rows, bounds)
         # The nearest point of the half-plane.
         assert solve_qp(program) == pytest.approx(row * bound / (row @ row), rel=1e-9)
 
@@ -126,11 +116,12 @@ def test_equalities_of_full_rank_determine_the_solution(bound, expected, capfd):
 def test_contradicting_constraints_have_no_solution():
     rows = np.array([[1.0, 0.0], [-1.0, 0.0]])
     bounds = np.array([-1.0, -1.0])
-    assert solve_qp(QuadraticProgram(np.eye(2), np.ones(2), rows, bounds, *free(2)[2:])) is None
+    assert solve_qp(QuadraticProgram(np.eye(2), np.ones(2), rows, bounds)) is None
 
 
 def test_a_non_convex_cost_has_no_solution():
-    assert solve_qp(QuadraticProgram(np.diag([1.0, -1.0]), np.ones(2), *free(2))) is None
+    rows, bounds = np.zeros((0, 2)), np.zeros(0)
+    assert solve_qp(QuadraticProgram(np.diag([1.0, -1.0]), np.ones(2), rows, bounds)) is None
 
 
 @robots.examples(200)

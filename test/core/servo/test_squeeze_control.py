@@ -106,6 +106,14 @@ def test_deviation_of_the_squeeze_grows_with_that_of_the_zeros(deviation):
     assert loop.control.squeeze is None
 
 
+@pytest.mark.parametrize(('zeros', 'reduced'), [(1e-3, True), (4e-2, False)])
+def test_only_a_known_squeeze_is_reduced(zeros, reduced):
+    loop = Loop(more=0.6, zeros=zeros)
+    first = loop.squeeze
+    loop.run((0.02, 0.0, 0.0), 3.0)
+    assert loop.squeeze == pytest.approx(loop.target if reduced else 0.92 * first, rel=0.02)
+
+
 @pytest.mark.parametrize('size', [1e-3, 1e-2])
 def test_corrected_offsets_agree_with_attaching_again(size):
     loop = Loop()

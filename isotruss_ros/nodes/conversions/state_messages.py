@@ -1,17 +1,21 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Conversion of state estimates to messages and from messages."""
+"""Conversion of state estimates and of held grips to messages and from messages."""
 
 from __future__ import annotations
 
 from geometry_msgs.msg import Point
+from isotruss_msgs.msg import HeldGrip as HeldGripMessage
 from isotruss_msgs.msg import StateEstimate as StateEstimateMessage
 from isotruss_ros.core import Pose, Robot
 from isotruss_ros.core.estimation.state_estimate import EstimatedTravel, StateEstimate
+from isotruss_ros.core.holding.contact_forces import Places, PressedContacts
+from isotruss_ros.core.holding.grip_record import GripRecord
 from isotruss_ros.nodes.conversions.messages import (
     check_frame,
     make_header,
+    MAX_DISTANCE,
     MessageError,
     to_pose_message,
 )
@@ -24,12 +28,7 @@ MAX_OFFSET = 1.0
 
 
 def to_estimate_message(estimate: StateEstimate, robot: Robot) -> StateEstimateMessage:
-    """
-    Return the message of an estimate.
-
-    :param estimate: estimate of the state.
-    :param robot: the robot.
-    """
+    """Convert a state estimate to a message."""
     message = StateEstimateMessage(
         roller_names=list(robot.roller_names),
         travel=estimate.travel.tolist(),
@@ -58,10 +57,8 @@ def to_estimate_message(estimate: StateEstimate, robot: Robot) -> StateEstimateM
 
 def read_estimate(message: StateEstimateMessage, robot: Robot) -> EstimatedTravel:
     """
-    Return the roller offsets and their covariance from a message, for a control loop.
+    Return the roller offsets and their covariance in a message of the estimator.
 
-    :param message: message of the topic `state_estimate`.
-    :param robot: the robot.
     :raises MessageError: the message has another frame or other rollers, or an offset or
         covariance is not finite.
     """
@@ -83,3 +80,61 @@ def read_estimate(message: StateEstimateMessage, robot: Robot) -> EstimatedTrave
             f'{len(names) ** 2} finite numbers'
         )
     return EstimatedTravel(offsets, covariance.reshape(len(names), len(names)))
+
+
+def to_grip_message(record: GripRecord, robot: Robot, when: float) -> HeldGripMessage:
+    """
+    Convert the record of a held grip to a message.
+
+    :param when: time at which the grip was computed [s].
+    """
+    contacts = record.contacts
+    before, behind = contacts.cuts.T.tolist()
+    return HeldGripMessage(
+        header=make_header(when, robot.frame),
+        travel=record.travel.tolist(),
+        pressures=record.pressures or (),
+        members=[robot.member_names[number] for number in contacts.members.tolist()],
+        corners=contacts.corners.tolist(),
+        before=before,
+        behind=behind,
+        unknowns=record.unknowns.tolist(),
+    )
+
+
+def read_grip(message: HeldGripMessage, robot: Robot) -> GripRecord:
+    """
+    Return the record of a held grip in a message.
+
+    :raises MessageError: the message has another frame, contacts that the robot cannot have, lists
+        of different lengths, or values that are not finite.
+    """
+    check_frame('held grip', message.header, robot.frame)
+    names, count = robot.member_names, len(message.members)
+    known = [names.index(name) for name in message.members if name in names]
+    if len(known) < count or known != sorted(known) or len(set(known)) < 2:
+        raise MessageError(
+            f'held grip by members {", ".join(message.members)}: must be two or more of robot '
+            f'{robot.name}, in its order'
+        )
+    sizes = {
+        'travel': len(robot.roller_names),
+        'pressures': len(robot.description.pressures) if message.pressures else 0,
+        'corners': count,
+        'before': count,
+        'behind': count,
+        'unknowns': Places.of(count).size,
+    }
+    for name, size in sizes.items():
+        values = np.array(getattr(message, name), dtype=float)
+        # The reach of a contact on a corner is infinite.
+        least, most = (0.0, np.inf) if name[:2] == 'be' else (-MAX_DISTANCE, MAX_DISTANCE)
+        if len(values) != size or not ((least <= values) & (values <= most)).all():
+            raise MessageError(
+                f'held grip with {name} {values.tolist()}: must be {size} numbers from {least:g} '
+                f'to {most:g}'
+            )
+    cuts = np.column_stack([message.before, message.behind])
+    contacts = PressedContacts(np.array(known), np.array(message.corners, dtype=np.intp), cuts)
+    pressures = tuple(message.pressures) or None
+    return GripRecord(np.array(message.travel), contacts, np.array(message.unknowns), pressures)

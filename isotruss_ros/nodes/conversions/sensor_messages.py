@@ -1,31 +1,71 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Reading of roller states and tube pressures from messages."""
+"""Reading of roller states, tube pressures and measured joint positions from messages."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
+from geometry_msgs.msg import Transform
 from isotruss_ros.core import Robot
 from isotruss_ros.core.errors import quote, StructureError
-from isotruss_ros.core.inputs import RollerState
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.statics.section import tube_pressures
-from isotruss_ros.nodes.conversions.messages import MAX_DISTANCE, MessageError
+from isotruss_ros.nodes.conversions.messages import check_place, MAX_DISTANCE, MessageError
 import numpy as np
-from sensor_msgs.msg import FluidPressure, JointState
+from sensor_msgs.msg import FluidPressure, JointState, MultiDOFJointState
 
 #: Largest valid roller speed [m/s]; larger values come from a broken sensor.
 MAX_SPEED = 10.0
 
 
+def read_joint_markers(
+    message: MultiDOFJointState, robot: Robot
+) -> dict[str, tuple[float, float, float]]:
+    """
+    Return the position (x, y, z) in the message's frame for each joint name [m].
+
+    :raises MessageError: the numbers of names and transforms differ, a joint is unknown or
+        repeated, or a position is not finite.
+    """
+    if len(message.joint_names) != len(message.transforms):
+        raise MessageError(
+            f'joint markers: {len(message.joint_names)} names and {len(message.transforms)} '
+            'transforms: must be as many'
+        )
+    known, found = robot.topology.joint_names, {}
+    for name, transform in zip(message.joint_names, message.transforms, strict=True):
+        if name not in known or name in found:
+            raise MessageError(
+                f'joint marker {quote(name)}: must be one of {", ".join(known)}, each once'
+            )
+        place = transform.translation
+        check_place(f'joint marker {name}', place.x, place.y)
+        found[name] = place.x, place.y, place.z
+    return found
+
+
+def to_joint_markers(joints: Mapping[str, Sequence[float]]) -> MultiDOFJointState:
+    """
+    Convert measured joint positions to a message with an empty header.
+
+    :param joints: position (x, y) for the name of each joint [m].
+    """
+    message = MultiDOFJointState(joint_names=list(joints))
+    for x, y in joints.values():
+        transform = Transform()
+        transform.translation.x, transform.translation.y = float(x), float(y)
+        message.transforms.append(transform)
+    return message
+
+
 def read_roller_part(message: JointState, names: Sequence[str]) -> dict[int, tuple[float, float]]:
     """
-    Return travel [m] and speed [m/s] of the rollers in a message, by roller index.
+    Return travel [m] and speed [m/s] for the index of each roller in a message.
 
-    Joints that are no rollers are ignored; a message without rollers gives an empty result. A
-    speed that is missing, or NaN as from a broadcaster without a measurement, is read as zero.
+    Joints that are no rollers are ignored, so the result may be empty. A speed that is missing or
+    NaN is replaced by zero; some broadcasters send NaN if the speed is not measured.
 
     :param message: joint states, in any order.
     :param names: names of the rollers.
@@ -68,31 +108,14 @@ def read_roller_part(message: JointState, names: Sequence[str]) -> dict[int, tup
     return dict(zip(found, read, strict=True))
 
 
-def read_roller_state(message: JointState, names: Sequence[str]) -> RollerState:
-    """
-    Return travel (r,) [m] and speeds (r,) [m/s] of all rollers in a message.
-
-    :param message: joint states, see `read_roller_part`.
-    :param names: names of the rollers, in the order of the result.
-    :raises MessageError: a roller is missing, or `read_roller_part` raises the error.
-    """
-    part = read_roller_part(message, names)
-    missing = [name for number, name in enumerate(names) if number not in part]
-    if missing:
-        raise MessageError(
-            f'joint states: rollers {", ".join(missing)} are missing; must name {", ".join(names)}'
-        )
-    values = np.array([part[number] for number in range(len(names))])
-    return RollerState(values[:, 0], values[:, 1])
-
-
 def read_tube_pressure(message: FluidPressure, robot: Robot, ambient: float) -> tuple[str, float]:
     """
     Return the name of a tube and its gauge pressure [Pa] from a message.
 
-    :param message: message of the topic `tube_pressures`, with the tube in `header.frame_id`.
-    :param robot: the robot.
-    :param ambient: ambient pressure that is subtracted [Pa]; 0 if the message has gauge pressure.
+    :param message: message of the topic `tube_pressures`, with the name of the tube in
+        `header.frame_id`.
+    :param ambient: ambient pressure that is subtracted [Pa]; 0 if the message contains a gauge
+        pressure.
     :raises MessageError: the tube is unknown, or the pressure is not positive.
     """
     known, tube = tuple(robot.description.pressures), message.header.frame_id
