@@ -40,8 +40,10 @@ from sensor_msgs.msg import JointState
 PACKAGE = str(Path(isotruss_ros.__file__).parent)
 MODULE, DIAMETER, PERIOD, TWIST = 'east/Q', 0.3, 0.005, (0.02, 0.03, 0.1)
 ROBOT = core.load_robot('nine_member')
-#: Object that indents the two sides of the module.
-DISC = core.ConvexObject.disc(core.tangent_center(ROBOT.home, MODULE, DIAMETER, 0.002), DIAMETER)
+#: Object pressed into the corner at the module.
+PRESSED = core.ConvexObject.disc(
+    core.tangent_center(ROBOT.home, MODULE, DIAMETER, 0.002), DIAMETER
+)
 #: Number of cycles after which the rollers have accelerated to the twist [-].
 CYCLES = 60
 
@@ -123,7 +125,7 @@ def node_tick() -> tuple[list[str], int]:
     paths = []
     for step in range(CYCLES):
         header, travel = messages.make_header(node.now(), ROBOT.frame), 1e-6 * step
-        pose = messages.to_pose_message(DISC.pose._replace(y=DISC.pose.y - 0.002 + travel))
+        pose = messages.to_pose_message(PRESSED.pose._replace(y=PRESSED.pose.y - 0.002 + travel))
         given = {
             'cmd_vel': messages.to_twist_message(TWIST),
             'joint_states': JointState(
@@ -140,19 +142,20 @@ def node_tick() -> tuple[list[str], int]:
 
 def closure() -> tuple[list[str], int]:
     """Trace one analysis of a grasp in a new configuration."""
-    core.analyze_grasp(ROBOT.home, DISC)
+    core.analyze_grasp(ROBOT.home, PRESSED)
     config = ROBOT.configuration(np.full(len(ROBOT.roller_names), 1e-5))
-    return trace(lambda: core.analyze_grasp(config, DISC))
+    return trace(lambda: core.analyze_grasp(config, PRESSED))
 
 
 def analysis_cycle() -> tuple[list[str], int]:
     """Trace one analysis of the grasp monitor after some cycles."""
-    monitor = GraspMonitor(ROBOT, GraspQuery((), DISC, 0.5, (0.0, 0.0, 0.0), 0.005), 0.5)
+    monitor = GraspMonitor(ROBOT, GraspQuery((), PRESSED, 0.5, (0.0, 0.0, 0.0), 0.005), 0.5)
     for step in range(5):
         positions = np.full(len(ROBOT.roller_names), 1e-5 * step)
         rollers = RollerState(positions, np.zeros(len(positions)))
         monitor.rollers = StampedInput(rollers, float(step))
-        monitor.pose = StampedInput(DISC.pose._replace(y=DISC.pose.y - 1e-5 * step), float(step))
+        pose = PRESSED.pose._replace(y=PRESSED.pose.y - 1e-5 * step)
+        monitor.pose = StampedInput(pose, float(step))
         traced = trace(lambda step=step: monitor.report(float(step)))
     assert monitor.report(4.0).code is GraspCode.OK
     return traced
