@@ -151,7 +151,7 @@ class GraspAnalysisNode(ManagedNode):
         if report.code is not GraspCode.OK:
             self.warn(report.code.name, words)
         status = words if report.grasp is None else report.message or 'analysing'
-        self.diagnostics.set_status(level, status)
+        self.diagnostics.set_status(status, level)
         self._draw(report)
 
     def _publish_forces(self, when: float, settled: SettledGrasp) -> None:

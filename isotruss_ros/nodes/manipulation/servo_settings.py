@@ -206,6 +206,6 @@ class StatusReport:
         text = decision.message or status.name
         if decision.failed:
             text = f'failed rollers: {", ".join(decision.failed)}; {text}'
-        self._node.diagnostics.set_status(level, text)
+        self._node.diagnostics.set_status(text, level)
         if level != DiagnosticStatus.OK:
             self._node.warn(status.name, f'{status}: {text}')
