@@ -149,7 +149,7 @@ def closure() -> tuple[list[str], int]:
 
 
 def analysis_cycle() -> tuple[list[str], int]:
-    """Trace one analysis of the grasp monitor after some cycles."""
+    """Trace one analysis of the grasp monitor, after some cycles that are not traced."""
     robot = core.load_robot('nine_member')
     x, y = core.tangent_center(robot.home, MODULE, DIAMETER, 0.002)
     disc = core.ConvexObject.disc((x, y), DIAMETER)
