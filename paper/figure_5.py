@@ -145,7 +145,7 @@ def find_onset(
 
     def reserve(factor: float) -> float:
         bent = bend(factor)
-        forces = bent.end_forces, bent.forces.pull
+        forces = bent.end_forces, bent.forces.values[:, 0]
         return 1.0 - float(find_utilisation(structure, frame, *forces).used.max())
 
     factor = scipy.optimize.brentq(reserve, 0.0, path.factors[-1])

@@ -20,7 +20,7 @@ from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import FixedSpec
-from isotruss_ros.nodes.framework.sensors import Inputs, TrackedShape
+from isotruss_ros.nodes.framework.sensors import Inputs
 from isotruss_ros.nodes.framework.single_goal import BusyError, SingleGoal
 
 SPECS = (
@@ -50,8 +50,7 @@ class GraspPlanner(ManagedNode):
         """Subscribe to the joint states, and offer the action."""
         self._described = common.read_described(self.values)
         self._searcher = Searcher(self.values.workers)
-        self._shape = TrackedShape(self.robot, self.values.command_timeout)
-        self.inputs = Inputs(self, self.robot, self._shape)
+        self.inputs = Inputs(self, self.robot)
         self.inputs.keep('rollers', 'estimate')
         # Exists while the node is inactive as well, so that a goal that ends then gets its result.
         self._goal = SingleGoal(
@@ -88,9 +87,6 @@ class GraspPlanner(ManagedNode):
             return searching  # type: ignore[return-value]
         return {**searching, 'evaluations': progress.evaluations, 'grasps found': progress.found}
 
-    def _apply(self) -> None:
-        self._shape.timeout = self.values.command_timeout
-
     # -- The action --
 
     def _read(self, goal: PlanGrasp.Goal) -> tuple[Any, ...]:
@@ -98,7 +94,7 @@ class GraspPlanner(ManagedNode):
         if self._goal.active:
             raise BusyError('another search is running: cancel it, or wait for its end')
         arguments = read_goal(goal, self.robot, self._described)
-        return self._shape.configuration(self.now()), *arguments
+        return self.inputs.configuration(self.now()), *arguments
 
     def _refuse(self, error: IsotrussError) -> PlanGrasp.Result:
         missing = isinstance(error, InputError | ConfigurationError)
@@ -114,7 +110,7 @@ class GraspPlanner(ManagedNode):
 
     def _poll(self) -> None:
         """Publish feedback of the search, or end the goal with its result."""
-        self._shape.track()
+        self.inputs.track()
         answer = self._searcher.answer()
         if answer is not None:
             self._end(answer)

@@ -58,7 +58,6 @@ class JointMarkers:
         """
         Return the mean joint positions over the averaging time.
 
-        :param now: time on the clock of the stamps [s].
         :raises MeasurementError: no message of a topic arrives, or the rollers move.
         """
         self.inputs.settle()

@@ -126,11 +126,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
                 self.deactivate()
 
     def fail(self, error: Exception) -> None:
-        """
-        Deactivate the node after an uncaught error in a callback; the node is then unconfigured.
-
-        :param error: error, which is logged and reported.
-        """
+        """Deactivate the node after an uncaught error in a callback; it is then unconfigured."""
         traceback.print_exception(error)
         self._record_failure('run', error)
         if self.active:

@@ -48,7 +48,6 @@ class SingleGoal:
 
     :ivar kind: type of the action.
     :ivar client: detector for the loss of the goal's client; None if goals are not supervised.
-    :param node: node that offers the action until it is destroyed.
     :param kind: type of the action.
     :param name: relative name of the action.
     :param read: function that checks a goal and converts it before it is accepted. It raises

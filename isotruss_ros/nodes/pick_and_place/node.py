@@ -10,13 +10,11 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from isotruss_msgs.action import MoveObject, PickObject, PlaceObject
-from isotruss_msgs.msg import GraspState
 from isotruss_ros.core import IsotrussError
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.inputs import InputError
 from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
-from isotruss_ros.nodes.framework.gate import Topic
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.sensors import Inputs
 from isotruss_ros.nodes.framework.single_goal import BusyError, SingleGoal
@@ -46,10 +44,9 @@ class PickAndPlace(ManagedNode):
 
     def configure(self) -> None:
         """Create clients and subscriptions, and offer the actions."""
-        sequences = self._sequences = GraspSequences(self, self.robot)
-        self.inputs = Inputs(self, self.robot, sequences)
-        self.inputs.keep('rollers', 'estimate', 'pose', 'held_grip')
-        self.inputs.keep_topic('grasp', Topic(GraspState, 'grasp/state', lambda state: state))
+        self.inputs = Inputs(self, self.robot)
+        self.inputs.keep('rollers', 'estimate', 'pose', 'held_grip', 'grasp')
+        sequences = self._sequences = GraspSequences(self, self.robot, self.inputs)
         # Exists while the node is inactive as well, so that a goal that ends then gets its result.
         self._actions = [
             self._offer(PickObject, 'pick_object', sequences.check_pick, sequences.pick),
@@ -80,10 +77,6 @@ class PickAndPlace(ManagedNode):
     @property
     def _goal(self) -> SingleGoal | None:
         return next((action for action in self._actions if action.active), None)
-
-    def _apply(self) -> None:
-        """Use the new value of the parameter `command_timeout`."""
-        self._sequences.timeout = self.values.command_timeout
 
     def _offer(
         self, kind: Any, name: str, check: Callable[[Any], None], sequence: Callable[[Any], Steps]
@@ -117,7 +110,7 @@ class PickAndPlace(ManagedNode):
     def _tick(self) -> None:
         """Resume the sequence; if it ends, end the goal."""
         self.inputs.settle()
-        self._sequences.track()
+        self.inputs.track()
         course = self._course
         if course is None:
             return

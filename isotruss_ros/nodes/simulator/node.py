@@ -79,7 +79,8 @@ class Simulator(ManagedNode):
                 raise ParameterError(
                     f'parameter recording: {path!r}: must be empty unless plant is mujoco'
                 )
-            self._recorder = PlantRecorder(self._plant.plant, Path(path))  # type: ignore[union-attr]
+            plant = self._plant.plant  # type: ignore[union-attr]
+            self._recorder = PlantRecorder(plant, Path(path))
         self._sensors = SimulatedSensors(self, self.robot, values)
         self._truth = SimulatedTruth(self, self.robot)
 

@@ -38,11 +38,7 @@ class SimulatedTruth:
         self._forces = make(WrenchStamped, 'truth/contact_forces', EVENTS)
 
     def publish(self, now: float, plant: Plant) -> None:
-        """
-        Publish the true states on the topics that have subscribers.
-
-        :param now: current time of the simulated robot [s].
-        """
+        """Publish the true states on the topics that have subscribers."""
         header = make_header(now, self._robot.frame)
         if self._pose.get_subscription_count():
             self._pose.publish(PoseStamped(header=header, pose=to_pose_message(plant.object_pose)))

@@ -37,7 +37,6 @@ def make_calls(calls: Calls, answer: Any = None) -> None:
     """
     Make the next service call of a sequence; its response triggers the call after it.
 
-    :param calls: sequence of calls.
     :param answer: response of the previous call; None before the first.
     """
     try:
