@@ -148,7 +148,7 @@ def closure() -> tuple[list[str], int]:
 
 
 def analysis_cycle() -> tuple[list[str], int]:
-    """Trace one analysis of the grasp monitor after some cycles."""
+    """Trace one analysis of the grasp monitor, after some cycles that are not traced."""
     monitor = GraspMonitor(ROBOT, GraspQuery((), PRESSED, 0.5, (0.0, 0.0, 0.0), 0.005), 0.5)
     for step in range(5):
         positions = np.full(len(ROBOT.roller_names), 1e-5 * step)

@@ -143,7 +143,7 @@ def solve_step(state: SearchState, closing: Closing, targets: Array, share: floa
     )
     if found is None:
         raise SolverError(
-            'no step of the rollers keeps the bounds; '
+            'no step of the rollers fulfils the bounds; '
             'the configuration is probably close to a singular one'
         )
     return found

@@ -85,8 +85,8 @@ class PickAndPlace(ManagedNode):
         def read(goal: Any) -> Any:
             if (running := self._goal) is not None:
                 raise BusyError(
-                    f'{running.kind.__name__} is carried out, for '
-                    f'{self.now() - self._began:.0f} s now: cancel it, or wait for its end'
+                    f'{running.kind.__name__} has been executed for '
+                    f'{self.now() - self._began:.0f} s: cancel it, or wait for its end'
                 )
             check(goal)
             return goal

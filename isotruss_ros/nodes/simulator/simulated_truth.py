@@ -67,7 +67,7 @@ class ClockSource:
     def __init__(self, node: ManagedNode, rate: float, speed: float) -> None:
         if not node.get_parameter('use_sim_time').value:
             raise ParameterError(
-                f'parameter clock_speed: {speed:g}: must be 0 where use_sim_time is false'
+                f'parameter clock_speed: {speed:g}: must be 0 if use_sim_time is false'
             )
         self._step = round(1e9 / rate)
         # Continues from the last active time.
