@@ -46,12 +46,7 @@ SPECS = (
     common.PRESSURE_TIMEOUT,
     common.AMBIENT_PRESSURE,
     # Lower bound: memory grows with the square of the number of points.
-    Spec(
-        'spacing',
-        0.005,
-        'Spacing of the contact points along the tubes [m]',
-        (0.002, 0.1),
-    ),
+    Spec('spacing', 0.005, 'Spacing of the contact points along the tubes [m]', (0.002, 0.1)),
     Spec(
         'paper_model',
         False,

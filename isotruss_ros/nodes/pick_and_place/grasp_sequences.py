@@ -208,8 +208,7 @@ class GraspSequences:
         if found is not None and found.held:
             members = ', '.join(found.grasping_members)
             raise StepError(
-                StepOutcome.BAD_GOAL,
-                f'the object is held already, by {members}: place it first',
+                StepOutcome.BAD_GOAL, f'the object is held already, by {members}: place it first'
             )
 
     def _plan_grasp(self, goal: PickObject.Goal, lay: PoseStamped) -> Steps:
@@ -257,9 +256,7 @@ class GraspSequences:
         moved = math.hypot(x, y)
         way = f'{1e3 * moved:.3g} mm and {math.degrees(turned):+.2g}°'
         return PlaceObject.Result(
-            message=f'free, {way} from where it was held',
-            displacement=moved,
-            rotation=turned,
+            message=f'free, {way} from where it was held', displacement=moved, rotation=turned
         )
 
     def move(self, goal: MoveObject.Goal) -> Steps:
