@@ -19,6 +19,7 @@ from dataclasses import replace
 import math
 from typing import NamedTuple
 
+from isotruss_ros.core.estimation.belief import FALSE_ALARM_PROBABILITY
 from isotruss_ros.core.estimation.contact_walk import ContactWalk
 from isotruss_ros.core.estimation.offset_filter import SLIP_LENGTH
 from isotruss_ros.core.estimation.pose_noise import PoseNoise, PRIOR_DEVIATIONS
@@ -36,22 +37,20 @@ from isotruss_ros.core.model.pose import Pose, pose_difference
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.safety.usage_limits import UsageLimits
 import numpy as np
+from scipy.special import chdtri
 
 #: Random walk of the unexplained pose as a fraction of the object's motion, and of the contacts as
 #: a fraction of roller travel, both with the correlation length `SLIP_LENGTH` [-].
 POSE_WALK, CONTACT_SLIP = 0.03, 0.02
-#: Prior standard deviations of the unexplained pose, apart from the effect of wrong offsets, and
-#: of shifts of contacts if friction does not limit them [m].
-POSE_DEVIATION, ANY = 0.0005, 0.1
 #: Prior standard deviation of the time by which poses are older than their stamps say [s].
 DELAY_DEVIATION = 0.03
 #: Number of poses after which the equilibrium is searched again [-].
 FIRST_POSES = 15
 #: Interval over which the object's velocity is measured [s].
 SPEED_TIME = 0.05
-#: Number of standard deviations [-]: a pose is inconsistent if its innovation is larger (one of
-#: 60000 valid poses is), and contacts have slipped if corrections and load are larger.
-MAX_DEVIATIONS = 5.0
+#: Number of standard deviations [-]: a pose (3 degrees of freedom) is inconsistent if its
+#: innovation is larger, and contacts have slipped if corrections and load are larger.
+MAX_DEVIATIONS = math.sqrt(chdtri(3, FALSE_ALARM_PROBABILITY))
 #: Gauge pressure of each tube (t,) [Pa]; None: as in the robot file.
 Pressures = tuple[float, ...] | None
 #: Indices of load, unexplained pose and delay in the state, and first index of the contacts'
@@ -377,12 +376,12 @@ class GripBelief:
     def _initialise(self) -> Array:
         """Set the prior covariance, and update it for a pose; return the Kalman gain (n, 3)."""
         rates, variances = self._rates.pose, np.diag(self._covariance).copy()
-        variances[LOAD], variances[BIAS] = self.settings.load**2, POSE_DEVIATION**2
+        variances[LOAD], variances[BIAS] = self.settings.load**2, self.settings.pose_error**2
         variances[SHIFTS:] = self._shift_deviations() ** 2
         self._covariance, self._sensitivity[:] = np.diag(variances), 0.0
         # Wrong offsets and stiffness explain what shifts within the friction do not.
         shifted = rates[:, SHIFTS:] * variances[SHIFTS:] @ rates[:, SHIFTS:].T
-        own = POSE_DEVIATION**2 * np.eye(3)
+        own = self.settings.pose_error**2 * np.eye(3)
         left = np.linalg.solve(shifted + own, own).T @ self._considered_rates.pose
         self._covariance[BIAS, BIAS] += left @ self._considered @ left.T
         return self._condition(rates, np.diag(self.noise.variances))
@@ -394,7 +393,8 @@ class GripBelief:
         presses, rubs = (members.T @ f for f in np.split(grasp.state.forces, 2))
         left = np.maximum(self._friction * presses - np.abs(rubs), 0.1 * most)
         rates = np.diag(members.T @ self._anchored[grasp.state.places.friction] @ members)
-        return np.minimum(2.0 * left / np.maximum(np.abs(rates), left / ANY), ANY)
+        size = grasp.arm  # the bound where friction does not limit shifts
+        return np.minimum(2.0 * left / np.maximum(np.abs(rates), left / size), size)
 
     def _hold(self, grasp: HeldGrip) -> HoldStatus:
         """Return the hold status of an equilibrium; `UNSTABLE` if it has no response to loads."""
@@ -534,7 +534,7 @@ class GripBelief:
     def _resize(self, size: int) -> None:
         """Reset the shifts of the contacts to their prior after the number of members changed."""
         before, sensitivity = self._covariance, self._sensitivity
-        self._covariance = ANY**2 * np.eye(size)
+        self._covariance = self._even[2] ** 2 * np.eye(size)
         self._covariance[:SHIFTS, :SHIFTS] = before[:SHIFTS, :SHIFTS]
         self._sensitivity = np.zeros((size, sensitivity.shape[1]))
         self._sensitivity[:SHIFTS] = sensitivity[:SHIFTS]

@@ -32,8 +32,8 @@ class EstimatorSettings:
     :ivar joint_error: model error of the joint positions, and mounting offset of each marker [m].
     :ivar marker_shift: common shift of all markers [m].
     :ivar marker_turn: common rotation of all markers [rad].
-    :ivar pose_error: model error of the object's pose, rotations times the characteristic radius
-        [m].
+    :ivar pose_error: model error of the object's pose, rotations times the characteristic
+        radius, positive [m].
     :ivar squeeze_error: relative model error of the squeeze [-].
     """
 
