@@ -39,6 +39,11 @@ from sensor_msgs.msg import JointState
 
 PACKAGE = str(Path(isotruss_ros.__file__).parent)
 MODULE, DIAMETER, PERIOD, TWIST = 'east/Q', 0.3, 0.005, (0.02, 0.03, 0.1)
+ROBOT = core.load_robot('nine_member')
+#: Object pressed into the corner at the module.
+PRESSED = core.ConvexObject.disc(
+    core.tangent_center(ROBOT.home, MODULE, DIAMETER, 0.002), DIAMETER
+)
 #: Number of cycles after which the rollers have accelerated to the twist [-].
 CYCLES = 60
 
@@ -90,11 +95,10 @@ def trace(call: Callable[[], object]) -> tuple[list[str], int]:
 
 def control_cycle() -> tuple[list[str], int]:
     """Trace the shortest of the last cycles of the twist servo."""
-    robot = core.load_robot('nine_member')
-    center = core.tangent_center(robot.home, MODULE, DIAMETER)
-    grip = core.Grip.at_module(robot, MODULE, core.ConvexObject.disc(center, DIAMETER))
-    servo = core.TwistServo(robot, ServoSettings(grip, PERIOD, 0.2, failure_time=FAILURE_TIME))
-    held = core.RollingGrip.attach(robot.home, grip)
+    center = core.tangent_center(ROBOT.home, MODULE, DIAMETER)
+    grip = core.Grip.at_module(ROBOT, MODULE, core.ConvexObject.disc(center, DIAMETER))
+    servo = core.TwistServo(ROBOT, ServoSettings(grip, PERIOD, 0.2, failure_time=FAILURE_TIME))
+    held = core.RollingGrip.attach(ROBOT.home, grip)
     positions = held.config.roller_positions
     now, paths = 0.0, []
     for _ in range(CYCLES):
@@ -103,7 +107,7 @@ def control_cycle() -> tuple[list[str], int]:
             twist=StampedInput(TWIST, now),
             rollers=StampedInput(RollerState(positions, np.zeros(len(positions))), now - 0.002),
         )
-        held = held.moved_to(robot.configuration(positions))
+        held = held.moved_to(ROBOT.configuration(positions))
         servo.receive(pose=StampedInput(held.pose, now - 0.002))
         paths.append(trace(lambda now=now, found=found: found.append(servo.decide(now))))
         positions = positions + PERIOD * found[0].command.roller_velocities
@@ -116,18 +120,17 @@ def control_cycle() -> tuple[list[str], int]:
 def node_tick() -> tuple[list[str], int]:
     """Trace the shortest of the last ticks of `manipulation`, each with fresh messages."""
     rclpy.init()
-    values = {'grip_module': MODULE, 'failure_time': 0.0}
-    node = Manipulation([Parameter(name, value=value) for name, value in values.items()])
+    node = Manipulation([Parameter('grip_module', value=MODULE)])
     take = {each.topic_name.strip('/'): each.callback for each in node.subscriptions}
-    x, y = core.tangent_center(node.robot.home, MODULE, DIAMETER)
     paths = []
     for step in range(CYCLES):
-        header = messages.make_header(node.now(), node.robot.frame)
-        names, travel = node.robot.roller_names, 1e-6 * step
-        pose = messages.to_pose_message(core.Pose(x, y + 0.1 * travel, 0.0))
+        header, travel = messages.make_header(node.now(), ROBOT.frame), 1e-6 * step
+        pose = messages.to_pose_message(PRESSED.pose._replace(y=PRESSED.pose.y - 0.002 + travel))
         given = {
             'cmd_vel': messages.to_twist_message(TWIST),
-            'joint_states': JointState(header=header, name=names, position=[travel] * len(names)),
+            'joint_states': JointState(
+                header=header, name=ROBOT.roller_names, position=[travel] * 6
+            ),
             'object_pose': PoseStamped(header=header, pose=pose),
         }
         received = [partial(take[topic], message) for topic, message in given.items()]
@@ -139,26 +142,20 @@ def node_tick() -> tuple[list[str], int]:
 
 def closure() -> tuple[list[str], int]:
     """Trace one analysis of a grasp in a new configuration."""
-    robot = core.load_robot('nine_member')
-    cylinder = core.ConvexObject.disc(
-        core.tangent_center(robot.home, MODULE, DIAMETER, 0.002), DIAMETER
-    )
-    core.analyze_grasp(robot.home, cylinder)
-    config = robot.configuration(np.full(len(robot.roller_names), 1e-5))
-    return trace(lambda: core.analyze_grasp(config, cylinder))
+    core.analyze_grasp(ROBOT.home, PRESSED)
+    config = ROBOT.configuration(np.full(len(ROBOT.roller_names), 1e-5))
+    return trace(lambda: core.analyze_grasp(config, PRESSED))
 
 
 def analysis_cycle() -> tuple[list[str], int]:
-    """Trace one analysis of the grasp monitor after some cycles."""
-    robot = core.load_robot('nine_member')
-    x, y = core.tangent_center(robot.home, MODULE, DIAMETER, 0.002)
-    disc = core.ConvexObject.disc((x, y), DIAMETER)
-    monitor = GraspMonitor(robot, GraspQuery((), disc, 0.5, (0.0, 0.0, 0.0), 0.005), 0.5)
+    """Trace one analysis of the grasp monitor, after some cycles that are not traced."""
+    monitor = GraspMonitor(ROBOT, GraspQuery((), PRESSED, 0.5, (0.0, 0.0, 0.0), 0.005), 0.5)
     for step in range(5):
-        positions = np.full(len(robot.roller_names), 1e-5 * step)
+        positions = np.full(len(ROBOT.roller_names), 1e-5 * step)
         rollers = RollerState(positions, np.zeros(len(positions)))
         monitor.rollers = StampedInput(rollers, float(step))
-        monitor.pose = StampedInput(core.Pose(x, y - 1e-5 * step, 0.0), float(step))
+        pose = PRESSED.pose._replace(y=PRESSED.pose.y - 1e-5 * step)
+        monitor.pose = StampedInput(pose, float(step))
         traced = trace(lambda step=step: monitor.report(float(step)))
     assert monitor.report(4.0).code is GraspCode.OK
     return traced
@@ -197,14 +194,12 @@ def part_rows() -> list[tuple[str, ...]]:
 
 def tables() -> Iterator[Table]:
     """Yield the tables of the case."""
-    rows = []
-    for name, run in (
-        ('twist to roller command', control_cycle),
-        ('tick of the node: twist', node_tick),
-        ('closure by (10)', closure),
-        ('flag of the node: held', analysis_cycle),
-    ):
-        files, moves = run()
-        rows.append((name, f'{len(files)}', f'{moves}', ', '.join(files)))
+    walks = {
+        'twist to roller command': control_cycle(),
+        'tick of the node: twist': node_tick(),
+        'closure by (10)': closure(),
+        'flag of the node: held': analysis_cycle(),
+    }
+    rows = [(name, f'{len(w)}', f'{moves}', ', '.join(w)) for name, (w, moves) in walks.items()]
     yield Table('', ('walk', 'files', 'moves', 'the files'), rows)
     yield Table('', ('imports of', 'files', 'lines'), part_rows())

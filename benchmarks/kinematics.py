@@ -165,29 +165,22 @@ class PaperProgram:
         self.rollers_by_lengths = np.linalg.pinv(topology.incidence)
         self.tubes = (np.arange(1 + topology.tube.max())[:, None] == topology.tube).astype(float)
 
-    def _rows(self, state: State) -> tuple[Array, Array, Array]:
-        """Return R_tube, the rows of (20) above M, and M with rolling by node velocities."""
-        config = unprepared(state.config)
-        m = self.robot.topology.n_modules
-        matrix = config.matrix
-        lengths = matrix[:m]
-        task, rolling = task_rows(config, state.grip)
-        module = find_members(self.robot, state.grip.members).members[0]
-        roller = self.robot.topology.driven.searchsorted(module)
-        task[2] += rolling * (self.rollers_by_lengths[roller] @ lengths)
-        return lengths, np.vstack([self.tubes @ lengths, matrix[m:]]), task
-
     def solve_kkt(self, state: State, twist: Array) -> Array:
         """Return the solution of (11) with (20) as one dense linear system, by NumPy."""
-        lengths, fixed, task = self._rows(state)
-        equality = np.vstack([fixed, task])
+        config, topology = unprepared(state.config), self.robot.topology
+        lengths, fixed = np.split(config.matrix, [topology.n_modules])
+        task, rolling = task_rows(config, state.grip)
+        module = find_members(self.robot, state.grip.members).members[0]
+        roller = topology.driven.searchsorted(module)
+        task[2] += rolling * (self.rollers_by_lengths[roller] @ lengths)
+        equality = np.vstack([self.tubes @ lengths, fixed, task])
         k, n = equality.shape
         system = np.zeros((n + k, n + k))
         system[:n, :n] = lengths.T @ lengths
         system[n:, :n] = equality
         system[:n, n:] = equality.T
         right = np.zeros(n + k)
-        right[n + len(fixed) : n + len(fixed) + 3] = twist
+        right[-4:-1] = twist
         return self.rollers_by_lengths @ lengths @ np.linalg.solve(system, right)[:n]
 
 

@@ -4,15 +4,16 @@
 Success rate and time of quadratic programs, compared with other solvers.
 
 The programs come from walks along the bounds of configurations, and from grasp planning. They are
-varied: targets by 1 %, bounds by half of their values or to zero, so that many meet at a vertex,
-and equalities by a thousandth; one of ten equalities is almost parallel to another. A program
-counts as not solved if there is no result, if its violation exceeds 1e-7, or if another solver
-found a lower cost. x = 0 is always admissible.
+changed at random: targets by 1 %, bounds by half of their values or to zero, so that many meet at
+a vertex, and equalities by a thousandth; one of ten equalities is almost parallel to another. A
+program counts as not solved if there is no result, if its violation exceeds 1e-7, or if another
+solver found a lower cost. x = 0 is always admissible.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from copy import deepcopy
 
 from benchmarks.measuring import part, Table, timed
 from comparison import walks
@@ -36,7 +37,7 @@ def harvest() -> dict[str, list[QuadraticProgram]]:
 
         def record(problem: QuadraticProgram, name: str = name) -> Array | None:
             if len(kept[name]) < KEPT:
-                kept[name].append(QuadraticProgram(*(copied(part) for part in problem)))
+                kept[name].append(deepcopy(problem))
             return solve_qp(problem)
 
         module.solve_qp = record
@@ -46,11 +47,6 @@ def harvest() -> dict[str, list[QuadraticProgram]]:
     for diameter in (0.2, 0.25, 0.3, 0.35, 0.4):
         plan_grasps(home, ConvexObject.disc((0.0, -0.8), diameter), thorough=False)
     return kept
-
-
-def copied(part: Array | None) -> Array | None:
-    """Return a copy of an array of a program; None for None."""
-    return None if part is None else np.array(part)
 
 
 def varied(problem: QuadraticProgram, rng: np.random.Generator) -> QuadraticProgram:

@@ -46,12 +46,7 @@ SPECS = (
     common.PRESSURE_TIMEOUT,
     common.AMBIENT_PRESSURE,
     # Lower bound: memory grows with the square of the number of points.
-    Spec(
-        'spacing',
-        0.005,
-        'Spacing of the contact points along the tubes [m]',
-        (0.002, 0.1),
-    ),
+    Spec('spacing', 0.005, 'Spacing of the contact points along the tubes [m]', (0.002, 0.1)),
     Spec(
         'paper_model',
         False,
@@ -151,7 +146,7 @@ class GraspAnalysisNode(ManagedNode):
         if report.code is not GraspCode.OK:
             self.warn(report.code.name, words)
         status = words if report.grasp is None else report.message or 'analysing'
-        self.diagnostics.set_status(level, status)
+        self.diagnostics.set_status(status, level)
         self._draw(report)
 
     def _publish_forces(self, when: float, settled: SettledGrasp) -> None:

@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticStatus
 from isotruss_msgs.action import PlanGrasp
 from isotruss_ros.core import IsotrussError
 from isotruss_ros.core.errors import ConfigurationError
@@ -20,7 +19,7 @@ from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import FixedSpec
-from isotruss_ros.nodes.framework.sensors import Inputs, TrackedShape
+from isotruss_ros.nodes.framework.sensors import Inputs
 from isotruss_ros.nodes.framework.single_goal import BusyError, SingleGoal
 
 SPECS = (
@@ -44,14 +43,14 @@ class GraspPlanner(ManagedNode):
     node_name = 'grasp_planner'
     specs = SPECS
     awaited = ('plan_grasp',)
+    idle = 'no search'
     _searcher: Searcher | None = None
 
     def configure(self) -> None:
         """Subscribe to the joint states, and offer the action."""
         self._described = common.read_described(self.values)
         self._searcher = Searcher(self.values.workers)
-        self._shape = TrackedShape(self.robot, self.values.command_timeout)
-        self.inputs = Inputs(self, self.robot, self._shape)
+        self.inputs = Inputs(self, self.robot)
         self.inputs.keep('rollers', 'estimate')
         # Exists while the node is inactive as well, so that a goal that ends then gets its result.
         self._goal = SingleGoal(
@@ -66,7 +65,6 @@ class GraspPlanner(ManagedNode):
 
     def activate(self) -> None:
         """Accept goals from now on."""
-        self.diagnostics.set_status(DiagnosticStatus.OK, 'no search')
         create_steady_timer(self, POLLING_PERIOD, self._poll)
 
     def deactivate(self) -> None:
@@ -88,9 +86,6 @@ class GraspPlanner(ManagedNode):
             return searching  # type: ignore[return-value]
         return {**searching, 'evaluations': progress.evaluations, 'grasps found': progress.found}
 
-    def _apply(self) -> None:
-        self._shape.timeout = self.values.command_timeout
-
     # -- The action --
 
     def _read(self, goal: PlanGrasp.Goal) -> tuple[Any, ...]:
@@ -98,7 +93,7 @@ class GraspPlanner(ManagedNode):
         if self._goal.active:
             raise BusyError('another search is running: cancel it, or wait for its end')
         arguments = read_goal(goal, self.robot, self._described)
-        return self._shape.configuration(self.now()), *arguments
+        return self.inputs.configuration(self.now()), *arguments
 
     def _refuse(self, error: IsotrussError) -> PlanGrasp.Result:
         missing = isinstance(error, InputError | ConfigurationError)
@@ -110,11 +105,11 @@ class GraspPlanner(ManagedNode):
     def _begin(self, arguments: tuple[Any, ...]) -> None:
         """Start a search."""
         self._searcher.begin(*arguments)
-        self.diagnostics.set_status(DiagnosticStatus.OK, 'searching')
+        self.diagnostics.set_status('searching')
 
     def _poll(self) -> None:
         """Publish feedback of the search, or end the goal with its result."""
-        self._shape.track()
+        self.inputs.track()
         answer = self._searcher.answer()
         if answer is not None:
             self._end(answer)
@@ -133,4 +128,4 @@ class GraspPlanner(ManagedNode):
     def _end(self, answer: Answer) -> None:
         """End the goal with the result of the search."""
         result = to_result_message(answer, self.robot)
-        self._goal.report_end(answer.outcome, result, 'no search')
+        self._goal.report_end(answer.outcome, result)

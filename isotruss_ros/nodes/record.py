@@ -10,7 +10,7 @@ import contextlib
 import json
 from pathlib import Path
 import time
-from typing import TYPE_CHECKING
+from typing import Any, TYPE_CHECKING
 
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped, Twist, WrenchStamped
@@ -159,18 +159,11 @@ class Record(StoppableNode):
 def _describe_quality(profile: QoSProfile) -> dict[str, object]:
     """Return a quality of service as a mapping with the keys and values of rosbag2."""
 
-    def parts(duration: Duration) -> dict[str, int]:
-        seconds, nanoseconds = divmod(duration.nanoseconds, 10**9)
-        return {'sec': seconds, 'nsec': nanoseconds}
+    def plain(value: Any) -> object:
+        if isinstance(value, Duration):
+            seconds, nanoseconds = divmod(value.nanoseconds, 10**9)
+            return {'sec': seconds, 'nsec': nanoseconds}
+        return getattr(value, 'short_key', value)
 
-    return {
-        'history': profile.history.short_key,
-        'depth': profile.depth,
-        'reliability': profile.reliability.short_key,
-        'durability': profile.durability.short_key,
-        'deadline': parts(profile.deadline),
-        'lifespan': parts(profile.lifespan),
-        'liveliness': profile.liveliness.short_key,
-        'liveliness_lease_duration': parts(profile.liveliness_lease_duration),
-        'avoid_ros_namespace_conventions': profile.avoid_ros_namespace_conventions,
-    }
+    names = [slot.strip('_') for slot in QoSProfile.__slots__]
+    return {name: plain(getattr(profile, name)) for name in names}

@@ -193,7 +193,7 @@ class StateEstimatorNode(ManagedNode):
         except IsotrussError as error:
             bad = inputs.rollers is not None
             level = DiagnosticStatus.ERROR if bad else DiagnosticStatus.WARN
-            self.diagnostics.set_status(level, str(error))
+            self.diagnostics.set_status(str(error), level)
             return
         self._last = estimate
         self._estimates.publish(to_estimate_message(estimate, self.robot))
@@ -202,9 +202,8 @@ class StateEstimatorNode(ManagedNode):
         doubts = '; '.join(filter(None, found))
         if doubts:
             self.warn('doubts', doubts)
-        self.diagnostics.set_status(
-            DiagnosticStatus.WARN if doubts else DiagnosticStatus.OK, doubts or 'estimating'
-        )
+        level = DiagnosticStatus.WARN if doubts else DiagnosticStatus.OK
+        self.diagnostics.set_status(doubts or 'estimating', level)
 
 
 def _rejection(given: Input) -> str:

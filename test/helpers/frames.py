@@ -30,10 +30,14 @@ class LinearRows(NamedTuple):
         """Return no pairs, since the constraints are linear."""
         return (np.zeros(0, dtype=np.intp),) * 2
 
-    def linearize(self, points, displacements, multipliers):
-        """Return entries, violations and no stiffness."""
+    def linearize(self, points, displacements):
+        """Return entries and violations; there are no spans."""
         moved = displacements.ravel()[self.column] * self.value
-        return self.value, np.bincount(self.row, moved, minlength=self.count), self.pairs[0]
+        return self.value, np.bincount(self.row, moved, minlength=self.count), points[:0]
+
+    def curvature(self, spans, multipliers):
+        """Return no geometric stiffness."""
+        return spans.real
 
 
 def members(ends, axial, flexural, shear=np.inf, pins=()):

@@ -210,7 +210,7 @@ def endless(asked):
 UP = (0.0, 0.02, 0.0)
 BAD_GOALS = {
     'no poses': (FollowObjectPath.Goal(), 'two or more'),
-    'nowhere': (goal((0.0, 0.0, 0.0), begin=PROBED), 'must lead somewhere else'),
+    'nowhere': (goal((0.0, 0.0, 0.0), begin=PROBED), 'two or more must differ'),
     'frame': (goal(UP, begin=PROBED, frame='world'), "path in frame 'world': must be in 'truss'"),
     'frame of a pose': (elsewhere(goal(UP, begin=PROBED), 'map'), 'pose 1 of the path in frame'),
     'far': (goal(UP, begin=(0.0, 0.0, 0.3)), 'the path begins'),

@@ -35,7 +35,7 @@ class Client:
         self._client = ActionClient(w.probe, PlanGrasp, 'plan_grasp')
         self.until(self._client.server_is_ready)
         # The node has heard of the rollers when it says so.
-        self.until(lambda: w.nodes[1]._shape.rollers is not None)
+        self.until(lambda: w.nodes[1].inputs.rollers is not None)
 
     def until(self, what):
         """Spin until something holds."""

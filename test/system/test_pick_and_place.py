@@ -232,7 +232,7 @@ class Client:
             status, result = self.end(handle)
             if status == GoalStatus.STATUS_CANCELED:
                 assert 'cancelled' in result.message
-                assert 'is carried out, for ' in self.end(other)[1].message
+                assert 'has been executed for ' in self.end(other)[1].message
                 return
             assert status == GoalStatus.STATUS_SUCCEEDED, result.message
             self.end(other)

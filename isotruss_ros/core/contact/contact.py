@@ -64,14 +64,18 @@ def solve_contact(
     # Outside of the tangent at a point's foot is outside of the object: what solves the problem
     # for some normals is admissible for the next ones, which can but take less energy. These steps
     # settle therefore, if slowly; following the normals of those in contact makes them few.
-    for _ in range(MAX_STEPS):
-        forces, active = solve_complementarity(
-            contact_points.normal_compliance(normals), gaps, active
-        )
+    for step in range(MAX_STEPS):
+        pushes = []
+        # The contact of a similar problem is mostly that of this one.
+        if step > 0 or forces is None:
+            pressing, active = solve_complementarity(
+                contact_points.normal_compliance(normals), gaps, active
+            )
+            pushes.append(pressing * normals)
         places = np.flatnonzero(active)
         ahead = np.zeros_like(away)
         ahead[places] = _settle_normals(contact_points, places, normals, gaps[places], surface)
-        for push in (ahead, forces * normals):
+        for push in (ahead, *pushes):
             displacements = contact_points.displacements(push)
             left, turned, radii = surface.nearest(away + displacements)  # (5)
             # (6), (7): no force pulls, and none is tangential.
@@ -118,6 +122,7 @@ def _settle_normals(
         forces = pressing * local
         change = float(np.abs(turned - local).max())
         local, gaps = turned, left - (moved * turned.conj()).real
+        # What is left of it after the next step is negligible.
         if change < 0.01 * NEGLIGIBLE_SHARE:
             break
     return axis * forces

@@ -14,10 +14,6 @@ from isotruss_ros.core.statics.bent_tubes import BentTubes, Displaced
 from isotruss_ros.core.statics.structure import Structure
 import numpy as np
 
-#: Rate of convergence of the iteration for the bent tubes [1/m]. Each step moves the nodes by this
-#: rate times the previous step times the sum of the previous step and the motion since the
-#: compliance was computed.
-TUBE_CURVATURE = 15.0
 #: Smallest distance of a point from the end of its piece of tube, relative to the spacing [-].
 SHORTEST_SHARE = 0.2
 
@@ -62,7 +58,7 @@ class ContactPoints:
     ends: Array
     dents: Array
     bent: BentTubes | None = None
-    _kept: dict[bytes, Array] = field(default_factory=dict, init=False, repr=False)
+    _kept: dict[bytes, Array] = field(default_factory=dict, repr=False)
     _moves: dict[int, tuple] = field(default_factory=dict, init=False, repr=False)
 
     def pushed(self, push: Points) -> Array:
@@ -103,12 +99,12 @@ class ContactPoints:
             return self.bent.bent_to(None)
         moved, multipliers = (share * each for each in self.move(push))
         tangent = self.bent.tangent
-        _, pull = tangent.changed_forces(moved)
+        forces, _ = tangent.changed_forces(moved)
         displaced = Displaced(
             tangent.displacements + moved,
             tangent.multipliers + multipliers,
             np.zeros((len(push), 3)),
-            pull,
+            forces[:, 0],
         )
         return self.bent.bent_to(displaced)
 
@@ -132,13 +128,9 @@ class ContactPoints:
         )
 
     @property
-    def motion_since_factored(self) -> float:
-        """Return the largest motion of nodes since the compliance was computed [m]."""
-        return self._apart(self.bent)
-
-    def _apart(self, bent: BentTubes) -> float:
-        """Return the largest distance of a node between the factorised and another state [m]."""
-        return float(np.abs(bent.tangent.points - self.bent.tangent.factored.points).max())
+    def response_error(self) -> float:
+        """Return the relative error of the compliance, which was computed in another state [-]."""
+        return self.bent.tangent.response_error(self.bent.tangent)
 
     def lend(self, bent: BentTubes) -> bool:
         """
@@ -149,19 +141,19 @@ class ContactPoints:
         """
         alike = not bent.is_straight and bent.structure.pressures == self.bent.structure.pressures
         # Errors shrink a hundredfold by each motion.
-        near = alike and TUBE_CURVATURE * self._apart(bent) <= 0.01
+        near = alike and self.bent.tangent.response_error(bent.tangent) <= 0.01
         if near:
             bent.tangent.borrow(self.bent.tangent)
         return near
 
     def is_parallel(self, bent: BentTubes, spacing: float) -> bool:
         """
-        Return whether other points have the same spacing and the same number on each member.
+        Return whether other points have the same spacing and nearly the same places.
 
-        :param bent: the tubes linearised at the other points.
+        :param bent: the tubes linearised at the other points, to which the frame was lent.
         :param spacing: spacing of the other points [m].
         """
-        return spacing == self.spacing and np.array_equal(bent.frame.whole, self.bent.frame.whole)
+        return spacing == self.spacing and bent.tangent.chains is self.bent.tangent.chains
 
     def normal_compliance(self, normals: Points) -> Array:
         """
@@ -295,18 +287,16 @@ def find_contact_points(
 
 def _move(tubes: BentTubes, push: Points) -> tuple[Array, Array]:
     """Return the changes of displacements (n, 3) and constraint forces (c,) by forces."""
-    tangent, frame = tubes.tangent, tubes.frame
-    loads = np.zeros((len(frame.points), 3))
-    loads[frame.nodes, 0], loads[frame.nodes, 1] = push.real, push.imag
-    left = (loads.ravel() - tangent.carried)[:, None]
-    moved, multipliers = tangent.respond(left, -tangent.gaps[:, None])
-    return moved.reshape(-1, 3), multipliers[:, 0]
+    loads = np.zeros((len(tubes.frame.points), 3))
+    loads[tubes.frame.nodes, 0], loads[tubes.frame.nodes, 1] = push.real, push.imag
+    moved, multipliers = tubes.tangent.balance(loads.ravel())
+    return moved[..., 0], multipliers[:, 0]
 
 
 def _line(tubes: BentTubes, moved: Array) -> tuple[Points, Points]:
     """Return points (c,) on displaced tubes, and the directions (c,) of the tubes there."""
     tangent, nodes = tubes.tangent, tubes.frame.nodes
-    there = tangent.displacements[nodes, :2] + moved.reshape(-1, 3)[nodes, :2]
+    there = tangent.displacements[nodes, :2] + moved[nodes, :2]
     axis = tubes.axis * np.exp(1j * tangent.displacements[nodes, 2])
     return tubes.frame.points[nodes] + there @ (1.0, 1j), axis
 
@@ -325,12 +315,10 @@ def points_on_members(
     nodes, count, chains = frame.nodes, len(frame.nodes), tangent.chains
     # Unit loads on the ends of pieces, and what the state takes without loads.
     ends = np.concatenate([np.zeros(0, int), *(each.chains.ends.ravel() for each in chains)])
-    loads = np.zeros((len(tangent.carried), len(ends) + 1))
-    loads[ends, np.arange(len(ends))], loads[:, -1] = 1.0, -tangent.carried
-    gaps = np.zeros((len(tangent.gaps), len(ends) + 1))
-    gaps[:, -1] = -tangent.gaps
-    moved, _ = tangent.respond(loads, gaps)
-    points, axis = _line(tubes, moved[:, -1])
+    loads = np.zeros((3 * len(frame.points), len(ends)))
+    loads[ends, np.arange(len(ends))] = 1.0
+    moved, _ = tangent.balance(np.zeros(len(loads)), loads)
+    points, axis = _line(tubes, moved[..., -1])
     inside, spread = np.zeros((2, count, 2, count)), np.zeros((2, count, len(ends)))
     begin = 0
     for (_, inner, _), inverses, spreads, _ in chains:
@@ -356,7 +344,7 @@ def points_on_members(
         axis=axis,
         inside=inside,
         spread=spread,
-        ends=moved[ends, :-1],
+        ends=moved.reshape(len(loads), -1)[ends, :-1],
         dents=dents,
         bent=tubes,
     )

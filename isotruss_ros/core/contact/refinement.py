@@ -21,7 +21,6 @@ from isotruss_ros.core.contact.contact_points import (
     ContactPoints,
     ContactState,
     find_contact_points,
-    TUBE_CURVATURE,
 )
 from isotruss_ros.core.contact.flattening import Flattening
 from isotruss_ros.core.contact.grasp_analysis import SolvedContact
@@ -32,6 +31,7 @@ from isotruss_ros.core.numerics.arrays import Array, Flags, Points
 from isotruss_ros.core.numerics.tolerances import COINCIDENCE, MAX_SEARCH_STEPS, ROUNDING
 from isotruss_ros.core.statics.bent_tubes import BentTubes
 from isotruss_ros.core.statics.structure import Structure
+from isotruss_ros.core.statics.tangent import TUBE_CURVATURE
 import numpy as np
 
 #: Spacing of the points of the search, and their margin around a region, relative to the final
@@ -209,8 +209,7 @@ class _Search:
             return self.solver(points, surface, forces, _carry_over(before, points))
 
         division = _division(regions, self.spacing, self.budget)
-        within = limited & _touched(regions)
-        windows = np.where(within, regions + SEARCH * self.room, EVERYWHERE)
+        windows = self.windows(before, limited, self.spacing / division)
         solved = self._solve_bent(
             before.points,
             before.contact.push,
@@ -219,9 +218,24 @@ class _Search:
         found = solved.spans
         # A member whose contact has left its window may be touched elsewhere.
         inside = ((found + self.room - windows) * self.room <= 0.0).all()
-        fits = inside and (_touched(found) >= within).all()
+        fits = inside and (_touched(found) >= (limited & _touched(regions))).all()
         divided = self.budget is not None or division == _division(found, self.spacing)
         return solved, bool(fits) and divided
+
+    def windows(self, before: SolvedContact, limited: bool, spacing: float) -> Array:
+        """Return the intervals (m, 2) of new points on the members: of those before, if enough."""
+        points, regions = before.points, before.spans
+        touched = limited & _touched(regions)
+        found = np.where(touched, regions + SEARCH * self.room, EVERYWHERE)
+        if spacing == points.spacing:
+            # As many points are within half a spacing of them, if the object moves a little.
+            outer = spacing * np.array([-0.5, 0.5])
+            for member in np.flatnonzero(touched).tolist():
+                places = points.place[points.member == member]
+                own = places[[0, -1]] + outer
+                if ((regions[member] + self.room - own) * self.room <= 0.0).all():
+                    found[member] = own
+        return found
 
     def solve_everywhere(self) -> SolvedContact:
         """Solve with points on all tubes within reach, bent if they are in contact."""
@@ -268,9 +282,7 @@ class _Search:
         least = 1e-3 if self.budget is None else 0.1
         for _ in range(MAX_SEARCH_STEPS):
             distance = points.distance(contact.push)
-            ratio = max(
-                TUBE_CURVATURE * (distance + points.motion_since_factored), least, distance / last
-            )
+            ratio = max(TUBE_CURVATURE * distance + points.response_error, least, distance / last)
             reach = np.abs(contact.displacements).max(initial=0.0)
             settled = ratio * distance <= max(SETTLED_SHARE * reach, COINCIDENCE)
             shorter = ratio <= 0.5

@@ -45,9 +45,9 @@ from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.safety.usage_limits import UsageLimits
 import numpy as np
 
-#: Random walk of the unexplained pose as a fraction of the object's motion, and of the contacts as
-#: a fraction of roller travel, both with the correlation length `SLIP_LENGTH` [-].
-POSE_WALK, CONTACT_SLIP = 0.03, 0.02
+#: Random walk of the unexplained pose as a fraction of the object's motion, with the correlation
+#: length `SLIP_LENGTH` [-].
+POSE_WALK = 0.03
 #: Prior standard deviation of the time by which poses are older than their stamps say [s].
 DELAY_DEVIATION = 0.03
 #: Number of poses after which the equilibrium is searched again [-].
@@ -443,7 +443,7 @@ class GripBelief:
         more, kept = np.zeros_like(self._rates.squeeze), np.ones_like(self._rates.squeeze)
         kept[LOAD] = left
         more[BIAS] = POSE_WALK**2 * SLIP_LENGTH * math.hypot(*moved)
-        more[SHIFTS:] = CONTACT_SLIP**2 * SLIP_LENGTH * travel.max()
+        more[SHIFTS:] = given.slip**2 * SLIP_LENGTH * travel.max()
         self.walk.spread(self._rates.pose * more @ self._rates.pose.T)
         more[LOAD] = given.load**2 * (1.0 - left**2)
         self._filter.predict(kept, more)

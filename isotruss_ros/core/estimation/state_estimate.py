@@ -22,8 +22,8 @@ class EstimatorSettings:
     Standard deviations of priors, process noise and measurements of the estimator.
 
     :ivar zeros: standard deviation of the roller offsets [m]; 1 mm after calibration with markers.
-    :ivar slip: slip of a roller as a fraction of its travel, independent in each 0.1 m of travel
-        [-].
+    :ivar slip: slip of a roller, and of a contact, as a fraction of the roller's travel,
+        independent in each 0.1 m of travel [-].
     :ivar drift: drift of the roller offsets in one second, also at rest [m].
     :ivar encoders: noise of an encoder reading [m].
     :ivar load: external wrench on a held object, moments divided by its characteristic radius [N].

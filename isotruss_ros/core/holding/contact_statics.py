@@ -262,26 +262,34 @@ class ContactStatics:
         wrench: Array,
         conditions: ContactConditions,
         steps: int = MAX_NEWTON_ITERATIONS,
+        reach: float = np.inf,
     ) -> ContactForces | None:
         """
         Return the equilibrium found by Newton's method from initial unknowns; None if it fails.
+
+        If the tubes must be linearised again, the solution is approximate.
 
         :param start: (3 + 4k,) initial unknowns.
         :param wrench: external wrench (fx, fy, m / arm) on the object [N]; arm is the object's
             characteristic radius.
         :param conditions: conditions of friction or rolling.
         :param steps: largest number of Newton steps.
+        :param reach: largest motion of a node without a new linearisation [m].
         """
         places, unknowns = self.places, start.copy()
         longest = np.full(places.size, MAX_MOVE * self.body.arm)
         longest[ANGLE] = longest[places.inclinations] = MAX_TURN
         longest[places.normal] = longest[places.friction] = np.inf
-        least = np.full(places.size, LENGTH_TOLERANCE)
+        least, first = np.full(places.size, LENGTH_TOLERANCE), 0.0
         for _ in range(steps):
             residual, state = self.equations(unknowns, wrench, conditions)
             least[places.balance] = FORCE_TOLERANCE * np.abs(unknowns[places.normal]).sum()
             # What is no number is no solution either.
-            if (np.abs(residual) <= least).all():
+            left = float((np.abs(residual) / least).max())
+            first = max(first, left)
+            if left <= 1.0 or (
+                left <= 0.01 * first and self.bent.distance(state.loads, state.feet) > reach
+            ):
                 folded = np.abs(unknowns[places.inclinations]).max() > MAX_INCLINATION
                 return None if folded else state
             _, _, step, singular = lapack.dgesv(state.jacobian, -residual)
@@ -313,7 +321,7 @@ class ContactStatics:
         """
         statics, unknowns = self, start
         for _ in range(MAX_SEARCH_STEPS):
-            state = statics.solve(unknowns, wrench, conditions, steps)
+            state = statics.solve(unknowns, wrench, conditions, steps, reach)
             if state is None:
                 return None
             if statics.bent.distance(state.loads, state.feet) <= reach:

@@ -18,8 +18,6 @@ from isotruss_ros.core.numerics.tolerances import MAX_NEWTON_ITERATIONS, NEGLIGI
 import numpy as np
 from numpy.typing import ArrayLike
 
-#: Largest change of a member in one continuation step, relative to the shortest member [-].
-MAX_MEMBER_STEP = 0.25
 #: Largest roller travel that is predicted to first order [m].
 MAX_FIRST_ORDER_TRAVEL = 3e-3
 
@@ -156,16 +154,11 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
                 f'robot {robot.name}: roller positions {goal.tolist()} m make member '
                 f'{robot.member_names[worst]} {shortest:.6g} m long; must be positive'
             )
-        lengths = self.member_lengths
-        difference = goal_lengths - lengths
-        change = float(np.abs(difference).max())
+        change = float(np.abs(goal_lengths - self.member_lengths).max())
         points, factor = self.points, nearby or self.__dict__.get('factor', self._nearby)
         done, step, steps, least = 0.0, change, 0, NEGLIGIBLE_SHARE * change
         while done < change:
             steps += 1
-            step = min(
-                step, MAX_MEMBER_STEP * float((lengths + (done / change) * difference).min())
-            )
             end = change if done + step > change * (1.0 - 1e-9) else done + step
             targets = goal_targets
             if end < change:

@@ -29,9 +29,6 @@ from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.numerics.tolerances import NEGLIGIBLE_SHARE, ROUNDING
 import numpy as np
 
-#: Largest number of rollers for which a program is solved with all rows at once [-]; for more
-#: rollers, the search for the active rows is faster (benchmarks/scaling.py).
-MAX_ROLLERS_WITH_ALL_ROWS = 60
 #: Initial number of active rows, and smallest number of rows added at a time [-].
 ROW_BATCH = 16
 #: Weight of progress along the twist relative to roller speed [-]. Full roller speed is used if
@@ -129,37 +126,28 @@ def apply_limits(
 
 def _solve(task: Task, solve: Solver, rows: Rows, guess: Array | None) -> tuple[Array, float]:
     """
-    Solve a quadratic program with all rows, or for a large robot with its active rows only.
+    Solve a quadratic program of the twist, with its active rows only if there is a guess.
 
     Without a guess all rows are used, because without regularisation many rows bind.
-    """
-    working, equality = task.reach.working, task.reach.rows
-    if guess is not None and len(working.places) > MAX_ROLLERS_WITH_ALL_ROWS:
-        return _solve_by_few_rows(solve, working.even, equality, rows, guess)
-    return solve(working.cost, equality, rows)
 
-
-def _solve_by_few_rows(
-    solve: Solver, even: Array, equality: Array, rows: Rows, guess: Array
-) -> tuple[Array, float]:
+    The program is strictly convex, so a solution with some of the rows that fulfils all other rows
+    is the solution with all rows. The initial rows are those closest to their bounds at the guess;
+    violated rows are added, usually a few times, until none is violated. With the rows S, the
+    least-cost speeds are u = E y with |C E y| = |y|, where y is in the span of E^T [J^T, G_S^T],
+    because a component normal to the span only increases the cost. So there are only as many
+    variables as rows.
     """
-    Solve a quadratic program of the twist with its active rows only.
-
-    The result equals `solve(cost, equality, rows)`. The program is strictly convex, so a solution
-    with some of the rows that fulfils all other rows is the solution with all rows. The initial
-    rows are those closest to their bounds at the guess; violated rows are added, usually a few
-    times, until none is violated. With the rows S, the least-cost speeds are u = E y with |C E y|
-    = |y|, where y is in the span of E^T [J^T, G_S^T], because a component normal to the span only
-    increases the cost. So there are only as many variables as rows.
-    """
-    task = equality.dot(even)
+    equality, even = task.reach.rows, task.reach.working.even
+    if guess is None:
+        return solve(task.reach.working.cost, equality, rows)
+    reached = equality.dot(even)
     chosen = np.sort(_largest(-rows.slack(guess), ROW_BATCH))
     while True:
         some = rows.take(chosen)
         matrix = some.matrix.dot(even)
-        basis = np.linalg.qr(np.concatenate([task, matrix]).T)[0]
+        basis = np.linalg.qr(np.concatenate([reached, matrix]).T)[0]
         cost, reduced = np.eye(basis.shape[1]), some._replace(matrix=matrix.dot(basis))
-        found, progress = solve(cost, task.dot(basis), reduced)
+        found, progress = solve(cost, reached.dot(basis), reduced)
         speeds = even.dot(basis.dot(found))
         excess = -rows.slack(speeds)
         excess[chosen] = -np.inf

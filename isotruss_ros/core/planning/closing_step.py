@@ -36,11 +36,12 @@ MAX_TURN_STEP = 0.1
 MOTION_WEIGHT = 1e-4
 #: Length that scales rotations against gaps [m].
 TURNING_ARM = 0.3
-#: Smallest gap between the object and the parts that do not grasp it, in tube diameters [-].
+#: Smallest distance between parts of the robot, and between the object and the parts that do not
+#: grasp it, in tube diameters [-].
 CLEARANCE = 0.1
-#: Smallest distance between parts of the robot, and largest distance that is constrained in a
-#: step, in mean member lengths [-].
-SELF_CLEARANCE, NEAR = 0.01, 0.15
+#: Largest distance of parts of the robot that is constrained in a step, in mean member lengths
+#: [-].
+NEAR = 0.15
 #: Largest overshoot of a grasping member, in tube diameters [-].
 MAX_OVERSHOOT = 0.015
 
@@ -142,7 +143,7 @@ def solve_step(state: SearchState, closing: Closing, targets: Array, share: floa
     )
     if found is None:
         raise SolverError(
-            'no step of the rollers keeps the bounds; '
+            'no step of the rollers fulfils the bounds; '
             'the configuration is probably close to a singular one'
         )
     return found
@@ -157,12 +158,13 @@ def _bound_rows(state: SearchState, closing: Closing, targets: Array) -> tuple[A
     """
     config, members, robot = state.config, list(closing.members), state.config.robot
     collisions, length = collision_model(robot), robot.home.member_lengths.mean()
-    gaps = BOUND_SHARE * (CLEARANCE * robot.description.tube_diameter - state.gaps)
+    clearance = CLEARANCE * robot.description.tube_diameter
+    gaps = BOUND_SHARE * (clearance - state.gaps)
     gaps[members] = targets - state.gaps[members]
     # The two smallest singular values may change places during a step.
     few = Modes(*(each[..., :2] for each in state.modes))
     near = np.flatnonzero(state.distances < NEAR * length)
-    apart = state.distances[near] - SELF_CLEARANCE * length
+    apart = state.distances[near] - clearance
     left = np.append(few.values - closing.min_rigidity, apart)
     shape = [rigidity_index(robot).gradients(config, few), collisions.gradients(config, near)]
     matrices = [

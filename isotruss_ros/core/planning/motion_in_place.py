@@ -28,15 +28,14 @@ from isotruss_ros.core.planning.closing import Closing, evaluate_state
 from isotruss_ros.core.planning.violations import RequirementError
 import numpy as np
 
-#: Relative tolerance of the squeeze [-], and tolerance of the pose with rotations times the
-#: characteristic radius [m].
-SQUEEZE_TOLERANCE, PLACE_TOLERANCE = 1e-3, 2e-5
-#: Relative tolerance of the forces of three members, compared with those of a balance without
-#: friction [-].
-EVENNESS_TOLERANCE = 0.02
-#: Weights of the residuals of x, y, angle and the forces of three members, in units of their
-#: tolerances, if not all residuals can vanish [-].
-RESIDUAL_WEIGHTS = np.array([1.0, 1.0, 0.05, 10.0, 10.0, 10.0])
+#: Relative tolerance of the squeeze, and of the forces of three members compared with those of a
+#: balance without friction [-].
+SQUEEZE_TOLERANCE = 1e-3
+#: Tolerance of the pose, with rotations times the characteristic radius [m].
+PLACE_TOLERANCE = 2e-5
+#: Weight of the rotation relative to the other residuals in units of their tolerances, if not all
+#: residuals can vanish [-].
+ROTATION_WEIGHT = 0.05
 #: Largest displacement of the object due to a change of the squeeze, in tube diameters [-]; a
 #: robot with few rollers cannot avoid a displacement.
 MAX_SHIFT = 0.25
@@ -77,12 +76,10 @@ def squeeze_in_place(grasp: HeldGrip, force: float, closing: Closing) -> HeldGri
     :raises StructureError: see `structure_of`.
     """
     evened = len(closing.members) if len(closing.members) > 2 else 0
-    scale = np.array(
-        [SQUEEZE_TOLERANCE * force, PLACE_TOLERANCE, PLACE_TOLERANCE]
-        + [PLACE_TOLERANCE / grasp.arm]
-        + evened * [EVENNESS_TOLERANCE * force]
-    )
-    weights = RESIDUAL_WEIGHTS[: len(scale) - 1]
+    place = PLACE_TOLERANCE / np.array([1.0, 1.0, grasp.arm])
+    scale = np.array([SQUEEZE_TOLERANCE * force, *place, *evened * [SQUEEZE_TOLERANCE * force]])
+    weights = np.ones(len(scale) - 1)
+    weights[2] = ROTATION_WEIGHT
     limits = stack_rows(grasp.config, closing.limits)
     rows = np.concatenate([limits.matrix, -limits.matrix])
     room = np.concatenate([limits.upper, -limits.lower])  # up to the end of the motion

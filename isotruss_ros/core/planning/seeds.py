@@ -15,6 +15,7 @@ from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.manipulation.grip import find_members, members_at
 from isotruss_ros.core.manipulation.limits import MemberLengthLimit
 from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.numerics.tolerances import ROUNDING
 from isotruss_ros.core.planning.closing import BOUND_SHARE, Closing
 from isotruss_ros.core.planning.facing import balances, CONE_SHARE, find_facing, TURN_WEIGHT
 from isotruss_ros.core.planning.requirements import GraspRequirements
@@ -22,8 +23,6 @@ from isotruss_ros.core.planning.violations import RequirementError
 from isotruss_ros.core.safety.margins import object_distances
 import numpy as np
 
-#: Number of rays from the object's centre that find visible members [-].
-SIGHT_LINES = 180
 #: Largest number of seeds of a round [-].
 MAX_SEEDS = 8
 #: Standard deviation of random nominal postures, in mean member lengths [-].
@@ -117,8 +116,10 @@ def enclosing_members(config: Configuration, point: complex) -> tuple[int, ...]:
     b, c = points[topology.b], points[topology.c]
     starts = np.concatenate([b, b, points[topology.joint]]) - point
     ends = np.concatenate([points[topology.end], c, 0.5 * (b + c)]) - point
-    sights = np.exp(2j * np.pi * (np.arange(SIGHT_LINES)[:, None] + 0.5) / SIGHT_LINES)
-    # Intersections of lines of sight and segments.
+    # Between the directions of ends, all lines of sight meet the same segments.
+    angles = np.sort(np.angle(np.concatenate([starts, ends])))
+    between = np.diff(angles, append=angles[0] + 2.0 * np.pi)
+    sights = np.exp(1j * (angles + 0.5 * between)[between > ROUNDING, None])
     one, other = starts * sights.conj(), ends * sights.conj()
     crossing = (one.imag > 0.0) != (other.imag > 0.0)
     share = one.imag / np.where(crossing, one.imag - other.imag, 1.0)

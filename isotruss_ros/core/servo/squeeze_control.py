@@ -209,7 +209,7 @@ class SqueezeControl:
         :param solve: function that solves the quadratic program for a twist and an opening rate.
         """
         if self.belief is None:
-            raise ValueError('follow comes before solve')
+            raise ValueError('solve was called before follow')
         belief = self.belief
         if self.fault is GripFault.OSCILLATES:
             still = np.zeros(len(belief.grasp.config.roller_positions))

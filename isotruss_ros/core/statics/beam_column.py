@@ -21,14 +21,12 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from isotruss_ros.core.numerics.arrays import Array, Flags
+from isotruss_ros.core.numerics.arrays import Array, Flags, Points
 import numpy as np
 
-#: Matrix from the displacements of a member's ends to the motions along and across its chord and
-#: the rotations of its ends.
-CHORD = np.array(
-    [[-1, 0, 0, 1, 0, 0], [0, -1, 0, 0, 1, 0], [0, 0, 1, 0, 0, 0], [0, 0, 0, 0, 0, 1]], dtype=float
-)
+#: Index of each entry of `chord_motions` in the list (0, 1, x, y, -x, -y, x/l, y/l, -x/l, -y/l) of
+#: a chord with the direction (x, y) and the length l.
+MOTION = np.array([[4, 5, 0, 2, 3, 0], [9, 6, 1, 7, 8, 0], [9, 6, 0, 7, 8, 1], [7, 8, 0, 9, 6, 0]])
 
 
 class EndForces(NamedTuple):
@@ -37,19 +35,16 @@ class EndForces(NamedTuple):
 
     These are the chord length l and the end rotations t1 and t2 relative to the chord.
 
-    :ivar pull: (k,) axial forces N [N].
-    :ivar moments: (k, 2) moments at start and end [N m].
-    :ivar stiffness: (k, 3, 3) derivatives of (N, M1, M2) with respect to (l, t1, t2).
-    :ivar stressed: (k,) N and (k,) M1 + M2 from which the geometric stiffness is computed. They
-        are the values before the last Newton step for N.
-    :ivar gap: (k,) residual of the elongations before this step, for which the forces are
-        corrected [m].
+    :ivar values: (k, 3) axial force N [N], and moments M1 and M2 at start and end [N m].
+    :ivar stiffness: (k, 3, 3) derivatives of `values` with respect to (l, t1, t2).
+    :ivar stressed: (k, 3) `values` before the step of Newton's method that makes the energy
+        stationary in N; the geometric stiffness is theirs.
+    :ivar gap: (k,) missing elongations before this step [m].
     """
 
-    pull: Array
-    moments: Array
+    values: Array
     stiffness: Array
-    stressed: tuple[Array, Array]
+    stressed: Array
     gap: Array
 
 
@@ -120,10 +115,9 @@ class BeamColumns:
         turning = rotary[0] + pull * (rotary[1] + pull * rotary[2])
         stiffness[1, 1:], stiffness[2, 1:] = turning[:2], turning[1:]
         stiffness[1:, 1:] += slope[:, None] * steep
-        stressed, gap = (pull, moments.sum(axis=0)), (nearest - pull) / soft
-        if known is not None:
-            pull, moments = nearest, moments + slope * (nearest - pull)
-        return EndForces(pull, moments.T, stiffness.T, stressed, gap)
+        stressed, gap = np.array([pull, *moments]), (nearest - pull) / soft
+        values = stressed if known is None else stressed + stiffness[:, 0] * gap
+        return EndForces(values.T, stiffness.T, stressed.T, gap)
 
 
 def _reciprocal(series: Array) -> Array:
@@ -134,23 +128,32 @@ def _reciprocal(series: Array) -> Array:
     return np.array([whole, linear, -(second * whole + first * linear) * whole])
 
 
+def chord_motions(axis: Points, length: Array) -> Array:
+    """
+    Return the changes of chords for unit displacements of their ends.
+
+    :param axis: (k,) unit vectors of the chords, x + iy.
+    :param length: (k,) lengths of the chords [m].
+    :return: (k, 4, 6) derivatives of length, end rotations relative to the chord and rotation of
+        the chord with respect to (ux, uy, theta) at start and end.
+    """
+    values, x, y = np.zeros((10, len(axis))), axis.real, axis.imag
+    values[1:6], values[6:8] = (np.ones_like(x), x, y, -x, -y), (x / length, y / length)
+    values[8:] = -values[6:8]
+    return values.T.take(MOTION, axis=1)
+
+
 def chord_stiffness(length: Array, forces: EndForces) -> Array:
     """
-    Return the stiffness (k, 4, 4) of bent members against stretch, sway and end rotations.
+    Return the stiffness (k, 4, 4) of bent members against the changes of `chord_motions`.
 
     :param length: (k,) lengths of the chords [m].
     :param forces: forces of the members and their derivatives.
     """
-    # By stretch, sway across and turns: t = theta - sway / l.
-    turns = np.zeros((len(length), 3, 4))
-    turns[:, 0, 0] = turns[:, 1, 2] = turns[:, 2, 3] = 1.0
-    turns[:, 1, 1] = turns[:, 2, 1] = -1.0 / length
-    core = turns.transpose(0, 2, 1) @ forces.stiffness @ turns
-    pull, couple = forces.stressed
-    twist = couple / length**2
-    core[:, 0, 1] += twist
-    core[:, 1, 0] += twist
-    core[:, 1, 1] += pull / length
+    core = np.zeros((len(length), 4, 4))
+    core[:, :3, :3] = forces.stiffness
+    core[:, 0, 3] = core[:, 3, 0] = (forces.stressed[:, 1] + forces.stressed[:, 2]) / length
+    core[:, 3, 3] = forces.stressed[:, 0] * length
     return core
 
 
@@ -177,4 +180,5 @@ def local_stiffness(
     columns = BeamColumns(length, axial, flexural, shear, *(pins or (fixed, fixed)))
     straight = np.zeros(np.shape(length))
     core = chord_stiffness(length, columns.evaluate(straight, np.stack([straight] * 2, axis=1)))
-    return CHORD.T @ core @ CHORD
+    motions = chord_motions(np.ones_like(straight, dtype=np.complex128), length)
+    return motions.swapaxes(1, 2) @ core @ motions

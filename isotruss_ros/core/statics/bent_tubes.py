@@ -22,12 +22,12 @@ from isotruss_ros.core.numerics.tolerances import MAX_SEARCH_STEPS, NEGLIGIBLE_S
 from isotruss_ros.core.statics.cut_frame import CutFrame, keep_apart
 from isotruss_ros.core.statics.frame import Frame
 from isotruss_ros.core.statics.structure import Structure
-from isotruss_ros.core.statics.tangent import end_forces, Tangent
+from isotruss_ros.core.statics.tangent import end_forces, Slopes, Tangent
 import numpy as np
 
 #: Largest motion of a node [m] without a new linearisation in the analysis of a moving robot; for
-#: a single equilibrium it is `ROUNDING`. The remaining error is 15 /m times the square of the
-#: motion.
+#: a single equilibrium it is `ROUNDING`. The remaining error is `TUBE_CURVATURE` times the square
+#: of the motion.
 FOLLOWED_MOTION = 1e-4
 #: Weight of a load point's motion relative to a node's motion in `BentTubes.distance` [-].
 PLACE_SHARE = 0.2
@@ -198,25 +198,26 @@ class BentTubes:
         displacements, multipliers, _, pull = self.before
         return self.frame.tangent(displacements, multipliers, pull)
 
-    def _spread(self, loads: Array) -> Array:
-        """Convert loads (k, 3, p) at the load points to loads (3 n, p) on the nodes."""
-        frame, found = self.frame, np.zeros((len(self.frame.points), 3, loads.shape[2]))
-        plane = (loads[:, 0] + 1j * loads[:, 1]) * self.axis[:, None]
-        found[frame.nodes] = np.stack([plane.real, plane.imag, loads[:, 2]], axis=1)
-        return found.reshape(-1, loads.shape[2]) * (self.share / self.stiffness)
+    @cached_property
+    def _units(self) -> Array:
+        """Return the unit loads at the load points as loads (3 n, 3 k) on the nodes."""
+        frame, count = self.frame, len(self.members)
+        found = np.zeros((len(frame.points), 3, count, 3))
+        x, y = self.axis.real, self.axis.imag
+        own, ones = np.arange(count), np.ones(count)
+        turns = np.array([[x, -y, 0.0 * x], [y, x, 0.0 * x], [0.0 * x, 0.0 * x, ones]])
+        found[frame.nodes, :, own] = turns.transpose(2, 0, 1)
+        return found.reshape(-1, 3 * count) * (self.share / self.stiffness)
 
     @cached_property
     def _changes(self) -> tuple[Array, Array]:
         """Return changes of nodes (n, 3, p) and multipliers by loads, places and residual."""
-        tangent, count = self.tangent, len(self.members)
-        units = self._spread(np.eye(3 * count).reshape(count, 3, -1))
-        known = np.zeros((count, 3)) if self.before is None else self.before.loads
-        left = self._spread(known[:, :, None]) - tangent.carried[:, None]
-        moved, multipliers = tangent.respond(
-            np.hstack([units, -self._place_rates[0], left]),
-            np.append(np.zeros((len(tangent.gaps), 4 * count)), -tangent.gaps[:, None], axis=1),
-        )
-        return moved.reshape(-1, 3, 4 * count + 1), multipliers
+        units = self._units
+        loads = np.column_stack([units, -self._place_rates[0]])
+        applied = np.zeros(len(units))
+        if self.before is not None:
+            applied = units @ self.before.loads.ravel()
+        return self.tangent.balance(applied, loads)
 
     @property
     def _moving(self) -> slice:
@@ -235,7 +236,7 @@ class BentTubes:
         carried, inclined = np.zeros((len(frame.points) * 3, count)), np.zeros((count, count))
         if self.before is None:
             return carried, inclined, np.zeros((2 * count, 3))
-        parts, end = self._parts
+        parts, _ = self._parts
         # The part before a place becomes longer as this moves, the one behind it shorter.
         ways = np.append(self._cut[1], -self._cut[1])[:, None, None]
         lengthened = np.zeros((4, 2 * count, 1))
@@ -249,7 +250,7 @@ class BentTubes:
         longer = (parts[:, None] == frame.before) * self._cut[1]
         longer -= (parts[:, None] == frame.behind) * self._cut[1]
         changes = by_length * longer[:, None]
-        inclined = self._mean(tangent.slope_rates(parts, end, changes, 0.0))
+        inclined = self._mean((self._slopes.by_forces[:, None] @ changes)[:, 0])
         return carried, inclined, rates[..., 0]
 
     @cached_property
@@ -257,6 +258,11 @@ class BentTubes:
         """Return the parts (2 k,) before and behind load points, and their ends there (2 or 1)."""
         count = len(self.members)
         return np.append(self.frame.before, self.frame.behind), np.repeat([2, 1], count)
+
+    @cached_property
+    def _slopes(self) -> Slopes:
+        """Return the inclinations before and behind each load point."""
+        return self.tangent.slopes(*self._parts)
 
     def _mean(self, sides: Array) -> Array:
         """Return the mean (k, ...) of the values (2 k, ...) before and behind each load point."""
@@ -272,7 +278,7 @@ class BentTubes:
         there = (own[:, 0] + 1j * own[:, 1]) * back
         nodes = moved[frame.nodes]
         along = (nodes[:, 0] + 1j * nodes[:, 1]) * back[:, None]
-        slope = self._mean(tangent.slopes(*self._parts))
+        slope = self._mean(self._slopes.values)
         inclined = self.inclination_changes(moved)
         return (
             np.stack([there.real, there.imag, slope], axis=1),
@@ -361,7 +367,7 @@ class BentTubes:
         moved, nodes = self._displace(ways)
         displacements = tangent.displacements + moved
         multipliers = tangent.multipliers + self._changes[1] @ ways
-        pull = tangent.forces.pull + self._force_changes(ways, nodes)[0][:, 0]
+        pull = tangent.forces.values[:, 0] + self._force_changes(ways, nodes)[0][:, 0]
         return Displaced(displacements, multipliers, loads, pull)
 
     def update(self, loads: Array, places: Array, structure: Structure | None = None) -> BentTubes:
@@ -421,7 +427,8 @@ class BentTubes:
 
         :param moved: (n, 3, p) displacements ux, uy [m], theta [rad].
         """
-        return self._mean(self.tangent.slope_changes(*self._parts, moved))
+        ends = moved.reshape(-1, moved.shape[2])[self.frame.places[self._parts[0]]]
+        return self._mean((self._slopes.by_ends @ ends)[:, 0])
 
     def node_changes(self, loads: Array) -> Array:
         """
@@ -452,11 +459,8 @@ class BentTubes:
         """
         tangent, ways = self.tangent, self._ways(loads, places)
         changes, longer = self._force_changes(ways, self._displace(ways)[1])
-        pull, moments = (
-            tangent.forces.pull + changes[:, 0],
-            tangent.forces.moments + changes[:, 1:],
-        )
-        ends = end_forces(pull, moments, tangent.length + longer)
+        forces = tangent.forces.values + changes
+        ends, pull = end_forces(forces, tangent.length + longer), forces[:, 0]
         return self.stiffness / self.share * ends, 0.0 * pull if self.linear else pull
 
     def _force_changes(self, ways: Array, nodes: Array) -> tuple[Array, Array]:
@@ -484,7 +488,8 @@ class BentTubes:
         carried = np.zeros((3 * len(frame.points), changes.shape[2]))
         np.subtract.at(carried, frame.places, tangent.nodal_forces(every, rates))
         moved, _ = tangent.respond(carried)
-        moved, (parts, end) = moved.reshape(-1, 3, changes.shape[2]), self._parts
-        shear = changes[3, parts] / frame.members.shear[parts, None]
-        inclined = self._mean(tangent.slope_rates(parts, end, rates[parts], shear))
+        moved, (parts, _) = moved.reshape(-1, 3, changes.shape[2]), self._parts
+        _, _, by_forces, by_shear = self._slopes
+        shear = (by_shear / frame.members.shear[parts])[:, None] * changes[3, parts]
+        inclined = self._mean((by_forces[:, None] @ rates[parts])[:, 0] + shear)
         return moved, inclined + self.inclination_changes(moved), rates

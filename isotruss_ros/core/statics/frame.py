@@ -17,9 +17,9 @@ from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.numerics.factorization import factorize_with_condition
 from isotruss_ros.core.numerics.tolerances import MAX_CONDITION, MAX_NEWTON_ITERATIONS
-from isotruss_ros.core.statics.beam_column import BeamColumns, CHORD, chord_stiffness
+from isotruss_ros.core.statics.beam_column import BeamColumns, chord_motions
 from isotruss_ros.core.statics.frame_assembly import FrameAssembly
-from isotruss_ros.core.statics.tangent import chord_motions, FactoredFrame, Tangent
+from isotruss_ros.core.statics.tangent import end_forces, FactoredFrame, Tangent
 import numpy as np
 from scipy.sparse import csc_matrix
 
@@ -93,7 +93,6 @@ class Frame(FrameAssembly):
         :param multipliers: (c,) Lagrange multipliers of the constraints.
         :param pull: (k,) axial forces [N], see `BeamColumns.evaluate`; None: they are computed.
         """
-        rows, size = self.rows, displacements.size
         ends = displacements.ravel()[self.places]
         apart = (ends[:, 3] - ends[:, 0] + 1j * (ends[:, 4] - ends[:, 1])) * self.axis.conj()
         span = self.length + apart
@@ -103,25 +102,16 @@ class Frame(FrameAssembly):
         longer = (2.0 * self.length * apart.real + np.abs(apart) ** 2) / (length + self.length)
         stretched = longer, ends[:, 2::3] - np.angle(span)[:, None]
         forces = self._columns.evaluate(*stretched, pull)
-        motions = chord_motions(axis)
-        values, gaps, pairs = rows.linearize(self.points, displacements, multipliers)
-        borne = -forces.moments.sum(axis=1) / length
-        pushed = (np.array([forces.pull, borne, *forces.moments.T]).T[:, None] @ motions)[:, 0]
-        carried = np.bincount(self.places.ravel(), pushed.ravel(), minlength=size)
-        carried += np.bincount(rows.column, values * multipliers[rows.row], minlength=size)
         return Tangent(
             displacements,
             multipliers,
             axis,
             length,
-            motions,
+            chord_motions(axis, length),
             stretched,
             forces,
-            gaps,
-            chord_stiffness(length, forces),
-            carried,
+            self.rows.linearize(self.points, displacements),
             self,
-            (values, pairs),
         )
 
     def _what_moves(self, matrix: Array | csc_matrix, scale: Array) -> list[str]:
@@ -146,23 +136,22 @@ class Frame(FrameAssembly):
         rest, flat = self.rest, loads.ravel()
         moved, multipliers = (each[:, 0] for each in rest.respond(flat[:, None]))
         with np.errstate(over='ignore', invalid='ignore'):
-            motions = rest.motions @ moved[self.places][:, :, None]
-            forces = rest.stiffness @ motions
-            end_forces = (CHORD.T @ forces)[:, :, 0]
-        if not np.isfinite(end_forces).all():
+            forces, _ = rest.force_changes(moved.reshape(-1, 3, 1))
+            ends = end_forces(forces[..., 0], rest.length)
+        if not np.isfinite(ends).all():
             raise StructureError(
                 f'loads up to {np.abs(loads).max():.3g} N: what they do is beyond all numbers; '
                 'must be smaller'
             )
-        pushed = rest.motions.transpose(0, 2, 1) @ forces
+        pushed = rest.nodal_forces(slice(None), forces)
         carried = np.bincount(self.places.ravel(), pushed.ravel(), minlength=len(flat))
-        values, *_ = self.rows.linearize(self.points, np.zeros_like(loads), multipliers)
+        values, *_ = self.rows.linearize(self.points, np.zeros_like(loads))
         pushed = values * multipliers[self.rows.row]  # by the constraints
         carried += np.bincount(self.rows.column, pushed, minlength=len(flat))
         return FrameState(
             moved.reshape(-1, 3),
             self._reactions(carried - flat),
-            end_forces,
+            ends,
             multipliers,
             np.zeros(len(self.length)),
         )
@@ -183,17 +172,16 @@ class Frame(FrameAssembly):
         tangent = self.rest if start is None else start
         origin, reach = tangent.displacements, np.inf
         for count in range(MAX_NEWTON_ITERATIONS):
-            left = (loads.ravel() - tangent.carried)[:, None]
-            step, multipliers = tangent.respond(left, -tangent.gaps[:, None])
-            displacements = tangent.displacements + step.reshape(-1, 3)
-            size = float(np.abs(step.reshape(-1, 3)[:, :2]).max())
+            step, multipliers = tangent.balance(loads.ravel())
+            displacements = tangent.displacements + step[..., 0]
+            size = float(np.abs(step[:, :2]).max())
             if count == 0:
                 reach = size
             # What ends elsewhere than the linear response tends to is another branch.
             elif not np.abs(displacements - origin)[:, :2].max() <= growth * reach:
                 return None
-            changes, _ = tangent.force_changes(step.reshape(-1, 3, 1))
-            pull = tangent.forces.pull + changes[:, 0, 0]
+            changes, _ = tangent.force_changes(step)
+            pull = tangent.forces.values[:, 0] + changes[:, 0, 0]
             with np.errstate(over='ignore', invalid='ignore', divide='ignore'):
                 tangent = self.tangent(
                     displacements, tangent.multipliers + multipliers[:, 0], pull
@@ -250,7 +238,7 @@ class Frame(FrameAssembly):
             self._reactions(tangent.carried - loads.ravel()),
             tangent.end_forces,
             tangent.multipliers,
-            tangent.forces.pull,
+            tangent.forces.values[:, 0],
         )
 
     def _reactions(self, missing: Array) -> Array:

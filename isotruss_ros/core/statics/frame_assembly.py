@@ -79,7 +79,7 @@ class FrameAssembly:
         :param matrices: (k, 6, 6) stiffness of the uncut members against (ux, uy, theta) at both
             ends.
         :param values: entries of the constraints, see `TurnRows.linearize`.
-        :param pairs: geometric stiffness of the constraints, see `TurnRows.linearize`.
+        :param pairs: geometric stiffness of the constraints, see `TurnRows.curvature`.
         """
         pattern = self.pattern
         free, size = len(pattern.solved), len(pattern.solved) + self.rows.count

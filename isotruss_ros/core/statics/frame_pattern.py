@@ -20,6 +20,7 @@ class TurnRows(NamedTuple):
     where the shares of a span sum to zero.
 
     :ivar count: number of rows.
+    :ivar owner: (s,) row of each span.
     :ivar weight: (s,) weight of each span's rotation in its row.
     :ivar span: (e,) index of the span of each share, ascending.
     :ivar share: (e,) factor of a node's position in the span.
@@ -33,6 +34,7 @@ class TurnRows(NamedTuple):
     """
 
     count: int  # type: ignore[assignment]
+    owner: Indices
     weight: Array
     span: Indices
     share: Array
@@ -60,31 +62,35 @@ class TurnRows(NamedTuple):
         first = np.concatenate([x[one], x[one], x[one] + 1, x[one] + 1])
         second = np.concatenate([x[other], x[other] + 1, x[other], x[other] + 1])
         rows, columns = np.tile(row[span], 2), np.concatenate([x, x + 1])
-        return cls(count, weight, span, share, node, rows, columns, (first, second), (one, other))
+        return cls(
+            count, row, weight, span, share, node, rows, columns, (first, second), (one, other)
+        )
 
-    def linearize(
-        self, points: Points, displacements: Array, multipliers: Array
-    ) -> tuple[Array, Array, Array]:
+    def linearize(self, points: Points, displacements: Array) -> tuple[Array, Array, Points]:
         """
         Return the constraints linearised about displacements.
 
         :param points: (n,) nodes without loads, x + iy [m].
         :param displacements: (n, 3) displacements ux, uy [m], theta [rad] of the nodes.
-        :param multipliers: (c,) Lagrange multipliers of the constraints.
-        :return: entries (2 e,) of the constraint matrix, violations (c,) of the constraints, and
-            geometric stiffness (4 h,) in the order of `pairs`.
+        :return: entries (2 e,), violations (c,), and the spans (s,) of the displaced nodes [m].
         """
         moved = points + displacements @ (1.0, 1j, 0.0)
         before, spans = (self._spans(each) for each in (points, moved))
-        own, first = self.row[: len(self.span)], np.searchsorted(self.span, np.arange(len(spans)))
-        turned = self.weight * np.angle(spans / before)
-        gaps = np.bincount(own[first], turned, minlength=self.count)
+        gaps = np.bincount(self.owner, self.weight * np.angle(spans / before), self.count)
         slopes = (self.weight * 1j / spans.conj())[self.span] * self.share
-        bent = -(self.weight * multipliers[own[first]] / spans**2)[self.span]
+        return np.concatenate([slopes.real, slopes.imag]), gaps, spans
+
+    def curvature(self, spans: Points, multipliers: Array) -> Array:
+        """
+        Return the geometric stiffness (4 h,) of the constraints, by `pairs`.
+
+        :param spans: (s,) spans of the displaced nodes, x + iy [m].
+        :param multipliers: (c,) multipliers of the constraints.
+        """
+        bent = -(self.weight * multipliers[self.owner] / spans**2)[self.span]
         one, other = self.paired
         curved = bent[one] * self.share[one] * self.share[other]
-        pairs = np.concatenate([curved.imag, curved.real, curved.real, -curved.imag])
-        return np.concatenate([slopes.real, slopes.imag]), gaps, pairs
+        return np.concatenate([curved.imag, curved.real, curved.real, -curved.imag])
 
     def _spans(self, points: Points) -> Points:
         """Return the spans (s,) from node positions (n,), x + iy [m]."""

@@ -14,15 +14,15 @@ from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.numerics.factorization import count_negative_pivots, Factor, factorize
 from isotruss_ros.core.numerics.tolerances import EPSILON
-from isotruss_ros.core.statics.beam_column import BeamColumns, EndForces
+from isotruss_ros.core.statics.beam_column import BeamColumns, chord_stiffness, EndForces
 from isotruss_ros.core.statics.frame_assembly import FrameAssembly
 from isotruss_ros.core.statics.frame_pattern import Chains
 import numpy as np
 from scipy.sparse import csc_matrix
 
-#: Index of each entry of `chord_motions` in the list (0, 1, -1, x, y, -x, -y) of a direction (x,
-#: y).
-MOTION = np.array([[5, 6, 0, 3, 4, 0], [4, 5, 0, 6, 3, 0], [0, 0, 1, 0, 0, 0], [0, 0, 0, 0, 0, 1]])
+#: Relative error of responses that are linearised about another state, per motion of a node [1/m].
+#: The error of a predicted state is this factor times the square of the motion.
+TUBE_CURVATURE = 15.0
 
 
 class CondensedChains(NamedTuple):
@@ -40,6 +40,23 @@ class CondensedChains(NamedTuple):
     inverse: Array
     spread: Array
     stiffness: Array
+
+
+class Slopes(NamedTuple):
+    """
+    Inclinations of the bent centre lines at p ends of members, and their derivatives.
+
+    :ivar values: (p,) inclinations [rad].
+    :ivar by_ends: (p, 1, 6) derivatives with respect to (ux, uy, theta) at start and end.
+    :ivar by_forces: (p, 3) derivatives with respect to N, M1 and M2 while the nodes are fixed.
+    :ivar by_shear: (p,) derivatives with respect to the logarithm of GA while the nodes and N, M1
+        and M2 are fixed.
+    """
+
+    values: Array
+    by_ends: Array
+    by_forces: Array
+    by_shear: Array
 
 
 class FactoredFrame(NamedTuple):
@@ -66,10 +83,8 @@ class Tangent:
     :ivar axis: (k,) unit vectors of the chords, x + iy.
     :ivar length: (k,) lengths of the chords [m].
     :ivar forces: axial forces and end moments of the members.
-    :ivar motions: (k, 4, 6) stretch, sway and end rotations for unit displacements of the ends.
+    :ivar motions: (k, 4, 6) changes of the chords by displacements, see `chord_motions`.
     :ivar stretched: (k,) elongations [m], and (k, 2) end rotations relative to chords [rad].
-    :ivar gaps: (c,) violations of the constraints.
-    :ivar stiffness: (k, 4, 4) stiffness of the members against stretch, sway and end rotations.
     """
 
     displacements: Array
@@ -79,16 +94,14 @@ class Tangent:
     motions: Array
     stretched: tuple[Array, Array]
     forces: EndForces
-    gaps: Array
-    stiffness: Array
-    _pushed: Array  # the loads of `carried`, by the own members
+    _constraints: tuple[Array, Array, Points]  # see `TurnRows.linearize`
     _frame: FrameAssembly
-    _rows: tuple[Array, Array]  # entries of the constraints and their geometric stiffness
 
     @cached_property
     def _condensed(self) -> tuple[Array, list[CondensedChains]]:
         """Return the stiffness (k, 6, 6) of uncut members, and the condensed chains."""
-        matrices = self.motions.transpose(0, 2, 1) @ self.stiffness @ self.motions
+        core = chord_stiffness(self.length, self.forces)
+        matrices = self.motions.swapaxes(1, 2) @ core @ self.motions
         try:
             chains = [_condense(matrices, chain) for chain in self._frame.chains]
         except np.linalg.LinAlgError as error:
@@ -107,7 +120,9 @@ class Tangent:
 
         In a cut frame the displacements of the cuts are eliminated.
         """
-        return self._frame.assemble(self._condensed[0], *self._rows)
+        values, _, spans = self._constraints
+        curvature = self._frame.rows.curvature(spans, self.multipliers)
+        return self._frame.assemble(self._condensed[0], values, curvature)
 
     @cached_property
     def factored(self) -> FactoredFrame:
@@ -147,6 +162,21 @@ class Tangent:
             moved[inner] = inverse @ loads[inner] + spread @ moved[ends]
         return moved, found[free:]
 
+    def balance(self, applied: Array, loads: Array | None = None) -> tuple[Array, Array]:
+        """
+        Return the changes of the state by loads, and in the last column the step to equilibrium.
+
+        :param applied: (3 n,) loads in the equilibrium [N], [N m].
+        :param loads: (3 n, p) additional loads of the other columns; None: no other columns.
+        :return: changes (n, 3, p + 1) of displacements, and (c, p + 1) of multipliers.
+        """
+        left, gaps = applied - self.carried, self._constraints[1]
+        columns = left[:, None] if loads is None else np.column_stack([loads, left])
+        opened = np.zeros((len(gaps), columns.shape[1]))
+        opened[:, -1] = -gaps
+        moved, multipliers = self.respond(columns, opened)
+        return moved.reshape(-1, 3, columns.shape[1]), multipliers
+
     def borrow(self, other: Tangent) -> None:
         """
         Use the factorised matrix of a similar state in place of this state's own.
@@ -170,6 +200,19 @@ class Tangent:
             kept['_lent'] = replace(self, motions=motions, length=length, forces=forces)
         self.__dict__.update(kept)
 
+    def response_error(self, state: Tangent) -> float:
+        """
+        Return the relative error of responses by the factorised matrix in another state [-].
+
+        :param state: frame linearised about the other state.
+        """
+        frame, known = state._frame, self._linear._frame
+        moved = float(np.abs(state.points - self.factored.points).max())
+        longer = 0.0
+        if np.array_equal(frame.whole, known.whole):
+            longer = float(np.abs(known.length / frame.length - 1.0).max())
+        return TUBE_CURVATURE * moved + longer
+
     @property
     def _linear(self) -> Tangent:
         """Return the linearised frame whose matrix `respond` uses: this or the borrowed one."""
@@ -178,16 +221,16 @@ class Tangent:
     @cached_property
     def carried(self) -> Array:
         """Return the loads and reactions (3 n,) that hold the frame in this state [N, N m]."""
-        if self._linear is self:
-            return self._pushed
         # The missing elongation of a stiff member is the gap of a constraint: its force acts along
         # the member as it is factorised, or else it would move soft ones.
-        frame, gap = self._frame, self.forces.gap[:, None, None]
-        pushed = sum(
-            sign * each.nodal_forces(slice(None), gap * each.forces.stiffness[:, :, :1])
-            for each, sign in ((self._linear, 1.0), (self, -1.0))
+        every, lender, gap = slice(None), self._linear, self.forces.gap[:, None, None]
+        pushed = self.nodal_forces(every, self.forces.stressed[:, :, None])
+        pushed = pushed + lender.nodal_forces(every, gap * lender.forces.stiffness[:, :, :1])
+        frame, size, values = self._frame, self.displacements.size, self._constraints[0]
+        held = values * self.multipliers[frame.rows.row]
+        return np.bincount(frame.places.ravel(), pushed.ravel(), size) + np.bincount(
+            frame.rows.column, held, size
         )
-        return self._pushed + np.bincount(frame.places.ravel(), pushed.ravel(), len(self._pushed))
 
     @cached_property
     def points(self) -> Points:
@@ -198,21 +241,17 @@ class Tangent:
     @property
     def end_forces(self) -> Array:
         """Return the forces (k, 6) of the nodes on the members, see `FrameState.end_forces`."""
-        return end_forces(self.forces.pull, self.forces.moments, self.length)
+        return end_forces(self.forces.values, self.length)
 
     def changed_forces(self, moved: Array) -> tuple[Array, Array]:
         """
-        Return end forces (k, 6) and axial forces (k,) after small displacements of nodes.
+        Return the forces (N, M1, M2) (k, 3) and chord lengths (k,) after small displacements.
 
-        :param moved: (n, 3) small displacements ux, uy [m], theta [rad].
+        :param moved: (n, 3) small displacements ux, uy [m], theta [rad] of all nodes.
         """
         # Forces of stiff members are in balance only by the stiffness of the responses.
         changes, longer = self._linear.force_changes(moved[..., None])
-        pull, moments = (
-            self.forces.pull + changes[:, 0, 0],
-            self.forces.moments + changes[:, 1:, 0],
-        )
-        return end_forces(pull, moments, self.length + longer[:, 0]), pull
+        return self.forces.values + changes[..., 0], self.length + longer[:, 0]
 
     def force_rates(self, parts: Indices, changes: Array) -> Array:
         """
@@ -232,26 +271,23 @@ class Tangent:
         length, axial, flexural, shear = sections[:, each] + steps
         columns = BeamColumns(length, axial, flexural, shear, *pins)
         longer, turns = self.stretched
-        known = self.forces.stressed[0][each]
+        known = self.forces.stressed[each, 0]
         found = columns.evaluate(longer[each] - steps[0], turns[each], known)
-        rates = np.column_stack([found.pull, found.moments]).imag / EPSILON
+        rates = found.values.imag / EPSILON
         return rates.reshape(len(parts), count, 3).swapaxes(1, 2)
 
-    def nodal_forces(self, parts: Indices, rates: Array) -> Array:
+    def nodal_forces(self, parts: Indices | slice, rates: Array) -> Array:
         """
         Convert changes of (N, M1, M2) to changes (p, 6, c) of end forces (fx, fy, m).
 
         :param parts: (p,) indices of the members.
         :param rates: (p, 3, c) changes of the members' N, M1 and M2.
         """
-        pull, first, second = rates.swapaxes(0, 1)
-        borne = -(first + second) / self.length[parts, None]
-        ends = np.stack([pull, borne, first, second], axis=1)
-        return self.motions[parts].swapaxes(1, 2) @ ends
+        return self.motions[parts, :3].swapaxes(1, 2) @ rates
 
-    def slopes(self, parts: Indices, end: Indices) -> Array:
+    def slopes(self, parts: Indices, end: Indices) -> Slopes:
         """
-        Return the inclinations of the bent centre lines at ends of members, (p,) [rad].
+        Return the inclinations of the bent centre lines at ends of members.
 
         The inclination is the rotation of the section minus the shear angle. Relative to the chord
         it is (t - Q/GA) / (1 + N/GA) with the transverse force Q.
@@ -259,30 +295,20 @@ class Tangent:
         :param parts: (p,) indices of the members.
         :param end: (p,) 1 for a member's start, 2 for its end.
         """
-        turned, skew, softness, *_ = self._shear(parts, end)
-        return (turned + skew / softness)[:, 0]
-
-    def slope_rates(
-        self,
-        parts: Indices,
-        end: Indices,
-        rates: Array,
-        shear_rates: Array | float,
-    ) -> Array:
-        """
-        Return the changes (p, c) of `slopes` caused by given changes of (N, M1, M2) and GA.
-
-        The nodes are fixed. Each of the c columns is one change.
-
-        :param parts: (p,) indices of the members.
-        :param end: (p,) 1 for a member's start, 2 for its end.
-        :param rates: (p, 3, c) changes of N, M1 and M2.
-        :param shear_rates: (p, c) relative changes of GA.
-        """
-        _, skew, softness, shear, across = self._shear(parts, end)
-        change = (rates[:, 1] + rates[:, 2]) / self.length[parts, None] - across * shear_rates
-        pulled = rates[:, 0] - self.forces.pull[parts, None] * shear_rates
-        return -(change + skew / softness * pulled) / shear / softness
+        frame, length, own = self._frame, self.length[parts], np.arange(len(parts))
+        shear, (pull, first, second) = frame.members.shear[parts], self.forces.values[parts].T
+        across = (first + second) / length
+        softness = 1.0 + pull / shear
+        inclined = (self.stretched[1][parts, end - 1] - across / shear) / softness
+        aside, turned = -1.0 / (shear * softness), np.angle(self.axis[parts] / frame.axis[parts])
+        by_forces = np.array([aside * inclined, aside / length, aside / length]).T
+        by_chord = np.zeros((len(parts), 1, 4))
+        by_chord[:, :, :3] = by_forces[:, None] @ self.forces.stiffness[parts]
+        by_chord[:, 0, 0] -= aside * across / length
+        by_chord[own, 0, end] += 1.0 / softness
+        by_chord[:, 0, 3] = 1.0
+        by_ends = by_chord @ self.motions[parts]
+        return Slopes(turned + inclined, by_ends, by_forces, -aside * (across + pull * inclined))
 
     def force_changes(self, moved: Array) -> tuple[Array, Array]:
         """
@@ -290,40 +316,9 @@ class Tangent:
 
         :param moved: (n, 3, c) displacements of all nodes.
         """
-        chords, _ = self._chord_changes(slice(None), moved)
-        return self.forces.stiffness @ chords, chords[:, 0]
-
-    def _chord_changes(self, parts: Indices | slice, moved: Array) -> tuple[Array, Array]:
-        """Return the changes (p, 3, c) of (l, t1, t2), and the rotations (p, c) of the chords."""
-        ends = moved.reshape(-1, moved.shape[2])[self._frame.places[parts]]
-        turns = self.motions[parts] @ ends
-        turned = turns[:, 1] / self.length[parts, None]
-        turns[:, 2:] -= turned[:, None]
-        return turns[:, [0, 2, 3]], turned
-
-    def slope_changes(self, parts: Indices, end: Indices, moved: Array) -> Array:
-        """
-        Return the changes (p, c) of `slopes` due to motion of the nodes.
-
-        :param parts: (p,) indices of the members.
-        :param end: (p,) 1 for a member's start, 2 for its end.
-        :param moved: (n, 3, c) displacements of all nodes.
-        """
-        turns, turned = self._chord_changes(parts, moved)
-        _, _, softness, shear, across = self._shear(parts, end)
-        turning = turns[np.arange(len(parts)), end]
-        turning += across / shear / self.length[parts, None] * turns[:, 0]
-        rates = self.forces.stiffness[parts] @ turns
-        return turned + turning / softness + self.slope_rates(parts, end, rates, 0.0)
-
-    def _shear(self, parts: Indices, end: int) -> tuple[Array, ...]:
-        """Return the chord's rotation, t - Q/GA, 1 + N/GA, GA and Q, (p, 1) each; see `slopes`."""
-        shear, forces = self._frame.members.shear[parts], self.forces
-        turned = np.angle(self.axis[parts] * self._frame.axis[parts].conj())
-        across = forces.moments[parts].sum(axis=1) / self.length[parts]
-        skew = self.stretched[1][parts, end - 1] - across / shear
-        every = turned, skew, 1.0 + forces.pull[parts] / shear, shear, across
-        return tuple(each[:, None] for each in every)
+        ends = moved.reshape(-1, moved.shape[2])[self._frame.places]
+        chords = self.motions @ ends
+        return self.forces.stiffness @ chords[:, :3], chords[:, 0]
 
     @property
     def is_stable(self) -> bool:
@@ -334,15 +329,15 @@ class Tangent:
         return negative + softened == self._frame.rows.count
 
 
-def end_forces(pull: Array, moments: Array, length: Array) -> Array:
+def end_forces(forces: Array, length: Array) -> Array:
     """
     Return the end forces (k, 6) of members, see `FrameState.end_forces`.
 
-    :param pull: (k,) axial forces N [N].
-    :param moments: (k, 2) moments at start and end [N m].
+    :param forces: (k, 3) axial forces N [N], and moments M1 and M2 at start and end [N m].
     :param length: (k,) lengths of the chords [m].
     """
-    across, (first, second) = moments.sum(axis=1) / length, moments.T
+    pull, first, second = forces.T
+    across = (first + second) / length
     return np.stack([-pull, across, first, pull, -across, second], axis=1)
 
 
@@ -367,16 +362,3 @@ def _condense(matrices: Array, chains: Chains) -> CondensedChains:
     spread = -inverse @ coupling
     matrices[chains.parts[:, 0]] = whole[:, ends][:, :, ends] + coupling.swapaxes(1, 2) @ spread
     return CondensedChains(chains, inverse, spread, stiffness)
-
-
-def chord_motions(direction: Points) -> Array:
-    """
-    Return the derivatives of stretch, sway and end rotations of chords by end displacements.
-
-    :param direction: (k,) unit vectors of the chords, x + iy.
-    :return: (k, 4, 6) derivatives with respect to (ux, uy, theta) at start and end.
-    """
-    x, y = direction.real, direction.imag
-    values = np.zeros((7, len(direction)))
-    values[1], values[2], values[3:] = 1.0, -1.0, (x, y, -x, -y)
-    return values.T.take(MOTION, axis=1)

@@ -127,7 +127,7 @@ class Preflight(StoppableNode):
 
     def _check_stop(self) -> str:
         if not self._stops:
-            raise MeasurementError('no message of emergency_stop: a button must latch false')
+            raise MeasurementError('no message of emergency_stop: a button must publish false')
         if self._stops[-1].data:
             raise MeasurementError('the last message of emergency_stop is true')
         return 'received, and false'

@@ -119,19 +119,19 @@ def _read_body(request: AnalyzeGrasp.Request) -> ConvexObject:
     if body is None:
         if diameter == 0.0:
             raise MessageError(
-                'diameter 0.0 m: must be positive, that of a disc at `center`; or `object` must '
-                'describe what is at `object_pose`'
+                'diameter 0.0 m: must be positive for a disc at `center`; otherwise `object` must '
+                'describe the object at `object_pose`'
             )
         if request.object_pose != Pose():
             raise MessageError(
-                'object_pose: must be left out where there is no `object`; the place of a disc '
-                'is `center`'
+                'object_pose: must be omitted without an `object`; the position of a disc is '
+                '`center`'
             )
         return ConvexObject.disc((center.x, center.y), diameter)
     if center != Point():
         raise MessageError(
-            f'center ({center.x}, {center.y}), beside an `object`: must be left out; the place of '
-            'an object is `object_pose`'
+            f'center ({center.x}, {center.y}), together with an `object`: must be omitted; the '
+            'position of an object is in `object_pose`'
         )
     return body
 

@@ -154,11 +154,7 @@ def read_pose(what: str, message: PoseMessage) -> Pose:
 
 
 def to_pose_message(pose: Pose) -> PoseMessage:
-    """
-    Convert a planar pose to a message.
-
-    :param pose: (x, y, angle) [m, rad].
-    """
+    """Convert a planar pose to a message."""
     message = PoseMessage()
     message.position.x, message.position.y = pose.x, pose.y
     message.orientation.z = math.sin(0.5 * pose.angle)

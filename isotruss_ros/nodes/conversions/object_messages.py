@@ -41,8 +41,8 @@ def read_described(
         return None
     if diameter != 0.0:
         raise MessageError(
-            f'{name} {diameter} m, beside an `object`: must be 0, as the object is described; or '
-            'leave `object` out for a disc'
+            f'{name} {diameter} m, together with an `object`: must be 0, because the object is '
+            'described; or omit `object` for a disc'
         )
     place = read_pose('object_pose', pose)
     if message.shape not in SHAPE_NAMES:

@@ -32,7 +32,7 @@ def read_joint_markers(
     if len(message.joint_names) != len(message.transforms):
         raise MessageError(
             f'joint markers: {len(message.joint_names)} names and {len(message.transforms)} '
-            'transforms: must be as many'
+            'transforms: both numbers must be equal'
         )
     known, found = robot.topology.joint_names, {}
     for name, transform in zip(message.joint_names, message.transforms, strict=True):
@@ -77,7 +77,7 @@ def read_roller_part(message: JointState, names: Sequence[str]) -> dict[int, tup
     found = [numbers[message.name[place]] for place in places]
     if len(found) > len(set(found)):
         twice = sorted({names[number] for number in found if found.count(number) > 1})
-        raise MessageError(f'joint states: {", ".join(twice)} named twice; must be once')
+        raise MessageError(f'joint states: {", ".join(twice)} named twice; must be named once')
     if not found:
         return {}
 
@@ -85,7 +85,7 @@ def read_roller_part(message: JointState, names: Sequence[str]) -> dict[int, tup
         if len(values) != len(message.name):
             raise MessageError(
                 f'joint states: {len(values)} {what} for {len(message.name)} names; '
-                'must be as many'
+                'both numbers must be equal'
             )
         return np.asarray(values)[places]
 

@@ -59,7 +59,6 @@ def read_roller_goal(
 
     :param goal: goal of FollowRollerTrajectory or FollowJointTrajectory.
     :param here: (r,) measured roller positions [m].
-    :param now: current time on the clock of the node [s].
     :param timeout: largest age of the stamp [s].
     :raises TrajectoryGoalError: a joint is unknown or missing, or the stamp is too old.
     :raises MessageError: tolerances are invalid, fields are set that have no meaning for rollers,

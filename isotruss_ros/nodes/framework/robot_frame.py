@@ -42,7 +42,6 @@ class RobotFrame:
     """
     Transformation of measured poses and markers to the robot frame at their stamps.
 
-    :param robot: the robot, which has the frame and the joints with markers.
     :param buffer: buffer of transforms with the method `lookup_transform` of `tf2_ros`; None
         without tf2, in which case measurements must be in the robot frame.
     """

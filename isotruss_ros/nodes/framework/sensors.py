@@ -12,7 +12,7 @@ import math
 from typing import Any
 
 from geometry_msgs.msg import PoseStamped
-from isotruss_msgs.msg import HeldGrip, StateEstimate
+from isotruss_msgs.msg import GraspState, HeldGrip, StateEstimate
 from isotruss_ros.core import Configuration, Robot
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.estimation.roller_parts import RollerParts
@@ -26,10 +26,7 @@ from isotruss_ros.core.inputs import (
     StampedInput,
 )
 from isotruss_ros.core.kinematics.configuration import ConfigurationTracker
-from isotruss_ros.nodes.conversions.sensor_messages import (
-    read_roller_part,
-    read_tube_pressure,
-)
+from isotruss_ros.nodes.conversions.sensor_messages import read_roller_part, read_tube_pressure
 from isotruss_ros.nodes.conversions.state_messages import read_estimate, read_grip
 from isotruss_ros.nodes.framework.gate import Gate, Received, Topic
 from isotruss_ros.nodes.framework.robot_frame import RobotFrame
@@ -51,11 +48,11 @@ class Inputs:
     - `estimate`: `EstimatedTravel` from `state_estimate`.
     - `pose`: `Pose` of the object from `object_pose`, see `RobotFrame`.
     - `markers`: measured joint positions {name: (x, y)} [m] from `joint_markers`.
+    - `grasp`: `GraspState` from `grasp/state`.
     - `held_grip`: `GripRecord` of the held object from `manipulation/grip`.
     - `pressures`: gauge pressures (t,) [Pa] from `tube_pressures`, available once a message for
       each tube has arrived. The stamp is the oldest one of these messages.
 
-    :param robot: robot with the rollers, tubes and frame of the messages.
     :param holder: object that stores the inputs as its attributes; None: this object.
     :param oldest: largest age of an input [s]; None: the value of a parameter of the node.
     """
@@ -65,6 +62,7 @@ class Inputs:
     pose: Input = None
     markers: Input = None
     held_grip: Input = None
+    grasp: Input = None
     pressures: Input = None
 
     def __init__(
@@ -79,6 +77,7 @@ class Inputs:
         #: Last rejected message of a pressure, and its time [s].
         self._bad_pressure: tuple[RejectedInput | None, float] = None, -math.inf
         self._frame: RobotFrame | None = None
+        self._shapes, self._tracked = ConfigurationTracker(robot.home), self.rollers
 
     def _latest(self, name: str) -> Input:
         """Return the stored input with a given name."""
@@ -147,6 +146,7 @@ class Inputs:
             'estimate': Topic(StateEstimate, 'state_estimate', read_offsets),
             'pose': Topic(PoseStamped, 'object_pose', frame.read_pose),
             'markers': Topic(MultiDOFJointState, 'joint_markers', frame.read_markers),
+            'grasp': Topic(GraspState, 'grasp/state', lambda state: state),
             'held_grip': Topic(HeldGrip, 'manipulation/grip', partial(read_grip, robot=robot)),
             'pressures': Topic(
                 FluidPressure,
@@ -219,27 +219,8 @@ class Inputs:
             ages[f'age of {gate.words} [s]'] = age
         return ages
 
-
-class TrackedShape:
-    """
-    Configuration of the robot, updated from joint states.
-
-    :ivar timeout: largest age of an input [s].
-    :ivar estimate: input of the `EstimatedTravel` with the roller offsets; None without an
-        estimate.
-    :param robot: the robot; the first configuration is computed starting from home.
-    :param timeout: largest age of an input [s].
-    """
-
-    def __init__(self, robot: Robot, timeout: float) -> None:
-        self.timeout = timeout
-        self.rollers: Input = None  #: latest joint states, a StampedInput of a RollerState
-        self.estimate: Input = None
-        self._shapes = ConfigurationTracker(robot.home)
-        self._tracked: Input = None
-
     def track(self) -> None:
-        """Update the configuration from the latest joint states."""
+        """Track the configuration by the latest joint states, if they are new."""
         if self.rollers is self._tracked:
             return
         self._tracked = self.rollers
@@ -252,9 +233,9 @@ class TrackedShape:
         """
         Return the configuration at the latest joint states.
 
-        :param now: current time on the clock of the inputs [s].
         :raises InputError: the joint states are missing, stale or invalid.
         :raises ConfigurationError: no configuration exists at these roller positions.
         """
-        (given,) = require_fresh(now, self.timeout, joint_states=self.rollers)
+        timeout = self._node.values.command_timeout
+        (given,) = require_fresh(now, timeout, joint_states=self.rollers)
         return self._shapes.configuration(given.value.positions)

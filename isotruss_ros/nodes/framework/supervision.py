@@ -29,11 +29,7 @@ START_TIMEOUT = 1.0
 
 
 class ClientWatch:
-    """
-    Detector for the loss of a goal's client, from the time of the client's last heartbeat.
-
-    :param node: node that subscribes until it is destroyed.
-    """
+    """Detector for the loss of a goal's client, from the time of its last heartbeat."""
 
     def __init__(self, node: LifecycleNode) -> None:
         self.goal: bytes | None = None

@@ -94,8 +94,6 @@ class GraspMonitor:
         Return the current analysis, which is recomputed only if inputs or settings have changed.
 
         Invalid inputs raise no error; the report then has a code and a message.
-
-        :param now: current time on the clock of the inputs [s].
         """
         inputs: dict[str, Any] = {'joint_states': self.rollers, 'object_pose': self.pose}
         if self.wrench is not None:
@@ -130,7 +128,6 @@ class GraspMonitor:
         :param query: arguments of the request. If it has no roller positions, the measured ones
             are used and must be fresh. If pressures have ever been received, they must be fresh
             too.
-        :param now: current time on the clock of the inputs [s].
         """
         try:
             pressures = fresh_pressures(now, self.pressure_timeout, self.pressures)

@@ -24,7 +24,6 @@ class FailedRollers:
     """
     Record of the named and of the detected failed rollers, in any state of the node.
 
-    :param node: node that has the subscription and the service until it is destroyed.
     :param changed: callback that is called when the named rollers change.
     """
 

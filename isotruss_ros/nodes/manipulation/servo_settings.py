@@ -172,22 +172,14 @@ class StatusReport:
         self.status = Status.OK  #: status of the last cycle
 
     def publish_grip(self, grasp: HeldEquilibrium | None, now: float) -> None:
-        """
-        Publish the equilibrium of the held object, at most once in `GRIP_PERIOD`.
-
-        :param now: time of the cycle [s].
-        """
+        """Publish the equilibrium of the held object, at most once in `GRIP_PERIOD`."""
         if grasp is None or 0.0 <= now - self._told < GRIP_PERIOD:
             return
         self._told = now
         self._grips.publish(to_grip_message(GripRecord.of(grasp), self._robot, now))
 
     def publish(self, decision: Decision, now: float) -> None:
-        """
-        Publish a decision, and log it if the twist is not executed as commanded.
-
-        :param now: time of the cycle [s].
-        """
+        """Publish a decision, and log it if the twist is not executed as commanded."""
         command, cycle = decision.command, self._node.cycle
         status = self.status = command.status
         squeeze, deviation = decision.squeeze or (math.nan, math.nan)
@@ -214,6 +206,6 @@ class StatusReport:
         text = decision.message or status.name
         if decision.failed:
             text = f'failed rollers: {", ".join(decision.failed)}; {text}'
-        self._node.diagnostics.set_status(level, text)
+        self._node.diagnostics.set_status(text, level)
         if level != DiagnosticStatus.OK:
             self._node.warn(status.name, f'{status}: {text}')

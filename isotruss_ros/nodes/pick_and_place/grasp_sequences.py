@@ -44,7 +44,7 @@ from isotruss_ros.nodes.conversions.path_messages import (
 from isotruss_ros.nodes.conversions.plan_messages import read_goal
 from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.managed import ManagedNode
-from isotruss_ros.nodes.framework.sensors import TrackedShape
+from isotruss_ros.nodes.framework.sensors import Inputs
 from isotruss_ros.nodes.framework.supervision import MIN_FEEDBACK_TIMEOUT, TOPIC
 from isotruss_ros.nodes.framework.topics import RELIABLE
 from isotruss_ros.nodes.pick_and_place.action_steps import (
@@ -72,31 +72,23 @@ PLANNER_TIMEOUT = 5.0
 PICK, PLACE, MOVE = PickObject.Feedback, PlaceObject.Feedback, MoveObject.Feedback
 
 
-class GraspSequences(TrackedShape):
+class GraspSequences:
     """
     Sequences of actions that pick, place and move an object.
 
     The actions are those of `grasp_planner`, `manipulation` and `path_follower`.
-
-    :param node: node that has the clients until it is destroyed.
     """
 
-    #: StampedInput of the `GripRecord` of the control loop that holds the object
-    held_grip: Input = None
-
-    def __init__(self, node: ManagedNode, robot: Robot) -> None:
-        super().__init__(robot, node.values.command_timeout)
-        self._node, self._robot = node, robot
+    def __init__(self, node: ManagedNode, robot: Robot, inputs: Inputs) -> None:
+        self._node, self._robot, self._inputs = node, robot, inputs
         self.stage = 0  #: current stage, a constant of the action's feedback
-        self.pose: Input = None  #: StampedInput of the object's `Pose`
-        self.grasp: Input = None  #: StampedInput of the `GraspState`
         self._described = common.read_described(node.values)
         # Before the actions: a server that has discovered their clients has discovered the
         # publisher.
         alive = node.create_lifecycle_publisher(GoalInfo, TOPIC, RELIABLE).publish
         self._planner = ActionStep(node, PlanGrasp, 'plan_grasp', alive, lambda: PLANNER_TIMEOUT)
         self._trajectories, self._object = (
-            ActionStep(node, kind, name, alive, lambda: max(self.timeout, MIN_FEEDBACK_TIMEOUT))
+            ActionStep(node, kind, name, alive, lambda: max(self._timeout, MIN_FEEDBACK_TIMEOUT))
             for kind, name in (
                 (FollowRollerTrajectory, 'follow_roller_trajectory'),
                 (FollowObjectPath, 'follow_object_path'),
@@ -104,6 +96,11 @@ class GraspSequences(TrackedShape):
         )
         self._parameters = node.create_client(SetParameters, 'manipulation/set_parameters')
         self._thread = ThreadPoolExecutor(max_workers=1)
+
+    @property
+    def _timeout(self) -> float:
+        """Return the largest age of inputs [s]."""
+        return self._node.values.command_timeout
 
     def close(self) -> None:
         """End the thread in which releases are planned."""
@@ -121,8 +118,8 @@ class GraspSequences(TrackedShape):
 
     def check_move(self, goal: MoveObject.Goal) -> None:
         """Raise IsotrussError if the path is invalid."""
-        known = isinstance(self.pose, StampedInput)
-        here = self.pose.value if known else Pose(0.0, 0.0, 0.0)
+        known = isinstance(self._inputs.pose, StampedInput)
+        here = self._inputs.pose.value if known else Pose(0.0, 0.0, 0.0)
         read_object_path(goal.path, goal.speed, goal.turn_rate, self._robot, False, here)
 
     def _to_search_goal(self, goal: PickObject.Goal, lay: PoseStamped) -> PlanGrasp.Goal:
@@ -146,10 +143,10 @@ class GraspSequences(TrackedShape):
 
     def measured_pose(self) -> PoseStamped | None:
         """Return the last measured pose of the object as a message; None before the first one."""
-        if not isinstance(self.pose, StampedInput):
+        if not isinstance(self._inputs.pose, StampedInput):
             return None
-        header = make_header(self.pose.time, self._robot.frame)
-        return PoseStamped(header=header, pose=to_pose_message(self.pose.value))
+        header = make_header(self._inputs.pose.time, self._robot.frame)
+        return PoseStamped(header=header, pose=to_pose_message(self._inputs.pose.value))
 
     def distance_left(self, path: Path) -> tuple[float, float]:
         """
@@ -164,7 +161,7 @@ class GraspSequences(TrackedShape):
 
     def _measure_error(self, end: PoseStamped) -> tuple[float, float]:
         """Return the distance [m] and angle [rad] between the object and a pose."""
-        (here,) = require_fresh(self._node.now(), self.timeout, object_pose=self.pose)
+        (here,) = require_fresh(self._node.now(), self._timeout, object_pose=self._inputs.pose)
         x, y, turned = pose_difference(read_pose('pose', end.pose), here.value)
         return math.hypot(x, y), abs(turned)
 
@@ -207,12 +204,11 @@ class GraspSequences(TrackedShape):
     def _require_free(self) -> None:
         """Raise StepError if the object is already held."""
         # The analysis may arrive only after the pick.
-        found = find_fresh(self._node.now(), self.timeout, self.grasp)
+        found = find_fresh(self._node.now(), self._timeout, self._inputs.grasp)
         if found is not None and found.held:
             members = ', '.join(found.grasping_members)
             raise StepError(
-                StepOutcome.BAD_GOAL,
-                f'the object is held already, by {members}: place it first',
+                StepOutcome.BAD_GOAL, f'the object is held already, by {members}: place it first'
             )
 
     def _plan_grasp(self, goal: PickObject.Goal, lay: PoseStamped) -> Steps:
@@ -231,10 +227,10 @@ class GraspSequences(TrackedShape):
         """
         self.stage = PLACE.PLANNING
         state = yield from self._await_held(StepOutcome.NOT_READY)
-        pose = self.pose.value  # type: ignore[union-attr]
-        config = self.configuration(self._node.now())
+        pose = self._inputs.pose.value  # type: ignore[union-attr]
+        config = self._inputs.configuration(self._node.now())
         body = common.read_body(self._node.values).moved_to(pose)
-        record = find_fresh(self._node.now(), self.timeout, self.held_grip)
+        record = find_fresh(self._node.now(), self._timeout, self._inputs.held_grip)
         most = goal.max_rotation or MAX_ROTATION
         planned: Future[Release] = self._thread.submit(
             plan_release, config, body, state.grasping_members, goal.clearance, record, most
@@ -255,14 +251,12 @@ class GraspSequences(TrackedShape):
         yield from self._drive(trajectory, apart, PLACE.OPENING, PLACE.BACKING_OFF)
         self.stage = PLACE.CONFIRMING
         yield from self._confirm(False)
-        now = self.pose.value  # type: ignore[union-attr]
+        now = self._inputs.pose.value  # type: ignore[union-attr]
         x, y, turned = pose_difference(now, pose).tolist()
         moved = math.hypot(x, y)
         way = f'{1e3 * moved:.3g} mm and {math.degrees(turned):+.2g}°'
         return PlaceObject.Result(
-            message=f'free, {way} from where it was held',
-            displacement=moved,
-            rotation=turned,
+            message=f'free, {way} from where it was held', displacement=moved, rotation=turned
         )
 
     def move(self, goal: MoveObject.Goal) -> Steps:
@@ -324,14 +318,14 @@ class GraspSequences(TrackedShape):
         arrived = self._node.now()
         while True:
             now, analysed = self._node.now(), -np.inf
-            if isinstance(self.grasp, StampedInput):
-                state, analysed = self.grasp.value, self.grasp.time
+            if isinstance(self._inputs.grasp, StampedInput):
+                state, analysed = self._inputs.grasp.value, self._inputs.grasp.time
                 found = state.code in (GraspState.OK, GraspState.WRINKLED) and state.held == held
                 if found and analysed > arrived:
                     return state
             # Timed by stamps of analyses, which are late on a busy machine; by the clock without
             # any.
-            waited = max(analysed, now - self.timeout) - arrived
+            waited = max(analysed, now - self._timeout) - arrived
             if waited > CONFIRMATION_TIMEOUT:
                 outcome = StepOutcome.NOT_HELD if analysed > arrived else StepOutcome.NOT_READY
                 raise StepError(outcome, self._describe_grasp(arrived))
@@ -344,9 +338,9 @@ class GraspSequences(TrackedShape):
             try:
                 return require_fresh(
                     self._node.now(),
-                    self.timeout,
-                    joint_states=self.rollers,
-                    object_pose=self.pose,
+                    self._timeout,
+                    joint_states=self._inputs.rollers,
+                    object_pose=self._inputs.pose,
                     **{name: find() for name, find in inputs.items()},  # type: ignore[arg-type]
                 )
             except InputError:
@@ -356,7 +350,7 @@ class GraspSequences(TrackedShape):
 
     def _await_held(self, otherwise: StepOutcome) -> Steps:
         """Wait for a fresh analysis that finds that the object is held, and return it."""
-        *_, grasp = yield from self._await_inputs(grasp_state=lambda: self.grasp)
+        *_, grasp = yield from self._await_inputs(grasp_state=lambda: self._inputs.grasp)
         if not grasp.value.held:
             raise StepError(otherwise, self._describe_grasp())
         return grasp.value
@@ -364,7 +358,9 @@ class GraspSequences(TrackedShape):
     def _find_loss(self) -> StepError | None:
         """Return an error if the object is not held; None if it is held."""
         try:
-            (grasp,) = require_fresh(self._node.now(), self.timeout, grasp_state=self.grasp)
+            (grasp,) = require_fresh(
+                self._node.now(), self._timeout, grasp_state=self._inputs.grasp
+            )
         except InputError as error:
             return StepError(StepOutcome.STOPPED, str(error))
         return (
@@ -373,11 +369,11 @@ class GraspSequences(TrackedShape):
 
     def _describe_grasp(self, since: float = -np.inf) -> str:
         """Return a text about the last analysis, if it is later than a given time [s]."""
-        if not isinstance(self.grasp, StampedInput):
+        if not isinstance(self._inputs.grasp, StampedInput):
             return 'no analysis of the grasp was received'
-        if self.grasp.time <= since:
+        if self._inputs.grasp.time <= since:
             return 'no analysis of the grasp was received since the rollers arrived'
-        state = self.grasp.value
+        state = self._inputs.grasp.value
         if state.held:
             return f'the object is held, with a slip margin of {state.slip_margin:.3g} N'
         return f'the object is not held: {state.message or state.hold_message}'

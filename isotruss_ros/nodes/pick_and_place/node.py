@@ -8,15 +8,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticStatus
 from isotruss_msgs.action import MoveObject, PickObject, PlaceObject
-from isotruss_msgs.msg import GraspState
 from isotruss_ros.core import IsotrussError
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.inputs import InputError
 from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.cycle import create_steady_timer
-from isotruss_ros.nodes.framework.gate import Topic
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.sensors import Inputs
 from isotruss_ros.nodes.framework.single_goal import BusyError, SingleGoal
@@ -39,6 +36,7 @@ class PickAndPlace(ManagedNode):
     node_name = 'pick_and_place'
     specs = SPECS
     awaited = ('pick_object', 'move_object', 'place_object')
+    idle = 'no goal'
     _sequences: GraspSequences | None = None
     _course: Steps | None = None
     _cancelling = False
@@ -46,10 +44,9 @@ class PickAndPlace(ManagedNode):
 
     def configure(self) -> None:
         """Create clients and subscriptions, and offer the actions."""
-        sequences = self._sequences = GraspSequences(self, self.robot)
-        self.inputs = Inputs(self, self.robot, sequences)
-        self.inputs.keep('rollers', 'estimate', 'pose', 'held_grip')
-        self.inputs.keep_topic('grasp', Topic(GraspState, 'grasp/state', lambda state: state))
+        self.inputs = Inputs(self, self.robot)
+        self.inputs.keep('rollers', 'estimate', 'pose', 'held_grip', 'grasp')
+        sequences = self._sequences = GraspSequences(self, self.robot, self.inputs)
         # Exists while the node is inactive as well, so that a goal that ends then gets its result.
         self._actions = [
             self._offer(PickObject, 'pick_object', sequences.check_pick, sequences.pick),
@@ -59,7 +56,6 @@ class PickAndPlace(ManagedNode):
 
     def activate(self) -> None:
         """Accept goals from now on."""
-        self.diagnostics.set_status(DiagnosticStatus.OK, 'no goal')
         create_steady_timer(self, TICK_PERIOD, self._tick)
 
     def deactivate(self) -> None:
@@ -81,10 +77,6 @@ class PickAndPlace(ManagedNode):
     def _goal(self) -> SingleGoal | None:
         return next((action for action in self._actions if action.active), None)
 
-    def _apply(self) -> None:
-        """Use the new value of the parameter `command_timeout`."""
-        self._sequences.timeout = self.values.command_timeout
-
     def _offer(
         self, kind: Any, name: str, check: Callable[[Any], None], sequence: Callable[[Any], Steps]
     ) -> SingleGoal:
@@ -93,8 +85,8 @@ class PickAndPlace(ManagedNode):
         def read(goal: Any) -> Any:
             if (running := self._goal) is not None:
                 raise BusyError(
-                    f'{running.kind.__name__} is carried out, for '
-                    f'{self.now() - self._began:.0f} s now: cancel it, or wait for its end'
+                    f'{running.kind.__name__} has been executed for '
+                    f'{self.now() - self._began:.0f} s: cancel it, or wait for its end'
                 )
             check(goal)
             return goal
@@ -107,7 +99,7 @@ class PickAndPlace(ManagedNode):
         def begin(goal: Any) -> None:
             self._course, self._cancelling = sequence(goal), False
             self._began = self.now()
-            self.diagnostics.set_status(DiagnosticStatus.OK, name)
+            self.diagnostics.set_status(name)
 
         return SingleGoal(self, kind, name, read, refuse, begin, self._request_cancel)
 
@@ -117,7 +109,7 @@ class PickAndPlace(ManagedNode):
     def _tick(self) -> None:
         """Resume the sequence; if it ends, end the goal."""
         self.inputs.settle()
-        self._sequences.track()
+        self.inputs.track()
         course = self._course
         if course is None:
             return
@@ -149,7 +141,7 @@ class PickAndPlace(ManagedNode):
         if isinstance(ended, MoveObject.Result):
             left = self._sequences.distance_left(goal.request.path)
             ended.position_error, ended.angle_error = left
-        goal.report_end(outcome, ended, 'no goal', f'{goal.kind.__name__}: ')
+        goal.report_end(outcome, ended, f'{goal.kind.__name__}: ')
 
 
 def _find_outcome(error: IsotrussError) -> StepOutcome:

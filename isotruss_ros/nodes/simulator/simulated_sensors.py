@@ -133,11 +133,7 @@ class SimulatedSensors:
         self._joint_markers = make(MultiDOFJointState, 'joint_markers', RELIABLE)
 
     def publish(self, now: float, plant: Plant) -> None:
-        """
-        Make new measurements, and publish those that have arrived.
-
-        :param now: current time of the simulated robot [s].
-        """
+        """Make new measurements, and publish those that have arrived."""
         values, travel, step = self._values, plant.roller_positions, self._values.encoder_step
         counted = step * np.round(travel / step) if step > 0.0 else travel
         encoders = self._encoders.measure(

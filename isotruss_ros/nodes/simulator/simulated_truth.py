@@ -38,11 +38,7 @@ class SimulatedTruth:
         self._forces = make(WrenchStamped, 'truth/contact_forces', EVENTS)
 
     def publish(self, now: float, plant: Plant) -> None:
-        """
-        Publish the true states on the topics that have subscribers.
-
-        :param now: current time of the simulated robot [s].
-        """
+        """Publish the true states on the topics that have subscribers."""
         header = make_header(now, self._robot.frame)
         if self._pose.get_subscription_count():
             self._pose.publish(PoseStamped(header=header, pose=to_pose_message(plant.object_pose)))
@@ -71,7 +67,7 @@ class ClockSource:
     def __init__(self, node: ManagedNode, rate: float, speed: float) -> None:
         if not node.get_parameter('use_sim_time').value:
             raise ParameterError(
-                f'parameter clock_speed: {speed:g}: must be 0 where use_sim_time is false'
+                f'parameter clock_speed: {speed:g}: must be 0 if use_sim_time is false'
             )
         self._step = round(1e9 / rate)
         # Continues from the last active time.

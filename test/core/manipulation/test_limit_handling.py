@@ -150,9 +150,8 @@ def test_active_rows_give_the_solution_of_all_rows(slide, first, robot, rng, num
     arguments = (config, grasp, twist, failed, limits, LimitHandling(slide, 0.005))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(limit_handling, 'ROW_BATCH', first)
-        patch.setattr(limit_handling, 'MAX_ROLLERS_WITH_ALL_ROWS', 0)
         few = solve_twist(*arguments)
-        patch.setattr(limit_handling, 'MAX_ROLLERS_WITH_ALL_ROWS', 10**6)
+        patch.setattr(limit_handling, 'ROW_BATCH', 10**6)
         every = solve_twist(*arguments)
     assert few.scale == pytest.approx(every.scale, abs=1e-9)
     assert few.status is every.status

@@ -7,7 +7,7 @@ import math
 import closings
 from isotruss_ros.core import ConvexObject, GraspRequirements, load_robot
 from isotruss_ros.core.planning.facing import friction_angles
-from isotruss_ros.core.planning.seeds import enclosing_members, find_seeds, SIGHT_LINES
+from isotruss_ros.core.planning.seeds import enclosing_members, find_seeds
 import numpy as np
 import pytest
 
@@ -19,14 +19,14 @@ RADIUS = 0.5 * HOME.robot.description.tube_diameter
 
 
 def seen_from(config, point):
-    """Return the members that lines of sight meet first; none if one of them meets nothing."""
+    """Return the members that many lines of sight meet first; none if one meets nothing."""
     begin, end, middle = closings.parts(config)
     joints = np.array([config.points[i] for i in config.robot.topology.joint])
     back = [config.points[nodes] for nodes in (config.robot.topology.b, config.robot.topology.c)]
     segments = [*zip(begin, end, strict=True), *zip(*back, strict=True)]
     segments += zip(joints, middle, strict=True)
     found = set()
-    for angle in 2.0 * math.pi * (np.arange(SIGHT_LINES) + 0.5) / SIGHT_LINES:
+    for angle in 2.0 * math.pi * (np.arange(1000) + 0.5) / 1000:
         ray, hits = np.array([math.cos(angle), math.sin(angle)]), {}
         for number, (one, other) in enumerate(segments):
             start, span = one - point, other - one

@@ -175,14 +175,13 @@ def test_a_borrowed_factor_converges_in_the_ratio_of_the_motion_between(seed):
     lender, loads = frame.bend(loads), 1.01 * loads
     tangent, motions = lender, []
     for _ in range(4):
-        left = (loads.ravel() - tangent.carried)[:, None]
-        moved, multipliers = tangent.respond(left, -tangent.gaps[:, None])
-        motions.append(np.abs(moved.reshape(-1, 3)[:, :2]).max())
-        _, pull = tangent.changed_forces(moved.reshape(-1, 3))
+        moved, multipliers = (each[..., 0] for each in tangent.balance(loads.ravel()))
+        motions.append(np.abs(moved[:, :2]).max())
+        forces, _ = tangent.changed_forces(moved)
         tangent = frame.tangent(
-            tangent.displacements + moved.reshape(-1, 3),
-            tangent.multipliers + multipliers[:, 0],
-            pull,
+            tangent.displacements + moved,
+            tangent.multipliers + multipliers,
+            forces[:, 0],
         )
         tangent.borrow(lender)
     assert motions[1] < 20.0 * motions[0] ** 2

@@ -217,7 +217,7 @@ def test_loads_on_unknown_joints_are_refused_by_name(joint):
     ('force', 'complaint'),
     [
         ((np.nan, 0.0), r'joint T.*must be 2 finite numbers'),
-        ((1e307, 0.0), r'loads up to 1e\+307 N'),
+        ((1.7e308, 0.0), r'loads up to 1.7e\+308 N'),
     ],
 )
 def test_invalid_or_overflowing_loads_are_refused(force, complaint):
