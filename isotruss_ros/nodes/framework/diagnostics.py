@@ -99,12 +99,12 @@ class Diagnostics:
         self._reports = node.create_publisher(DiagnosticArray, '/diagnostics', EVENTS)
         create_steady_timer(node, REPORT_PERIOD, self.report)
 
-    def set_status(self, level: bytes, message: str) -> None:
+    def set_status(self, message: str, level: bytes = DiagnosticStatus.OK) -> None:
         """
         Set the status; if the level has changed, publish it at once.
 
-        :param level: constant of `DiagnosticStatus`.
         :param message: text of the status.
+        :param level: constant of `DiagnosticStatus`.
         """
         self._level, self._message = level, message
         if level != self._sent_level and (

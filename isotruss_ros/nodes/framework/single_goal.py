@@ -129,12 +129,11 @@ class SingleGoal:
         self._ended[_key(self._handle)].set_result((ending, self._stamp(result)))
         self._set_active(None)
 
-    def report_end(self, outcome: enum.IntEnum, result: Any, idle: str, prefix: str = '') -> None:
+    def report_end(self, outcome: enum.IntEnum, result: Any, prefix: str = '') -> None:
         """
         End the active goal, and report its result in the diagnostics and the log.
 
         :param result: message of the result.
-        :param idle: text of the diagnostics after a success.
         :param prefix: text that precedes the result in the report.
         """
         good, logger = outcome == 0 or outcome.name in ENDINGS, self._node.get_logger()
@@ -142,7 +141,7 @@ class SingleGoal:
         self.end(Ending.SUCCEEDED if outcome == 0 else ending, result)
         text = f'{prefix}{outcome.name.lower().replace("_", " ")}: {result.message}'
         level = DiagnosticStatus.OK if good else DiagnosticStatus.WARN
-        self._node.diagnostics.set_status(level, f'{idle}; last goal {text}')
+        self._node.diagnostics.set_status(f'{self._node.idle}; last goal {text}', level)
         if good:
             logger.info(text)
         else:

@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticStatus
 from isotruss_msgs.action import MoveObject, PickObject, PlaceObject
 from isotruss_ros.core import IsotrussError
 from isotruss_ros.core.errors import GraspError
@@ -37,6 +36,7 @@ class PickAndPlace(ManagedNode):
     node_name = 'pick_and_place'
     specs = SPECS
     awaited = ('pick_object', 'move_object', 'place_object')
+    idle = 'no goal'
     _sequences: GraspSequences | None = None
     _course: Steps | None = None
     _cancelling = False
@@ -56,7 +56,6 @@ class PickAndPlace(ManagedNode):
 
     def activate(self) -> None:
         """Accept goals from now on."""
-        self.diagnostics.set_status(DiagnosticStatus.OK, 'no goal')
         create_steady_timer(self, TICK_PERIOD, self._tick)
 
     def deactivate(self) -> None:
@@ -100,7 +99,7 @@ class PickAndPlace(ManagedNode):
         def begin(goal: Any) -> None:
             self._course, self._cancelling = sequence(goal), False
             self._began = self.now()
-            self.diagnostics.set_status(DiagnosticStatus.OK, name)
+            self.diagnostics.set_status(name)
 
         return SingleGoal(self, kind, name, read, refuse, begin, self._request_cancel)
 
@@ -142,7 +141,7 @@ class PickAndPlace(ManagedNode):
         if isinstance(ended, MoveObject.Result):
             left = self._sequences.distance_left(goal.request.path)
             ended.position_error, ended.angle_error = left
-        goal.report_end(outcome, ended, 'no goal', f'{goal.kind.__name__}: ')
+        goal.report_end(outcome, ended, f'{goal.kind.__name__}: ')
 
 
 def _find_outcome(error: IsotrussError) -> StepOutcome:
