@@ -32,10 +32,9 @@ class SimulatedTruth:
 
     def __init__(self, node: ManagedNode, robot: Robot) -> None:
         self._robot = robot
-        make = node.create_lifecycle_publisher
-        self._pose = make(PoseStamped, 'truth/object_pose', RELIABLE)
-        self._joints = make(MultiDOFJointState, 'truth/joint_markers', RELIABLE)
-        self._forces = make(WrenchStamped, 'truth/contact_forces', EVENTS)
+        self._pose = node.advertise(PoseStamped, 'truth/object_pose')
+        self._joints = node.advertise(MultiDOFJointState, 'truth/joint_markers')
+        self._forces = node.advertise(WrenchStamped, 'truth/contact_forces', EVENTS)
 
     def publish(self, now: float, plant: Plant) -> None:
         """Publish the true states on the topics that have subscribers."""

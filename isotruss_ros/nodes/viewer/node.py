@@ -99,9 +99,9 @@ class Viewer(StoppableNode):
         self._controls: Controls | None = None
         self._moving = self._pulling = self._stopped = False
         self._subscribe()
-        self._twists = self.create_publisher(Twist, 'cmd_vel', RELIABLE)
-        self._wrenches = self.create_publisher(WrenchStamped, 'external_wrench', RELIABLE)
-        self._stops = self.create_publisher(Bool, 'emergency_stop', LATCHED)
+        self._twists = self.advertise(Twist, 'cmd_vel')
+        self._wrenches = self.advertise(WrenchStamped, 'external_wrench')
+        self._stops = self.advertise(Bool, 'emergency_stop', LATCHED)
         self._release = self.create_client(Trigger, 'release_emergency_stop')
         self._set = {
             name: self.create_client(SetParameters, f'{name}/set_parameters')
