@@ -120,7 +120,9 @@ def control_cycle() -> tuple[list[str], int]:
 def node_tick() -> tuple[list[str], int]:
     """Trace the shortest of the last ticks of `manipulation`, each with fresh messages."""
     rclpy.init()
-    node = Manipulation([Parameter('grip_module', value=MODULE)])
+    # On a busy machine, messages may be old before the tick.
+    values = {'grip_module': MODULE, 'command_timeout': 10.0}
+    node = Manipulation([Parameter(name, value=value) for name, value in values.items()])
     take = {each.topic_name.strip('/'): each.callback for each in node.subscriptions}
     paths = []
     for step in range(CYCLES):

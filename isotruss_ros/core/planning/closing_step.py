@@ -42,8 +42,9 @@ CLEARANCE = 0.1
 #: Largest distance of parts of the robot that is constrained in a step, in mean member lengths
 #: [-].
 NEAR = 0.15
-#: Largest overshoot of a grasping member, in tube diameters [-].
-MAX_OVERSHOOT = 0.015
+#: Tolerance of the gaps of the grasping members in tube diameters [-], at the end of the approach
+#: and for an overshoot. A rotation of 1 rad counts as one tube diameter.
+GAP_TOLERANCE = 0.015
 
 
 def press(config: Configuration, closing: Closing, depths: Array) -> Configuration:
@@ -88,7 +89,7 @@ def take_closing_step(
     config, diameter = state.config, state.config.robot.description.tube_diameter
     # Remaining gaps: the program is exact to first order only.
     bounds = np.full(len(state.gaps), BOUND_SHARE * CLEARANCE * diameter)
-    bounds[list(closing.members)] = targets - MAX_OVERSHOOT * diameter
+    bounds[list(closing.members)] = targets - GAP_TOLERANCE * diameter
     bounds = np.minimum(bounds, state.gaps - COINCIDENCE)
     for halving in range(5):
         closing.tally.evaluations += 1

@@ -38,8 +38,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
 
     Entities (publishers, subscriptions, services, action servers, timers) that `configure` creates
     are destroyed at cleanup; entities that `activate` creates are destroyed at deactivation. A
-    publisher that must be silent while the node is inactive is created by
-    `create_lifecycle_publisher`.
+    publisher that must be silent while the node is inactive is created by `advertise`.
 
     If a step raises an `IsotrussError`, the node keeps its previous state; after any other
     exception the node is unconfigured. The reason is in the log and in the diagnostics.

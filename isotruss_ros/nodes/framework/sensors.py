@@ -26,10 +26,7 @@ from isotruss_ros.core.inputs import (
     StampedInput,
 )
 from isotruss_ros.core.kinematics.configuration import ConfigurationTracker
-from isotruss_ros.nodes.conversions.sensor_messages import (
-    read_roller_part,
-    read_tube_pressure,
-)
+from isotruss_ros.nodes.conversions.sensor_messages import read_roller_part, read_tube_pressure
 from isotruss_ros.nodes.conversions.state_messages import read_estimate, read_grip
 from isotruss_ros.nodes.framework.gate import Gate, Received, Topic
 from isotruss_ros.nodes.framework.robot_frame import RobotFrame

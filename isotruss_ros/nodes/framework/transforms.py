@@ -51,7 +51,7 @@ class TransformBroadcaster:
                 f'tf2_msgs is not installed: {own[0]} and the modules are not on /tf'
             )
             return
-        self._transforms = node.create_lifecycle_publisher(TFMessage, '/tf', EVENTS)
+        self._transforms = node.advertise(TFMessage, '/tf', EVENTS)
 
     def broadcast(
         self,

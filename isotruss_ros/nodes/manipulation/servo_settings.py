@@ -24,7 +24,6 @@ from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import Parameters, Spec
 from isotruss_ros.nodes.framework.sensors import Inputs
-from isotruss_ros.nodes.framework.topics import RELIABLE
 
 #: Statuses that cause no warning.
 NORMAL_STATUSES = frozenset(
@@ -163,10 +162,8 @@ class StatusReport:
     """Publisher of the servo's decisions, created whenever the node is configured."""
 
     def __init__(self, node: ManagedNode, robot: Robot) -> None:
-        self._publisher = node.create_lifecycle_publisher(
-            ManipulationStatus, 'manipulation/status', RELIABLE
-        )
-        self._grips = node.create_lifecycle_publisher(HeldGrip, 'manipulation/grip', RELIABLE)
+        self._publisher = node.advertise(ManipulationStatus, 'manipulation/status')
+        self._grips = node.advertise(HeldGrip, 'manipulation/grip')
         self._robot, self._frame, self._node = robot, robot.frame, node
         self._told = 0.0
         self.status = Status.OK  #: status of the last cycle

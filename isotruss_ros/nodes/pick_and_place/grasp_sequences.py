@@ -46,7 +46,6 @@ from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.sensors import Inputs
 from isotruss_ros.nodes.framework.supervision import MIN_FEEDBACK_TIMEOUT, TOPIC
-from isotruss_ros.nodes.framework.topics import RELIABLE
 from isotruss_ros.nodes.pick_and_place.action_steps import (
     ActionStep,
     set_parameters,
@@ -85,7 +84,7 @@ class GraspSequences:
         self._described = common.read_described(node.values)
         # Before the actions: a server that has discovered their clients has discovered the
         # publisher.
-        alive = node.create_lifecycle_publisher(GoalInfo, TOPIC, RELIABLE).publish
+        alive = node.advertise(GoalInfo, TOPIC).publish
         self._planner = ActionStep(node, PlanGrasp, 'plan_grasp', alive, lambda: PLANNER_TIMEOUT)
         self._trajectories, self._object = (
             ActionStep(node, kind, name, alive, lambda: max(self._timeout, MIN_FEEDBACK_TIMEOUT))
@@ -208,8 +207,7 @@ class GraspSequences:
         if found is not None and found.held:
             members = ', '.join(found.grasping_members)
             raise StepError(
-                StepOutcome.BAD_GOAL,
-                f'the object is held already, by {members}: place it first',
+                StepOutcome.BAD_GOAL, f'the object is held already, by {members}: place it first'
             )
 
     def _plan_grasp(self, goal: PickObject.Goal, lay: PoseStamped) -> Steps:
@@ -257,9 +255,7 @@ class GraspSequences:
         moved = math.hypot(x, y)
         way = f'{1e3 * moved:.3g} mm and {math.degrees(turned):+.2g}°'
         return PlaceObject.Result(
-            message=f'free, {way} from where it was held',
-            displacement=moved,
-            rotation=turned,
+            message=f'free, {way} from where it was held', displacement=moved, rotation=turned
         )
 
     def move(self, goal: MoveObject.Goal) -> Steps:

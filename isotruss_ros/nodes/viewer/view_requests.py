@@ -97,10 +97,7 @@ class NodeRestart:
         self._report = report
         self._change, self._set = (
             {name: node.create_client(kind, f'{name}/{service}') for name in (SIMULATOR, *OTHERS)}
-            for kind, service in (
-                (ChangeState, 'change_state'),
-                (SetParameters, 'set_parameters'),
-            )
+            for kind, service in ((ChangeState, 'change_state'), (SetParameters, 'set_parameters'))
         )
         self._get = node.create_client(GetParameters, f'{SIMULATOR}/get_parameters')
         self._calls = self._restart('', 0.0, [], {})

@@ -35,7 +35,7 @@ EXACT = EstimatorSettings(
     joint_error=0.0,
     marker_shift=0.0,
     marker_turn=0.0,
-    pose_error=0.0,
+    pose_error=1e-6,
     squeeze_error=0.0,
 )
 
@@ -289,7 +289,7 @@ def with_pose_error(pose_error):
 
 def test_the_error_of_the_modelled_pose_turns_the_object_by_its_arm():
     size = 2e-3
-    exact, wrong = (with_pose_error(size) for size in (0.0, size))
+    exact, wrong = map(with_pose_error, (0.0, size))
     more = wrong.estimator.estimate().pose_covariance - exact.estimator.estimate().pose_covariance
     expected = np.diag([size, size, size / wrong.grip.arm]) ** 2
     assert more == pytest.approx(expected, rel=1e-6, abs=1e-12)
