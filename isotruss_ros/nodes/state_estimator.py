@@ -43,7 +43,7 @@ SPECS = (
     common.OBJECT,
     common.GRIP_MODULE,
     common.GRIP,
-    replace(common.RATE, default=50.0, bounds=(1.0, 1000.0)),
+    replace(common.RATE, default=25.0, bounds=(1.0, 1000.0)),
     common.COMMAND_TIMEOUT,
     common.PRESSURE_TIMEOUT,
     common.AMBIENT_PRESSURE,

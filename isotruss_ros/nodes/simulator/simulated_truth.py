@@ -10,7 +10,6 @@ from isotruss_ros.core import Robot
 from isotruss_ros.nodes.conversions.grasp_messages import to_contact_wrench
 from isotruss_ros.nodes.conversions.messages import make_header, to_pose_message
 from isotruss_ros.nodes.conversions.sensor_messages import to_joint_markers
-from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import FixedSpec, ParameterError
 from isotruss_ros.nodes.framework.topics import EVENTS, RELIABLE
@@ -72,7 +71,7 @@ class ClockSource:
         # Continues from the last active time.
         self._now = node.get_clock().now().nanoseconds
         self._publisher = node.create_publisher(ClockMessage, '/clock', RELIABLE)
-        create_steady_timer(node, 1.0 / (rate * speed), self._tick)
+        node.create_steady_timer(1.0 / (rate * speed), self._tick)
 
     def _tick(self) -> None:
         self._now += self._step
