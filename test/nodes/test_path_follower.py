@@ -22,11 +22,7 @@ from isotruss_ros.core.inputs import RollerState, StampedInput
 from isotruss_ros.core.paths.path_servo import PathServo
 from isotruss_ros.core.planning.foresee_path import foresee_path
 from isotruss_ros.nodes import path_follower
-from isotruss_ros.nodes.conversions.messages import (
-    make_header,
-    read_stamp,
-    to_pose_message,
-)
+from isotruss_ros.nodes.conversions.messages import make_header, read_stamp, to_pose_message
 from isotruss_ros.nodes.manipulation.node import Manipulation
 from isotruss_ros.nodes.path_follower import _check_path, PathFollower
 from isotruss_ros.nodes.simulator.node import Simulator

@@ -97,8 +97,8 @@ def _press_in(search: _Search, refused: IsotrussError, step: float) -> SolvedCon
     For this, the skin of the tubes is first moved away from the object, and then step by step
     back to its place.
 
-    :param refused: error of the solution without steps. :param step: first step as a fraction of
-        the object's depth [-].
+    :param refused: error of the solution without steps.
+    :param step: first step as a fraction of the object's depth [-].
     """
     flattening = search.flattening
     depth = float(member_depths(search.structure.config, search.surface.body).max())
@@ -223,7 +223,7 @@ class _Search:
         return solved, bool(fits) and divided
 
     def windows(self, before: SolvedContact, limited: bool, spacing: float) -> Array:
-        """Return the intervals (m, 2) of new points on the members: of those before, if enough."""
+        """Return the intervals (m, 2) of the members in which new points are placed."""
         points, regions = before.points, before.spans
         touched = limited & _touched(regions)
         found = np.where(touched, regions + SEARCH * self.room, EVERYWHERE)
@@ -250,7 +250,7 @@ class _Search:
         bent: BentTubes | None = None,
         before: SolvedContact | None = None,
     ) -> SolvedContact:
-        """Place candidate points at the spacing `distance`, and solve with a surface as fine."""
+        """Place candidate points at the spacing `distance`, and solve the contact."""
         known = None if before is None else (before.points, before.contact.push)
         points = find_contact_points(
             self.structure, self.surface, distance, self.flattening, windows, bent, known

@@ -168,8 +168,9 @@ class Constraints:
         The second derivatives are d2|v|[a, b] = (n . a) (n . b) / |v| with the unit normal n of v,
         and d2t[a, b] = -Im(a b / v^2) with the direction angle t of v.
 
-        :param points: (n,) nodes [m]. Each column is one such scalar weights^T matrix motion.
-        :param weights: (5m + g, p) factors of the rows.
+        :param points: (n,) nodes [m].
+        :param weights: (5m + g, p) factors of the rows; each of the p columns belongs to one
+            scalar.
         :param motions: (2n, p) velocities of the nodes.
         :return: (2n, p) derivatives with respect to the node coordinates.
         """

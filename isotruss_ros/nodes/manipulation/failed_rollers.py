@@ -40,7 +40,7 @@ class FailedRollers:
         node.offer(SERVICE, self._reset)
 
     def select_named(self, robot: Robot) -> frozenset[str]:
-        """Return the rollers that the topic names and the robot has."""
+        """Return the rollers of the robot that the last message names as failed."""
         return self._named & frozenset(robot.roller_names)
 
     def find_fault(self, robot: Robot) -> str | None:

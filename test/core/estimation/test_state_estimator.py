@@ -329,6 +329,16 @@ def test_markers_from_long_ago_or_from_the_future_do_not_count():
         assert drawn.estimator.take_markers(time, drawn.markers(), MARKER) is counts
 
 
+def test_poses_are_used_with_a_grip_and_with_encoder_readings_of_their_time():
+    free, drawn = DrawnRobot(1), DrawnRobot(1, held=True)
+    free.move()
+    drawn.run(3.0)
+    assert not free.estimator.take_pose(free.time, Pose(0.6, 0.3, 0.0), POSE)
+    for before, counts in ((1.5, False), (0.0, True), (-0.5, False)):
+        pose = Pose(*drawn.grip.pose)
+        assert drawn.estimator.take_pose(drawn.time - before, pose, POSE) is counts
+
+
 @pytest.mark.filterwarnings('error')
 @pytest.mark.parametrize('number', [0.0, -1.0, np.inf, np.nan, 1e300])
 def test_numbers_without_range_are_refused_by_name(number):
