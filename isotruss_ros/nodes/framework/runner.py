@@ -123,6 +123,7 @@ class StoppableNode(Node):
 
         :param kind: type of the messages.
         :param topic: relative name of the topic.
+        :param profile: quality of service.
         """
         create = getattr(self, 'create_lifecycle_publisher', self.create_publisher)
         return create(kind, topic, profile)

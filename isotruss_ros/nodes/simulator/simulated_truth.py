@@ -27,7 +27,12 @@ CLOCK_SPEED = FixedSpec(
 
 
 class SimulatedTruth:
-    """Publisher of `truth/object_pose`, `truth/joint_markers` and `truth/contact_forces`."""
+    """
+    Publisher of `truth/object_pose`, `truth/joint_markers` and `truth/contact_forces`.
+
+    :param node: publishing node.
+    :param robot: the simulated robot.
+    """
 
     def __init__(self, node: ManagedNode, robot: Robot) -> None:
         self._robot = robot
@@ -36,7 +41,12 @@ class SimulatedTruth:
         self._forces = node.advertise(WrenchStamped, 'truth/contact_forces', EVENTS)
 
     def publish(self, now: float, plant: Plant) -> None:
-        """Publish the true states on the topics that have subscribers."""
+        """
+        Publish the true states on the topics that have subscribers.
+
+        :param now: current time of the simulated robot [s].
+        :param plant: simulated robot and object.
+        """
         header = make_header(now, self._robot.frame)
         if self._pose.get_subscription_count():
             self._pose.publish(PoseStamped(header=header, pose=to_pose_message(plant.object_pose)))
