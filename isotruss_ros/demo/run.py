@@ -60,7 +60,7 @@ PULL = (0.0, -LOAD, 0.0)
 COMMAND_TIMEOUT = 1.0
 #: Rate of grasp analyses [Hz]. Each takes 20 to 40 ms on a core that the control loop needs too.
 ANALYSIS_RATE = 5.0
-#: Largest difference between the measured and the accepted displacement of the object, if no
+#: Largest difference between the measured and the executed displacement of the object, if no
 #: control cycle was late [m].
 MAX_POSITION_ERROR = 1e-3
 MAX_ANGLE_ERROR = np.deg2rad(0.25)

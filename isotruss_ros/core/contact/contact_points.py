@@ -72,7 +72,7 @@ class ContactPoints:
 
     def move(self, push: Points) -> tuple[Array, Array]:
         """
-        Return the changes of nodes' displacements (n, 3) and constraint forces (c,) by forces.
+        Return the nodes' displacements (n, 3) and constraint forces (c,) that given forces cause.
 
         :param push: (c,) forces on the points, x + iy [N].
         """

@@ -88,7 +88,7 @@ class SkinIndentation:
 
     def second_rates(self, force: float) -> tuple[float, float, float]:
         """
-        Return derivatives of the depth: second ones, and with respect to pressure.
+        Return second derivatives of the depth, and its derivative with respect to pressure.
 
         :param force: normal force [N].
         :return: second derivative with respect to the force [m/N^2]; derivative with respect to

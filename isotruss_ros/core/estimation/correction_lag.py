@@ -12,19 +12,19 @@ import numpy as np
 
 
 class CorrectionLag:
-    """Part of the corrections (x, y, angle, squeeze) that has not passed both filters yet."""
+    """Two low-pass filters in series, for corrections of x, y, angle and squeeze."""
 
     def __init__(self) -> None:
         self._parts = np.zeros((2, 4))
 
     @property
     def total(self) -> Array:
-        """Return the part (4,) that is still to come [m, m, rad, N]."""
+        """Return the part (4,) of the corrections that is not yet in the output [m, m, rad, N]."""
         return self._parts.sum(axis=0)
 
     def add(self, correction: Array) -> None:
         """
-        Add a correction before the first filter.
+        Add a correction to the input of the first filter.
 
         :param correction: (4,) correction [m, m, rad, N].
         """

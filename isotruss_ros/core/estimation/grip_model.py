@@ -21,7 +21,7 @@ def attach_model(
     config: Configuration, grip: Grip, pressures: Pressures = None, zeros: float = 0.0
 ) -> HeldGrip:
     """
-    Return the equilibrium near the measured pose, if it has a `response`.
+    Return the equilibrium near the measured pose; it has a `response`.
 
     :param config: configuration of the robot.
     :param grip: grip with the object at its measured pose.
@@ -45,8 +45,8 @@ def shift_deviations(grasp: HeldGrip, anchored: Array, friction: float) -> Array
     """
     Return the prior deviations (m,) of the shifts of the contacts along the members [m].
 
-    A deviation is twice the shift that causes slip. The size of the object bounds it where
-    friction does not.
+    A deviation is twice the shift that causes slip, but at most the object's characteristic
+    radius.
 
     :param grasp: equilibrium of the object.
     :param anchored: derivatives of its unknowns, see `anchor_rates`.

@@ -4,8 +4,9 @@
 """
 Covariance of a Schmidt-Kalman filter: measurements correct a state, parameters are considered.
 
-Considered parameters keep their covariance C. The error of the state is e + S c with the
-covariance P of its own part e and the sensitivity S to the errors c of the parameters.
+Considered parameters are uncertain but not corrected, so their covariance C is constant. The error
+of the state is e + S c, where e is an error with the covariance P, and S is the sensitivity to the
+errors c of the parameters.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ class SchmidtFilter:
 
     def reset(self, covariance: Array) -> None:
         """
-        Set the covariance of a state whose error is independent of the parameters.
+        Set the covariance of the state, and its sensitivity to the parameters to zero.
 
         :param covariance: (n, n) covariance of the state.
         """
@@ -75,7 +76,7 @@ class SchmidtFilter:
         """
         Update the covariance by a measurement (m,), and return the Kalman gain (n, m).
 
-        The gain is that without errors of the parameters.
+        The gain is computed as if the parameters had no errors.
 
         :param rates: (m, n) derivatives of the measurement with respect to the state.
         :param by_considered: (m, c) derivatives with respect to the parameters.

@@ -120,7 +120,7 @@ class CollisionModel:
 
     def distances(self, config: Configuration, pairs: Indices | slice = slice(None)) -> Array:
         """
-        Return the distances between the surfaces of pairs [m].
+        Return the distances between the surfaces of pairs of parts [m].
 
         :param config: configuration of the robot.
         :param pairs: (k,) indices of pairs; by default, all pairs.

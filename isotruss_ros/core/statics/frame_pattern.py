@@ -49,7 +49,7 @@ class TurnRows(NamedTuple):
         cls, row: Indices, weight: Array, span: Indices, share: Array, node: Indices
     ) -> TurnRows:
         """
-        Return constraints in which the weighted rotations of several vectors sum to zero.
+        Return the constraints on weighted rotations of spans, see `TurnRows`.
 
         :param row: (s,) row of each span.
         :param weight: (s,) weight of each span.

@@ -110,7 +110,7 @@ class Tangent:
 
     @cached_property
     def chains(self) -> list[CondensedChains]:
-        """Return the cut members after static condensation."""
+        """Return the cut members, whose inner points were eliminated by static condensation."""
         return self._condensed[1]
 
     @cached_property
@@ -118,7 +118,7 @@ class Tangent:
         """
         Return the scaled matrix of (4), and the scaling (f + c,) of its rows and columns.
 
-        In a cut frame the displacements of the cuts are eliminated.
+        If members are cut, the displacements of the points at the cuts are eliminated.
         """
         values, _, spans = self._constraints
         curvature = self._frame.rows.curvature(spans, self.multipliers)

@@ -98,7 +98,7 @@ def _wall_pull(structure: Structure, member: Indices) -> Array:
 
 def tube_pieces(structure: Structure, frame: Frame) -> tuple[Indices, Indices]:
     """
-    Return the tube parts in a cut frame (indices), and the robot's member of each part.
+    Return the indices of a frame's members that are tubes, and the robot's member of each.
 
     :param structure: structural model of the robot.
     :param frame: the robot's frame with additional nodes at the loads on tubes.
