@@ -88,7 +88,7 @@ class ContactPoints:
         """
         return float(np.abs(self.move(push)[0][:, :2]).max())
 
-    def bend_on(self, push: Points) -> BentTubes:
+    def bend_on(self, push: Points, share: float = 1.0) -> BentTubes:
         """
         Return the tubes, linearised about the state that is predicted under forces on the points.
 
@@ -97,7 +97,7 @@ class ContactPoints:
         """
         if not push.any():
             return self.bent.bent_to(None)
-        moved, multipliers = self.move(push)
+        moved, multipliers = (share * each for each in self.move(push))
         tangent = self.bent.tangent
         forces, _ = tangent.changed_forces(moved)
         displaced = Displaced(

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 from isotruss_ros.core.contact.contact import estimate_contact
 from isotruss_ros.core.contact.contact_points import (
@@ -46,8 +47,12 @@ EVERYWHERE = np.array([-np.inf, np.inf])
 #: to the displacements of the skin [-]. The forces then differ by 3e-6 at most between initial
 #: guesses, since the gaps of contacts are closed to `ROUNDING`.
 SETTLED_SHARE = 5e-8
+#: Fractions of the bending by the contact forces, tried one after another [-].
+BENT_SHARES = (1.0, 0.5, 0.2, 0.0)
+
 #: Solver of (8) for points and a surface, with optional initial forces and normals.
 ContactSolver = Callable[..., ContactState]
+Found = TypeVar('Found')
 
 
 def refine_contact(
@@ -92,10 +97,8 @@ def _press_in(search: _Search, refused: IsotrussError, step: float) -> SolvedCon
     :param refused: error of the solution without steps.
     :param step: first step as a fraction of the object's depth [-].
     """
-    flattening, config = search.flattening, search.structure.config
-    depths = member_depths(config, search.surface.body)
-    names = ', '.join(config.robot.member_names[i] for i in np.flatnonzero(depths > 0.0))
-    depth = float(depths.max())
+    flattening = search.flattening
+    depth = float(member_depths(search.structure.config, search.surface.body).max())
     reached, before = 0.0, None
     for _ in range(MAX_SEARCH_STEPS if depth > 0.0 else 0):
         thinner = replace(flattening, radius=flattening.radius - (1.0 - reached - step) * depth)
@@ -110,9 +113,9 @@ def _press_in(search: _Search, refused: IsotrussError, step: float) -> SolvedCon
             return before
         step = min(2.0 * step, 1.0 - reached)
     if reached == 0.0:
-        raise type(refused)(f'{names}: {refused}') if names else refused
+        raise refused
     raise SolverError(
-        f'{names}: the structure gives way under the object before it is '
+        f'{search.touching(before)}: the structure gives way under the object before it is '
         f'{1e3 * depth:.3g} mm deep in the tubes; place it farther out'
     ) from refused
 
@@ -204,8 +207,11 @@ class _Search:
 
         division = _division(regions, self.spacing, self.budget)
         windows = self.windows(before, limited, self.spacing / division)
-        bent = before.points.bend_on(before.contact.push)
-        solved = self.find(self.spacing / division, windows, begin, bent, before)
+        solved = self._solve_bent(
+            before.points,
+            before.contact.push,
+            lambda bent: self.find(self.spacing / division, windows, begin, bent, before),
+        )
         found = solved.spans
         # A member whose contact has left its window may be touched elsewhere.
         inside = ((found + self.room - windows) * self.room <= 0.0).all()
@@ -252,6 +258,19 @@ class _Search:
         count = len(self.structure.config.robot.member_names)
         return measure_contact(points, contact, count)
 
+    def _solve_bent(
+        self, points: ContactPoints, push: Points, solve: Callable[[BentTubes], Found]
+    ) -> Found:
+        """Solve with tubes bent by the contact forces, or by a fraction of them if that fails."""
+        shares = BENT_SHARES[:1] if self.steady else BENT_SHARES
+        for share in shares:
+            try:
+                return solve(points.bend_on(push, share))
+            except (SolverError, StructureError):
+                if share == shares[-1]:
+                    raise
+        raise AssertionError
+
     def bend(self, found: SolvedContact) -> SolvedContact:
         """Solve repeatedly at these points, each time linearised about the last solution."""
         surface, last, quick = self.surface.resolved(found.points.spacing), np.inf, True
@@ -271,15 +290,29 @@ class _Search:
             if self.steady and distance > last:
                 break
             quick, last = shorter, distance
-            bent = points.bend_on(contact.push)
-            quick = quick and points.lend(bent)
-            points = points.about(bent, contact.push if quick else None)
-            contact = self.solver(points, surface, contact.forces, contact.normals, contact.push)
+
+            def solve(
+                bent: BentTubes,
+                points: ContactPoints = points,
+                contact: ContactState = contact,
+                quick: bool = quick,
+            ) -> tuple[ContactPoints, ContactState]:
+                quick = quick and points.lend(bent)
+                there = points.about(bent, contact.push if quick else None)
+                found = contact.forces, contact.normals, contact.push
+                return there, self.solver(there, surface, *found)
+
+            points, contact = self._solve_bent(points, contact.push, solve)
         raise SolverError(
-            f'the bent tubes did not settle in {MAX_SEARCH_STEPS} steps '
+            f'{self.touching(found)}: the bent tubes did not settle in {MAX_SEARCH_STEPS} steps '
             f'(the last moved a node by {1e3 * last:.3g} mm); the object is pressed in too '
             'deeply, or the structure gives way under it'
         )
+
+    def touching(self, found: SolvedContact) -> str:
+        """Return the names of the members in contact."""
+        names = self.structure.config.robot.member_names
+        return ', '.join(names[i] for i in np.flatnonzero(_touched(found.spans)))
 
 
 def _touched(regions: Array) -> Flags:
