@@ -5,7 +5,7 @@ Convergence of the analysis of a grasp with the spacing of its contact points.
 
 Grasps of the nine-member robot are random: roller travel within 0.15 m of home, and an object of
 0.15 to 0.5 m that is pressed 3 to 25 mm into the corner of a random module. Each grasp is analysed
-at the default spacing and at a quarter of it. The table has the distribution of the differences.
+at the default spacing and at a quarter of it. The table shows the distribution of the differences.
 Differences of forces, friction and margins are relative to the sum of the normal forces;
 differences of lengths and pressures are relative to their values.
 """

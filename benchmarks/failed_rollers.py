@@ -5,8 +5,8 @@ Reach and path following of the nine-member robot with one failed roller.
 
 Reach is the area that the object's centre can reach from home. It is computed by a flood fill of a
 grid: the twist program moves the object from a cell to its neighbours, and slides along the limits
-of the robot file and the bounds of the configuration. The grip keeps its opening angle, and the
-object keeps its orientation as far as possible.
+of the robot file and the bounds of the configuration. The opening angle of the grip is constant,
+and the object is not rotated unless necessary.
 
 Path following is one lap of a circle by feed-forward, with the servo and a simulated robot whose
 roller is stuck. The failure is either unknown to the servo or detected by it.

@@ -7,10 +7,10 @@ Objects are free inside a loop of the nine-member robot at home, at least 2 cm f
 Positions and diameters (0.15 to 0.5 m) are random with a fixed seed. A grasp must have closure
 with a coefficient of friction of 0.5 and a margin of 10 mN, and a utilisation of at most 0.8.
 
-The peer draws random roller positions up to 0.5 m from home. It searches a configuration without a
-path to it. It has ten times the evaluations that the planner needs for the same object, at most
-5000. Each configuration counts as one evaluation. An analysis of the planner counts as well, an
-analysis of the peer does not.
+The peer tries random roller positions up to 0.5 m from home. It searches a configuration without a
+path that leads to it. It may use ten times as many evaluations as the planner needs for the same
+object, at most 5000. Each configuration counts as one evaluation. An analysis by the planner
+counts as well, but not one by the peer.
 """
 
 from __future__ import annotations

@@ -6,7 +6,8 @@ Errors of pose and squeeze of a held object on the elastic plant, without and wi
 Random objects in random grips of the nine-member robot follow random paths. The controllers are
 the paper's program for a rigid robot in open loop, and the model of the held object in the loop,
 without and with loads that the controller does not know. Paths with binding limits or slip are
-drawn again. The plant does not wrinkle, so the utilisation is not bounded.
+replaced by other random ones. The tubes of the plant do not wrinkle, so the utilisation is not
+bounded.
 """
 
 from __future__ import annotations

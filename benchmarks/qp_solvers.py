@@ -4,10 +4,10 @@
 Success rate and time of quadratic programs, compared with other solvers.
 
 The programs come from walks along the bounds of configurations, and from grasp planning. They are
-varied: targets by 1 %, bounds by half of their values or to zero, so that many meet at a vertex,
-and equalities by a thousandth; one of ten equalities is almost parallel to another. A program
-counts as not solved if there is no result, if its violation exceeds 1e-7, or if another solver
-found a lower cost. x = 0 is always admissible.
+changed at random: targets by 1 %, bounds by half of their values or to zero, so that many meet at
+a vertex, and equalities by a thousandth; one of ten equalities is almost parallel to another. A
+program counts as not solved if there is no result, if its violation exceeds 1e-7, or if another
+solver found a lower cost. x = 0 is always admissible.
 """
 
 from __future__ import annotations

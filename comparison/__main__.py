@@ -24,7 +24,7 @@ from rich.console import Console
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """
-    Make all comparisons in parallel on all cores, and write the page.
+    Compute all comparisons in parallel on all cores, and write the page.
 
     :param arguments: arguments of the command line; None: those of the process.
     :return: 0 if all differences are within their bounds, else 1.

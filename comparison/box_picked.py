@@ -91,7 +91,7 @@ class Picked:
 
 def pick(phases: Sequence[Phase] = PHASES) -> Picked:
     """
-    Grasp the box at its place, carry it, and release it.
+    Grasp the box without moving it, carry it, and release it.
 
     :param phases: phases of the path.
     """

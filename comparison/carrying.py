@@ -54,7 +54,7 @@ class Steering(Protocol):
 
 class OpenLoop:
     """
-    Controller in open loop: the paper's program for rigid tubes.
+    Controller in open loop, which solves the paper's program for rigid tubes.
 
     :param plant: plant that holds the object.
     :param config: initial configuration.
@@ -73,7 +73,7 @@ class OpenLoop:
 
 class Feedback:
     """
-    Controller with feedback of the measured pose, by the paper's program.
+    Controller with feedback of the measured pose, which solves the paper's program.
 
     :param plant: plant that holds the object, or that closes on it.
     :param config: initial configuration.
@@ -98,17 +98,17 @@ class Feedback:
 
 class Regulated:
     """
-    Controller of the node `manipulation`: the servo with the model of the held object.
+    Controller of the node `manipulation`, which is the servo with the model of the held object.
 
     :ivar servo: twist servo.
     :ivar control: squeeze control of the servo.
     :ivar statuses: statuses of the commands.
     :ivar messages: messages of the commands.
-    :ivar scale: scale of the last twist.
+    :ivar scale: factor by which limits reduced the last twist [-].
     :param plant: plant that holds the object.
     :param robot: robot of the model.
     :param grip: grip of the object in the model.
-    :param settings: settings of the squeeze.
+    :param settings: settings of the squeeze control.
     :param noise: standard deviations of the measured poses [m, rad], and generator or seed.
     :param late: delay of the poses, in cycles [-].
     """
@@ -178,7 +178,7 @@ class Regulated:
 
 def rates(duration: float) -> Array:
     """
-    Return the speed in each cycle of a motion from rest to rest, (n,), relative to its mean.
+    Return the speeds (n,) in all cycles of a motion from rest to rest, relative to the mean.
 
     :param duration: duration of the motion [s].
     """
@@ -225,7 +225,7 @@ class Carried:
 
 def carry(steering: Steering, phases: Sequence[Phase]) -> Carried:
     """
-    Carry the object along a path, at most until it is lost.
+    Carry the object along a path, until its end or until the object is lost.
 
     :param steering: controller of the plant that holds the object.
     :param phases: phases of the path in order.

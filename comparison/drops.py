@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Random grasps, loads and motions; an object whose slip margin exceeds the load must not drop."""
+"""Random grasps, loads and motions: no object may be lost if its slip margin exceeds the load."""
 
 from __future__ import annotations
 
@@ -106,12 +106,13 @@ def compare(cases: int = CASES) -> Section:
     )
     return Section(
         'Nothing is dropped whose slip margin exceeds the load',
-        'Corner angle, indentation, object, friction, load and motion are drawn at random. The '
+        'Corner angle, indentation, object, friction, load and motion are chosen at random. The '
         'load is the smallest slip margin of our model on the path, divided by '
         f'{1.0 + ABOVE:g}. In every second case it acts in the direction of the smallest margin. '
-        f'It rises in {RISE:g} s; then the rollers carry the object open loop for {DURATION:g} s. '
-        f'Grasps with a margin below {LEAST:g} N, or with tubes that would wrinkle, are drawn '
-        'again.',
+        f'The load rises in {RISE:g} s; then the rollers carry the object in open loop for '
+        f'{DURATION:g} s. '
+        f'Grasps with a margin below {LEAST:g} N, or with tubes that would wrinkle, are '
+        'replaced by other random ones.',
         (check,),
         (
             Table(

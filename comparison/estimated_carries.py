@@ -77,13 +77,13 @@ def carry(
     fed: bool = True,
 ) -> Carried:
     """
-    Carry one object along a random path; an object that is lost at its release is drawn again.
+    Carry one object along a random path; replace it by another if it is lost at its release.
 
     :param kind: kind of the object.
     :param seed: seed of the random numbers.
     :param names: joints with markers.
-    :param stiffness: ratio of the tubes' stiffness to the robot file's.
-    :param fed: whether the loop uses the estimate.
+    :param stiffness: ratio of the tubes' true stiffness to that of the robot file.
+    :param fed: whether the control loop uses the estimate.
     """
     rng = np.random.default_rng(seed)
     believed = soften(round_robot(), stiffness * (1.0 + MEASURED * rng.normal()))
@@ -109,7 +109,7 @@ def carry(
 
 
 def _draw_task(robot: Robot, kind: str, rng: np.random.Generator) -> tuple[Grip, float, Array]:
-    """Return a grip, its squeeze [N] and legs (n, 3) which keep the object in the model."""
+    """Return a grip, its squeeze [N] and path segments (n, 3) on which the model is valid."""
     while True:
         grip, held = draw_grip(robot, kind, rng)
         legs = rng.uniform(-1.0, 1.0, (LEGS, 3)) * REACH

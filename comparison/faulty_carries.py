@@ -130,7 +130,7 @@ class Carry:
 
     @property
     def end(self) -> str:
-        """Return the result in words."""
+        """Return a text with the result."""
         if self.lost < math.inf:
             late = self.halted - self.lost
             return f'lost, told {late:+.2f} s' if late < math.inf else 'lost in silence'
@@ -161,9 +161,9 @@ class Loop(Regulated):
     Servo of `manipulation` with random faults.
 
     :param plant: plant that holds the object.
-    :param robot: robot of the loop.
-    :param grip: grip of the object by the model.
-    :param settings: settings of the squeeze.
+    :param robot: robot that the control loop assumes.
+    :param grip: grip of the object according to the model.
+    :param settings: settings of the squeeze control.
     :param draw: faults of robot and sensors.
     :param rng: random number generator of the noise.
     """
@@ -260,7 +260,7 @@ def carry(kind: str, shape: str, seed: int) -> Carry:
 
 
 def _hold(true: Robot, grip: Grip) -> tuple[MujocoPlant, object]:
-    """Return the plant that holds the object at the drawn indentation."""
+    """Return a plant that holds the object at a random indentation."""
     body, angle = grip.body, grip.body.pose.angle
     body = place_between(true.home, grip.members, body.shape, angle, 0.01).body
     body = replace(body, mass=0.5, friction=FRICTION)
@@ -312,7 +312,7 @@ def _follow(loop: Loop, legs: Array, held: HeldGrip, found: Carry) -> None:
 
 def summarise(carries: Sequence[Carry]) -> list[str]:
     """
-    Return the statistics of all carries in words.
+    Return sentences with the statistics of all carries.
 
     :param carries: results of the carries.
     """

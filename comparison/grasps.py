@@ -60,7 +60,7 @@ def compare(
         f'compared with `analyze_grasp`. Then it is released with friction ({FRICTION:g}). '
         'Its predicted displacement is the unbalanced wrench divided by the grasp stiffness; '
         'equilibrium, forces and required friction are compared with `settle_grasp`. Small '
-        'wrenches measure the stiffness. Grasps with wrinkling tubes have no bound.',
+        'wrenches measure the stiffness. No bound applies to grasps in which a tube wrinkles.',
         _checks(found),
         _tables(found),
     )

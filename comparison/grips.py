@@ -55,7 +55,7 @@ def soften(robot: Robot, stiffness: float) -> Robot:
     Return a robot with scaled tube stiffness and unchanged flattening.
 
     :param robot: the robot.
-    :param stiffness: ratio of the new stiffness to the robot's [-].
+    :param stiffness: ratio of the new stiffness to that of the given robot [-].
     """
     description = robot.description
     rigidity = structure_of(robot.home).tube.section_stiffness(
@@ -79,7 +79,7 @@ def mesh(robot: Robot, members: Sequence[str], segments: int = NEAR) -> Indices:
 
 def move_to(plant: MujocoPlant, travel: Sequence[float] | Array) -> None:
     """
-    Move the rollers to given travel at constant speeds, and settle.
+    Move the rollers to given travel at constant speeds, and wait until the robot rests.
 
     :param plant: the robot.
     :param travel: (r,) roller travel since home [m].
@@ -162,7 +162,7 @@ def hold_at_home(
 
 def release(plant: MujocoPlant, friction: float, duration: float = 3.0) -> None:
     """
-    Release the object; only friction holds it from now on.
+    Release the fixed object, which only friction holds from then on.
 
     :param plant: plant in contact with a fixed object.
     :param friction: coefficient of friction between tube and object.

@@ -17,8 +17,9 @@ INTRODUCTION = """\
 <!-- Written by `make plant`; change comparison/ instead. -->
 # Our model and MuJoCo's, number by number
 
-`make plant` computes this page in about a quarter of an hour. Nothing here is a measurement of a
-robot. Both models [share](mujoco.md#the-model) some parts, whose errors this page cannot find.
+`make plant` computes this page in about a quarter of an hour. It compares two
+models and uses no measurement of a robot. Errors in the parts that both models
+[share](mujoco.md#the-model) do not appear here.
 
 The models differ in three ways. MuJoCo's tubes are chains of segments; our tubes are beams with
 axial force and large motion of their ends. MuJoCo integrates assumed masses, drag and losses; our

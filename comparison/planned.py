@@ -106,8 +106,9 @@ def compare(wanted: Sequence[Wanted] = WANTED) -> Section:
         'Planned grasps',
         'A free object lies on the ground with a friction force of half a newton. `plan_grasps` '
         'finds a grasp with a given squeeze. The rollers of MuJoCo’s robot follow the planned '
-        'path of this grasp open loop, at half the planned speed. In our model the object does '
-        'not move meanwhile; in MuJoCo it is pushed away. As in `pick_object`, the path follower '
+        'path of this grasp in open loop, at half the planned speed. In our model the object '
+        'does not move meanwhile; in MuJoCo it is pushed away. As in `pick_object`, the path '
+        'follower '
         f'then returns it to its initial place at {1e3 * RETURN_SPEED:g} mm/s. The object of the '
         'first row is then carried along the path of Fig. 9. '
         f'It is {"lost" if arc.lost else "held"} to the end of the arc, within '

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Random discs and boxes on random paths, carried by the package's loop and estimates."""
+"""Random discs and boxes that the package's control loop carries along random paths."""
 
 from __future__ import annotations
 
@@ -93,16 +93,21 @@ def compare_discs(count: int = 20) -> Section:
     """
     words = (
         f'{count} discs of 0.1 to 0.3 m are pressed into the corner at home by '
-        f'{1e3 * INDENTATION:.0f} mm with a coefficient of friction of {FRICTION:g}. Each moves '
-        f'on {LEGS} random legs of up to {1e3 * REACH[0]:.0f} mm and {REACH[2]:g} rad in '
-        f'{LEG_TIME:g} s, or longer where the loop slows it. The measured poses have a noise of '
+        f'{1e3 * INDENTATION:.0f} mm with a coefficient of friction of {FRICTION:g}. Each disc '
+        f'is carried along {LEGS} random straight legs of up to {1e3 * REACH[0]:.0f} mm and '
+        f'{REACH[2]:g} rad, each in {LEG_TIME:g} s, or longer if the control loop slows the '
+        'motion. '
+        'The measured poses have a noise of '
         f'{1e3 * NOISE[0]:g} mm and {np.degrees(NOISE[1]):.1f}°. In the row “{PULLED}”, '
-        f'unexpected external forces of {PULL:g} times the slip margin act for half of a leg. The '
-        f'loop holds the object for {REST:g} s; then a path on which its model predicts a loss is '
-        'refused. “Stands held” means that the servo stopped while the object was held; “lost and '
-        'said” that it reported a loss, “lost in silence” that it did not. “Off” is the final '
+        f'unexpected external forces of {PULL:g} times the slip margin act for half of a leg. '
+        f'First the control loop holds the object for {REST:g} s. Then the path is refused if the '
+        'model of the loop predicts that the object will be lost. “Stands held” means that the '
+        'servo stopped while the object was held; “lost and said” means that the object was lost '
+        'and the servo reported it, “lost in silence” that the servo did not report it. “Off” is '
+        'the final '
         'deviation of the position from the executed twists, or of the squeeze from its desired '
-        'value. An object that leaves the grip before the control starts is drawn again.'
+        'value. An object that leaves the grip before the control starts is '
+        'replaced by another random one.'
     )
     return _compare(DISC, count, words)
 

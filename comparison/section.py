@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Parts of a comparison: checks with bounds, tables and words."""
+"""Parts of a comparison, which are checks with bounds, tables and text."""
 
 from __future__ import annotations
 

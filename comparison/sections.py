@@ -38,7 +38,7 @@ SECTIONS: dict[str, Compare] = {
 
 def make(name: str) -> Section:
     """
-    Make one comparison in a separate process.
+    Compute one comparison in a separate process.
 
     :param name: name of the comparison.
     """

@@ -98,7 +98,7 @@ class Sensors:
 
     @classmethod
     def of(cls, seed: int, period: float) -> Sensors:
-        """Return sensors by the seed: without delay, a cycle late, or up to 150 ms late."""
+        """Return sensors with random delays by the seed: none, one cycle, or up to 150 ms."""
         rng = np.random.default_rng([seed, 1])
         speeds = bool(rng.integers(2))
         kind = seed // 2 % 4
@@ -120,7 +120,7 @@ def walk(
     """
     Command random twists, larger than the robot can execute, at 20 Hz to 1 kHz.
 
-    Measurements are true, but late; see `Sensors`.
+    Measurements are exact, but delayed; see `Sensors`.
     """
     rng = np.random.default_rng(seed)
     module = GRIPS[seed % len(GRIPS)]

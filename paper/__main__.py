@@ -23,7 +23,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Make all items, one after the other."""
+    """Compute and draw all items, one after the other."""
     parser = argparse.ArgumentParser(prog='python -m paper', description=__doc__)
     parser.add_argument(
         '--output', type=Path, default=Path('docs'), help='folder of the page (default: docs)'

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Tube of the paper's tests, by the package's default theory."""
+"""Tube of the paper's tests, with the stiffness of the package's default theory."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def default_tube() -> TubeStiffness:
 
 def end_stiffnesses(pressure: ArrayLike, length: ArrayLike) -> dict[str, Array]:
     """
-    Return the end stiffnesses of members by mode: the diagonal of (2).
+    Return the end stiffnesses of members in each mode, which are the diagonal of (2).
 
     :param pressure: gauge pressures [Pa], broadcast with the lengths.
     :param length: lengths of the members [m].

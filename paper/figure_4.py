@@ -31,10 +31,10 @@ class TubeFit:
     """
     Data of Table I and Fig. 4.
 
-    :ivar theory: end stiffnesses (3 pressures, 3 lengths) of the default tube by mode.
-    :ivar laws: power laws closest to the theory, by mode.
+    :ivar theory: end stiffnesses (3 pressures, 3 lengths) of the default tube in each mode.
+    :ivar laws: power law closest to the theory in each mode.
     :ivar analysis: result of `fit_tube_stiffness` for one set of synthetic points.
-    :ivar held: share of the constants of other data sets that are inside their intervals.
+    :ivar held: fraction of the constants of other data sets that are inside their intervals.
     """
 
     theory: Mapping[str, Array]
@@ -45,9 +45,9 @@ class TubeFit:
 
 def compute(advance: Advance, repeats: int = REPEATS) -> TubeFit:
     """
-    Return laws and fits.
+    Compute the power laws and the fits.
 
-    :param advance: callback with the completed share of the work.
+    :param advance: callback that receives the completed fraction of the work.
     :param repeats: number of further data sets that test the intervals.
     """
     pressures, lengths = np.meshgrid(PRESSURES, LENGTHS, indexing='ij')
@@ -103,8 +103,10 @@ def report(result: TubeFit) -> Report:
         stated='A power law of pressure and length is fitted to the measured stiffness of each '
         'mode; Table I lists C, b and R².',
         computed='The figure shows the theory of the default tube at the nine combinations, and '
-        'the nearest power laws. Five noisy trials of each combination were drawn from the theory '
-        f'(stiffness {100 * SCATTER:g} %, load {100 * NOISE:g} % of its largest, an offset). '
+        'the nearest power laws. Five trials of each combination were computed from the theory '
+        f'with random errors (stiffness {100 * SCATTER:g} %, load {100 * NOISE:g} % of its '
+        'largest, '
+        'an offset). '
         '`fit_tube_stiffness` fitted one beam to all modes: '
         f'{sum(held)} of its {len(held)} constants are inside their 95 % intervals.',
         difference='None can be stated without the measured values. Power laws of single modes '

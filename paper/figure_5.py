@@ -43,8 +43,10 @@ class Shape:
     :ivar edges: lengths of the two equal members and of the third, pinch point to pinch point [m].
     :ivar angle: angle of the legs with the ground [rad].
     :ivar stiffness: force over displacement of the top, for small displacements [N/m].
-    :ivar truss: the same stiffness of two bars along the legs with their axial stiffness [N/m].
-    :ivar stretching: axial share of the strain energy; the remainder is bending and shear [-].
+    :ivar truss: this stiffness for two hinged bars that have the axial stiffness of the legs
+        [N/m].
+    :ivar stretching: axial fraction of the strain energy; the rest is due to bending and shear
+        [-].
     :ivar axial: compression of a leg over a small force on the top [-].
     :ivar moment: largest bending moment in a leg over a small force on the top [m].
     :ivar displacements: (s,) downward displacements of the top, up to the limit load [m].
@@ -127,7 +129,7 @@ def find_onset(
     structure: Structure, frame: Frame, loads: Array, path: LoadPath
 ) -> tuple[Tangent, float]:
     """
-    Return the state in which a tube begins to wrinkle, and the load factor in it.
+    Return the state in which a tube begins to wrinkle, and the load factor of this state.
 
     :param structure: structure of the robot.
     :param frame: frame with the supports of the test.

@@ -27,7 +27,9 @@ def report(shapes: Mapping[str, Shape]) -> Report:
         picture='Left, the three triangles; right, force over displacement of the top up to the '
         'largest load, marked where a tube wrinkles',
         stated='A triangle of a 10.2 cm tube at 34.5 kPa was pushed down at its top, on a '
-        'vertical track, until the tubes buckled. Model and measurements have the same order.',
+        'vertical track, until the tubes buckled. Model and measurements put the shapes in the '
+        'same '
+        'order.',
         computed='The stiffness grows with the steepness of the legs, '
         f'{number(stiff.stiffness / soft.stiffness, 2)} times from obtuse to acute. '
         f'{number(100 * min(axial), 2)} to {number(100 * max(axial), 2)} % of the strain energy '
@@ -41,8 +43,8 @@ def report(shapes: Mapping[str, Shape]) -> Report:
         'Without wrinkling, the triangle would bear at most '
         f'{_in_words(shapes, [f"{number(force)} N" for force in largest])} up to a displacement '
         'of 10 cm, where the curves are nearly level.',
-        difference='The text does not say which shape is the stiffest.',
-        assumption='Edges are pinch to pinch, so all shapes have '
+        difference='The text of the paper does not say which shape is the stiffest.',
+        assumption='Edges are measured between pinch points, so all shapes have '
         f'{number(100 * total)} cm of tube. The base modules are pinned at A. A tube wrinkles at '
         'the moment M = (p π r² − N) r/2, with the compression N (Comer and Levy, AIAA J. 1 '
         '(1963) 1652). Larger moments are not modelled.',

@@ -87,7 +87,7 @@ def growth(stiffness: Array) -> Array:
 
 
 def exponents(result: Interference) -> tuple[Array, Array, Array]:
-    """Return the exponents a of k ~ p^a of three cylinders by flattening, paper and membrane."""
+    """Return the exponents a in k ~ p^a for three cylinders in three models of the tube."""
     span = np.log(PRESSURES[-1] / PRESSURES[0])
     own, flat = (
         np.array([[each.stiffness for each in row] for row in rows])
@@ -97,7 +97,7 @@ def exponents(result: Interference) -> tuple[Array, Array, Array]:
 
 
 def report(result: Interference) -> Report:
-    """Return the stiffnesses of both models."""
+    """Return text and tables with the stiffnesses of both models."""
     at = PRESSURES.index(PRESSURE)
     own = 100.0 * growth(np.array([each.stiffness for each in result.middle[at]]))
     paper = 100.0 * growth(np.array([each.stiffness for each in result.middle_round[at]]))
@@ -115,15 +115,19 @@ def report(result: Interference) -> Report:
         'the diameter, but that of the model does not; the paper explains this by the compressed '
         'gas.',
         computed="In the paper's model the section stays round. The largest cylinder at the "
-        f'middle then has {number(paper, 1)} % more stiffness than the smallest. With a section '
-        f'that flattens, the stiffness increases with the diameter by {number(own, 2)} %, and '
-        f'with the pressure as p^{number(flat.min(), 2)} to p^{number(flat.max(), 2)} '
-        f"(the paper's model: p^{number(beam.max(), 1)}). Nothing is fitted. With membrane finite "
-        f'elements it increases by {number(membrane, 2)} %, and as '
+        f'middle then has a stiffness that is {number(paper, 1)} % larger than that of the '
+        'smallest. With a section '
+        f'that flattens, the stiffness increases by {number(own, 2)} % from the smallest to the '
+        'largest '
+        f'cylinder, and with the pressure as p^{number(flat.min(), 2)} to '
+        f'p^{number(flat.max(), 2)} '
+        f"(the paper's model: p^{number(beam.max(), 1)}). No constant is fitted. "
+        'Computed with membrane finite elements, the stiffness increases by '
+        f'{number(membrane, 2)} % and as '
         f'p^{number(reference.min(), 2)} to p^{number(reference.max(), 2)}.',
         difference='The increase of stiffness with the diameter is reproduced. The agreement of '
-        'the model with round sections for small cylinders is not: flattening halves their '
-        'stiffness. The gas does not explain the increase: the tube loses '
+        'measurements and the model with round sections for small cylinders is not: flattening '
+        'halves the stiffness for these. The gas does not explain the increase: the tube loses '
         f'{number(1e6 * DISPLACED[0])} to {number(1e6 * DISPLACED[1])} cm³ of '
         f'{number(1e6 * VOLUME, 4)} at {1e3 * DEPTH:g} mm, which raises the pressure by '
         f'{number(100 * raised.min(), 1)} %.',

@@ -78,7 +78,7 @@ def _hold(plan: PlannedGrasp) -> Held:
 
 
 def report(held: Sequence[Held]) -> Report:
-    """Return the differences between the three grasps."""
+    """Return text and table with the differences between the three grasps."""
     stiffness = np.array([np.diag(each.analysis.stiffness)[:2] for each in held])
     ratios = stiffness.max(axis=0) / stiffness.min(axis=0)
     forces = [float(each.analysis.normal_forces.sum()) for each in held]
@@ -103,7 +103,7 @@ def report(held: Sequence[Held]) -> Report:
         difference='Forces, regions, deformation and stiffness differ, as in the paper. All '
         f'grasps are closed by friction ({FRICTION:g}). The numbers are those of our model.',
         assumption='Friction and the place of the object are chosen. Where tubes move by '
-        'centimetres, the forces of the linear model are estimates. The search keeps moments '
+        'centimetres, the forces are less accurate. The search keeps moments '
         'below 0.8 of the wrinkling moment.',
         tables=(_grasps(held),),
     )

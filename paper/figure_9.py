@@ -35,7 +35,7 @@ RATE = 50.0
 @dataclass(frozen=True)
 class Part:
     """
-    One part of the path; the first part has only the initial pose.
+    One part of the path; the first part consists of the initial pose only.
 
     :ivar name: name of the object's motion.
     :ivar config: configuration of the robot at the end of the part.
@@ -67,7 +67,7 @@ class Part:
 @dataclass(frozen=True)
 class Moved:
     """
-    Motion of the object along the path, computed twice.
+    Motion of the object along the path, computed with two kinds of commands.
 
     :ivar parts: parts of the path with commands for the configuration at the midpoint of their
         interval.
@@ -95,11 +95,12 @@ def compute(advance: Advance, rate: float = RATE) -> Moved:
 
 def follow_path(lead: float, rate: float, advance: Advance) -> list[Part]:
     """
-    Execute the twists of the path by the commands, and integrate the roller velocities.
+    Compute the commands for the twists of the path, and integrate the roller velocities.
 
-    :param lead: time after the begin of an interval for which its command is computed [s].
+    :param lead: time from the beginning of an interval to the moment for which its command is
+        computed [s].
     :param rate: rate of the commands [Hz].
-    :param advance: callback with the completed share of the work.
+    :param advance: callback that receives the completed fraction of the work.
     """
     robot = load_robot('nine_member')
     body = ConvexObject.disc(tangent_center(robot.home, MODULE, DIAMETER), DIAMETER)
@@ -160,13 +161,15 @@ def report(result: Moved) -> Report:
         picture='The robot with the object at its top: at the start, moved up, turned in place, '
         'moved along an arc; its path in blue',
         stated='A simulated robot moves an object up, turns it in place and moves it along an '
-        'arc to which the orientation stays normal.',
+        'arc, while the orientation stays normal to the arc.',
         computed=f'The object moves {number(1e2 * up)} cm up, turns by 90° in place, and follows '
         f'a quarter of a circle of {number(1e2 * right)} cm radius, with {RATE:g} commands per '
         f'second. The largest error is {number(1e6 * worst, 2)} µm in position and '
         f'{number(math.degrees(turned), 2)}° in orientation. Each command is computed for the '
-        'middle of its interval; if commands are computed for the beginning, the error is '
-        f'{number(1e3 * plain, 2)} mm. The part {fastest.name!r} has the largest roller speed, '
+        'middle of the interval in which it is valid; if commands are computed for the beginning '
+        'of the interval, the error is '
+        f'{number(1e3 * plain, 2)} mm. The largest roller speed occurs in the part '
+        f'{fastest.name!r}: '
         f'{number(1e3 * fastest.roller_speed, 2)} mm/s of the allowed 100 mm/s.',
         difference='The sizes and durations are chosen here.',
         assumption='The object of 30 cm is held at the top module. The robot is rigid, and the '

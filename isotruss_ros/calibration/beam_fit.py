@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from isotruss_ros.calibration.law import half_widths
 from isotruss_ros.calibration.measurements import MeasurementError, MODES
@@ -22,7 +22,7 @@ from isotruss_ros.core.statics.beam_column import local_stiffness
 from isotruss_ros.core.statics.section import InflatableBeam, TubeStiffness
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.optimize import least_squares
+from scipy.optimize import least_squares, OptimizeResult
 
 #: Largest factor by which the search changes the constants from their initial estimate [-]; beyond
 #: this factor the stiffnesses do not depend on a constant.
@@ -96,24 +96,8 @@ def fit_beam(
     :raises MeasurementError: the points do not determine the constants; the message names the
         missing points.
     """
-    _require_modes(modes)
-    target = np.log(stiffnesses)
-    measured = modes, lengths, pressures
-
-    def residual(logs: Array) -> Array:
-        return np.log(_stiffnesses(logs, *measured, radius)) - target
-
-    start = _estimate(*measured, stiffnesses, radius)
-    reach = np.log(SEARCH_FACTOR)
-    found = least_squares(
-        residual,
-        start,
-        jac='3-point',
-        bounds=(start - reach, start + reach),
-        xtol=1e-14,
-        ftol=1e-14,
-        gtol=1e-14,
-    )
+    tight = dict.fromkeys(('xtol', 'ftol', 'gtol'), 1e-14)
+    found = _search(modes, lengths, pressures, stiffnesses, radius, **tight)
     _require_determined(found.jac)
     width = half_widths(found.jac, found.fun)
     # Without effect, any larger or smaller constant fits as well.
@@ -151,21 +135,32 @@ def outlying_ratios(
         fraction `MAX_OUTLIER_SHARE` of the points are outliers.
     :raises MeasurementError: the points do not determine the constants.
     """
+    robust = {'loss': 'cauchy', 'f_scale': COMMON_MISFIT}
+    off = -_search(modes, lengths, pressures, stiffnesses, radius, **robust).fun
+    out = np.abs(off) > LEAST_MISFIT
+    return (
+        np.exp(np.where(out, off, 0.0)) if out.mean() <= MAX_OUTLIER_SHARE else np.ones(len(off))
+    )
+
+
+def _search(
+    modes: Indices,
+    lengths: Array,
+    pressures: Array,
+    stiffnesses: Array,
+    radius: float,
+    **options: Any,
+) -> OptimizeResult:
+    """Return the least-squares fit of the logarithms of the constants and stiffnesses."""
     _require_modes(modes)
     measured, target = (modes, lengths, pressures), np.log(stiffnesses)
     start, reach = _estimate(*measured, stiffnesses, radius), np.log(SEARCH_FACTOR)
-    found = least_squares(
+    return least_squares(
         lambda logs: np.log(_stiffnesses(logs, *measured, radius)) - target,
         start,
         jac='3-point',
         bounds=(start - reach, start + reach),
-        loss='cauchy',
-        f_scale=COMMON_MISFIT,
-    )
-    off = target - np.log(_stiffnesses(found.x, *measured, radius))
-    out = np.abs(off) > LEAST_MISFIT
-    return (
-        np.exp(np.where(out, off, 0.0)) if out.mean() <= MAX_OUTLIER_SHARE else np.ones(len(off))
+        **options,
     )
 
 

@@ -116,7 +116,7 @@ def read_measurements(path: Path) -> Measurements:
                 continue  # an empty line
             rows += 1
             cells = [cell.strip() for cell in row]
-            complaint = '; '.join(_complaints(header, cells) or _too_far(header, cells))
+            complaint = '; '.join([*_find_complaints(header, cells)] or _too_far(header, cells))
             if complaint:
                 unused.setdefault(complaint, []).append(reader.line_num)
                 continue
@@ -160,11 +160,6 @@ def _check_header(path: Path, header: Sequence[str]) -> tuple[str, ...]:
             f'{",".join(COLUMNS)} once, and maybe {TRIAL} and {DIAMETER}'
         )
     return tuple(name for name in header if name not in (*COLUMNS, TRIAL, DIAMETER))
-
-
-def _complaints(header: Sequence[str], cells: Sequence[str]) -> list[str]:
-    """Return the faults of the numbers in a row, each checked independently."""
-    return list(_find_complaints(header, cells))
 
 
 def _too_far(header: Sequence[str], cells: Sequence[str]) -> Iterator[str]:

@@ -207,7 +207,7 @@ class DemoClient(Node):
             # A clock may be slow on a busy machine; one that stands still is none.
             if now > end or time.monotonic() - changed > DEADLINE:
                 last = self._last_status.message if self._last_status else 'no status'
-                raise DemoError(f'{what}: not within {deadline} s; last status: {last}')
+                raise DemoError(f'{what}: did not happen in {deadline} s; last status: {last}')
             check()
             if meanwhile is not None:
                 meanwhile()

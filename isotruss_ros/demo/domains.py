@@ -52,6 +52,6 @@ def lock_domain(first: int) -> DomainLock:
             continue
         return DomainLock(number, lock)
     raise DomainError(
-        f'ROS domains {DOMAINS[0]} to {DOMAINS[-1]} are all locked by runs on this machine: '
+        f'ROS domains {DOMAINS[0]} to {DOMAINS[-1]} are all locked by processes on this machine: '
         'end one of them'
     )

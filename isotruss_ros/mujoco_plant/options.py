@@ -52,7 +52,7 @@ def load_mujoco() -> ModuleType:
     except ImportError as error:
         raise PlantError(
             f'plant mujoco: MuJoCo cannot be imported ({error}); install it with '
-            "pip install 'mujoco>=3.11,<4' in the environment of this Python, or take plant "
+            "pip install 'mujoco>=3.11,<4' in the environment of this Python, or use plant "
             'kinematic or elastic'
         ) from error
 
@@ -92,8 +92,10 @@ class PlantOptions:
             if not 0.0 <= value < math.inf or (name in POSITIVE_OPTIONS and value == 0.0):
                 raise PlantError(f'MuJoCo plant: {name} {value!r}: must be {words} and finite')
         if not self.roller_force > 0.0:
-            raise PlantError(f'MuJoCo plant: roller_force {self.roller_force!r} N: not positive')
+            raise PlantError(f'MuJoCo plant: roller_force {self.roller_force!r} N: must be > 0')
         if not np.isfinite(self.gravity).all():
             raise PlantError(f'MuJoCo plant: gravity {self.gravity!r}: must be finite')
         if not 1 <= self.segments <= MAX_SEGMENTS:
-            raise PlantError(f'MuJoCo plant: members have 1 to {MAX_SEGMENTS} segments: {self}')
+            raise PlantError(
+                f'MuJoCo plant: segments {self.segments}: must be from 1 to {MAX_SEGMENTS}'
+            )

@@ -189,7 +189,7 @@ class MujocoPlant:
         ):
             raise PlantError(
                 f'MuJoCo plant: the simulation became unstable at {self.data.time:.3f} s; '
-                'take a smaller time step'
+                'use a smaller time step'
             )
 
     def settle(self, duration: float = 2.0) -> None:

@@ -98,8 +98,8 @@ def read_recording(path: Path) -> PlantRecording:
                 except (ValueError, EOFError):
                     break
     except (OSError, ValueError, EOFError) as error:
-        raise PlantError(f'{path} is no recording of a plant: {error}') from error
+        raise PlantError(f'{path} is not a recording of a plant: {error}') from error
     if not rows:
-        raise PlantError(f'{path}: the recording has no state')
+        raise PlantError(f'{path}: the recording contains no state')
     states = np.array(rows)
     return PlantRecording(text, states[:, 0], states[:, 1:])

@@ -32,7 +32,7 @@ from isotruss_ros.nodes.framework.gate import Topic
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import Spec
 from isotruss_ros.nodes.framework.sensors import Inputs
-from isotruss_ros.nodes.framework.topics import EVENTS, RELIABLE
+from isotruss_ros.nodes.framework.topics import EVENTS
 from isotruss_ros.nodes.framework.transforms import find_contact_frames, TransformBroadcaster
 from isotruss_ros.nodes.grasp.grasp_monitor import GraspMonitor
 from isotruss_ros.nodes.grasp.grasp_report import GraspCode, GraspQuery, GraspReport
@@ -46,12 +46,7 @@ SPECS = (
     common.PRESSURE_TIMEOUT,
     common.AMBIENT_PRESSURE,
     # Lower bound: memory grows with the square of the number of points.
-    Spec(
-        'spacing',
-        0.005,
-        'Spacing of the contact points along the tubes [m]',
-        (0.002, 0.1),
-    ),
+    Spec('spacing', 0.005, 'Spacing of the contact points along the tubes [m]', (0.002, 0.1)),
     Spec(
         'paper_model',
         False,
@@ -76,14 +71,12 @@ class GraspAnalysisNode(ManagedNode):
         values = self.values
         self._described = common.read_described(values)
         self._monitor = GraspMonitor(self.robot, self._make_query(), values.command_timeout)
-        self._states = self.create_lifecycle_publisher(GraspState, 'grasp/state', RELIABLE)
-        self._held = self.create_lifecycle_publisher(Bool, 'grasp/held', RELIABLE)
-        self._closures = self.create_lifecycle_publisher(Bool, 'grasp/force_closure', RELIABLE)
-        self._wrenches = self.create_lifecycle_publisher(WrenchStamped, 'grasp/wrench', RELIABLE)
-        self._forces = self.create_lifecycle_publisher(
-            WrenchStamped, 'grasp/contact_forces', EVENTS
-        )
-        self._arrays = self.create_lifecycle_publisher(MarkerArray, 'grasp/markers', RELIABLE)
+        self._states = self.advertise(GraspState, 'grasp/state')
+        self._held = self.advertise(Bool, 'grasp/held')
+        self._closures = self.advertise(Bool, 'grasp/force_closure')
+        self._wrenches = self.advertise(WrenchStamped, 'grasp/wrench')
+        self._forces = self.advertise(WrenchStamped, 'grasp/contact_forces', EVENTS)
+        self._arrays = self.advertise(MarkerArray, 'grasp/markers')
         self._transforms = TransformBroadcaster(self, self.robot)
         self.inputs = Inputs(self, self.robot, self._monitor)
         self.inputs.keep('rollers', 'estimate', 'pose', 'pressures', 'held_grip')
@@ -151,7 +144,7 @@ class GraspAnalysisNode(ManagedNode):
         if report.code is not GraspCode.OK:
             self.warn(report.code.name, words)
         status = words if report.grasp is None else report.message or 'analysing'
-        self.diagnostics.set_status(level, status)
+        self.diagnostics.set_status(status, level)
         self._draw(report)
 
     def _publish_forces(self, when: float, settled: SettledGrasp) -> None:

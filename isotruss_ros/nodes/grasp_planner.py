@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticStatus
 from isotruss_msgs.action import PlanGrasp
 from isotruss_ros.core import IsotrussError
 from isotruss_ros.core.errors import ConfigurationError
@@ -17,7 +16,6 @@ from isotruss_ros.core.planning.searcher import Answer, Searcher, SearchOutcome
 from isotruss_ros.core.planning.workers import MAX_WORKERS
 from isotruss_ros.nodes.conversions.plan_messages import read_goal, to_result_message
 from isotruss_ros.nodes.framework import common_parameters as common
-from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import FixedSpec
 from isotruss_ros.nodes.framework.sensors import Inputs
@@ -44,6 +42,7 @@ class GraspPlanner(ManagedNode):
     node_name = 'grasp_planner'
     specs = SPECS
     awaited = ('plan_grasp',)
+    idle = 'no search'
     _searcher: Searcher | None = None
 
     def configure(self) -> None:
@@ -65,8 +64,7 @@ class GraspPlanner(ManagedNode):
 
     def activate(self) -> None:
         """Accept goals from now on."""
-        self.diagnostics.set_status(DiagnosticStatus.OK, 'no search')
-        create_steady_timer(self, POLLING_PERIOD, self._poll)
+        self.create_steady_timer(POLLING_PERIOD, self._poll)
 
     def deactivate(self) -> None:
         """End the search and its processes."""
@@ -106,7 +104,7 @@ class GraspPlanner(ManagedNode):
     def _begin(self, arguments: tuple[Any, ...]) -> None:
         """Start a search."""
         self._searcher.begin(*arguments)
-        self.diagnostics.set_status(DiagnosticStatus.OK, 'searching')
+        self.diagnostics.set_status('searching')
 
     def _poll(self) -> None:
         """Publish feedback of the search, or end the goal with its result."""
@@ -129,4 +127,4 @@ class GraspPlanner(ManagedNode):
     def _end(self, answer: Answer) -> None:
         """End the goal with the result of the search."""
         result = to_result_message(answer, self.robot)
-        self._goal.report_end(answer.outcome, result, 'no search')
+        self._goal.report_end(answer.outcome, result)

@@ -9,7 +9,6 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 import math
 
-from diagnostic_msgs.msg import DiagnosticStatus
 from isotruss_msgs.action import FollowObjectPath
 from isotruss_msgs.msg import ManipulationStatus
 from isotruss_ros.core import IsotrussError, Robot
@@ -65,6 +64,7 @@ class PathFollower(ManagedNode):
     node_name = 'path_follower'
     specs = SPECS
     awaited = ('follow_object_path',)
+    idle = 'no path to follow'
     _last: Tracking | None = None
     #: Path whose feasibility is being checked in a thread; the node receives inputs meanwhile.
     _waiting: tuple[Future[None], ObjectPath, TrackingSettings] | None = None
@@ -99,7 +99,6 @@ class PathFollower(ManagedNode):
 
     def activate(self) -> None:
         """Accept goals from now on."""
-        self.diagnostics.set_status(DiagnosticStatus.OK, 'no path to follow')
         self.cycle = Cycle(self, self._step, self.inputs.clear, self._abort_on_stopped_clock)
 
     def deactivate(self) -> None:
@@ -167,7 +166,7 @@ class PathFollower(ManagedNode):
         self._waiting = None
         self._publish_twist(np.zeros(3))
         result = _to_result(outcome, message, self._servo.tracker, self._last)
-        self._goal.report_end(outcome, result, 'no path to follow')
+        self._goal.report_end(outcome, result)
 
     # -- The cycle --
 
@@ -191,7 +190,7 @@ class PathFollower(ManagedNode):
         self._publish_twist(step.twist)
         feedback = {name: getattr(step.tracking, name) for name in FEEDBACK}
         self._goal.publish_feedback(lambda: FollowObjectPath.Feedback(**feedback))
-        self.diagnostics.set_status(DiagnosticStatus.OK, step.tracking.phase.name.lower())
+        self.diagnostics.set_status(step.tracking.phase.name.lower())
 
     def _abort_on_stopped_clock(self, now: float) -> None:
         """Abort the goal, because inputs do not age while the clock is stopped."""

@@ -33,7 +33,6 @@ from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import FixedSpec, Spec, Value
 from isotruss_ros.nodes.framework.sensors import Inputs
-from isotruss_ros.nodes.framework.topics import RELIABLE
 
 #: Period of the test whether the robot is upright and sags under its weight [s].
 SAG_PERIOD = 2.0
@@ -44,7 +43,7 @@ SPECS = (
     common.OBJECT,
     common.GRIP_MODULE,
     common.GRIP,
-    replace(common.RATE, default=50.0, bounds=(1.0, 1000.0)),
+    replace(common.RATE, default=25.0, bounds=(1.0, 1000.0)),
     common.COMMAND_TIMEOUT,
     common.PRESSURE_TIMEOUT,
     common.AMBIENT_PRESSURE,
@@ -90,9 +89,7 @@ class StateEstimatorNode(ManagedNode):
         self.inputs.keep('markers', take=self._take_markers, oldest=HISTORY_DURATION)
         self.inputs.keep('pressures')
         self._begin()
-        self._estimates = self.create_lifecycle_publisher(
-            StateEstimateMessage, 'state_estimate', RELIABLE
-        )
+        self._estimates = self.advertise(StateEstimateMessage, 'state_estimate')
 
     def _check(self, new: dict[str, Value]) -> None:
         """Check the parameters of the grip."""
@@ -193,7 +190,7 @@ class StateEstimatorNode(ManagedNode):
         except IsotrussError as error:
             bad = inputs.rollers is not None
             level = DiagnosticStatus.ERROR if bad else DiagnosticStatus.WARN
-            self.diagnostics.set_status(level, str(error))
+            self.diagnostics.set_status(str(error), level)
             return
         self._last = estimate
         self._estimates.publish(to_estimate_message(estimate, self.robot))
@@ -202,9 +199,8 @@ class StateEstimatorNode(ManagedNode):
         doubts = '; '.join(filter(None, found))
         if doubts:
             self.warn('doubts', doubts)
-        self.diagnostics.set_status(
-            DiagnosticStatus.WARN if doubts else DiagnosticStatus.OK, doubts or 'estimating'
-        )
+        level = DiagnosticStatus.WARN if doubts else DiagnosticStatus.OK
+        self.diagnostics.set_status(doubts or 'estimating', level)
 
 
 def _rejection(given: Input) -> str:

@@ -48,11 +48,7 @@ from rcl_interfaces.srv import SetParameters
 from rclpy.serialization import deserialize_message
 import robots
 from sensor_msgs.msg import JointState
-from std_msgs.msg import (
-    Float64MultiArray,
-    MultiArrayDimension,
-    MultiArrayLayout,
-)
+from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayout
 
 NAMES = list(ROBOT.roller_names)
 MAX_SPEED = ROBOT.description.max_speed
@@ -380,14 +376,7 @@ def parameter_values():
 
 
 @pytest.mark.parametrize(
-    'kind',
-    [
-        Manipulation,
-        Simulator,
-        GraspAnalysisNode,
-        PathFollower,
-        GraspPlanner,
-    ],
+    'kind', [Manipulation, Simulator, GraspAnalysisNode, PathFollower, GraspPlanner]
 )
 def test_invalid_parameters_are_rejected_at_run_time(kind):
     with world(lambda: kind()) as w:

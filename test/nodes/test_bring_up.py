@@ -138,18 +138,10 @@ def test_a_robot_of_a_preset_is_not_ready(tmp_path, capsys):
         ({'zero_deviation': 0.03, 'seed': 2}, 'zeros', 'mm off the encoders; at most 10 mm'),
         ({'tracker_delay': 0.8}, 'object pose', r'object pose: 0\.8\d* s old'),
         ({'rate': 20.0}, 'rates', r'joint_states has \d+ Hz: must be at least 50'),
-        (
-            {'tracker_rate': 8.0},
-            'rates',
-            r'object_pose has [\d.]+ Hz',
-        ),
+        ({'tracker_rate': 8.0}, 'rates', r'object_pose has [\d.]+ Hz'),
         ({'pressed': True}, 'emergency stop', 'the last message of emergency_stop is true'),
         ({'mass': 0.0}, 'masses', 'object_mass is missing'),
-        (
-            {'unchecked': ', north/Z'},
-            'roller signs',
-            'north/Z were not checked',
-        ),
+        ({'unchecked': ', north/Z'}, 'roller signs', 'north/Z were not checked'),
     ],
 )
 def test_a_fault_is_named_and_it_alone(tmp_path, capsys, faulty, name, words):

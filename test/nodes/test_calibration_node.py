@@ -87,4 +87,4 @@ def test_rollers_that_turn_are_refused(tmp_path):
         w.spin(1.0)
         w.spin(1.0, lambda: w.probe.send_command([0.01] * 6))
         answer = w.call('calibrate_home', Trigger.Request())
-    assert answer.message.startswith('the rollers turn')
+    assert answer.message.startswith('the rollers move')

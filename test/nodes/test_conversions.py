@@ -10,14 +10,7 @@ What nodes do then is in `test_bad_messages`.
 import math
 
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import (
-    Point,
-    PoseStamped,
-    Quaternion,
-    Twist,
-    Vector3,
-    WrenchStamped,
-)
+from geometry_msgs.msg import Point, PoseStamped, Quaternion, Twist, Vector3, WrenchStamped
 from geometry_msgs.msg import Pose as PoseMessage
 from hypothesis import given
 from hypothesis import strategies as st

@@ -171,4 +171,4 @@ def test_a_goal_beside_another_is_answered_with_what_is_carried_out():
         assert first.accepted
         _, result = second.result()
         assert result.code == PlaceObject.Result.NOT_READY
-        assert 'PickObject is carried out, for ' in result.message
+        assert 'PickObject has been executed for ' in result.message

@@ -261,8 +261,11 @@ def test_the_service_analyses_any_object_in_its_pose(friction):
 @pytest.mark.parametrize(
     ('fields', 'words'),
     [
-        ({'diameter': 0.3}, 'diameter 0.3 m, beside an `object`: must be 0'),
-        ({'center': Point(x=0.7)}, r'center \(0.7, 0.0\), beside an `object`: must be left out'),
+        ({'diameter': 0.3}, 'diameter 0.3 m, together with an `object`: must be 0'),
+        (
+            {'center': Point(x=0.7)},
+            r'center \(0.7, 0.0\), together with an `object`: must be omitted',
+        ),
         ({'object': ObjectMessage(shape=7)}, 'object: shape 7: must be one of'),
         ({'object': ObjectMessage()}, 'diameter 0.0 m: must be positive'),
         ({'object_pose': Pose(position=Point(x=math.nan))}, r'object_pose at \(nan, 0.0\): must'),

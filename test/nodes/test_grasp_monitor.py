@@ -10,12 +10,7 @@ from isotruss_ros.core import ConvexObject, errors, load_robot, Pose, tangent_ce
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.grip_record import GripRecord
 from isotruss_ros.core.holding.roll_grip import roll_grip
-from isotruss_ros.core.inputs import (
-    PRESSURE_TIMEOUT,
-    RejectedInput,
-    RollerState,
-    StampedInput,
-)
+from isotruss_ros.core.inputs import PRESSURE_TIMEOUT, RejectedInput, RollerState, StampedInput
 from isotruss_ros.nodes.grasp.grasp_monitor import _judge, GraspMonitor
 from isotruss_ros.nodes.grasp.grasp_report import GraspCode, GraspQuery
 import numpy as np

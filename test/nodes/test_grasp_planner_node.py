@@ -130,7 +130,7 @@ def path(*poses):
         ({'module': 'north/Q'}, "module 'north/Q': robot nine_member has no such module"),
         (
             {'object': BENT, 'object_diameter': 0.3},
-            'object_diameter 0.3 m, beside an `object`: must be 0',
+            'object_diameter 0.3 m, together with an `object`: must be 0',
         ),
         (
             {'object': ObjectMessage(shape=1, diameter=0.3), 'object_pose': UNTURNED},
@@ -139,7 +139,7 @@ def path(*poses):
         ({'members': ['north/Z-R']}, "members: .*'north/Z-R'.*: must be the names .* of 2 or 3"),
         (
             {'members': ['north/Z-R', 'north/R-P'], 'module': 'north/R'},
-            "module: 'north/R', beside members .*: must be one or the other",
+            "module: 'north/R', and members .*: only one of the two can be required",
         ),
         ({'measure': 'beauty' * 1000}, 'measure: .{1,90}: must be one of slip_margin'),
         ({'count': 2**32 - 1}, 'count 4294967295: must be from 1'),

@@ -4,6 +4,7 @@
 """The simulator with MuJoCo as its plant: held, pulled at, dropped, under gravity."""
 
 import math
+from unittest.mock import Mock
 
 from isotruss_ros.core import RollerFaults
 from isotruss_ros.mujoco_plant.driven_robot import DrivenRobot
@@ -94,18 +95,10 @@ def test_rollers_block_before_a_shape_that_the_robot_cannot_take():
 @pytest.mark.parametrize('sim_time', [False, True])
 def test_every_parameter_of_the_plant_reaches_it(monkeypatch, sim_time):
     given = {'friction': 0.7, 'ground_friction': 0.1}
-    made = []
-
-    class Recorded(DrivenRobot):
-        """It keeps its arguments."""
-
-        def __init__(self, *arguments):
-            made.append(arguments)
-            super().__init__(*arguments)
-
-    monkeypatch.setattr(plants, 'DrivenRobot', Recorded)
+    make = Mock(wraps=DrivenRobot)
+    monkeypatch.setattr(plants, 'DrivenRobot', make)
     with world(node(object_is_free=True, seed=7, use_sim_time=sim_time, **given)):
-        ((robot, body, is_free, options, faults, seed, longest),) = made
+        robot, body, is_free, options, faults, seed, longest = make.call_args.args
     assert (robot, is_free, seed) == (ROBOT, True, 7)
     assert body.friction == given['friction']
     assert options == PlantOptions(**given)

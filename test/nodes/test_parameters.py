@@ -68,6 +68,7 @@ REFUSED = [
     ('simulator', {'grip': ['south/P-Q']}, 'two or three different members'),
     ('simulator', {'grip': ['south/P-Q', 'east/R-Y']}, 'fits nowhere'),
     ('simulator', {'stuck_roller': 'north/P'}, 'no such rollers'),
+    ('simulator', {'object_pose': [1, 2]}, 'must be three numbers'),
     ('simulator', {'seed': -1}, 'seed: -1: out of range'),
     ('simulator', {'clock_speed': 1.0}, 'clock_speed'),
 ]

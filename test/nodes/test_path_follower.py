@@ -22,11 +22,7 @@ from isotruss_ros.core.inputs import RollerState, StampedInput
 from isotruss_ros.core.paths.path_servo import PathServo
 from isotruss_ros.core.planning.foresee_path import foresee_path
 from isotruss_ros.nodes import path_follower
-from isotruss_ros.nodes.conversions.messages import (
-    make_header,
-    read_stamp,
-    to_pose_message,
-)
+from isotruss_ros.nodes.conversions.messages import make_header, read_stamp, to_pose_message
 from isotruss_ros.nodes.manipulation.node import Manipulation
 from isotruss_ros.nodes.path_follower import _check_path, PathFollower
 from isotruss_ros.nodes.simulator.node import Simulator
@@ -210,7 +206,7 @@ def endless(asked):
 UP = (0.0, 0.02, 0.0)
 BAD_GOALS = {
     'no poses': (FollowObjectPath.Goal(), 'two or more'),
-    'nowhere': (goal((0.0, 0.0, 0.0), begin=PROBED), 'must lead somewhere else'),
+    'nowhere': (goal((0.0, 0.0, 0.0), begin=PROBED), 'two or more must differ'),
     'frame': (goal(UP, begin=PROBED, frame='world'), "path in frame 'world': must be in 'truss'"),
     'frame of a pose': (elsewhere(goal(UP, begin=PROBED), 'map'), 'pose 1 of the path in frame'),
     'far': (goal(UP, begin=(0.0, 0.0, 0.3)), 'the path begins'),

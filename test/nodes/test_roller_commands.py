@@ -19,7 +19,7 @@ OWN = [1, 2, 3]
 class SilentNode:
     """Publishes nothing."""
 
-    def create_publisher(self, *_arguments):
+    def advertise(self, *_arguments):
         """Return what takes messages."""
         return self
 

@@ -14,13 +14,8 @@ from probe import maker
 import pytest
 
 #: The box is between its two sides.
-HELD = {
-    'object': BOX_FILE,
-    'grip': list(APART),
-    'object_pose': [0.6, 0.3, ANGLE],
-    'indentation': DEPTH,
-}
-node = maker(Simulator, **HELD, rate=50.0)
+HELD = {'object': BOX_FILE, 'grip': list(APART), 'indentation': DEPTH, 'rate': 50.0}
+node = maker(Simulator, object_pose=[0.6, 0.3, ANGLE], **HELD)
 
 
 @pytest.mark.parametrize('is_free', [False, True])

@@ -253,7 +253,10 @@ HOSTILE = {
         trajectory(*[ROW] * (MAX_POINTS + 1), times=0.01 * np.arange(MAX_POINTS + 1)),
         f'{MAX_POINTS + 1} points; must be 1 to {MAX_POINTS}',
     ),
-    'elsewhere': (trajectory(AWAY, HOME), 'the trajectory begins 0.02 m from where roller'),
+    'elsewhere': (
+        trajectory(AWAY, HOME),
+        'the trajectory begins 0.02 m from the measured position',
+    ),
     'long ago': (stamped(0, 1), 's old; must be at most'),
     'in the future': (stamped(2**31 - 1), 'in the future'),
 }

@@ -24,7 +24,7 @@ class Node:
     def get_logger(self):
         return SimpleNamespace(info=self.logged.append)
 
-    def create_lifecycle_publisher(self, kind, topic, _qos):
+    def advertise(self, kind, topic, _qos):
         return SimpleNamespace(publish=lambda message: self.published.append((topic, message)))
 
 

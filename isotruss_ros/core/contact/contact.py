@@ -47,9 +47,9 @@ def solve_contact(
     Solve the contact LCP (8): nonnegative gaps and forces, complementary at each point.
 
     :param contact_points: candidate contact points.
-    :param surface: surface that the points meet, see `find_contact_points`. :param forces: (c,)
-        forces of a similar problem [N]. The iteration starts with contact at the points with
-        positive force. If None, it starts with contact at the deepest points.
+    :param surface: surface that the points meet, see `find_contact_points`.
+    :param forces: (c,) forces of a similar problem [N]. The iteration starts with contact at the
+        points with positive force. If None, it starts with contact at the deepest points.
     :param normals: (c,) initial normals, x + iy; None: the normals at the undeformed tubes.
     :raises SolverError: the normals do not converge.
     """

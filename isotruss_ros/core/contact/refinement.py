@@ -220,7 +220,7 @@ class _Search:
         return solved, bool(fits) and divided
 
     def windows(self, before: SolvedContact, limited: bool, spacing: float) -> Array:
-        """Return the intervals (m, 2) of new points on the members: of those before, if enough."""
+        """Return the intervals (m, 2) of the members in which new points are placed."""
         points, regions = before.points, before.spans
         touched = limited & _touched(regions)
         found = np.where(touched, regions + SEARCH * self.room, EVERYWHERE)
@@ -247,7 +247,7 @@ class _Search:
         bent: BentTubes | None = None,
         before: SolvedContact | None = None,
     ) -> SolvedContact:
-        """Place candidate points at the spacing `distance`, and solve with a surface as fine."""
+        """Place candidate points at the spacing `distance`, and solve the contact."""
         known = None if before is None else (before.points, before.contact.push)
         points = find_contact_points(
             self.structure, self.surface, distance, self.flattening, windows, bent, known

@@ -17,32 +17,37 @@ from __future__ import annotations
 
 from dataclasses import replace
 import math
-from typing import NamedTuple
 
 from isotruss_ros.core.estimation.contact_walk import ContactWalk
+from isotruss_ros.core.estimation.correction_lag import CorrectionLag
+from isotruss_ros.core.estimation.grip_model import attach_model, Pressures, shift_deviations
+from isotruss_ros.core.estimation.grip_rates import (
+    anchor_rates,
+    BIAS,
+    ConsideredRates,
+    DELAY,
+    LOAD,
+    SHIFTS,
+    StateRates,
+)
 from isotruss_ros.core.estimation.offset_filter import SLIP_LENGTH
 from isotruss_ros.core.estimation.pose_noise import PoseNoise, PRIOR_DEVIATIONS
+from isotruss_ros.core.estimation.schmidt_filter import SchmidtFilter
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings, MAX_KNOWN_DEVIATION
-from isotruss_ros.core.holding.attach_grip import attach_grip, lay_faces
-from isotruss_ros.core.holding.contact_statics import TubeModel
-from isotruss_ros.core.holding.held_gradient import held_gradient
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, NotHeldError, travel_rates
 from isotruss_ros.core.holding.roll_grip import roll_grip, with_pressures
 from isotruss_ros.core.inputs import HISTORY_DURATION, Timeline
 from isotruss_ros.core.kinematics.configuration import Configuration, MAX_FIRST_ORDER_TRAVEL
-from isotruss_ros.core.manipulation.grip import find_members, Grip
+from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.model.pose import Pose, pose_difference
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.safety.usage_limits import UsageLimits
 import numpy as np
 
-#: Random walk of the unexplained pose as a fraction of the object's motion, and of the contacts as
-#: a fraction of roller travel, both with the correlation length `SLIP_LENGTH` [-].
-POSE_WALK, CONTACT_SLIP = 0.03, 0.02
-#: Prior standard deviations of the unexplained pose, apart from the effect of wrong offsets, and
-#: of shifts of contacts if friction does not limit them [m].
-POSE_DEVIATION, ANY = 0.0005, 0.1
+#: Random walk of the unexplained pose as a fraction of the object's motion, with the correlation
+#: length `SLIP_LENGTH` [-].
+POSE_WALK = 0.03
 #: Prior standard deviation of the time by which poses are older than their stamps say [s].
 DELAY_DEVIATION = 0.03
 #: Number of poses after which the equilibrium is searched again [-].
@@ -52,23 +57,6 @@ SPEED_TIME = 0.05
 #: Number of standard deviations [-]: a pose is inconsistent if its innovation is larger (one of
 #: 60000 valid poses is), and contacts have slipped if corrections and load are larger.
 MAX_DEVIATIONS = 5.0
-#: Gauge pressure of each tube (t,) [Pa]; None: as in the robot file.
-Pressures = tuple[float, ...] | None
-#: Indices of load, unexplained pose and delay in the state, and first index of the contacts'
-#: shifts.
-LOAD, BIAS, DELAY, SHIFTS = slice(0, 3), slice(3, 6), 6, 7
-
-
-class _Rates(NamedTuple):
-    """Derivatives of pose (3, p), with rotations times the arm, and of squeeze (p,)."""
-
-    pose: Array
-    squeeze: Array
-
-    @classmethod
-    def zero(cls, size: int) -> _Rates:
-        """Return zero derivatives with respect to `size` quantities."""
-        return cls(np.zeros((3, size)), np.zeros(size))
 
 
 class GripBelief:
@@ -120,13 +108,11 @@ class GripBelief:
         self._most = (0.7 if supposed else 1.0) * MAX_DEVIATIONS
         self._even = np.array([1.0, 1.0, grasp.arm])
         count, shifts = len(grasp.config.roller_positions), len(grasp.members)
-        variances = np.zeros(SHIFTS + shifts)
+        variances, considered = np.zeros(SHIFTS + shifts), np.zeros((count + 1, count + 1))
         variances[DELAY] = DELAY_DEVIATION**2
-        self._covariance = np.diag(variances)
-        self._considered = np.zeros((count + 1, count + 1))
-        self._considered[-1, -1] = settings.stiffness**2
+        considered[-1, -1] = settings.stiffness**2
+        self._filter = SchmidtFilter(variances, considered)
         self.take_zeros(settings.zeros**2 * np.eye(count) if zeros is None else zeros)
-        self._sensitivity = np.zeros((len(variances), count + 1))
         self.load, self.delay = np.zeros(3), 0.0
         self.innovation, self.jump, self.searches = 0.0, 0.0, 0
         self.bias = np.zeros(3)
@@ -137,8 +123,8 @@ class GripBelief:
         self._corrected = np.zeros(count)
         self._travelled = np.array(grasp.pose)  # by what the rollers did alone
         self._way.add(0.0, self._travelled)
-        self._lag = np.zeros((2, 4))  # of pose and squeeze behind each low-pass
-        self._differentiated: HeldGrip | None = None
+        self._lag = CorrectionLag()  # of pose and squeeze
+        self._by_considered = ConsideredRates.of(grasp)
         self._take(grasp)
         self._spare = 0.0  # slip margin that the history of the contacts costs [N]
         if supposed:
@@ -162,14 +148,12 @@ class GripBelief:
     @property
     def differentiated(self) -> HeldGrip:
         """Return the equilibrium at which the derivatives in use were computed."""
-        return self._differentiated  # type: ignore[return-value]
+        return self._by_considered.grasp
 
     @property
     def squeeze_deviation(self) -> float:
         """Return the standard deviation of the squeeze, including the model error [N]."""
-        own, rates = self._rates.squeeze, self._considered_rates.squeeze
-        by_considered = rates + own @ self._sensitivity
-        variance = own @ self._covariance @ own + by_considered @ self._considered @ by_considered
+        variance = self._filter.spread(self._rates.squeeze, self._by_considered.squeeze)
         return math.sqrt(variance + (self.settings.squeeze_error * self.squeeze) ** 2)
 
     @property
@@ -190,10 +174,8 @@ class GripBelief:
     @property
     def pose_covariance(self) -> Array:
         """Return the covariance of the pose, (3, 3) [m^2, m rad, rad^2]."""
-        own, rates = self._rates.pose / self._even[:, None], self._considered_rates.pose
-        by_considered = rates / self._even[:, None] + own @ self._sensitivity
-        spread = own @ self._covariance @ own.T
-        return spread + by_considered @ self._considered @ by_considered.T
+        spread = self._filter.spread(self._rates.pose, self._by_considered.pose)
+        return spread / np.outer(self._even, self._even)
 
     def explains(self, pose: Pose) -> bool:
         """
@@ -202,8 +184,8 @@ class GripBelief:
         :param pose: measured pose of the object.
         """
         off = self._even * pose_difference(pose, self.grasp.pose)
-        rates, noise = self._considered_rates.pose, np.diag(self.noise.variances)
-        spread = rates @ self._considered @ rates.T + noise
+        rates, noise = self._by_considered.pose, np.diag(self.noise.variances)
+        spread = rates @ self._filter.considered @ rates.T + noise
         return float(off @ np.linalg.solve(spread, off)) <= MAX_DEVIATIONS**2
 
     def joint_rates(self) -> Array:
@@ -212,28 +194,24 @@ class GripBelief:
 
         The object's pose is held constant.
         """
-        found, grasp = self._gradient, self._differentiated
-        count, owners = len(self._corrected), grasp.contacts.owners
-        travel = travel_rates(grasp.config, grasp.contacts.members)
-        along = grasp.statics.sides[:, None] * travel + self._sensitivity[SHIFTS:, :-1][owners]
-        return found.joints[:, :count] + found.joints[:, count + 4 :] @ along  # noqa: E203
+        return self._by_considered.joint_rates(self._filter.sensitivity[SHIFTS:, :-1])
 
     @property
     def regulated_pose(self) -> Array:
         """Return the pose (3,) used for control: two low-pass filters smooth its corrections."""
-        return self.pose - self._lag[:, :3].sum(axis=0)
+        return self.pose - self._lag.total[:3]
 
     @property
     def regulated_squeeze(self) -> float:
         """Return the squeeze used for control [N]: two low-pass filters smooth its corrections."""
-        return self.squeeze - float(self._lag[:, 3].sum())
+        return self.squeeze - float(self._lag.total[3])
 
     @property
     def slip_margin(self) -> float:
         """
         Return the slip margin, computed without load and for unknown contact history [N].
 
-        The contact history is left out because an object that has slid into place uses all of its
+        The contact history is ignored because an object that has slid into place uses all of its
         friction and is held nevertheless: if it slips further, it reaches the equilibrium of
         `attach_grip`.
         """
@@ -344,13 +322,13 @@ class GripBelief:
             return False
         if found.hold(math.inf) is not HoldStatus.HELD:
             return False
-        before = self._considered_rates.pose
+        before = self._by_considered.pose
         self._take(found)
-        self.walk.attach(self._considered_rates.pose - before)
+        self.walk.attach(self._by_considered.pose - before)
         self.usage, self.drift = UsageLimits(found), np.zeros(4)
         self._corrected = np.zeros_like(self._corrected)
         self._place_contacts(pose)
-        self._lag[0, 3] += self.squeeze - squeeze
+        self._lag.add(np.append(np.zeros(3), self.squeeze - squeeze))
         return True
 
     def _place_contacts(self, pose: Array) -> None:
@@ -376,25 +354,19 @@ class GripBelief:
 
     def _initialise(self) -> Array:
         """Set the prior covariance, and update it for a pose; return the Kalman gain (n, 3)."""
-        rates, variances = self._rates.pose, np.diag(self._covariance).copy()
-        variances[LOAD], variances[BIAS] = self.settings.load**2, POSE_DEVIATION**2
-        variances[SHIFTS:] = self._shift_deviations() ** 2
-        self._covariance, self._sensitivity[:] = np.diag(variances), 0.0
+        known, given = self._filter, self.settings
+        shifts = shift_deviations(self.grasp, self._anchored, self._friction)
+        variances = np.diag(known.covariance).copy()
+        variances[LOAD], variances[BIAS] = given.load**2, given.pose_error**2
+        variances[SHIFTS:] = shifts**2
+        known.reset(np.diag(variances))
         # Wrong offsets and stiffness explain what shifts within the friction do not.
+        rates, by_considered = self._rates.pose, self._by_considered.pose
         shifted = rates[:, SHIFTS:] * variances[SHIFTS:] @ rates[:, SHIFTS:].T
-        own = POSE_DEVIATION**2 * np.eye(3)
-        left = np.linalg.solve(shifted + own, own).T @ self._considered_rates.pose
-        self._covariance[BIAS, BIAS] += left @ self._considered @ left.T
-        return self._condition(rates, np.diag(self.noise.variances))
-
-    def _shift_deviations(self) -> Array:
-        """Return the prior deviations (m,) of shifts: twice the shift that causes slip [m]."""
-        grasp, most = self.grasp, self._friction * self.grasp.squeeze
-        members = np.eye(len(grasp.members))[grasp.contacts.owners]
-        presses, rubs = (members.T @ f for f in np.split(grasp.state.forces, 2))
-        left = np.maximum(self._friction * presses - np.abs(rubs), 0.1 * most)
-        rates = np.diag(members.T @ self._anchored[grasp.state.places.friction] @ members)
-        return np.minimum(2.0 * left / np.maximum(np.abs(rates), left / ANY), ANY)
+        own = given.pose_error**2 * np.eye(3)
+        left = np.linalg.solve(shifted + own, own).T @ by_considered
+        known.covariance[BIAS, BIAS] += left @ known.considered @ left.T
+        return known.condition(rates, by_considered, np.diag(self.noise.variances))
 
     def _hold(self, grasp: HeldGrip) -> HoldStatus:
         """Return the hold status of an equilibrium; `UNSTABLE` if it has no response to loads."""
@@ -408,7 +380,7 @@ class GripBelief:
 
         :param covariance: (r, r) covariance of the roller offsets [m^2].
         """
-        self._considered[:-1, :-1] = covariance
+        self._filter.considered[:-1, :-1] = covariance
 
     def move_zeros(self, moved: Array) -> None:
         """
@@ -418,7 +390,7 @@ class GripBelief:
         """
         grasp = self.grasp
         travel = travel_rates(grasp.config, grasp.contacts.members) @ moved
-        shifts = self._sensitivity[SHIFTS:, :-1] @ moved
+        shifts = self._filter.sensitivity[SHIFTS:, :-1] @ moved
         self._anchors = self._anchors + grasp.statics.sides * travel
         self._anchors = self._anchors + shifts[grasp.contacts.owners]
         self._moved_zeros = self._moved_zeros + moved
@@ -426,7 +398,7 @@ class GripBelief:
 
     def _correct(self, off: Array, rates: Array, noise: Array) -> None:
         """Update the belief with the innovation (3,) of a measured pose [m]."""
-        prior, walking = self._covariance, np.zeros_like(rates)
+        prior, walking = self._filter.covariance, np.zeros_like(rates)
         walking[:, BIAS], walking[:, SHIFTS:] = rates[:, BIAS], rates[:, SHIFTS:]
         unsure = walking @ prior @ walking.T
         spread = rates @ prior @ rates.T + noise
@@ -435,9 +407,8 @@ class GripBelief:
             self.jump = math.hypot(*off)
             freed = np.zeros(len(prior))
             freed[BIAS] = freed[SHIFTS:] = self.jump**2
-            prior = prior + np.diag(freed)
-        self._covariance = prior
-        change = self._condition(rates, noise) @ off
+            self._filter.covariance = prior + np.diag(freed)
+        change = self._filter.condition(rates, self._by_considered.pose, noise) @ off
         delay = self.delay + float(change[DELAY])
         self.delay = min(max(delay, 0.0), MAX_DEVIATIONS * DELAY_DEVIATION)
         self._shift(change)
@@ -447,19 +418,9 @@ class GripBelief:
             walking @ change,
             unsure,
             noise + give @ give.T,
-            self._considered_rates.pose,
-            self._considered,
+            self._by_considered.pose,
+            self._filter.considered,
         )
-
-    def _condition(self, rates: Array, noise: Array) -> Array:
-        """Update the covariance by a measured pose, and return the Kalman gain (n, 3)."""
-        prior = self._covariance
-        gain = np.linalg.solve(rates @ prior @ rates.T + noise, rates @ prior).T
-        left = np.eye(len(prior)) - gain @ rates
-        covariance = left @ prior @ left.T + gain @ noise @ gain.T
-        self._covariance = 0.5 * (covariance + covariance.T)
-        self._sensitivity = left @ self._sensitivity - gain @ self._considered_rates.pose
-        return gain
 
     def _shift(self, change: Array) -> None:
         """Apply a correction (n,) of the state; the equilibrium follows in the next cycle."""
@@ -473,23 +434,22 @@ class GripBelief:
         self.load, self.bias = self.load + change[LOAD], self.bias + change[BIAS]
         given = moved[:3] + grasp.response.pose @ change[LOAD] + change[BIAS] / self._even
         pressed = squeeze + float(grasp.response.squeeze @ change[LOAD])
-        self._lag[0] += np.append(given, pressed)
+        self._lag.add(np.append(given, pressed))
 
     def _predict(self, elapsed: float, moved: Array, travel: Array) -> None:
         """Propagate the covariance by process noise."""
         given = self.settings
         left = math.exp(-elapsed / given.load_time)
-        more, kept = np.zeros(len(self._covariance)), np.ones(len(self._covariance))
+        more, kept = np.zeros_like(self._rates.squeeze), np.ones_like(self._rates.squeeze)
         kept[LOAD] = left
         more[BIAS] = POSE_WALK**2 * SLIP_LENGTH * math.hypot(*moved)
-        more[SHIFTS:] = CONTACT_SLIP**2 * SLIP_LENGTH * travel.max()
+        more[SHIFTS:] = given.slip**2 * SLIP_LENGTH * travel.max()
         self.walk.spread(self._rates.pose * more @ self._rates.pose.T)
         more[LOAD] = given.load**2 * (1.0 - left**2)
-        self._covariance = self._covariance * np.outer(kept, kept) + np.diag(more)
-        self._sensitivity *= kept[:, None]
-        self._considered[:-1, :-1] += np.diag(given.slip**2 * SLIP_LENGTH * travel)
+        self._filter.predict(kept, more)
+        self._filter.considered[:-1, :-1] += np.diag(given.slip**2 * SLIP_LENGTH * travel)
         decayed, response = (left - 1.0) * self.load, self.grasp.response
-        self._lag[0] += np.append(response.pose @ decayed, response.squeeze @ decayed)
+        self._lag.add(np.append(response.pose @ decayed, response.squeeze @ decayed))
         self.load = self.load + decayed
 
     def pass_corrections(self, elapsed: float, filter_time: float) -> None:
@@ -499,10 +459,7 @@ class GripBelief:
         :param elapsed: time since the last call [s].
         :param filter_time: time constant of the low-pass filters [s].
         """
-        left = math.exp(-elapsed / filter_time)
-        self._lag[1] += (1.0 - left) * self._lag[0]
-        self._lag[0] *= left
-        self._lag[1] *= left
+        self._lag.advance(elapsed, filter_time)
 
     def _take(self, grasp: HeldGrip) -> None:
         """Set the equilibrium, and the derivatives by the state at this equilibrium."""
@@ -511,48 +468,16 @@ class GripBelief:
         self._anchors = grasp.anchors
         self._pending = np.zeros(4)
         self._moved_zeros = np.zeros(len(grasp.config.roller_positions))
-        if SHIFTS + len(grasp.members) != len(self._covariance):
-            self._resize(SHIFTS + len(grasp.members))
         self._pending_forces = np.zeros(2 * len(grasp.anchors))
-        places = grasp.state.places
-        right = np.zeros((places.size, len(grasp.anchors)))
-        right[places.conditions] = np.eye(len(grasp.anchors))
-        self._anchored = np.linalg.solve(grasp.tangent, right)
-        known, at = self._differentiated, grasp.config.roller_positions
-        far = known is None or known.contacts is not grasp.contacts
-        far = far or len(self._rates.squeeze) != len(self._covariance)
-        if far or np.abs(at - known.config.roller_positions).max() > MAX_FIRST_ORDER_TRAVEL:
-            self._differentiate(grasp)
-        owners = np.eye(len(grasp.members))[grasp.contacts.owners]
-        by_shift = self._anchored @ owners
-        mean = np.full(len(grasp.anchors), 1.0 / len(grasp.members))
-        self._rates.pose[:, LOAD] = self._even[:, None] * grasp.response.pose
-        self._rates.squeeze[LOAD] = grasp.response.squeeze
-        self._rates.pose[:, SHIFTS:] = self._even[:, None] * by_shift[:3]
-        self._rates.squeeze[SHIFTS:] = mean @ by_shift[places.normal]
-
-    def _resize(self, size: int) -> None:
-        """Reset the shifts of the contacts to their prior after the number of members changed."""
-        before, sensitivity = self._covariance, self._sensitivity
-        self._covariance = ANY**2 * np.eye(size)
-        self._covariance[:SHIFTS, :SHIFTS] = before[:SHIFTS, :SHIFTS]
-        self._sensitivity = np.zeros((size, sensitivity.shape[1]))
-        self._sensitivity[:SHIFTS] = sensitivity[:SHIFTS]
-
-    def _differentiate(self, grasp: HeldGrip) -> None:
-        """Compute the derivatives by roller offsets with fixed contacts, and by stiffness."""
-        found, count = held_gradient(grasp), len(grasp.config.roller_positions)
-        travel = travel_rates(grasp.config, grasp.contacts.members)
-        along, anchors = grasp.statics.sides[:, None] * travel, slice(count + 4, None)
-        self._rates = _Rates.zero(len(self._covariance))
-        self._rates.pose[:, BIAS] = np.eye(3)
-        forces = found.normal_forces.mean(axis=0)
-        given = np.vstack([self._even[:, None] * found.pose, forces])
-        considered = np.append(
-            given[:, :count] + given[:, anchors] @ along, given[:, [count + 3]], axis=1
-        )
-        self._considered_rates = _Rates(considered[:3], considered[3])
-        self._gradient, self._differentiated = found, grasp
+        self._anchored = anchor_rates(grasp)
+        self._rates = StateRates.of(grasp, self._anchored)
+        size, known = len(self._rates.squeeze), self.differentiated
+        if size != len(self._filter.covariance):
+            self._filter.resize(size, SHIFTS, grasp.arm**2)
+        moved = grasp.config.roller_positions - known.config.roller_positions
+        far = known.contacts is not grasp.contacts
+        if far or np.abs(moved).max() > MAX_FIRST_ORDER_TRAVEL:
+            self._by_considered = ConsideredRates.of(grasp)
 
     def _margin(self, grasp: HeldGrip, more: Array | None = None) -> float:
         """Return the slip margin under additional forces (2k,) [N]."""
@@ -575,27 +500,3 @@ class GripBelief:
         self.drift = beyond / elapsed if elapsed > 0.0 else np.zeros(4)
         was = self._margin(before, self._pending_forces)
         self.usage.learn(grasp, grasp.slip_margin(self._friction) - was, travel)
-
-
-def attach_model(
-    config: Configuration, grip: Grip, pressures: Pressures = None, zeros: float = 0.0
-) -> HeldGrip:
-    """
-    Return the equilibrium near the measured pose, if it has a `response`.
-
-    :param config: configuration of the robot.
-    :param grip: grip with the object at its measured pose.
-    :param pressures: (t,) gauge pressure of each tube [Pa]; None: as in the robot file.
-    :param zeros: standard deviation of the roller offsets [m], see `lay_faces`.
-    :raises NotHeldError: no equilibrium exists, or its Jacobian is singular.
-    :raises GraspError: the robot has no such members.
-    :raises StructureError: see `structure_of`.
-    """
-    members = find_members(config.robot, grip.members).members
-    found = attach_grip(
-        config, grip.body, members, tubes=TubeModel(pressure=pressures), quick=True
-    )
-    found = lay_faces(found, grip.friction, zeros)
-    if found.response is None:
-        raise NotHeldError(HoldStatus.UNSTABLE)
-    return found

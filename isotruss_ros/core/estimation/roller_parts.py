@@ -50,7 +50,7 @@ class RollerParts:
                 readings[-1] = time, complex(position, speed)
 
     def merged(self) -> StampedInput | RejectedInput:
-        """Return the state of all rollers; a rejection if a roller was in no message."""
+        """Return the state of all rollers, or a rejection if a roller was in no message."""
         readings = self._readings
         missing = [n for n, known in zip(self._names, readings, strict=True) if not known]
         if missing:
@@ -63,7 +63,12 @@ class RollerParts:
         for known in readings:
             while len(known) > 1 and known[1][0] <= time:
                 del known[0]
-        values = np.array([np.interp(time, *zip(*known, strict=True)) for known in readings])
+        values = np.array(
+            [
+                known[0][1] if len(known) == 1 else np.interp(time, *zip(*known, strict=True))
+                for known in readings
+            ]
+        )
         behind = None
         if time < newest:
             oldest = self._names[times.index(time)]

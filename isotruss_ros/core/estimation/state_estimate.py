@@ -22,8 +22,8 @@ class EstimatorSettings:
     Standard deviations of priors, process noise and measurements of the estimator.
 
     :ivar zeros: standard deviation of the roller offsets [m]; 1 mm after calibration with markers.
-    :ivar slip: slip of a roller as a fraction of its travel, independent in each 0.1 m of travel
-        [-].
+    :ivar slip: slip of a roller, and of a contact, as a fraction of the roller's travel,
+        independent in each 0.1 m of travel [-].
     :ivar drift: drift of the roller offsets in one second, also at rest [m].
     :ivar encoders: noise of an encoder reading [m].
     :ivar load: external wrench on a held object, moments divided by its characteristic radius [N].
@@ -32,8 +32,8 @@ class EstimatorSettings:
     :ivar joint_error: model error of the joint positions, and mounting offset of each marker [m].
     :ivar marker_shift: common shift of all markers [m].
     :ivar marker_turn: common rotation of all markers [rad].
-    :ivar pose_error: model error of the object's pose, rotations times the characteristic radius
-        [m].
+    :ivar pose_error: model error of the object's pose, rotations times the characteristic
+        radius, positive [m].
     :ivar squeeze_error: relative model error of the squeeze [-].
     """
 

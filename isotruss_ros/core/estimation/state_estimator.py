@@ -18,7 +18,8 @@ import math
 
 from isotruss_ros.core.errors import ConfigurationError, GraspError, StructureError
 from isotruss_ros.core.estimation.contact_walk import JUMP_LENGTH
-from isotruss_ros.core.estimation.grip_belief import attach_model, GripBelief
+from isotruss_ros.core.estimation.grip_belief import GripBelief
+from isotruss_ros.core.estimation.grip_model import attach_model
 from isotruss_ros.core.estimation.marker_gate import find_swap, judge_markers
 from isotruss_ros.core.estimation.offset_filter import OffsetFilter
 from isotruss_ros.core.estimation.slip_watch import SlipWatch

@@ -102,7 +102,7 @@ class ContactStatics:
 
     @functools.cached_property
     def places(self) -> Places:
-        """Return the indices of the unknowns and equations."""
+        """Return the index of each unknown and each equation in the arrays of the solver."""
         return Places.of(len(self.contacts.owners))
 
     @functools.cached_property
@@ -267,14 +267,14 @@ class ContactStatics:
         """
         Return the equilibrium found by Newton's method from initial unknowns; None if it fails.
 
-        If the tubes must be linearised again, the solution is approximate.
+        If a node moves by more than `reach`, the solution is approximate.
 
         :param start: (3 + 4k,) initial unknowns.
         :param wrench: external wrench (fx, fy, m / arm) on the object [N]; arm is the object's
             characteristic radius.
         :param conditions: conditions of friction or rolling.
         :param steps: largest number of Newton steps.
-        :param reach: largest motion of a node without a new linearisation [m].
+        :param reach: largest motion of a node for which the linearised tubes are accurate [m].
         """
         places, unknowns = self.places, start.copy()
         longest = np.full(places.size, MAX_TURN * self.body.arm)

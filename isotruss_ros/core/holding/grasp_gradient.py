@@ -48,7 +48,7 @@ class GraspGradient(
     not on the other coordinates of the given pose. Between three members it does not depend on the
     given pose.
 
-    :ivar parameters: columns in which each parameter stands in all derivatives.
+    :ivar parameters: parameters, with the indices of their columns in the arrays of derivatives.
     :ivar settled: the grasp.
     :ivar pose: (3, p) derivatives of the pose (x, y, angle).
     :ivar normal_forces: (m, p) derivatives of the normal forces, in the order of

@@ -64,9 +64,7 @@ def maximize_progress(
     rows[-2, r], rows[-1, r] = 1.0, -1.0
     bounds = np.concatenate([upper, -lower, [reach, 0.0]])
     equations = np.concatenate([equality, -direction[:, None]], axis=1)
-    problem = QuadraticProgram(
-        hessian, slope, rows, bounds, equality=equations, target=np.zeros(len(direction))
-    )
+    problem = QuadraticProgram(hessian, slope, rows, bounds, equations, np.zeros(len(direction)))
     # u = 0 is always admissible: the search failed at a degenerate vertex.
     for rho in [penalty, *(smaller for smaller in PENALTIES if smaller < penalty)]:
         hessian[r, r], slope[r] = rho / (2.0 * max(reach, 1.0)), -rho
@@ -100,15 +98,9 @@ def project_target(
     rows, bounds = np.vstack([inequality, -inequality]), np.concatenate([upper, -lower])
     exact = target[rank:]
     for right in (exact, np.zeros(len(kept))) if exact.any() else (exact,):
-        problem = QuadraticProgram(
-            reached.T @ reached + regularization * cost,
-            -reached.T @ target[:rank],
-            rows,
-            bounds,
-            equality=kept if len(kept) else None,
-            target=right if len(kept) else None,
-        )
-        found = solve_qp(problem)
+        hessian = reached.T @ reached + regularization * cost
+        gradient = -reached.T @ target[:rank]
+        found = solve_qp(QuadraticProgram(hessian, gradient, rows, bounds, kept, right))
         if found is not None:
             return found
     raise SolverError(NO_SOLUTION)

@@ -112,7 +112,7 @@ def _free_space(problem: QuadraticProgram) -> tuple[Array, Array]:
         return np.eye(n), np.zeros(n)
     k = len(problem.equality)
     basis, factor = np.linalg.qr(problem.equality.T, mode='complete')
-    start = solve_triangular(factor[:k], problem.target, trans='T', check_finite=False)
+    start = np.linalg.solve(factor[:k].T, problem.target)
     return basis[:, k:], basis[:, :k] @ start
 
 

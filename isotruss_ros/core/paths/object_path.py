@@ -110,7 +110,7 @@ def _checked(poses: ArrayLike, first: int) -> Array:
     try:
         array = np.asarray(poses, dtype=np.float64)
     except (TypeError, ValueError) as error:
-        raise PathError(f'the poses of the path are no numbers: {error}') from error
+        raise PathError(f'the poses of the path are not numbers: {error}') from error
     if array.ndim != 2 or array.shape[1] != 3 or len(array) < 2:
         raise PathError(
             f'the path has poses of shape {array.shape}; must be two or more of x, y, angle'
@@ -134,8 +134,8 @@ def _unwrapped(poses: Array, first: int) -> Array:
     far = np.flatnonzero(np.abs(turns) > math.pi - 1e-6)
     if len(far):
         raise PathError(
-            f'pose {far[0] + 1 + first} of the path is half a turn from the one before, '
-            'and both directions are as short; put a pose in between'
+            f'pose {far[0] + 1 + first} of the path is half a turn from the previous pose, '
+            'so the direction of rotation is ambiguous; add a pose in between'
         )
     unwrapped = poses.copy()
     unwrapped[1:, 2] = poses[0, 2] + np.cumsum(turns)
@@ -148,7 +148,7 @@ def _distinct(poses: Array) -> Array:
     differs = (np.diff(cells, axis=0) != 0.0).any(axis=1)
     if not differs.any():
         raise NoMotionError(
-            f'all poses of the path are at {poses[0].tolist()}; must lead somewhere else'
+            f'all poses of the path equal {poses[0].tolist()}; two or more must differ'
         )
     return poses[np.concatenate([[True], differs])]
 

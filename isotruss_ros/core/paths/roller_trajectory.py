@@ -60,7 +60,7 @@ class RollerTrajectory:
         given = positions if np.iterable(positions) else [positions]
         rows = [robot.check_rollers(row, 'roller positions [m]') for row in given]
         if not rows:
-            raise ConfigurationError('a trajectory without a point: must have one or more')
+            raise ConfigurationError('the trajectory has no points: must have one or more')
         self._positions = np.array(rows)
         self._times = finite_array(
             times, len(rows), 'times of the trajectory [s]', ConfigurationError
@@ -79,7 +79,8 @@ class RollerTrajectory:
         fastest = robot.description.max_speed
         if quickest > fastest * (1.0 + 1e-6):
             raise ConfigurationError(
-                f'the trajectory asks a roller for {quickest:.9g} m/s; must be at most {fastest:g}'
+                f'the trajectory has a roller speed of {quickest:.9g} m/s; '
+                f'must be at most {fastest:g} m/s'
             )
         self._slopes = np.pad(slopes, ((1, 1), (0, 0)))  # at rest before and after
         self._halves = self._round_corners(robot, steps)
@@ -96,8 +97,8 @@ class RollerTrajectory:
         if asked.max(initial=0.0) > most * (1.0 + 1e-6):
             place = int(asked.argmax())
             raise ConfigurationError(
-                f'the trajectory asks a roller for {asked[place]:.4g} m/s^2 from point {place} to '
-                f'{place + 1}; must be at most {most:g}'
+                f'the trajectory has a roller acceleration of {asked[place]:.4g} m/s^2 from point '
+                f'{place} to {place + 1}; must be at most {most:g} m/s^2'
             )
         return 0.5 * changes / most
 
@@ -201,8 +202,8 @@ class RollerTrajectoryServo:
         worst = int(away.argmax())
         if away[worst] > START_TOLERANCE:
             raise ConfigurationError(
-                f'the trajectory begins {away[worst]:.4g} m from where roller '
-                f'{self._robot.roller_names[worst]} is; must begin within '
+                f'the trajectory begins {away[worst]:.4g} m from the measured position of roller '
+                f'{self._robot.roller_names[worst]}; must begin within '
                 f'{START_TOLERANCE} m'
             )
         return state

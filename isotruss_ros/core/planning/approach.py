@@ -16,7 +16,7 @@ import math
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.numerics.tolerances import MAX_SEARCH_STEPS
 from isotruss_ros.core.planning.closing import Closing, evaluate_state
-from isotruss_ros.core.planning.closing_step import take_closing_step
+from isotruss_ros.core.planning.closing_step import GAP_TOLERANCE, take_closing_step
 from isotruss_ros.core.planning.facing import balances, CONE_SHARE, find_facing
 from isotruss_ros.core.planning.violations import RequirementError
 import numpy as np
@@ -24,8 +24,6 @@ import numpy as np
 #: Gap between the grasping members and the object at the end of the approach, in tube diameters
 #: [-].
 STANDOFF = 0.06
-#: Tolerance of the approach: of the gap in tube diameters [-], and of the members' rotation [rad].
-APPROACH_TOLERANCE = 0.02
 
 
 def approach(config: Configuration, closing: Closing) -> Iterator[Configuration]:
@@ -48,14 +46,14 @@ def approach(config: Configuration, closing: Closing) -> Iterator[Configuration]
         yield state.config
         gap = float((state.gaps[members] - targets).max())
         missing, turned = _find_turn(state.config, closing)
-        far = gap > APPROACH_TOLERANCE * diameter
-        if not far and missing <= APPROACH_TOLERANCE:
-            return
         left = max(gap, 0.0) / diameter + missing
-        idle = 0 if left < best - APPROACH_TOLERANCE else idle + 1
+        if left <= GAP_TOLERANCE:
+            return
+        idle = 0 if left < best - GAP_TOLERANCE else idle + 1
         best = min(best, left)
         # Steps with less progress than the tolerance.
         if idle > MAX_SEARCH_STEPS:
+            far = gap > GAP_TOLERANCE * diameter
             name, value = ('reach', gap) if far else ('facing', missing)
             raise RequirementError(name, value, 0.0)
         state, share = take_closing_step(state, turned, targets, share)
@@ -63,7 +61,7 @@ def approach(config: Configuration, closing: Closing) -> Iterator[Configuration]
 
 def _find_turn(config: Configuration, closing: Closing) -> tuple[float, Closing]:
     """
-    Return the rotation that force closure still requires [rad], and the closing for it.
+    Return the rotation that force closure requires [rad], and the closing motion with it.
 
     It is zero if the members' directions admit force closure. Otherwise two members are to be
     rotated to the nearest directions that do.

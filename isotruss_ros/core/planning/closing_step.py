@@ -42,8 +42,9 @@ CLEARANCE = 0.1
 #: Largest distance of parts of the robot that is constrained in a step, in mean member lengths
 #: [-].
 NEAR = 0.15
-#: Largest overshoot of a grasping member, in tube diameters [-].
-MAX_OVERSHOOT = 0.015
+#: Tolerance of the gaps of the grasping members in tube diameters [-], at the end of the approach
+#: and for an overshoot. A rotation of 1 rad counts as one tube diameter.
+GAP_TOLERANCE = 0.015
 
 
 def press(config: Configuration, closing: Closing, depths: Array) -> Configuration:
@@ -88,7 +89,7 @@ def take_closing_step(
     config, diameter = state.config, state.config.robot.description.tube_diameter
     # Remaining gaps: the program is exact to first order only.
     bounds = np.full(len(state.gaps), BOUND_SHARE * CLEARANCE * diameter)
-    bounds[list(closing.members)] = targets - MAX_OVERSHOOT * diameter
+    bounds[list(closing.members)] = targets - GAP_TOLERANCE * diameter
     bounds = np.minimum(bounds, state.gaps - COINCIDENCE)
     for halving in range(5):
         closing.tally.evaluations += 1
@@ -143,7 +144,7 @@ def solve_step(state: SearchState, closing: Closing, targets: Array, share: floa
     )
     if found is None:
         raise SolverError(
-            'no step of the rollers keeps the bounds; '
+            'no step of the rollers fulfils the bounds; '
             'the configuration is probably close to a singular one'
         )
     return found
@@ -151,10 +152,11 @@ def solve_step(state: SearchState, closing: Closing, targets: Array, share: floa
 
 def _bound_rows(state: SearchState, closing: Closing, targets: Array) -> tuple[Array, Array]:
     """
-    Return the constraints rows u >= bounds of a step u, as rows (k, r) and bounds (k,).
+    Return the rows (k, r) and bounds (k,) of the constraints rows u >= bounds of a step u.
 
     They bound the gaps of grasping members (by targets (s,) [m]), the gaps of other parts to the
-    object, the rigidity, and the distances between near parts of the robot; last come the limits.
+    object, the rigidity, and the distances between near parts of the robot. The last rows are the
+    limits of the robot file.
     """
     config, members, robot = state.config, list(closing.members), state.config.robot
     collisions, length = collision_model(robot), robot.home.member_lengths.mean()

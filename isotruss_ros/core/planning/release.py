@@ -36,8 +36,6 @@ import numpy as np
 #: Squeeze at the waypoints of the unloading relative to the initial squeeze [-]. When the last
 #: contact opens, the object springs back by the last of these fractions of its deflection.
 UNLOADING_SHARES = (0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 0.04, 0.015, 0.005, 0.002)
-#: Smallest normal force of a pressing member [N].
-MIN_CONTACT_FORCE = 0.01
 #: Gap to which the grip is opened before the retreat, in tube diameters [-].
 FIRST_OPENING = 0.015
 
@@ -122,7 +120,7 @@ def _unload(
     if float(member_depths(config, closing.body).max()) <= FIRST_INDENTATION * diameter:
         return path, closing
     grasp = hold_between(config, closing) if held is None else held
-    if grasp.normal_forces.min() <= MIN_CONTACT_FORCE:
+    if grasp.normal_forces.min() <= 0.0:
         return path, closing
     for force in grasp.squeeze * np.array(UNLOADING_SHARES):
         grasp = squeeze_in_place(grasp, force, closing)

@@ -95,7 +95,7 @@ class GraspRequirements:
         if self.members is not None:
             self._check_members()
         if self.squeeze == 0.0:
-            raise GraspError('requirement squeeze: 0: must be positive, or left out for the best')
+            raise GraspError('requirement squeeze: 0: must be positive, or omitted')
         if isinstance(self.count, bool) or not isinstance(self.count, int) or self.count < 1:
             raise GraspError(f'requirement count: {self.count!r}: must be 1 or more')
         try:
@@ -107,7 +107,7 @@ class GraspRequirements:
             ) from None
         if self.measure is Measure.STIFFNESS and not any(self.direction):
             raise GraspError(
-                'requirement direction: (0, 0, 0): must say along what the grasp is to be stiff'
+                'requirement direction: (0, 0, 0): must be the displacement for the stiffness'
             )
 
     def find_loads(
@@ -172,12 +172,12 @@ class GraspRequirements:
         if not fits or len(set(names)) != len(names) or len(names) not in GRIP_SIZES:
             raise GraspError(
                 f'requirement members: {quote(repr(names))}: must be the names t/j-k of '
-                f'{" or ".join(map(str, GRIP_SIZES))} different members, or left out for any'
+                f'{" or ".join(map(str, GRIP_SIZES))} different members, or omitted'
             )
         if self.module is not None:
             raise GraspError(
-                f'requirement module: {quote(self.module)}, beside members {quote(repr(names))}: '
-                'must be one or the other'
+                f'requirement module: {quote(self.module)}, and members {quote(repr(names))}: '
+                'only one of the two can be required'
             )
         object.__setattr__(self, 'members', tuple(names))
 

@@ -62,7 +62,7 @@ class ShapeBounds:
         """Check the values."""
         if not 0.0 <= self.min_rigidity < 1.0:
             raise ConfigurationError(
-                f'min_rigidity {self.min_rigidity!r}: must be a share of that at home, '
+                f'min_rigidity {self.min_rigidity!r}: must be a fraction of the index at home, '
                 'from 0 to less than 1'
             )
         for name in ('min_clearance', 'min_object_clearance'):

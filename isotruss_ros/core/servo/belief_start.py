@@ -14,7 +14,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from isotruss_ros.core.estimation.grip_belief import attach_model, GripBelief
+from isotruss_ros.core.estimation.grip_belief import GripBelief
+from isotruss_ros.core.estimation.grip_model import attach_model
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, NotHeldError
 from isotruss_ros.core.kinematics.configuration import Configuration

@@ -11,6 +11,7 @@ import math
 from isotruss_ros.core.estimation.grip_belief import MAX_DEVIATIONS
 from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.servo.loop_gains import DEFAULT_GAIN, GAIN_SHARE
 import numpy as np
 
 #: Smallest amplitude of the pose error that counts as an oscillation, unless the noise is as large
@@ -18,8 +19,8 @@ import numpy as np
 MIN_SWING = 0.002
 #: Longest half period of an oscillation, in units of pi / omega [-].
 MAX_SWING_PHASE = 2.0
-#: Lowest natural frequency omega that is assumed if it is unknown [rad/s].
-DEFAULT_FREQUENCY = 15.0
+#: Lowest natural frequency omega that the default gain assumes [rad/s].
+DEFAULT_FREQUENCY = DEFAULT_GAIN / GAIN_SHARE
 #: Number of successive half periods after which an oscillation is detected [-], and smallest ratio
 #: of their amplitudes [-].
 SWING_COUNT, MIN_SWING_RATIO = 3, 0.95

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-import math
 
 from isotruss_ros.core.estimation.contact_walk import JUMP_LENGTH
 from isotruss_ros.core.estimation.grip_belief import GripBelief
@@ -38,8 +37,6 @@ import numpy as np
 REST_TIME = 1.0
 #: Largest rate of the squeeze [N/s].
 MAX_FORCE_RATE = 10.0
-#: Largest difference of stamps of the same pose [s].
-STAMP_TOLERANCE = 1e-3
 
 #: Function that solves the quadratic program for a twist (3,) and an opening rate of the grip
 #: [m/s].
@@ -85,7 +82,8 @@ class SqueezeControl:
         self.gains: LoopGains = gains_of(DEFAULT_GAIN)
         self._swings, self._rest = SwingWatch(), 0.0
         self._velocity, self._elapsed, self._slipped = np.zeros(3), 0.0, 0.0
-        self._stamp, self._excess = -math.inf, 0.0
+        self._seen: Pose | None = None  # the last pose with which the belief was updated
+        self._excess = 0.0
         self._start = BeliefStart()
 
     def rest(self) -> None:
@@ -193,7 +191,9 @@ class SqueezeControl:
         self._choose_gains(belief)
         belief.pass_corrections(elapsed, self.gains.filter_time)
         pose, age = sample or (grip.body.pose, 0.0)
-        self._observe(belief, pose, age, elapsed)
+        if sample is None or pose is not self._seen:
+            self._seen = pose
+            self._observe(belief, pose, age)
         self._look_for_swings(belief, elapsed)
         return HoldStatus.HELD
 
@@ -209,7 +209,7 @@ class SqueezeControl:
         :param solve: function that solves the quadratic program for a twist and an opening rate.
         """
         if self.belief is None:
-            raise ValueError('follow comes before solve')
+            raise ValueError('solve was called before follow')
         belief = self.belief
         if self.fault is GripFault.OSCILLATES:
             still = np.zeros(len(belief.grasp.config.roller_positions))
@@ -238,8 +238,9 @@ class SqueezeControl:
         """
         Return the desired squeeze [N].
 
-        A squeeze that would be unknown exceeds the setting by as much as it did at first. Opening
-        the grip could release the object, which no pose would show before the object is moved.
+        If the squeeze would be unknown at the setting, the first estimate's excess over the
+        setting is retained. Opening the grip could release the object, and the measured pose would
+        not show this until the object is moved.
         """
         force = self.settings.force
         known = belief.squeeze_deviation <= MAX_KNOWN_DEVIATION * force
@@ -285,12 +286,8 @@ class SqueezeControl:
         self._lost = None
         return hold
 
-    def _observe(self, belief: GripBelief, pose: Pose, age: float, elapsed: float) -> None:
+    def _observe(self, belief: GripBelief, pose: Pose, age: float) -> None:
         """Update the belief with a new measured pose, and test for slip."""
-        self._stamp -= elapsed  # of the last pose, against now
-        if -age <= self._stamp + STAMP_TOLERANCE:
-            return
-        self._stamp = -age
         belief.observe(pose, age)
         walked = f'the object moved by {1e3 * belief.walk.length:.0f} mm against the members'
         if belief.jump:

@@ -47,8 +47,8 @@ class ElasticObject:
         mu, scale = finite_array(given, 2, 'friction, stiffness', GraspError)
         if mu < 0.0 or scale <= 0.0:
             raise GraspError(
-                f'friction {friction!r} must not be negative, stiffness scale '
-                f'{stiffness_scale!r} must be positive'
+                f'friction {friction!r}: must not be negative; stiffness scale '
+                f'{stiffness_scale!r}: must be positive'
             )
         self._friction, self._scale = float(mu), float(scale)
         angle = math.remainder(body.pose.angle, 2.0 * math.pi)

@@ -50,7 +50,7 @@ class TurnRows(NamedTuple):
         cls, row: Indices, weight: Array, span: Indices, share: Array, node: Indices
     ) -> TurnRows:
         """
-        Return the constraints on the rotations of spans.
+        Return constraints in which the weighted rotations of several vectors sum to zero.
 
         :param row: (s,) row of each span.
         :param weight: (s,) weight of each span.

@@ -71,7 +71,7 @@ class Calibration(StoppableNode):
             before = [each for each in self._postures if _is_same(each, under)]
             if not before:
                 raise MeasurementError(
-                    'no joints without the pull in this posture: call calibrate_home first'
+                    'joints without the force were not measured: call calibrate_home first'
                 )
             both = sorted(set(before[0].joints) & set(under.joints))
             home = calibrate_home(self._robot, self._postures, self.values.marker_deviation)

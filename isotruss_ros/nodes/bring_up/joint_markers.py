@@ -46,6 +46,8 @@ class JointMarkers:
     Recent messages of `joint_markers` and `joint_states`.
 
     :ivar inputs: subscriptions of both topics.
+    :param node: subscribing node.
+    :param robot: the robot.
     """
 
     def __init__(self, node: StoppableNode, robot: Robot) -> None:
@@ -58,6 +60,7 @@ class JointMarkers:
         """
         Return the mean joint positions over the averaging time.
 
+        :param now: time on the clock of the stamps [s].
         :raises MeasurementError: no message of a topic arrives, or the rollers move.
         """
         self.inputs.settle()
@@ -68,7 +71,7 @@ class JointMarkers:
             raise MeasurementError(str(error)) from error
         readings = np.array([state.positions for state in self._rollers.values])
         if np.ptp(readings, axis=0).max() > REST_TOLERANCE:
-            raise MeasurementError('the rollers turn: joints are measured while they stand still')
+            raise MeasurementError('the rollers move: they must rest while joints are measured')
         seen: dict[str, list[tuple[float, float]]] = {}
         for joints in self._markers.values:
             for name, place in joints.items():  # type: ignore[union-attr]

@@ -101,6 +101,7 @@ def read_query(
     """
     Convert the request of a grasp analysis; the analysis checks values except the object.
 
+    :param request: request of the service `analyze_grasp`.
     :param spacing: spacing of the contact points along the tubes [m].
     :param paper_model: True for the paper's model, see `analyze_grasp`.
     :raises MessageError: the request describes no object, two objects, or an invalid object.
@@ -119,19 +120,19 @@ def _read_body(request: AnalyzeGrasp.Request) -> ConvexObject:
     if body is None:
         if diameter == 0.0:
             raise MessageError(
-                'diameter 0.0 m: must be positive, that of a disc at `center`; or `object` must '
-                'describe what is at `object_pose`'
+                'diameter 0.0 m: must be positive for a disc at `center`; otherwise `object` must '
+                'describe the object at `object_pose`'
             )
         if request.object_pose != Pose():
             raise MessageError(
-                'object_pose: must be left out where there is no `object`; the place of a disc '
-                'is `center`'
+                'object_pose: must be omitted without an `object`; the position of a disc is '
+                '`center`'
             )
         return ConvexObject.disc((center.x, center.y), diameter)
     if center != Point():
         raise MessageError(
-            f'center ({center.x}, {center.y}), beside an `object`: must be left out; the place of '
-            'an object is `object_pose`'
+            f'center ({center.x}, {center.y}), together with an `object`: must be omitted; the '
+            'position of an object is in `object_pose`'
         )
     return body
 
@@ -145,6 +146,7 @@ def to_state_message(report: GraspReport, frame: str) -> GraspState:
     """
     Convert a grasp report to a message; without a result, it has the most cautious values.
 
+    :param report: report of the grasp monitor.
     :param frame: name of the robot frame.
     """
     state = GraspState(code=int(report.code), message=report.message)

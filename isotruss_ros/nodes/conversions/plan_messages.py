@@ -42,6 +42,8 @@ def read_goal(
     """
     Convert the goal of a grasp search to the arguments of the search.
 
+    :param goal: goal of the action.
+    :param robot: the robot.
     :param described: object at any pose that is used if the goal describes no object; None: the
         goal must describe one.
     :raises MessageError: the goal has no pose, another frame, no object, two objects, or a number
@@ -50,8 +52,8 @@ def read_goal(
     """
     if goal.object_pose == PoseStamped():
         raise MessageError(
-            'object_pose: missing; must be the pose of the object, and for one at the origin '
-            f'its frame {robot.frame!r}'
+            'object_pose: missing; must be the pose of the object; for a pose at the origin, at '
+            f'least its frame {robot.frame!r}'
         )
     check_frame('object pose', goal.object_pose.header, robot.frame)
     if not 0.0 <= goal.time_limit < math.inf:
@@ -108,14 +110,19 @@ def _read_body(goal: PlanGrasp.Goal, described: ConvexObject | None) -> ConvexOb
         return ConvexObject.disc((pose.position.x, pose.position.y), diameter)
     if described is None:
         raise MessageError(
-            'object_diameter 0.0 m: must be positive, that of a disc; or `object`, or the '
+            'object_diameter 0.0 m: must be positive for a disc; otherwise `object`, or the '
             'parameter object, must describe the object'
         )
     return described.moved_to(read_pose('object pose', pose))
 
 
 def to_result_message(answer: Answer, robot: Robot) -> PlanGrasp.Result:
-    """Convert the result of a search to a message."""
+    """
+    Convert the result of a search to a message.
+
+    :param answer: result of the search.
+    :param robot: the robot.
+    """
     plan = answer.plan
     if plan is None:
         return PlanGrasp.Result(code=int(answer.outcome), message=answer.message)

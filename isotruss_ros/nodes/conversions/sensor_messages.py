@@ -26,13 +26,15 @@ def read_joint_markers(
     """
     Return the position (x, y, z) in the message's frame for each joint name [m].
 
+    :param message: message of the topic `joint_markers`.
+    :param robot: the robot.
     :raises MessageError: the numbers of names and transforms differ, a joint is unknown or
         repeated, or a position is not finite.
     """
     if len(message.joint_names) != len(message.transforms):
         raise MessageError(
             f'joint markers: {len(message.joint_names)} names and {len(message.transforms)} '
-            'transforms: must be as many'
+            'transforms: both numbers must be equal'
         )
     known, found = robot.topology.joint_names, {}
     for name, transform in zip(message.joint_names, message.transforms, strict=True):
@@ -77,7 +79,7 @@ def read_roller_part(message: JointState, names: Sequence[str]) -> dict[int, tup
     found = [numbers[message.name[place]] for place in places]
     if len(found) > len(set(found)):
         twice = sorted({names[number] for number in found if found.count(number) > 1})
-        raise MessageError(f'joint states: {", ".join(twice)} named twice; must be once')
+        raise MessageError(f'joint states: {", ".join(twice)} named twice; must be named once')
     if not found:
         return {}
 
@@ -85,7 +87,7 @@ def read_roller_part(message: JointState, names: Sequence[str]) -> dict[int, tup
         if len(values) != len(message.name):
             raise MessageError(
                 f'joint states: {len(values)} {what} for {len(message.name)} names; '
-                'must be as many'
+                'both numbers must be equal'
             )
         return np.asarray(values)[places]
 
@@ -114,6 +116,7 @@ def read_tube_pressure(message: FluidPressure, robot: Robot, ambient: float) -> 
 
     :param message: message of the topic `tube_pressures`, with the name of the tube in
         `header.frame_id`.
+    :param robot: the robot.
     :param ambient: ambient pressure that is subtracted [Pa]; 0 if the message contains a gauge
         pressure.
     :raises MessageError: the tube is unknown, or the pressure is not positive.

@@ -14,9 +14,8 @@ from geometry_msgs.msg import Twist, TwistStamped
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.nodes.conversions.messages import make_header, to_twist_message
 from isotruss_ros.nodes.framework.runner import StoppableNode
-from isotruss_ros.nodes.framework.topics import ACKNOWLEDGE_TIME, NEWEST, NO_EVENTS, RELIABLE
+from isotruss_ros.nodes.framework.topics import ACKNOWLEDGE_TIME, NEWEST, NO_EVENTS
 import numpy as np
-from rclpy.publisher import Publisher
 from std_msgs.msg import Float64MultiArray
 
 TOPIC = 'roller_velocity_controller/commands'
@@ -38,7 +37,7 @@ class RollerCommands:
 
     def __init__(self, node: StoppableNode, count: int) -> None:
         self._node, self._count = node, count
-        self._publisher = _create_publisher(node, Float64MultiArray, TOPIC)
+        self._publisher = node.advertise(Float64MultiArray, TOPIC)
         #: Sequence numbers of the last message published, and of the last own message received.
         self._sent = self._received = 0
         self._heard = -math.inf
@@ -98,7 +97,7 @@ def create_twist_publisher(
     :param stamped: whether TwistStamped is published instead of Twist.
     :param frame: name of the frame of a TwistStamped.
     """
-    publisher = _create_publisher(node, TwistStamped if stamped else Twist, 'cmd_vel')
+    publisher = node.advertise(TwistStamped if stamped else Twist, 'cmd_vel')
 
     def publish(twist: Sequence[float]) -> None:
         message = to_twist_message(twist)
@@ -107,9 +106,3 @@ def create_twist_publisher(
         publisher.publish(message)
 
     return publish
-
-
-def _create_publisher(node: StoppableNode, kind: type, topic: str) -> Publisher:
-    """Return a publisher; for a managed node, it publishes only while the node is active."""
-    create = getattr(node, 'create_lifecycle_publisher', node.create_publisher)
-    return create(kind, topic, RELIABLE)

@@ -38,13 +38,13 @@ class ManagedNode(StoppableNode, LifecycleNode):
 
     Entities (publishers, subscriptions, services, action servers, timers) that `configure` creates
     are destroyed at cleanup; entities that `activate` creates are destroyed at deactivation. A
-    publisher that must be silent while the node is inactive is created by
-    `create_lifecycle_publisher`.
+    publisher that must be silent while the node is inactive is created by `advertise`.
 
     If a step raises an `IsotrussError`, the node keeps its previous state; after any other
     exception the node is unconfigured. The reason is in the log and in the diagnostics.
 
     :cvar awaited: topics and actions that the active node needs, mentioned in the log.
+    :cvar idle: text of the diagnostics while the active node has no goal.
     :ivar inputs: `Inputs` created by `configure`, of which the diagnostics report the ages; None
         if the node has none.
     :ivar configured: whether `configure` has succeeded and the entities that it created exist.
@@ -57,6 +57,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
     """
 
     awaited: ClassVar[tuple[str, ...]] = ()
+    idle: ClassVar[str] = 'active'
     base_specs = (ROBOT, AUTOSTART)
     robot: Robot  #: the robot; it is loaded before `configure`
     inputs: Any = None
@@ -111,7 +112,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
         log_refusals(self)
         self.create()
         if not self.values.autostart:
-            self.diagnostics.set_status(DiagnosticStatus.WARN, 'unconfigured')
+            self.diagnostics.set_status('unconfigured', DiagnosticStatus.WARN)
             return
         for step in (self.trigger_configure, self.trigger_activate):
             if step() != SUCCESS:
@@ -126,7 +127,11 @@ class ManagedNode(StoppableNode, LifecycleNode):
                 self.deactivate()
 
     def fail(self, error: Exception) -> None:
-        """Deactivate the node after an uncaught error in a callback; it is then unconfigured."""
+        """
+        Deactivate the node after an uncaught error in a callback; it is then unconfigured.
+
+        :param error: error, which is logged and reported.
+        """
         traceback.print_exception(error)
         self._record_failure('run', error)
         if self.active:
@@ -148,7 +153,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
         self._enter('active')
         self.active = True
         super().on_activate(_state)
-        self.diagnostics.set_status(DiagnosticStatus.OK, 'active')
+        self.diagnostics.set_status(self.idle)
         result = self._try_step('activate', self.activate)
         if result != SUCCESS:
             self._disable(_state)
@@ -163,14 +168,14 @@ class ManagedNode(StoppableNode, LifecycleNode):
         self._disable(_state)
         if self._failure is not None:
             return ERROR
-        self.diagnostics.set_status(DiagnosticStatus.WARN, 'inactive')
+        self.diagnostics.set_status('inactive', DiagnosticStatus.WARN)
         return SUCCESS
 
     def on_cleanup(self, _state: LifecycleState) -> TransitionCallbackReturn:
         """Destroy the entities that `configure` created."""
         if self._try_step('clean up', self._release) != SUCCESS:
             return ERROR
-        self.diagnostics.set_status(DiagnosticStatus.WARN, 'unconfigured')
+        self.diagnostics.set_status('unconfigured', DiagnosticStatus.WARN)
         return SUCCESS
 
     def on_shutdown(self, _state: LifecycleState) -> TransitionCallbackReturn:
@@ -178,7 +183,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
         if self.active:
             self.on_deactivate(_state)
         self._try_step('clean up', self._release)
-        self.diagnostics.set_status(DiagnosticStatus.WARN, 'finalized')
+        self.diagnostics.set_status('finalized', DiagnosticStatus.WARN)
         return SUCCESS
 
     def on_error(self, _state: LifecycleState) -> TransitionCallbackReturn:
@@ -198,7 +203,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
         known = isinstance(error, IsotrussError)
         self._failure = error if known else IsotrussError(f'{type(error).__name__}: {error}')
         self.get_logger().error(f'could not {what}: {self._failure}')
-        self.diagnostics.set_status(DiagnosticStatus.ERROR, f'could not {what}: {self._failure}')
+        self.diagnostics.set_status(f'could not {what}: {self._failure}', DiagnosticStatus.ERROR)
         return FAILURE if known else ERROR
 
     def _enter(self, state: str) -> None:
@@ -221,7 +226,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
         self.configure()
         self._apply()
         self.configured = True
-        self.diagnostics.set_status(DiagnosticStatus.WARN, 'inactive')
+        self.diagnostics.set_status('inactive', DiagnosticStatus.WARN)
 
     def _release(self) -> None:
         self.configured, self.inputs = False, None
@@ -280,7 +285,11 @@ class ManagedNode(StoppableNode, LifecycleNode):
 
 
 def log_refusals(node: Node) -> None:
-    """Make rclpy log errors about negative times and invalid transitions, not raise them."""
+    """
+    Make rclpy log errors about negative times and invalid transitions, not raise them.
+
+    :param node: node whose rclpy methods are wrapped.
+    """
     for entity in (*node.subscriptions, *node.services):
         name = getattr(entity, 'topic_name', '') or getattr(entity, 'service_name', '')
         # The callbacks of rclpy itself are methods, until they are replaced here.

@@ -48,6 +48,7 @@ class SingleGoal:
 
     :ivar kind: type of the action.
     :ivar client: detector for the loss of the goal's client; None if goals are not supervised.
+    :param node: node that offers the action until it is destroyed.
     :param kind: type of the action.
     :param name: relative name of the action.
     :param read: function that checks a goal and converts it before it is accepted. It raises
@@ -124,17 +125,18 @@ class SingleGoal:
         """
         End the active goal; the client receives the result when the executor spins next.
 
+        :param ending: final state of the goal.
         :param result: message of the result.
         """
         self._ended[_key(self._handle)].set_result((ending, self._stamp(result)))
         self._set_active(None)
 
-    def report_end(self, outcome: enum.IntEnum, result: Any, idle: str, prefix: str = '') -> None:
+    def report_end(self, outcome: enum.IntEnum, result: Any, prefix: str = '') -> None:
         """
         End the active goal, and report its result in the diagnostics and the log.
 
+        :param outcome: final code.
         :param result: message of the result.
-        :param idle: text of the diagnostics after a success.
         :param prefix: text that precedes the result in the report.
         """
         good, logger = outcome == 0 or outcome.name in ENDINGS, self._node.get_logger()
@@ -142,7 +144,7 @@ class SingleGoal:
         self.end(Ending.SUCCEEDED if outcome == 0 else ending, result)
         text = f'{prefix}{outcome.name.lower().replace("_", " ")}: {result.message}'
         level = DiagnosticStatus.OK if good else DiagnosticStatus.WARN
-        self._node.diagnostics.set_status(level, f'{idle}; last goal {text}')
+        self._node.diagnostics.set_status(f'{self._node.idle}; last goal {text}', level)
         if good:
             logger.info(text)
         else:

@@ -24,7 +24,6 @@ from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import Parameters, Spec
 from isotruss_ros.nodes.framework.sensors import Inputs
-from isotruss_ros.nodes.framework.topics import RELIABLE
 
 #: Statuses that cause no warning.
 NORMAL_STATUSES = frozenset(
@@ -124,6 +123,8 @@ def make_settings(
     """
     Return the settings of the servo that the parameters specify.
 
+    :param robot: the robot.
+    :param values: parameters of the node.
     :param described: object of the parameter `object`; None for a disc with the parameter
         `object_diameter`.
     :param joint: joint that is moved by twists; None: twists move the object.
@@ -160,26 +161,39 @@ class ServoSubscriptions(Inputs):
 
 
 class StatusReport:
-    """Publisher of the servo's decisions, created whenever the node is configured."""
+    """
+    Publisher of the servo's decisions, created whenever the node is configured.
+
+    :param node: publishing node.
+    :param robot: the robot.
+    """
 
     def __init__(self, node: ManagedNode, robot: Robot) -> None:
-        self._publisher = node.create_lifecycle_publisher(
-            ManipulationStatus, 'manipulation/status', RELIABLE
-        )
-        self._grips = node.create_lifecycle_publisher(HeldGrip, 'manipulation/grip', RELIABLE)
+        self._publisher = node.advertise(ManipulationStatus, 'manipulation/status')
+        self._grips = node.advertise(HeldGrip, 'manipulation/grip')
         self._robot, self._frame, self._node = robot, robot.frame, node
         self._told = 0.0
         self.status = Status.OK  #: status of the last cycle
 
     def publish_grip(self, grasp: HeldEquilibrium | None, now: float) -> None:
-        """Publish the equilibrium of the held object, at most once in `GRIP_PERIOD`."""
+        """
+        Publish the equilibrium of the held object, at most once in `GRIP_PERIOD`.
+
+        :param grasp: equilibrium of the held object; None if no object is held.
+        :param now: time of the cycle [s].
+        """
         if grasp is None or 0.0 <= now - self._told < GRIP_PERIOD:
             return
         self._told = now
         self._grips.publish(to_grip_message(GripRecord.of(grasp), self._robot, now))
 
     def publish(self, decision: Decision, now: float) -> None:
-        """Publish a decision, and log it if the twist is not executed as commanded."""
+        """
+        Publish a decision, and log it if the twist is not executed as commanded.
+
+        :param decision: decision of this cycle.
+        :param now: time of the cycle [s].
+        """
         command, cycle = decision.command, self._node.cycle
         status = self.status = command.status
         squeeze, deviation = decision.squeeze or (math.nan, math.nan)
@@ -206,6 +220,6 @@ class StatusReport:
         text = decision.message or status.name
         if decision.failed:
             text = f'failed rollers: {", ".join(decision.failed)}; {text}'
-        self._node.diagnostics.set_status(level, text)
+        self._node.diagnostics.set_status(text, level)
         if level != DiagnosticStatus.OK:
             self._node.warn(status.name, f'{status}: {text}')

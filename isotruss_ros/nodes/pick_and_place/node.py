@@ -8,13 +8,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticStatus
 from isotruss_msgs.action import MoveObject, PickObject, PlaceObject
 from isotruss_ros.core import IsotrussError
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.inputs import InputError
 from isotruss_ros.nodes.framework import common_parameters as common
-from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.sensors import Inputs
 from isotruss_ros.nodes.framework.single_goal import BusyError, SingleGoal
@@ -37,6 +35,7 @@ class PickAndPlace(ManagedNode):
     node_name = 'pick_and_place'
     specs = SPECS
     awaited = ('pick_object', 'move_object', 'place_object')
+    idle = 'no goal'
     _sequences: GraspSequences | None = None
     _course: Steps | None = None
     _cancelling = False
@@ -56,8 +55,7 @@ class PickAndPlace(ManagedNode):
 
     def activate(self) -> None:
         """Accept goals from now on."""
-        self.diagnostics.set_status(DiagnosticStatus.OK, 'no goal')
-        create_steady_timer(self, TICK_PERIOD, self._tick)
+        self.create_steady_timer(TICK_PERIOD, self._tick)
 
     def deactivate(self) -> None:
         """End the active goal, and cancel the actions of its steps."""
@@ -86,8 +84,8 @@ class PickAndPlace(ManagedNode):
         def read(goal: Any) -> Any:
             if (running := self._goal) is not None:
                 raise BusyError(
-                    f'{running.kind.__name__} is carried out, for '
-                    f'{self.now() - self._began:.0f} s now: cancel it, or wait for its end'
+                    f'{running.kind.__name__} has been executed for '
+                    f'{self.now() - self._began:.0f} s: cancel it, or wait for its end'
                 )
             check(goal)
             return goal
@@ -100,7 +98,7 @@ class PickAndPlace(ManagedNode):
         def begin(goal: Any) -> None:
             self._course, self._cancelling = sequence(goal), False
             self._began = self.now()
-            self.diagnostics.set_status(DiagnosticStatus.OK, name)
+            self.diagnostics.set_status(name)
 
         return SingleGoal(self, kind, name, read, refuse, begin, self._request_cancel)
 
@@ -142,7 +140,7 @@ class PickAndPlace(ManagedNode):
         if isinstance(ended, MoveObject.Result):
             left = self._sequences.distance_left(goal.request.path)
             ended.position_error, ended.angle_error = left
-        goal.report_end(outcome, ended, 'no goal', f'{goal.kind.__name__}: ')
+        goal.report_end(outcome, ended, f'{goal.kind.__name__}: ')
 
 
 def _find_outcome(error: IsotrussError) -> StepOutcome:

@@ -79,7 +79,8 @@ class Simulator(ManagedNode):
                 raise ParameterError(
                     f'parameter recording: {path!r}: must be empty unless plant is mujoco'
                 )
-            self._recorder = PlantRecorder(self._plant.plant, Path(path))  # type: ignore[union-attr]
+            plant = self._plant.plant  # type: ignore[union-attr]
+            self._recorder = PlantRecorder(plant, Path(path))
         self._sensors = SimulatedSensors(self, self.robot, values)
         self._truth = SimulatedTruth(self, self.robot)
 
@@ -184,12 +185,12 @@ class Simulator(ManagedNode):
         self._dropped = dropped
         if len(members) > 1:
             words = f'the object is between {", ".join(members)}'
-            self.diagnostics.set_status(DiagnosticStatus.OK, words)
+            self.diagnostics.set_status(words)
             return
         words = 'the object is not held'
         if dropped is not None:
             words = f'{words}: {dropped.value}'
-        self.diagnostics.set_status(DiagnosticStatus.WARN, words)
+        self.diagnostics.set_status(words, DiagnosticStatus.WARN)
         if dropped is not None and before is not dropped:
             # rclpy takes no other severity from the same line.
             if dropped is HoldStatus.NO_CONTACT:

@@ -16,7 +16,6 @@ from isotruss_ros.nodes.conversions.messages import make_header, to_pose_message
 from isotruss_ros.nodes.conversions.sensor_messages import to_joint_markers
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import FixedSpec, ParameterError, Parameters, Spec
-from isotruss_ros.nodes.framework.topics import RELIABLE
 from isotruss_ros.nodes.simulator.plants import Plant
 import numpy as np
 from numpy.typing import ArrayLike
@@ -117,6 +116,9 @@ class SimulatedSensors:
     """
     Sensors of a simulated robot and its object.
 
+    :param node: publishing node.
+    :param robot: the robot.
+    :param values: parameters of `SENSOR_SPECS`.
     :raises ParameterError: the robot does not have a joint for which a marker is specified.
     """
 
@@ -127,13 +129,17 @@ class SimulatedSensors:
         self._encoders, self._tracker, self._markers = (
             SensorChannel((values.seed, stream)) for stream in (3, 4, 5)
         )
-        make = node.create_lifecycle_publisher
-        self._joint_states = make(JointState, 'joint_states', RELIABLE)
-        self._object_pose = make(PoseStamped, 'object_pose', RELIABLE)
-        self._joint_markers = make(MultiDOFJointState, 'joint_markers', RELIABLE)
+        self._joint_states = node.advertise(JointState, 'joint_states')
+        self._object_pose = node.advertise(PoseStamped, 'object_pose')
+        self._joint_markers = node.advertise(MultiDOFJointState, 'joint_markers')
 
     def publish(self, now: float, plant: Plant) -> None:
-        """Make new measurements, and publish those that have arrived."""
+        """
+        Make new measurements, and publish those that have arrived.
+
+        :param now: current time of the simulated robot [s].
+        :param plant: simulated robot and object.
+        """
         values, travel, step = self._values, plant.roller_positions, self._values.encoder_step
         counted = step * np.round(travel / step) if step > 0.0 else travel
         encoders = self._encoders.measure(

@@ -24,7 +24,6 @@ from isotruss_ros.nodes.conversions.messages import (
     to_twist_message,
 )
 from isotruss_ros.nodes.framework import common_parameters as common
-from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.parameters import FixedSpec, ROBOT, Spec
 from isotruss_ros.nodes.framework.robot_frame import RobotFrame
 from isotruss_ros.nodes.framework.runner import StoppableNode
@@ -99,9 +98,9 @@ class Viewer(StoppableNode):
         self._controls: Controls | None = None
         self._moving = self._pulling = self._stopped = False
         self._subscribe()
-        self._twists = self.create_publisher(Twist, 'cmd_vel', RELIABLE)
-        self._wrenches = self.create_publisher(WrenchStamped, 'external_wrench', RELIABLE)
-        self._stops = self.create_publisher(Bool, 'emergency_stop', LATCHED)
+        self._twists = self.advertise(Twist, 'cmd_vel')
+        self._wrenches = self.advertise(WrenchStamped, 'external_wrench')
+        self._stops = self.advertise(Bool, 'emergency_stop', LATCHED)
         self._release = self.create_client(Trigger, 'release_emergency_stop')
         self._set = {
             name: self.create_client(SetParameters, f'{name}/set_parameters')
@@ -138,7 +137,7 @@ class Viewer(StoppableNode):
             self._report_refusal,
         )
         print(f'viewer: {self._view.address}', flush=True)
-        create_steady_timer(self, 1.0 / self.values.rate, self._step)
+        self.create_steady_timer(1.0 / self.values.rate, self._step)
 
     def stop(self) -> None:
         """Publish a zero twist if twists were published, and stop the server."""

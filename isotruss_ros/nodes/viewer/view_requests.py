@@ -37,6 +37,7 @@ def make_calls(calls: Calls, answer: Any = None) -> None:
     """
     Make the next service call of a sequence; its response triggers the call after it.
 
+    :param calls: sequence of calls.
     :param answer: response of the previous call; None before the first.
     """
     try:
@@ -50,6 +51,7 @@ class ObjectGoals:
     """
     Clients of the actions `pick_object` and `place_object`.
 
+    :param node: node of the clients.
     :param report: callback that receives the progress of a goal as a sentence.
     """
 
@@ -90,6 +92,7 @@ class NodeRestart:
     """
     Reconfiguration of the simulator and other nodes by their life-cycle services.
 
+    :param node: node of the clients.
     :param report: callback that receives the result of a restart as a sentence.
     """
 
@@ -97,10 +100,7 @@ class NodeRestart:
         self._report = report
         self._change, self._set = (
             {name: node.create_client(kind, f'{name}/{service}') for name in (SIMULATOR, *OTHERS)}
-            for kind, service in (
-                (ChangeState, 'change_state'),
-                (SetParameters, 'set_parameters'),
-            )
+            for kind, service in ((ChangeState, 'change_state'), (SetParameters, 'set_parameters'))
         )
         self._get = node.create_client(GetParameters, f'{SIMULATOR}/get_parameters')
         self._calls = self._restart('', 0.0, [], {})

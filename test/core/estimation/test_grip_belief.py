@@ -8,11 +8,8 @@ from itertools import product
 from grips import gripped
 from isotruss_ros.core import Grip, HoldStatus, Pose
 from isotruss_ros.core.estimation.contact_walk import ContactWalk
-from isotruss_ros.core.estimation.grip_belief import (
-    attach_model,
-    GripBelief,
-    MAX_DEVIATIONS,
-)
+from isotruss_ros.core.estimation.grip_belief import GripBelief, MAX_DEVIATIONS
+from isotruss_ros.core.estimation.grip_model import attach_model
 from isotruss_ros.core.estimation.pose_noise import PoseNoise
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings
 from isotruss_ros.core.holding.roll_grip import roll_grip

@@ -35,7 +35,7 @@ EXACT = EstimatorSettings(
     joint_error=0.0,
     marker_shift=0.0,
     marker_turn=0.0,
-    pose_error=0.0,
+    pose_error=1e-6,
     squeeze_error=0.0,
 )
 
@@ -289,7 +289,7 @@ def with_pose_error(pose_error):
 
 def test_the_error_of_the_modelled_pose_turns_the_object_by_its_arm():
     size = 2e-3
-    exact, wrong = (with_pose_error(size) for size in (0.0, size))
+    exact, wrong = map(with_pose_error, (0.0, size))
     more = wrong.estimator.estimate().pose_covariance - exact.estimator.estimate().pose_covariance
     expected = np.diag([size, size, size / wrong.grip.arm]) ** 2
     assert more == pytest.approx(expected, rel=1e-6, abs=1e-12)
@@ -327,6 +327,16 @@ def test_markers_from_long_ago_or_from_the_future_do_not_count():
     for before, counts in ((1.5, False), (0.5, True), (-0.02, True), (-0.5, False)):
         time = drawn.time - before
         assert drawn.estimator.take_markers(time, drawn.markers(), MARKER) is counts
+
+
+def test_poses_are_used_with_a_grip_and_with_encoder_readings_of_their_time():
+    free, drawn = DrawnRobot(1), DrawnRobot(1, held=True)
+    free.move()
+    drawn.run(3.0)
+    assert not free.estimator.take_pose(free.time, Pose(0.6, 0.3, 0.0), POSE)
+    for before, counts in ((1.5, False), (0.0, True), (-0.5, False)):
+        pose = Pose(*drawn.grip.pose)
+        assert drawn.estimator.take_pose(drawn.time - before, pose, POSE) is counts
 
 
 @pytest.mark.filterwarnings('error')

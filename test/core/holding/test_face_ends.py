@@ -5,7 +5,7 @@
 
 from held_grips import BOX, held, HOME
 from isotruss_ros.core import Grip, solve_twist
-from isotruss_ros.core.estimation.grip_belief import attach_model
+from isotruss_ros.core.estimation.grip_model import attach_model
 from isotruss_ros.core.holding.face_ends import far_end_depth, is_short, open_faces
 from isotruss_ros.core.holding.roll_grip import roll_grip
 import numpy as np

@@ -199,20 +199,23 @@ def test_corners_are_rolled_over_where_a_linear_program_finds_a_balance(data, rn
     assert (0, 1, 2) not in found
 
 
-def test_a_box_on_three_members_stays_on_its_faces():
-    rng = np.random.default_rng(3)
+def grip_by_three(rng):
+    """Return a random configuration, and a grip in it by three members, one with a face."""
     grip = None
     while grip is None:
         config, grip = random_grips.random_convex_grip(NINE, rng, 'tubes', 3, flat=True)
+    return config, grip
+
+
+def test_a_box_on_three_members_stays_on_its_faces():
+    config, grip = grip_by_three(np.random.default_rng(3))
     assert len(find_contacts(config, grip)) > 3
     assert kept_corners(config, grip, 1.0) == []
 
 
 def test_each_of_three_members_keeps_a_contact_when_a_face_lifts_at_one_end():
     rng = np.random.default_rng(3)
-    grip = None
-    while grip is None:
-        config, grip = random_grips.random_convex_grip(NINE, rng, 'tubes', 3, flat=True)
+    config, grip = grip_by_three(rng)
     start = RollingGrip.attach(config, grip)
     assert start.owners.tolist() == [0, 0, 1, 2]
     travel = config.roller_positions + 1e-4 * rng.standard_normal(len(NINE.roller_names))

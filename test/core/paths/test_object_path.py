@@ -150,11 +150,11 @@ def test_one_of_the_limits_is_reached_on_every_piece(path):
 GOOD = [(0.0, 0.0, 0.0), (0.1, 0.0, 0.0)]
 BAD = {
     'no poses': (([], 0.1, 0.1), 'two or more'),
-    'ragged': (([(0, 0, 0), (1, 1)], 0.1, 0.1), 'no numbers'),
+    'ragged': (([(0, 0, 0), (1, 1)], 0.1, 0.1), 'are not numbers'),
     'nan': (([(0, 0, 0), (0, math.nan, 0)], 0.1, 0.1), 'pose 1 of the path'),
     'far': (([(0, 0, 0), (1e15, 0, 0)], 0.1, 0.1), 'at most 1e.12'),
     'half a turn': (([(0, 0, 0), (0, 0, math.pi)], 0.1, 0.1), 'pose in between'),
-    'nowhere': (([(1, 1, 1)] * 5, 0.1, 0.1), 'must lead somewhere'),
+    'nowhere': (([(1, 1, 1)] * 5, 0.1, 0.1), 'two or more must differ'),
     'many': (([(0, 0, 0), (1, 0, 0)] * 5001, 0.1, 0.1), 'at most 10000'),
     'for ever': (([(0, 0, 0), (1, 0, 1), (2, 0, 0)], 0.1, 1e-300), 'must be at most 86400 s'),
     'no speed': ((GOOD, 0.0, 0.1), 'speed 0.0 m/s: must be positive'),

@@ -100,7 +100,7 @@ def test_speed_limit_tolerates_rounding():
 
 SHORT, LONG = [0.0] * (N - 1), [0.0] * (N + 1)
 BAD_POSITIONS = {
-    'no point': ([], 'without a point'),
+    'no point': ([], 'the trajectory has no points'),
     'one row': (ORIGIN, f'0.0: must be {N} finite numbers'),
     'too few': ([SHORT, SHORT], f'must be {N} finite numbers'),
     'too many': ([LONG, LONG], f'must be {N} finite numbers'),

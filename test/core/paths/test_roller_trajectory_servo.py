@@ -391,7 +391,9 @@ def test_begins_only_where_the_rollers_are(roller, side):
         if away < 1.0:
             run.servo.begin(PATH, run.now)
             continue
-        with pytest.raises(ConfigurationError, match=f'where roller {ROBOT.roller_names[roller]}'):
+        with pytest.raises(
+            ConfigurationError, match=f'position of roller {ROBOT.roller_names[roller]}'
+        ):
             run.servo.begin(PATH, run.now)
         assert not run.servo.busy
 

@@ -64,7 +64,10 @@ SIDES = ('south/P-Q', 'north/R-P')
         ({'members': 'north/Z-R'}, 'members: .*north/Z-R.*: must be the names t/j-k of 2 or 3'),
         ({'members': ('north/Z-R',)}, 'must be the names t/j-k of 2 or 3 different members'),
         ({'members': ('a', 'b', 'c', 'd')}, 'must be the names'),
-        ({'members': SIDES, 'module': 'north/Z'}, "module: 'north/Z', beside members .*: must be"),
+        (
+            {'members': SIDES, 'module': 'north/Z'},
+            "module: 'north/Z', and members .*: only one of the two",
+        ),
     ],
 )
 def test_requirements_that_cannot_be_are_refused(values, words):

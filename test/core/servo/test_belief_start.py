@@ -6,7 +6,7 @@
 from functools import partial
 
 from isotruss_ros.core import Disc, Grip, HoldStatus, load_robot, place_between, Pose, solve_twist
-from isotruss_ros.core.estimation.grip_belief import attach_model
+from isotruss_ros.core.estimation.grip_model import attach_model
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.servo.belief_start import BeliefStart
 from isotruss_ros.core.servo.servo_settings import SqueezeSettings

@@ -1,0 +1,97 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Linearised model of a held object: derivatives of pose and squeeze.
+
+The state is (load, unexplained pose, delay, shifts of the contacts along the members); the
+considered parameters are the roller offsets and the stiffness, see `grip_belief`.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from isotruss_ros.core.holding.held_gradient import held_gradient, HeldGradient
+from isotruss_ros.core.holding.held_grip import HeldGrip, travel_rates
+from isotruss_ros.core.numerics.arrays import Array
+import numpy as np
+
+#: Indices of load, unexplained pose and delay in the state, and first index of the contacts'
+#: shifts.
+LOAD, BIAS, DELAY, SHIFTS = slice(0, 3), slice(3, 6), 6, 7
+
+
+class StateRates(NamedTuple):
+    """Derivatives with respect to the state (n,); rotations times the arm."""
+
+    pose: Array  #: (3, n) derivatives of the pose
+    squeeze: Array  #: (n,) derivatives of the squeeze
+
+    @classmethod
+    def of(cls, grasp: HeldGrip, anchored: Array) -> StateRates:
+        """
+        Return the derivatives at an equilibrium.
+
+        :param grasp: the equilibrium; its `response` is not None.
+        :param anchored: derivatives of its unknowns, see `anchor_rates`.
+        """
+        even, members = np.array([[1.0], [1.0], [grasp.arm]]), len(grasp.members)
+        by_shift = anchored @ np.eye(members)[grasp.contacts.owners]
+        pose, squeeze = np.zeros((3, SHIFTS + members)), np.zeros(SHIFTS + members)
+        pose[:, LOAD], squeeze[LOAD] = even * grasp.response.pose, grasp.response.squeeze
+        pose[:, BIAS] = np.eye(3)
+        pose[:, SHIFTS:] = even * by_shift[:3]
+        squeeze[SHIFTS:] = by_shift[grasp.state.places.normal].sum(axis=0) / members
+        return cls(pose, squeeze)
+
+
+class ConsideredRates(NamedTuple):
+    """Derivatives with respect to roller offsets (with fixed contacts) and stiffness."""
+
+    grasp: HeldGrip  #: equilibrium at which they were computed
+    gradient: HeldGradient  #: gradient of this equilibrium
+    pose: Array  #: (3, r + 1) derivatives of the pose, rotations times the arm
+    squeeze: Array  #: (r + 1,) derivatives of the squeeze
+
+    @classmethod
+    def of(cls, grasp: HeldGrip) -> ConsideredRates:
+        """
+        Return the derivatives at an equilibrium.
+
+        :param grasp: the equilibrium.
+        """
+        found, count = held_gradient(grasp), len(grasp.config.roller_positions)
+        along, anchors = _anchors_by_offsets(grasp), slice(count + 4, None)
+        even = np.array([[1.0], [1.0], [grasp.arm]])
+        given = np.vstack([even * found.pose, found.normal_forces.mean(axis=0)])
+        by_offsets = given[:, :count] + given[:, anchors] @ along
+        considered = np.append(by_offsets, given[:, [count + 3]], axis=1)
+        return cls(grasp, found, considered[:3], considered[3])
+
+    def joint_rates(self, shifts: Array) -> Array:
+        """
+        Return the derivatives (2j, r) of the joint positions with respect to roller offsets.
+
+        :param shifts: (m, r) derivatives of the contacts' shifts with respect to roller offsets.
+        """
+        joints, count = self.gradient.joints, len(self.grasp.config.roller_positions)
+        along = _anchors_by_offsets(self.grasp) + shifts[self.grasp.contacts.owners]
+        return joints[:, :count] + joints[:, count + 4 :] @ along  # noqa: E203
+
+
+def anchor_rates(grasp: HeldGrip) -> Array:
+    """
+    Return the derivatives of the unknowns of an equilibrium with respect to the k anchors.
+
+    :param grasp: the equilibrium.
+    """
+    places = grasp.state.places
+    right = np.zeros((places.size, len(grasp.anchors)))
+    right[places.conditions] = np.eye(len(grasp.anchors))
+    return np.linalg.solve(grasp.tangent, right)
+
+
+def _anchors_by_offsets(grasp: HeldGrip) -> Array:
+    """Return the derivatives (k, r) of the anchors by roller offsets for contacts at rest."""
+    return grasp.statics.sides[:, None] * travel_rates(grasp.config, grasp.contacts.members)

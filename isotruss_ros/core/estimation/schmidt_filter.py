@@ -1,0 +1,90 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Covariance of a Schmidt-Kalman filter: measurements correct a state, parameters are considered.
+
+Considered parameters keep their covariance C. The error of the state is e + S c with the
+covariance P of its own part e and the sensitivity S to the errors c of the parameters.
+"""
+
+from __future__ import annotations
+
+from isotruss_ros.core.numerics.arrays import Array
+import numpy as np
+
+
+class SchmidtFilter:
+    """
+    Covariances of a state (n,) and of considered parameters (c,).
+
+    :ivar covariance: (n, n) covariance P of the state's own error.
+    :ivar considered: (c, c) covariance C of the parameters.
+    :ivar sensitivity: (n, c) derivatives S of the state's error with respect to the parameters.
+    :param variances: (n,) prior variances of the state.
+    :param considered: (c, c) covariance of the parameters.
+    """
+
+    def __init__(self, variances: Array, considered: Array) -> None:
+        self.considered = considered
+        self.reset(np.diag(variances))
+
+    def reset(self, covariance: Array) -> None:
+        """
+        Set the covariance of a state whose error is independent of the parameters.
+
+        :param covariance: (n, n) covariance of the state.
+        """
+        self.covariance = covariance
+        self.sensitivity = np.zeros((len(covariance), len(self.considered)))
+
+    def resize(self, size: int, kept: int, variance: float) -> None:
+        """
+        Replace the last components of the state by others.
+
+        :param size: new number of components.
+        :param kept: number of first components that remain.
+        :param variance: prior variance of the other components.
+        """
+        before, sensitivity = self.covariance, self.sensitivity
+        self.reset(variance * np.eye(size))
+        self.covariance[:kept, :kept] = before[:kept, :kept]
+        self.sensitivity[:kept] = sensitivity[:kept]
+
+    def spread(self, rates: Array, by_considered: Array) -> Array:
+        """
+        Return the covariance (m, m) of m functions of state and parameters.
+
+        :param rates: (m, n) derivatives of the functions with respect to the state.
+        :param by_considered: (m, c) derivatives with respect to the parameters.
+        """
+        whole = by_considered + rates @ self.sensitivity
+        return rates @ self.covariance @ rates.T + whole @ self.considered @ whole.T
+
+    def predict(self, kept: Array, more: Array) -> None:
+        """
+        Propagate the covariance of the state over time.
+
+        :param kept: (n,) factors by which the components of the state decay.
+        :param more: (n,) variances of the process noise.
+        """
+        self.covariance = self.covariance * np.outer(kept, kept) + np.diag(more)
+        self.sensitivity = kept[:, None] * self.sensitivity
+
+    def condition(self, rates: Array, by_considered: Array, noise: Array) -> Array:
+        """
+        Update the covariance by a measurement (m,), and return the Kalman gain (n, m).
+
+        The gain is that without errors of the parameters.
+
+        :param rates: (m, n) derivatives of the measurement with respect to the state.
+        :param by_considered: (m, c) derivatives with respect to the parameters.
+        :param noise: (m, m) covariance of the measurement noise.
+        """
+        prior = self.covariance
+        gain = np.linalg.solve(rates @ prior @ rates.T + noise, rates @ prior).T
+        left = np.eye(len(prior)) - gain @ rates
+        covariance = left @ prior @ left.T + gain @ noise @ gain.T
+        self.covariance = 0.5 * (covariance + covariance.T)
+        self.sensitivity = left @ self.sensitivity - gain @ by_considered
+        return gain
