@@ -262,9 +262,8 @@ class LoadedTubes:
             each + np.outer(force, self._stiffer)
             for each, force in ((pull, ends[:, 3]), (first, ends[:, 2]), (second, ends[:, 5]))
         )
-        bows = np.where(grip.tubes.paper_model, 0.0, rates.forces[piece, 0])
         pulled = pull + np.pi * radius**2 * self._inflated[tube]
-        changes = np.stack([-first, second, pulled, bows])
+        changes = np.stack([-first, second, pulled, rates.forces[piece, 0]])
         sections = np.stack([frame.length[piece], own.flexural[piece], own.shear[piece]])
         others = self.sections[[0, 2, 3]][:, piece]
         # What is used at the same kind of place, a little to both sides.
