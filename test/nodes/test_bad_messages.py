@@ -402,7 +402,7 @@ def test_invalid_parameters_are_rejected_at_run_time(kind):
             w.until_code(Status.OK, w.probe.send_all)
 
 
-def test_parameters_that_change_all_the_time_do_no_harm():
+def test_continual_parameter_changes_do_not_stop_the_node():
     """Good and bad ones by turns while the object moves; the last good ones count."""
     with world(manipulation()) as w:
         node, pairs = w.nodes[1], record(w.nodes[1])

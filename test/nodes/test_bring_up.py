@@ -29,7 +29,7 @@ checking = maker(CheckRollers, settle_time=0.5, speed=0.04)
 @pytest.mark.parametrize(
     'kind', ['kinematic', pytest.param('mujoco', marks=[needs_mujoco, pytest.mark.nightly])]
 )
-def test_all_rollers_of_a_good_robot_are_right(kind, tmp_path):
+def test_a_faultless_robot_passes_the_check(kind, tmp_path):
     output = tmp_path / 'mine.yaml'
     with world(plant(plant=kind), checking(output=str(output))) as w:
         w.spin(15.0)
@@ -144,7 +144,7 @@ def test_a_robot_of_a_preset_is_not_ready(tmp_path, capsys):
         ({'unchecked': ', north/Z'}, 'roller signs', 'north/Z were not checked'),
     ],
 )
-def test_a_fault_is_named_and_it_alone(tmp_path, capsys, faulty, name, words):
+def test_only_the_faulty_check_is_named(tmp_path, capsys, faulty, name, words):
     faulty, robot = dict(faulty), Path(write_checked(tmp_path))
     robot.write_text(robot.read_text().replace(faulty.pop('unchecked', '') + ']}', ']}'))
     faults, said = fly(str(robot), capsys, **faulty)

@@ -375,7 +375,7 @@ def check(displacement, time=NOW, begin=BODY.pose, record=None):
     _check_path(ROBOT, VALUES, servo, path, NOW)
 
 
-def test_a_path_on_which_the_margin_ends_is_refused_with_the_place():
+def test_a_path_on_which_the_object_would_slip_is_refused_with_the_pose():
     words = (
         r'the path would end \d+ % of the way, at \(0\.\d+, 0\.\d+\) m, .* rad: the slip margin'
     )
