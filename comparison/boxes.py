@@ -92,8 +92,8 @@ def compare(cases: Sequence[Case] = CASES, phases: Sequence[Phase] = PHASES) -> 
         'Objects are pressed between the sides `south/P-Q` and `north/R-P`. The normal forces on '
         'the fixed object without friction are compared with `analyze_grasp`; the forces on the '
         f'free object with friction ({FRICTION:g}) are compared with `settle_grasp`. The latter '
-        'comparison leaves out the box on a face, because its contact forces depend on the '
-        'contact history. Then the servo of `manipulation` picks up a free box, carries it by '
+        'comparison excludes the box with a face in contact, because its contact forces depend on '
+        'the contact history. Then the servo of `manipulation` picks up a free box, carries it by '
         '85 mm, turns it by 17° on two rolling corners, and puts it down; it controls the '
         'squeeze.',
         checks,

@@ -133,7 +133,7 @@ class Carry:
         """Return a text with the result."""
         if self.lost < math.inf:
             late = self.halted - self.lost
-            return f'lost, told {late:+.2f} s' if late < math.inf else 'lost in silence'
+            return f'lost, reported {late:+.2f} s' if late < math.inf else 'lost, not reported'
         if self.halt is None:
             return 'arrived'
         if self.refused:

@@ -68,7 +68,7 @@ PLANTS: Mapping[str, Callable[[Robot, ConvexObject], MujocoPlant]] = {
     'rollers lag 0.05 s': _in_mujoco(roller_lag=0.05),
     'rollers of 20 N': _in_mujoco(roller_force=20.0),
 }
-ENDS = ('arrived', 'stands held', 'refused', 'lost and said', 'lost in silence')
+ENDS = ('arrived', 'halted, held', 'refused', 'lost, reported', 'lost, not reported')
 
 
 @dataclass(frozen=True)
@@ -101,13 +101,12 @@ def compare_discs(count: int = 20) -> Section:
         f'{1e3 * NOISE[0]:g} mm and {np.degrees(NOISE[1]):.1f}°. In the row “{PULLED}”, '
         f'unexpected external forces of {PULL:g} times the slip margin act for half of a leg. '
         f'First the control loop holds the object for {REST:g} s. Then the path is refused if the '
-        'model of the loop predicts that the object will be lost. “Stands held” means that the '
-        'servo stopped while the object was held; “lost and said” means that the object was lost '
-        'and the servo reported it, “lost in silence” that the servo did not report it. “Off” is '
-        'the final '
-        'deviation of the position from the executed twists, or of the squeeze from its desired '
-        'value. An object that leaves the grip before the control starts is '
-        'replaced by another random one.'
+        'model of the loop predicts that the object will be lost. “Halted, held” means that the '
+        'servo stopped while the object was held; “lost, reported” means that the object was lost '
+        'and the servo reported it, “lost, not reported” that the servo did not report it. “Off” '
+        'is the final deviation of the position from the executed twists, or of the squeeze from '
+        'its desired value. An object that leaves the grip before the control starts is replaced '
+        'by another random one.'
     )
     return _compare(DISC, count, words)
 
@@ -128,7 +127,7 @@ def _compare(kind: str, count: int, words: str) -> Section:
     return Section(
         f'Random {kind} carried',
         words,
-        (Check(f'{kind} lost in silence', silent, 0.0, '', ''),),
+        (Check(f'{kind} lost, not reported', silent, 0.0, '', ''),),
         (_table(kind, found),),
     )
 

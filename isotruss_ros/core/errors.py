@@ -40,11 +40,10 @@ class NoMotionError(PathError):
     """All poses of a path are equal."""
 
 
-def quote(name: str, longest: int = 80) -> str:
+def quote(name: str) -> str:
     """
     Return a name in quotes for an error message, truncated if long.
 
     :param name: name of any length, for example from a message.
-    :param longest: largest number of characters.
     """
-    return repr(name if len(name) <= longest else f'{name[:longest]}…')
+    return repr(name if len(name) <= 80 else f'{name[:80]}…')

@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from isotruss_msgs.action import PlanGrasp
-from isotruss_ros.core.model.arrows import arrow_of
 from isotruss_ros.demo.record import PhaseRecord
+from isotruss_ros.viewer.arrows import arrow_of
 import numpy as np
 from rich.table import Table
 

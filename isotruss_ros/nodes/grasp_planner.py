@@ -16,7 +16,6 @@ from isotruss_ros.core.planning.searcher import Answer, Searcher, SearchOutcome
 from isotruss_ros.core.planning.workers import MAX_WORKERS
 from isotruss_ros.nodes.conversions.plan_messages import read_goal, to_result_message
 from isotruss_ros.nodes.framework import common_parameters as common
-from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import FixedSpec
 from isotruss_ros.nodes.framework.sensors import Inputs
@@ -65,7 +64,7 @@ class GraspPlanner(ManagedNode):
 
     def activate(self) -> None:
         """Accept goals from now on."""
-        create_steady_timer(self, POLLING_PERIOD, self._poll)
+        self.create_steady_timer(POLLING_PERIOD, self._poll)
 
     def deactivate(self) -> None:
         """End the search and its processes."""

@@ -17,7 +17,6 @@ from geometry_msgs.msg import PoseStamped, Twist, WrenchStamped
 from isotruss_msgs.msg import GraspState, ManipulationStatus
 from isotruss_ros.core import IsotrussError
 from isotruss_ros.nodes.conversions.message_text import schema_text, type_name
-from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.parameters import FixedSpec, ParameterError
 from isotruss_ros.nodes.framework.runner import StoppableNode
 from isotruss_ros.nodes.framework.topics import EVENTS, NEWEST
@@ -77,7 +76,7 @@ class Record(StoppableNode):
                 EVENTS if topic == 'emergency_stop' else NEWEST,
                 raw=True,
             )
-        create_steady_timer(self, WRITING_PERIOD, self._flush)
+        self.create_steady_timer(WRITING_PERIOD, self._flush)
 
     def begin(self) -> None:
         """

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 
-from isotruss_ros.core.model.arrows import arrow_of
+from isotruss_ros.viewer.arrows import arrow_of
 from isotruss_ros.viewer.message_checks import MIN_CODE_WITHOUT_RESULT
 from isotruss_ros.viewer.picture import EMPTY_CURVE, HISTORY_DURATION, Picture, trim_start
 import numpy as np

@@ -28,7 +28,7 @@ def test_a_load_below_the_slip_margin_is_held_and_one_above_is_not(above, droppe
     assert drops.attempt(case).dropped == dropped
 
 
-def test_the_page_shows_what_is_out_of_bounds():
+def test_the_page_marks_values_out_of_bounds():
     table = Table('things', 'Some', ('a', 'b'), [('1', '2')])
     checks = (Check('kept', 1.0, 2.0, 'mm', 'steps'), Check('broken', 3.0, 2.0, '%', 'why'))
     text = page([Section('Things', 'Words.', checks, (table,), Figure(), 'A picture')])
@@ -39,7 +39,7 @@ def test_the_page_shows_what_is_out_of_bounds():
     assert not checks[1].kept
 
 
-def test_the_page_in_the_docs_keeps_all_bounds():
+def test_all_values_of_the_committed_page_are_within_bounds():
     text = (DOCS / 'plant.md').read_text(encoding='utf-8')
     bounds = text.split('## Bounds')[1].split('\n## ')[0]
     assert '**' not in bounds

@@ -21,7 +21,7 @@ def other():
     rclpy.shutdown()
 
 
-def test_a_topic_with_a_full_queue_starves_no_other(other):
+def test_a_full_queue_of_one_topic_does_not_delay_other_topics(other):
     client = DemoClient(load_robot('triangle').roller_names)
     poses = other.create_publisher(PoseStamped, 'object_pose', 200)
     statuses = other.create_publisher(ManipulationStatus, 'manipulation/status', RELIABLE)

@@ -51,7 +51,7 @@ def other_run(first):
 
 
 @pytest.mark.usefixtures('own_locks')
-def test_a_domain_locked_by_another_process_is_passed_over():
+def test_a_domain_locked_by_another_process_is_skipped():
     with other_run(40) as (_, taken), contextlib.closing(domains.lock_domain(40)) as own:
         assert (taken, own.number) == (40, 41)
 

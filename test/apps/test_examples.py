@@ -74,7 +74,7 @@ def outputs(notebook, kind):
     return [output['data'].get(kind) if 'data' in output else output['text'] for output in found]
 
 
-def test_it_prints_and_returns_what_it_was_saved_with(both):
+def test_notebook_prints_and_returns_its_saved_output(both):
     saved, run = both
     assert outputs(run, 'text/plain') == outputs(saved, 'text/plain')
     assert outputs(run, 'text/html') == outputs(saved, 'text/html')

@@ -70,7 +70,7 @@ def constants(model):
 # -- The beam --
 
 
-def test_a_mode_that_the_beam_misses_is_named(tmp_path, capsys):
+def test_a_mode_with_an_inaccurate_beam_is_named(tmp_path, capsys):
     rows = points()
     for row in rows[1:]:
         row[-2] *= 3.0 if row[0] == 'transverse' else 1.0
@@ -99,7 +99,7 @@ def measured(modes, lengths, pressures, tube=TUBE):
     strategies.floats(-0.5, 2.0),
     strategies.floats(0.02, 0.2),
 )
-def test_any_tube_is_found_again(wall, shear, ends, radius):
+def test_constants_of_any_tube_are_recovered_by_the_fit(wall, shear, ends, radius):
     tube = InflatableBeam(radius, 10.0**wall, 10.0**shear, 10.0**ends)
     case = grid()
     fitted = fit_beam(*case, measured(*case, tube), radius)
@@ -107,7 +107,7 @@ def test_any_tube_is_found_again(wall, shear, ends, radius):
     assert max(fitted.misfits.values()) < 1e-7
 
 
-def test_a_fit_takes_the_joint_least_squares_of_all_modes():
+def test_fit_is_the_joint_least_squares_solution_of_all_modes():
     rng = np.random.default_rng(5)
     case = grid()
     k = measured(*case) * np.exp(0.1 * rng.normal(size=27))
@@ -126,7 +126,7 @@ def test_a_fit_takes_the_joint_least_squares_of_all_modes():
         assert np.log(found) == pytest.approx(expected, rel=1e-4)
 
 
-def test_a_constant_that_does_not_act_is_not_bounded():
+def test_a_constant_without_influence_has_no_confidence_bound():
     """Ends that do not give: any larger softening constant fits as well."""
     case = grid()
     fitted = fit_beam(*case, measured(*case, InflatableBeam(RADIUS, 6e4, 1e4, 1e9)), RADIUS)
@@ -188,7 +188,7 @@ def test_noise_alone_is_no_end_of_the_linear_range(tmp_path):
     assert sum(map(len, analyse(measurements).unused.values())) <= 0.02 * measurements.rows
 
 
-def test_max_displacement_takes_the_place_of_the_test(tmp_path, capsys):
+def test_max_displacement_replaces_the_test_of_linearity(tmp_path, capsys):
     path = write(tmp_path, points(count=11))
     code, out, _ = run(capsys, path, '--max-displacement', 'axial=0.0151')
     assert code == 0
@@ -233,7 +233,7 @@ NO_MODES = 'no block for the robot file'
     ],
     ids=['kPa', 'lengths in mm', 'mm', 'degrees', 'kN', 'mN'],
 )
-def test_another_unit_of_a_column_is_named_and_gives_no_block(
+def test_a_wrong_unit_of_a_column_is_named_and_no_block_is_printed(
     rows, reason, block, tmp_path, capsys
 ):
     code, out, err = run(capsys, write(tmp_path, rows))
@@ -242,7 +242,7 @@ def test_another_unit_of_a_column_is_named_and_gives_no_block(
         assert (code, NO_MODES in err, 'stiffness:' in out) == (1, True, False)
 
 
-def test_constants_that_no_tube_has_are_refused(tmp_path, capsys):
+def test_implausible_constants_are_refused(tmp_path, capsys):
     code, out, err = run(capsys, write(tmp_path, changed(3, 1e-3)))
     assert code == 1
     assert re.search(r'membrane_\w+ = .*: must be from .* are lengths in m, displacements in', err)
@@ -254,7 +254,7 @@ def test_constants_that_no_tube_has_are_refused(tmp_path, capsys):
     strategies.integers(1, 324),
     strategies.sampled_from([(3, 10.0), (4, 10.0), (4, 135.0), (4, -1.0)]),
 )
-def test_one_wrong_row_is_named_and_changes_nothing(line, slip):
+def test_one_outlying_row_is_named_and_does_not_change_the_fit(line, slip):
     rows = points(noise=0.01, seed=3)
     clean = [*map(list, rows)]
     rows[line][slip[0]] *= slip[1]
@@ -269,7 +269,7 @@ def test_one_wrong_row_is_named_and_changes_nothing(line, slip):
     assert list(found.fitted.constants) == pytest.approx(list(CONSTANTS.values()), rel=0.1)
 
 
-def test_a_group_that_is_off_the_others_is_named(tmp_path):
+def test_an_outlying_group_is_named(tmp_path):
     rows = points(noise=0.01)
     for row in rows[1:13]:
         row[4] *= 5.0
@@ -296,7 +296,7 @@ def test_a_group_that_is_off_the_others_is_named(tmp_path):
     ],
     ids=lambda value: value if isinstance(value, str) else None,
 )
-def test_row_that_is_wrong_is_named_and_counted(row, reason, tmp_path, capsys):
+def test_invalid_rows_are_named_and_counted(row, reason, tmp_path, capsys):
     rows = [line[:5] for line in points()]
     rows[5:5] = [row, row]
     code, out, _ = run(capsys, write(tmp_path, rows))
@@ -318,7 +318,7 @@ MISSING = {
 
 
 @pytest.mark.parametrize('case', MISSING)
-def test_fit_that_the_points_cannot_carry_is_refused_with_what_is_missing(case, tmp_path, capsys):
+def test_undetermined_fit_is_refused_with_the_missing_points(case, tmp_path, capsys):
     keep, wanted = MISSING[case]
     header, *rows = points()
     rows = [*filter(keep, rows)] or [['axial', 3e4, 0.5, 'nan', 1.0, 0]]
@@ -328,7 +328,7 @@ def test_fit_that_the_points_cannot_carry_is_refused_with_what_is_missing(case, 
     assert 'stiffness:' not in out
 
 
-def test_figure_block_and_foreign_columns(tmp_path, capsys):
+def test_figure_and_block_are_written_and_unknown_columns_are_named(tmp_path, capsys):
     rows = [[*row, 'x'] for row in points(noise=0.01, bend=0.6, softer=0.4, count=30)]
     rows[0][-1] = 'weather'
     figure, block = tmp_path / 'fit.png', tmp_path / 'block.yaml'
@@ -390,7 +390,7 @@ def test_file_that_never_ends_is_refused():
         read_measurements(Path('/dev/zero'))
 
 
-def test_names_of_trials_cost_what_they_are_long(tmp_path):
+def test_memory_for_trial_names_is_linear_in_their_length(tmp_path):
     # As an array of texts, each would take as much as the longest: 800 MB.
     names = ['a' * 100_000, *(f't{i % 7}' for i in range(2000))]
     rows = [[*HEADER, 'trial'], *(['axial', 17200, 0.254, 0.1, 1.0, name] for name in names)]

@@ -46,13 +46,13 @@ def presses(values, cases=CASES):
 
 
 @pytest.mark.parametrize('factor', [0.4, 1.7])
-def test_loads_without_noise_give_the_factor_back(factor):
+def test_fit_of_loads_without_noise_returns_the_true_factor(factor):
     found = fit_local_stiffness(presses(loads(factor)), TUBE)
     assert found.value == pytest.approx(factor, rel=1e-6)
     assert found.count == len(CASES)
 
 
-def test_noisy_loads_have_the_factor_in_their_interval():
+def test_confidence_interval_of_noisy_loads_contains_the_true_factor():
     rng = np.random.default_rng(4)
     exact, inside = loads(1.7), 0
     for _ in range(2):
@@ -64,7 +64,7 @@ def test_noisy_loads_have_the_factor_in_their_interval():
     assert inside == 2
 
 
-def test_loads_that_do_not_depend_on_it_are_refused():
+def test_loads_that_do_not_depend_on_the_factor_are_refused():
     # A slender tube bends long before it flattens.
     soft = Presses(
         *np.array([(3e4, 500.0, 0.2, 1e-3 * (1 + i)) for i in range(4)]).T, 0.01 * np.ones(4)
@@ -94,7 +94,7 @@ def file_rows(values):
     return rows
 
 
-def test_from_a_file_to_the_kernel_of_a_robot(tmp_path, capsys):
+def test_fitted_local_stiffness_scales_the_kernel_of_a_robot(tmp_path, capsys):
     path = write(tmp_path, file_rows(loads(1.7)))
     assert main([str(path), '--block', str(tmp_path / 'block.yaml')]) == 0
     assert 'local_stiffness: 1.7 of the theory' in capsys.readouterr().out

@@ -54,7 +54,7 @@ each_item = pytest.mark.parametrize(
 
 
 @each_item
-def test_page_is_what_the_item_reports(item, results):
+def test_page_contains_the_results_of_the_item(item, results):
     """Run `make paper` where this fails: the numbers on the page are no longer those computed."""
     report = item.report(results[item.name])
     digits = re.compile(r'-?\d+(?:\.\d+)?')
@@ -73,7 +73,7 @@ def test_page_is_what_the_item_reports(item, results):
     assert bool(item.draw) == bool(report.picture)
 
 
-def test_page_links_to_files_that_are_there():
+def test_page_links_to_existing_files():
     text = (DOCS / 'paper.md').read_text(encoding='utf-8')
     links = re.findall(r'\]\(([\w/.]+)\)', text)
     for link in links:
@@ -86,7 +86,7 @@ def test_page_links_to_files_that_are_there():
 
 
 @pytest.mark.nightly
-def test_fit_returns_what_made_the_points(results):
+def test_fit_recovers_the_constants_of_simulated_points(results):
     result = results['figure_4']
     assert sum(figure_4.inside(result.analysis)) >= 2
     count = 3 * figure_4.REPEATS

@@ -45,7 +45,7 @@ def written(path):
     return found
 
 
-def test_finds_what_the_core_finds_on_one_process_or_two(tmp_path, capsys):
+def test_plan_is_the_same_as_in_the_core_with_one_process_or_two(tmp_path, capsys):
     needs = GraspRequirements(
         friction=0.6, module='north/Z', min_slip_margin=0.5, measure='total_force', count=2
     )
@@ -86,7 +86,7 @@ def test_an_object_is_a_disc_or_described(capsys):
     assert "key 'diameter' is missing" in capsys.readouterr().err
 
 
-def test_says_what_the_nearest_candidate_misses(capsys):
+def test_violated_requirement_of_the_closest_candidate_is_printed(capsys):
     assert command.main(['--center', '3', '3', '--diameter', '0.3']) == 1
     assert 'no grasp found in 0 evaluations; enclosed: no members' in capsys.readouterr().out
 
@@ -111,7 +111,7 @@ def test_ends_at_the_time_limit(capsys):
         (['--measure', 'beauty'], 'beauty'),
     ],
 )
-def test_says_what_is_wrong_with_the_arguments(options, words, capsys):
+def test_invalid_arguments_are_named(options, words, capsys):
     try:
         code = command.main([*OBJECT, *options])
     except SystemExit as end:
@@ -136,7 +136,7 @@ def interrupt(monkeypatch, act):
     monkeypatch.setattr(command, 'plan_grasps', plan)
 
 
-def test_interrupted_it_gives_the_best_so_far(monkeypatch, tmp_path, capsys):
+def test_first_interruption_prints_the_best_grasp_so_far(monkeypatch, tmp_path, capsys):
     interrupt(monkeypatch, lambda: signal.raise_signal(signal.SIGINT))
     file = tmp_path / 'plan.json'
     before = signal.getsignal(signal.SIGINT)
@@ -149,7 +149,7 @@ def test_interrupted_it_gives_the_best_so_far(monkeypatch, tmp_path, capsys):
     assert signal.getsignal(signal.SIGINT) is before
 
 
-def test_interrupted_twice_it_ends(monkeypatch):
+def test_second_interruption_ends_the_process(monkeypatch):
     interrupt(monkeypatch, lambda: [signal.raise_signal(signal.SIGINT) for _ in '12'])
     # A shell without job control starts what runs in the background with SIGINT ignored.
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -160,14 +160,14 @@ def test_interrupted_twice_it_ends(monkeypatch):
     assert not workers()
 
 
-def test_says_when_a_process_dies(monkeypatch, capsys):
+def test_death_of_a_worker_is_reported(monkeypatch, capsys):
     interrupt(monkeypatch, lambda: workers()[0].kill())
     assert command.main([*OBJECT, '--count', '1000', '--workers', '1']) == 3
     assert 'a worker process died' in capsys.readouterr().err
     assert not workers()
 
 
-def test_ctrl_c_in_a_terminal_makes_no_noise():
+def test_ctrl_c_in_a_terminal_prints_no_traceback():
     """It goes to all processes of the terminal, those that search and those that just begin."""
     process = subprocess.Popen(
         [sys.executable, '-m', 'isotruss_ros.cli.plan_grasps', *OBJECT, *NEVER, '--workers', '2'],
@@ -191,7 +191,7 @@ def test_workers_have_less_priority_than_their_parent():
         assert len(workers()) == 1
 
 
-def test_workers_are_gone_when_the_pool_is_closed():
+def test_workers_end_when_the_pool_is_closed():
     pool = WorkerPool(2)
     busy = [pool.executor.submit(time.sleep, 1000.0) for _ in range(2)]
     assert len(begun_workers(2)) == 2

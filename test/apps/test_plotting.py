@@ -32,7 +32,7 @@ def test_a_robot_is_drawn_on_given_axes_whose_limits_stay(axes):
     assert len(axes.patches) == 4 * len(ROBOT.module_names)
 
 
-def test_a_robot_without_axes_is_in_the_middle_of_new_ones():
+def test_a_robot_without_axes_is_centred_in_a_new_figure():
     axes = plot_robot(ROBOT.home)
     low, high = ROBOT.home.nodes.min(axis=0), ROBOT.home.nodes.max(axis=0)
     margins = np.array([low[0] - axes.get_xlim()[0], axes.get_xlim()[1] - high[0]])
@@ -40,7 +40,7 @@ def test_a_robot_without_axes_is_in_the_middle_of_new_ones():
     plt.close(axes.figure)
 
 
-def test_a_grasp_is_drawn_with_what_was_measured(axes):
+def test_a_grasp_is_drawn_with_its_forces_and_contact_lengths(axes):
     analysis = analyze_grasp(ROBOT.home, BODY, 0.5)
     assert plot_grasp(ROBOT.home, BODY, analysis, axes) is axes
     assert axes.get_title() == describe_contacts(analysis)

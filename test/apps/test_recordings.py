@@ -173,7 +173,7 @@ MADE_UP = {
 
 
 @pytest.mark.parametrize('kind', sorted(MADE_UP))
-def test_a_made_up_file_is_refused(tmp_path, kind):
+def test_a_file_that_is_no_recording_is_refused(tmp_path, kind):
     numbers, words = read(MADE_UP[kind], tmp_path)
     assert not numbers
     assert 'holds no complete message' in words
@@ -202,7 +202,7 @@ def test_messages_that_are_no_joint_states_are_not_shown_as_such(tmp_path, capsy
 
 @few_examples
 @given(st.binary(max_size=100))
-def test_a_message_of_any_bytes_raises_nothing_raw(tmp_path_factory, record):
+def test_a_message_of_random_bytes_raises_package_errors_only(tmp_path_factory, record):
     from isotruss_ros.viewer.recording import read_recording, RecordingError, show_message
 
     path = tmp_path_factory.getbasetemp() / 'message.mcap'
@@ -212,7 +212,7 @@ def test_a_message_of_any_bytes_raises_nothing_raw(tmp_path_factory, record):
             show_message(Picture(ROBOT, 0.3), topic, message, time)
 
 
-def test_replay_plays_what_is_readable_and_says_in_one_line_where_it_ends(tmp_path, capsys):
+def test_replay_shows_the_readable_part_and_reports_the_damage_in_one_line(tmp_path, capsys):
     from isotruss_ros.cli import replay
 
     path, content = tmp_path / 'half.mcap', whole('ZSTD')
@@ -224,7 +224,7 @@ def test_replay_plays_what_is_readable_and_says_in_one_line_where_it_ends(tmp_pa
     assert line.startswith(f'replay: {path} ends after ')
 
 
-def test_a_page_that_is_written_names_no_server(tmp_path, capsys):
+def test_an_exported_page_names_no_server(tmp_path, capsys):
     from isotruss_ros.cli import replay
 
     path, page = tmp_path / 'whole.mcap', tmp_path / 'whole.html'

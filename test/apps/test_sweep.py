@@ -42,7 +42,7 @@ def client(request):
         yield found
 
 
-def test_gives_every_pair_once_as_the_core_does(client):
+def test_every_pair_has_one_row_that_agrees_with_the_core(client):
     rows = list(sweeps.sweep(client, (TRIANGLE, LOOSE), OBJECTS, NEEDS, seed=2))
     by_pair = {(row['robot'], row['object']): row for row in rows}
     assert len(rows) == len(by_pair) == 4
@@ -88,7 +88,7 @@ def test_example_of_the_docs_runs(client, capsys):
         ('x,y,diameter\n1,2,3\n', ['--friction', '-1'], 'friction'),
     ],
 )
-def test_wrong_input_is_refused_before_the_sweep(table, options, words, tmp_path, capsys):
+def test_invalid_input_is_refused_before_the_sweep(table, options, words, tmp_path, capsys):
     objects = tmp_path / 'objects.csv'
     objects.write_text(table)
     arguments = ['triangle', '--objects', str(objects), '--output', str(tmp_path / 'out.csv')]

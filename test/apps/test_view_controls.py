@@ -80,13 +80,13 @@ def frozen():
         yield s
 
 
-def test_a_browser_that_freezes_in_mid_drag_loses_control_and_target(frozen):
+def test_a_browser_that_freezes_during_a_drag_loses_control_and_target(frozen):
     assert frozen.control == Control()
     (words,) = frozen.refused
     assert words.endswith('gave no sign of life for 2 s')
 
 
-def test_a_drag_that_a_frozen_browser_sends_later_does_not_count(frozen):
+def test_a_late_drag_of_a_frozen_browser_is_ignored(frozen):
     frozen.browser.frozen = False
     frozen.browser.drag('handle', 'start', 0.2, 0.0)
     frozen.set('stop', True)
@@ -94,7 +94,7 @@ def test_a_drag_that_a_frozen_browser_sends_later_does_not_count(frozen):
     assert frozen.control == Control()
 
 
-def test_a_drag_under_a_latched_stop_does_not_count(session):
+def test_a_drag_during_a_latched_stop_is_ignored(session):
     session.browser.drag('handle', 'start', 0.1, 0.0)
     session.until(lambda: session.control.drag is not None)
     session.control.latch(True)
@@ -106,14 +106,14 @@ def test_a_drag_under_a_latched_stop_does_not_count(session):
 
 
 @pytest.mark.parametrize('value', [1e9, -20.5, math.nan, math.inf])
-def test_a_force_beyond_its_slider_does_not_count(session, value):
+def test_a_force_beyond_the_range_of_its_slider_is_ignored(session, value):
     session.set('force x [N]', value)
     session.until(lambda: session.refused)
     assert session.control.wrench == (0.0, 0.0, 0.0)
     assert session.refused[0].startswith(f"fx: '{value}' from a browser: must be from -20 to 20")
 
 
-def test_a_joint_that_the_robot_has_not_is_not_dragged(session):
+def test_a_drag_of_an_unknown_joint_is_ignored(session):
     session.set('drag', 'nowhere')
     session.until(lambda: session.refused)
     assert session.controls.dragged == 'object'
@@ -121,7 +121,7 @@ def test_a_joint_that_the_robot_has_not_is_not_dragged(session):
 
 
 @pytest.mark.parametrize('place', [(math.nan, 0.0), (0.0, math.inf), (1e9, 0.0)])
-def test_a_drag_to_no_place_does_not_count(session, place):
+def test_a_drag_to_a_position_that_is_not_finite_is_ignored(session, place):
     session.browser.drag('handle', 'start', *place)
     session.until(lambda: session.refused)
     assert session.control.drag is None

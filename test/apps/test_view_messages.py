@@ -138,7 +138,7 @@ def test_joint_states_of_other_joints_do_not_make_a_picture_fresh():
     assert not picture.is_fresh('joint_states', 0.0)
 
 
-def test_the_part_of_a_robot_that_is_silent_ends_its_picture():
+def test_missing_joint_states_of_some_rollers_make_the_picture_stale():
     picture = Picture(ROBOT, 0.3)
     picture.receive_joint_states(JointState(name=NAMES[:3], position=[0.0] * 3), 0.0)
     picture.receive_joint_states(JointState(name=NAMES[3:], position=[0.0] * 3), 2.0)

@@ -106,7 +106,7 @@ def test_no_other_page_shows_the_view_in_a_frame(local):
     assert fetch(local)[1]['X-Frame-Options'] == 'DENY'
 
 
-def test_every_page_has_the_script_that_gives_signs_of_life(local):
+def test_every_page_has_the_heartbeat_script(local):
     address = f'http://127.0.0.1:{local.server.get_port()}/'
     asked = urllib.request.Request(address, headers={'Accept-Encoding': 'gzip'})
     with urllib.request.urlopen(asked, timeout=60) as answer:
@@ -129,7 +129,7 @@ def test_a_host_that_cannot_be_served_is_refused_at_once(host):
         View(Picture(ROBOT, 0.3), host, 0)
 
 
-def test_a_viser_that_serves_otherwise_is_refused(monkeypatch):
+def test_an_incompatible_version_of_viser_is_refused(monkeypatch):
     """Rather than without the gate; a name of its own for `serve` stands for another release."""
     import websockets
 

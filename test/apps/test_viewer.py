@@ -39,7 +39,7 @@ def test_a_prism_is_closed_and_shows_its_faces_outward():
     assert volume == pytest.approx(0.2 * (0.5 * 0.2 - (4.0 - np.pi) * 0.05**2), rel=1e-2)
 
 
-def test_a_drag_goes_straight_to_its_target_and_not_faster_than_allowed():
+def test_a_drag_is_straight_and_within_the_speed_limit():
     x, y = 0.0, 0.0
     drag = Drag((0.3, 0.4), 0.0)
     for _ in range(2000):
@@ -60,11 +60,11 @@ def drag_along(drag, share, speed=0.05, duration=10.0, step=0.05):
     return now
 
 
-def test_a_drag_that_creeps_is_stuck_after_its_patience():
+def test_a_drag_with_little_progress_is_stuck_after_the_timeout():
     assert drag_along(Drag((3.0, 4.0), 0.0), 0.5 * PROGRESS) == pytest.approx(PATIENCE, abs=0.06)
 
 
-def test_a_drag_of_what_is_not_seen_is_stuck_after_its_patience():
+def test_a_drag_without_measured_pose_is_stuck_after_the_timeout():
     drag = Drag((1.0, 0.0), 5.0)
     assert not drag.is_stuck(5.0 + 0.9 * PATIENCE)
     assert drag.is_stuck(5.0 + PATIENCE)
@@ -75,7 +75,7 @@ def test_a_drag_is_stuck_after_a_jump_of_the_clock():
 
 
 @pytest.mark.parametrize(('begin', 'end'), [(0.0, 2.5), (3.0, -3.0), (-3.1, 3.1), (1.0, -1.0)])
-def test_a_turn_goes_the_shorter_way_and_not_faster_than_allowed(begin, end):
+def test_a_rotation_is_the_shorter_one_and_within_the_speed_limit(begin, end):
     angle, drag = begin, Drag(place_on_circle(end, place_on_circle(begin)[0]), 0.0)
     for step in range(2000):
         position = place_on_circle(angle, drag.target[0])
@@ -96,7 +96,7 @@ def test_the_handle_that_was_not_grabbed_does_not_move_the_target():
     assert (control.drag.target, control.drag.turns) == ((0.5, 0.0), True)
 
 
-def test_one_browser_has_control_and_the_others_see_which():
+def test_one_browser_has_control_and_the_others_show_which():
     control = Control()
     control.pass_on({1: False, 2: True})
     control.pass_on({1: True, 2: True})
@@ -105,13 +105,13 @@ def test_one_browser_has_control_and_the_others_see_which():
 
 
 @pytest.mark.parametrize('wishes', [{}, {2: False}, {1: False, 3: False}, {3: True}])
-def test_what_a_browser_commands_ends_with_its_control(wishes):
+def test_commands_of_a_browser_end_with_its_control(wishes):
     control = Control(2, Drag((1.0, 0.0), 0.0), (5.0, 0.0, 0.0))
     control.pass_on(wishes)
     assert control == Control(3 if wishes.get(3) else None, None, ZERO)
 
 
-def test_a_drag_that_was_given_up_comes_back_only_with_a_new_one():
+def test_an_aborted_drag_resumes_only_after_a_new_grab():
     control = Control(2)
     control.drag_to((1.0, 0.0), False, 0.0)
     assert control.drag is None
@@ -135,7 +135,7 @@ def line(number):
     return Marker(ns='deformed', id=number, points=[Point(), Point(x=1.0)])
 
 
-def test_what_the_analysis_deletes_is_drawn_no_more():
+def test_deleted_markers_of_the_analysis_are_not_drawn():
     picture, shown = Picture(ROBOT, 0.3), [line(i) for i in range(2)]
     picture.receive_markers(MarkerArray(markers=shown), 0.0)
     deletions = (
@@ -158,14 +158,14 @@ def test_an_idle_robot_is_described_as_at_rest():
     assert picture.describe_manipulation(0.0) == 'manipulation: at rest, nothing is commanded'
 
 
-def test_a_twist_that_is_late_in_mid_drag_is_told():
+def test_a_late_twist_during_a_drag_is_reported():
     picture = Picture(ROBOT, 0.3)
     picture.goal = (1.0, 0.0)
     tell(picture, Status.HALT_NO_TWIST, message='twist: 0.3 s old')
     assert picture.describe_manipulation(0.0) == 'manipulation: halt no twist: twist: 0.3 s old'
 
 
-def test_the_hindrance_of_a_motion_is_what_slowed_it_most_of_the_time():
+def test_the_named_limit_of_a_motion_is_the_most_frequent_one():
     picture = Picture(ROBOT, 0.3)
     tell(picture, Status.HALT_NO_GRASP, 0.0)
     for step in range(8):
@@ -176,7 +176,7 @@ def test_the_hindrance_of_a_motion_is_what_slowed_it_most_of_the_time():
     assert picture.describe_hindrance(4.0, 2.0) == 'manipulation: slowed rigidity: slowest'
 
 
-def test_words_of_other_nodes_are_no_markup():
+def test_texts_of_other_nodes_are_not_rendered_as_markup():
     pytest.importorskip('viser')
     from isotruss_ros.viewer.panels import describe
 
@@ -187,7 +187,7 @@ def test_words_of_other_nodes_are_no_markup():
 
 
 @pytest.mark.parametrize('held', [True, False])
-def test_force_closure_is_told_only_of_what_is_not_held(held):
+def test_force_closure_is_shown_only_if_the_object_is_not_held(held):
     pytest.importorskip('viser')
     from isotruss_ros.viewer.panels import describe
 

@@ -41,13 +41,13 @@ def draw_zeros(seed, size=0.015):
 
 @settings(max_examples=25, deadline=None)
 @given(seed=st.integers(0, 10**6), joints=st.sampled_from([ALL, ENOUGH]))
-def test_exact_joints_give_exact_zeros(seed, joints):
+def test_exact_joint_positions_yield_exact_offsets(seed, joints):
     zeros = draw_zeros(seed)
     found = calibrate_home(ROBOT, measure(zeros, np.zeros(N), joints))
     assert found.zeros == pytest.approx(zeros, abs=1e-9)
 
 
-def test_the_robot_that_was_found_is_where_the_measured_one_is():
+def test_calibrated_robot_agrees_with_the_measured_one():
     zeros, reading = draw_zeros(3), 0.05 * np.random.default_rng(4).normal(size=N)
     found = calibrate_home(ROBOT, measure(zeros, np.zeros(N)))
     nodes = Robot(found.description).configuration(reading).nodes
@@ -68,7 +68,7 @@ def test_joints_are_within_the_noise_of_markers(count, bound):
     assert np.median(worst) < bound
 
 
-def test_deviations_are_those_of_the_zeros():
+def test_stated_deviations_agree_with_the_scatter_of_the_offsets():
     errors = []
     for seed in range(60):
         found = calibrate_home(
@@ -78,7 +78,7 @@ def test_deviations_are_those_of_the_zeros():
     assert 0.75 < np.sqrt(np.mean(np.square(errors))) < 1.1
 
 
-def test_several_postures_make_up_for_joints_that_are_not_measured():
+def test_several_postures_compensate_for_unmeasured_joints():
     zeros = draw_zeros(5)
     readings = 0.05 * np.random.default_rng(0).normal(size=(3, N))
     found = calibrate_home(ROBOT, measure(zeros, readings, FEW))
@@ -87,7 +87,7 @@ def test_several_postures_make_up_for_joints_that_are_not_measured():
         calibrate_home(ROBOT, measure(zeros, np.zeros(N), FEW))
 
 
-def test_a_marker_that_lies_is_named():
+def test_an_inconsistent_marker_is_named():
     (posture,) = measure(draw_zeros(6), np.zeros(N), noise=1e-3)
     x, y = posture.joints['Q']
     posture.joints['Q'] = (x, y + 0.05)
@@ -181,7 +181,7 @@ def test_the_mistake_is_named(mistake):
 
 
 @pytest.mark.parametrize('mistake', ['markers in mm', 'markers swapped', 'frame shifted'])
-def test_one_posture_of_all_joints_tells_the_mistake(mistake):
+def test_one_posture_of_all_joints_determines_the_mistake(mistake):
     wrong, words = MISTAKES[mistake]
     with pytest.raises(MeasurementError, match=words):
         calibrate_home(ROBOT, wrong[:1])

@@ -31,7 +31,7 @@ def table(tmp_path, nodes, reading=(0.0,) * 6, name='joints.csv'):
     return path
 
 
-def test_a_table_becomes_a_robot_that_is_where_it_was_measured(tmp_path, capsys):
+def test_robot_calibrated_from_a_table_agrees_with_the_measured_joints(tmp_path, capsys):
     reading = np.full(6, 0.03)
     points = table(tmp_path, ROBOT.configuration(ZEROS + reading).nodes, reading)
     output = tmp_path / 'mine.yaml'
@@ -41,7 +41,7 @@ def test_a_table_becomes_a_robot_that_is_where_it_was_measured(tmp_path, capsys)
     assert found.nodes == pytest.approx(ROBOT.configuration(ZEROS + reading).nodes, abs=1e-6)
 
 
-def test_a_pull_becomes_a_stiffness_of_the_robot(tmp_path):
+def test_measured_displacements_become_the_stiffness_scale_of_the_file(tmp_path):
     nodes, output = ROBOT.home.nodes.copy(), tmp_path / 'mine.yaml'
     before = table(tmp_path, nodes)
     for number, name in enumerate(NAMES):

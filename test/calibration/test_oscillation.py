@@ -27,13 +27,13 @@ def test_an_exact_oscillation_is_found(frequency, damping):
     assert found[:2] == pytest.approx((frequency, damping), rel=1e-6)
 
 
-def test_a_millimetre_of_noise_is_borne():
+def test_oscillation_is_found_with_one_millimetre_of_noise():
     found = fit_oscillation(TIMES, swing(9.0, 0.1, 0.001), ARM)
     assert found.frequency == pytest.approx(9.0, rel=0.02)
     assert found.damping_ratio == pytest.approx(0.1, rel=0.2)
 
 
-def test_an_object_that_creeps_does_not_oscillate():
+def test_a_creeping_motion_is_no_oscillation():
     with pytest.raises(MeasurementError, match='not one damped oscillation'):
         fit_oscillation(TIMES, np.outer(TIMES, (0.01, 0.0, 0.0)), ARM)
 

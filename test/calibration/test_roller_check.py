@@ -26,7 +26,7 @@ def turn(roller, travel, joints=('P', 'R', 'Z'), seed=0):
 
 
 @pytest.mark.parametrize('roller', ROLLERS)
-def test_every_roller_is_told_from_the_others_by_three_joints(roller):
+def test_three_joints_distinguish_every_roller(roller):
     assert judge_roller(ROBOT.home, roller, 0.02, turn(roller, 0.02), NOISE) == ''
 
 
@@ -48,13 +48,13 @@ def test_rollers_that_are_swapped_are_named():
     assert found.startswith('east/Q turned in its place')
 
 
-def test_joints_that_no_single_roller_moves_so_are_told():
+def test_a_motion_that_no_single_roller_causes_is_reported():
     moved = {'P': (0.05, 0.0), 'R': (-0.05, 0.0), 'Z': (0.0, 0.05)}
     told = [judge_roller(ROBOT.home, roller, 0.02, moved, NOISE) for roller in ROLLERS]
     assert any('do not move as with any roller' in each for each in told)
 
 
-def test_without_a_joint_it_says_so():
+def test_a_check_without_joints_is_refused():
     with pytest.raises(MeasurementError, match='no joint was measured: must be some of P, Q'):
         judge_roller(ROBOT.home, 'south/P', 0.02, {}, NOISE)
 

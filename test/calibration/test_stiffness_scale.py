@@ -43,12 +43,12 @@ def pulled(scale, pull=PULL):
 
 
 @pytest.mark.parametrize('scale', [0.3, 1.0, 1.5])
-def test_the_scale_is_found(scale):
+def test_fitted_scale_agrees_with_the_true_one(scale):
     found = calibrate_stiffness(ROBOT.home, PULL, joints(ROBOT.home.nodes), pulled(scale), 1e-4)
     assert found.scale == pytest.approx(scale)
 
 
-def test_the_scale_of_the_file_is_taken_in():
+def test_fitted_scale_includes_that_of_the_robot_file():
     softer = Robot(replace(ROBOT.description, stiffness_scale=0.5))
     found = calibrate_stiffness(softer.home, PULL, joints(ROBOT.home.nodes), pulled(0.5), 1e-4)
     assert found.scale == pytest.approx(0.5, rel=1e-3)
@@ -61,7 +61,7 @@ def test_the_scale_of_the_file_is_taken_in():
 
 @needs_mujoco
 @pytest.mark.parametrize('scale', [0.6, 1.5])
-def test_ten_newtons_at_the_top_tell_the_scale_of_mujocos_tubes_to_five_percent(scale):
+def test_ten_newtons_at_the_top_determine_the_scale_in_mujoco_within_five_percent(scale):
     plant = MujocoPlant(make_robot(stiffness=scale), [], PlantOptions())
     plant.settle(2.0)
     before = joints(plant.nodes, DEVIATION, 1)
@@ -74,17 +74,17 @@ def test_ten_newtons_at_the_top_tell_the_scale_of_mujocos_tubes_to_five_percent(
     assert abs(found.scale - scale) < 3.0 * found.deviation
 
 
-def test_too_weak_a_pull_is_refused():
+def test_too_small_a_force_is_refused():
     with pytest.raises(MeasurementError, match='too small; pull harder'):
         calibrate_stiffness(ROBOT.home, PULL, joints(ROBOT.home.nodes), pulled(60.0), 1e-3)
 
 
-def test_a_joint_that_moves_as_no_scale_explains_is_named():
+def test_a_joint_with_an_inconsistent_displacement_is_named():
     under = pulled(1.0) | {'P': (0.05, 0.0)}
     with pytest.raises(MeasurementError, match=r'joint P: moved .* off what one scale explains'):
         calibrate_stiffness(ROBOT.home, PULL, joints(ROBOT.home.nodes), under)
 
 
-def test_other_joints_under_the_pull_are_refused():
+def test_different_joints_under_the_force_are_refused():
     with pytest.raises(MeasurementError, match='must be the same'):
         calibrate_stiffness(ROBOT.home, PULL, {'P': (0.0, 0.0)}, {'Q': (0.0, 0.0)})

@@ -18,7 +18,7 @@ CASES = [
 
 
 @pytest.mark.parametrize(('kind', 'names', 'stiffness'), CASES)
-def test_the_squeeze_is_what_it_should_be(kind, names, stiffness):
+def test_squeeze_with_estimated_offsets_is_the_desired_one(kind, names, stiffness):
     found = carry(kind, 2, names, stiffness)
     assert abs(found.squeeze) < 0.1
     assert found.worst < 0.2
@@ -27,5 +27,5 @@ def test_the_squeeze_is_what_it_should_be(kind, names, stiffness):
     assert found.encoders > 4.0 * found.joints
 
 
-def test_by_the_encoders_alone_it_is_not():
+def test_squeeze_with_encoders_alone_is_wrong():
     assert abs(carry(DISC, 2, (), fed=False).squeeze) > 0.1

@@ -43,7 +43,7 @@ def test_a_roller_follows_its_command_with_its_lag():
     assert plant.travel[0] == pytest.approx(0.02 * 0.1 * np.exp(-1.0), rel=0.03)
 
 
-def test_a_roller_stands_where_the_tube_takes_more_than_its_force():
+def test_a_roller_stops_if_the_tube_requires_more_than_its_force():
     command = np.zeros_like(STILL)
     command[0] = 0.02
     weak = MujocoPlant(ROBOT, options=PlantOptions(roller_force=3.0))

@@ -45,7 +45,7 @@ def test_the_surface_is_that_of_the_object(shape):
 
 @needs_mujoco
 @pytest.mark.parametrize('name', ['ellipse', 'rounded box'])
-def test_it_is_pressed_as_statics_says(name):
+def test_contact_forces_agree_with_statics(name):
     config = closed_to(round_robot().home, 40.0, 0.3)
     held = pressed_into(config, MODULE, SHAPES[name], 0.5, 0.01)
     plant = press_on(config, held, members_at(config.robot, MODULE), segments=FINE)

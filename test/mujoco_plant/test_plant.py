@@ -51,7 +51,7 @@ def test_the_capsules_of_a_member_join_at_any_length():
 
 
 @needs_mujoco
-def test_modules_weigh_what_their_mass_says():
+def test_weight_of_the_modules_follows_their_mass():
     file = load_robot('triangle').description
 
     def sag(mass):
@@ -68,7 +68,7 @@ def test_modules_weigh_what_their_mass_says():
 
 
 @needs_mujoco
-def test_small_joint_loads_move_all_nodes_as_deform_says():
+def test_displacements_under_small_joint_loads_agree_with_deform():
     robot = load_robot('nine_member')
     plant = MujocoPlant(robot, options=STILL)
     move_to(plant, [0.1, -0.05, 0.08, 0.02, -0.06, 0.04])
@@ -83,7 +83,7 @@ def test_small_joint_loads_move_all_nodes_as_deform_says():
 
 
 @needs_mujoco
-def test_a_grasp_presses_needs_friction_and_gives_as_statics_says():
+def test_forces_friction_and_compliance_of_a_grasp_agree_with_statics():
     plant, config, cylinder = press(PressedCase(40.0, 0.04))
     found = plant.contact_forces()
     expected = analyze_grasp(config, cylinder, 0.5, paper_model=True).contact_forces
@@ -133,7 +133,7 @@ def test_an_object_between_two_pieces_of_a_coarse_mesh_does_not_chatter():
 
 
 @needs_mujoco
-def test_a_carried_object_follows_and_is_dropped_when_friction_is_too_low():
+def test_a_carried_object_follows_and_is_lost_if_friction_is_too_low():
     plant, config, body = press(PressedCase(40.0, 0.04))
     release(plant, 0.8)
     start = np.array(plant.object_pose())

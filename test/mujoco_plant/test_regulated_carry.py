@@ -206,7 +206,7 @@ def test_a_pose_made_of_the_commanded_path_halts_where_the_object_stays_behind()
     assert halted(Carry('box'), lambda k: twist, lambda k: twist / 100.0) < 0.017
 
 
-def test_a_load_on_the_way_is_no_slip():
+def test_a_load_during_the_motion_is_no_slip():
     carry = Carry('disc 0.3 m')
     carry.run(0.5)
     carry.plant.pull((0.0, -1.5, 0.0))
@@ -217,7 +217,7 @@ def test_a_load_on_the_way_is_no_slip():
 
 
 @pytest.mark.parametrize('turn', some_now([0.3, -0.3], 0))
-def test_what_is_foreseen_is_what_mujoco_carries(turn):
+def test_predicted_motion_agrees_with_mujoco(turn):
     """The servo stands where the model foresees that the margin ends, or arrives."""
     carry = Carry('brick')
     carry.run(1.0)

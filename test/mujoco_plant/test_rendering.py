@@ -23,7 +23,7 @@ def orange(picture):
 
 
 @needs_mujoco
-def test_states_are_read_as_they_were(tmp_path):
+def test_recorded_states_survive_a_round_trip(tmp_path):
     plant = record(tmp_path / 'states')
     recording = read_recording(tmp_path / 'states')
     assert recording.text == plant.text
@@ -48,7 +48,7 @@ def test_a_state_whose_writing_was_interrupted_is_left_out(tmp_path):
     assert len(read_recording(path).times) == len(whole.times) - 1
 
 
-def test_what_is_no_recording_is_refused(tmp_path):
+def test_files_that_are_no_recordings_are_refused(tmp_path):
     path = tmp_path / 'states'
     for content in (b'', b'no recording'):
         path.write_bytes(content)

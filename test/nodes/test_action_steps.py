@@ -244,7 +244,7 @@ class Service:
         return self.answers[-1]
 
 
-def test_parameters_are_set_or_the_reason_is_told():
+def test_parameters_are_set_or_the_reason_is_raised():
     service = Service()
     steps = set_parameters(service, {'grip_module': 'north/Z', 'squeeze_force': 15.0})
     next(steps)

@@ -48,11 +48,7 @@ from rcl_interfaces.srv import SetParameters
 from rclpy.serialization import deserialize_message
 import robots
 from sensor_msgs.msg import JointState
-from std_msgs.msg import (
-    Float64MultiArray,
-    MultiArrayDimension,
-    MultiArrayLayout,
-)
+from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayout
 
 NAMES = list(ROBOT.roller_names)
 MAX_SPEED = ROBOT.description.max_speed
@@ -380,14 +376,7 @@ def parameter_values():
 
 
 @pytest.mark.parametrize(
-    'kind',
-    [
-        Manipulation,
-        Simulator,
-        GraspAnalysisNode,
-        PathFollower,
-        GraspPlanner,
-    ],
+    'kind', [Manipulation, Simulator, GraspAnalysisNode, PathFollower, GraspPlanner]
 )
 def test_invalid_parameters_are_rejected_at_run_time(kind):
     with world(lambda: kind()) as w:
@@ -413,7 +402,7 @@ def test_invalid_parameters_are_rejected_at_run_time(kind):
             w.until_code(Status.OK, w.probe.send_all)
 
 
-def test_parameters_that_change_all_the_time_do_no_harm():
+def test_continual_parameter_changes_do_not_stop_the_node():
     """Good and bad ones by turns while the object moves; the last good ones count."""
     with world(manipulation()) as w:
         node, pairs = w.nodes[1], record(w.nodes[1])

@@ -29,7 +29,7 @@ checking = maker(CheckRollers, settle_time=0.5, speed=0.04)
 @pytest.mark.parametrize(
     'kind', ['kinematic', pytest.param('mujoco', marks=[needs_mujoco, pytest.mark.nightly])]
 )
-def test_all_rollers_of_a_good_robot_are_right(kind, tmp_path):
+def test_a_faultless_robot_passes_the_check(kind, tmp_path):
     output = tmp_path / 'mine.yaml'
     with world(plant(plant=kind), checking(output=str(output))) as w:
         w.spin(15.0)
@@ -138,21 +138,13 @@ def test_a_robot_of_a_preset_is_not_ready(tmp_path, capsys):
         ({'zero_deviation': 0.03, 'seed': 2}, 'zeros', 'mm off the encoders; at most 10 mm'),
         ({'tracker_delay': 0.8}, 'object pose', r'object pose: 0\.8\d* s old'),
         ({'rate': 20.0}, 'rates', r'joint_states has \d+ Hz: must be at least 50'),
-        (
-            {'tracker_rate': 8.0},
-            'rates',
-            r'object_pose has [\d.]+ Hz',
-        ),
+        ({'tracker_rate': 8.0}, 'rates', r'object_pose has [\d.]+ Hz'),
         ({'pressed': True}, 'emergency stop', 'the last message of emergency_stop is true'),
         ({'mass': 0.0}, 'masses', 'object_mass is missing'),
-        (
-            {'unchecked': ', north/Z'},
-            'roller signs',
-            'north/Z were not checked',
-        ),
+        ({'unchecked': ', north/Z'}, 'roller signs', 'north/Z were not checked'),
     ],
 )
-def test_a_fault_is_named_and_it_alone(tmp_path, capsys, faulty, name, words):
+def test_only_the_faulty_check_is_named(tmp_path, capsys, faulty, name, words):
     faulty, robot = dict(faulty), Path(write_checked(tmp_path))
     robot.write_text(robot.read_text().replace(faulty.pop('unchecked', '') + ']}', ']}'))
     faults, said = fly(str(robot), capsys, **faulty)

@@ -36,7 +36,7 @@ def calibrating(tmp_path):
 
 
 @pytest.mark.parametrize('kind', ['kinematic', pytest.param('mujoco', marks=needs_mujoco)])
-def test_the_robot_that_is_written_is_where_the_simulated_one_is(tmp_path, kind):
+def test_written_home_agrees_with_the_simulated_robot(tmp_path, kind):
     with world(plant(plant=kind), calibrating(tmp_path)) as w:
         w.spin(1.5)
         answer = w.call('calibrate_home', Trigger.Request())
@@ -65,7 +65,7 @@ def test_a_plant_as_stiff_as_the_model_has_a_stiffness_scale_of_one(tmp_path):
     )
 
 
-def test_a_pull_in_another_posture_is_refused(tmp_path):
+def test_a_force_in_another_posture_is_refused(tmp_path):
     with world(plant(), calibrating(tmp_path)) as w:
         w.spin(1.5)
         answer = w.call('calibrate_stiffness', CalibrateStiffness.Request(joint='Z'))
@@ -73,7 +73,7 @@ def test_a_pull_in_another_posture_is_refused(tmp_path):
     assert answer.message.endswith('call calibrate_home first')
 
 
-def test_without_markers_it_says_so(tmp_path):
+def test_missing_markers_are_reported(tmp_path):
     with world(plant(marker_joints=['']), calibrating(tmp_path)) as w:
         w.spin(1.5)
         answer = w.call('calibrate_home', Trigger.Request())
@@ -82,7 +82,7 @@ def test_without_markers_it_says_so(tmp_path):
     assert not (tmp_path / 'mine.yaml').exists()
 
 
-def test_rollers_that_turn_are_refused(tmp_path):
+def test_moving_rollers_are_refused(tmp_path):
     with world(plant(), calibrating(tmp_path)) as w:
         w.spin(1.0)
         w.spin(1.0, lambda: w.probe.send_command([0.01] * 6))

@@ -10,14 +10,7 @@ What nodes do then is in `test_bad_messages`.
 import math
 
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import (
-    Point,
-    PoseStamped,
-    Quaternion,
-    Twist,
-    Vector3,
-    WrenchStamped,
-)
+from geometry_msgs.msg import Point, PoseStamped, Quaternion, Twist, Vector3, WrenchStamped
 from geometry_msgs.msg import Pose as PoseMessage
 from hypothesis import given
 from hypothesis import strategies as st
@@ -153,7 +146,7 @@ def test_invalid_markers_are_rejected(joints, words):
         read_joint_markers(to_joint_markers(joints), ROBOT)
 
 
-def test_names_without_places_and_twice_are_rejected():
+def test_names_without_positions_and_repeated_names_are_rejected():
     with pytest.raises(MessageError, match='1 names and 0 transforms'):
         read_joint_markers(MultiDOFJointState(joint_names=['P']), ROBOT)
     twice = to_joint_markers({'P': (0.0, 0.0), 'Q': (0.0, 0.0)})
@@ -254,7 +247,7 @@ def test_a_pressure_is_that_of_the_tube_of_its_frame():
     assert read_tube_pressure(pressure('east', 2e4), ROBOT, 0.0) == ('east', 2e4)
 
 
-def test_absolute_pressures_are_read_against_those_around():
+def test_ambient_pressure_is_subtracted_from_absolute_pressures():
     found = read_tube_pressure(pressure('east', 121_325.0), ROBOT, 101_325.0)
     assert found == ('east', pytest.approx(2e4))
 

@@ -76,7 +76,7 @@ def test_documented_grasps_are_held():
         assert settle_grasp(ROBOT.home, query.body, query.friction).held
 
 
-def test_documented_searches_are_taken():
+def test_documented_search_goals_are_accepted():
     goals = [fill(m, v) for _, m, v in CALLS if isinstance(m, PlanGrasp.Goal) and v]
     found = [read_goal(goal, ROBOT) for goal in goals]
     assert any(goal.requirements.members for goal in found)

@@ -51,9 +51,7 @@ def assert_held(w, *names):
 
 def test_a_roller_that_failed_by_parameter_is_held_and_the_rest_goes_on():
     expected = reachable_twists(
-        ROBOT.home,
-        Grip.at_module(ROBOT, MODULE, ConvexObject.disc(CENTER, DIAMETER)),
-        {FIRST},
+        ROBOT.home, Grip.at_module(ROBOT, MODULE, ConvexObject.disc(CENTER, DIAMETER)), {FIRST}
     )
     with world(node(failed_rollers=[FIRST])) as w:
         status = until_failed(w, FIRST)

@@ -145,7 +145,7 @@ GOALS = {
 
 
 @pytest.mark.parametrize('name', GOALS)
-def test_random_goals_are_answered_and_do_no_harm(name, monkeypatch):
+def test_random_goals_are_answered_and_nodes_continue(name, monkeypatch):
     kind, good = GOALS[name]
     joint_trajectory_action.install(monkeypatch)
     none = Answer(SearchOutcome.FAILED, 'processes would search')
@@ -162,7 +162,7 @@ def test_random_goals_are_answered_and_do_no_harm(name, monkeypatch):
             assert w.nodes[1].active
 
 
-def test_a_goal_beside_another_is_answered_with_what_is_carried_out():
+def test_a_second_goal_is_refused_with_the_name_of_the_active_one():
     with world(lambda: PickAndPlace(overrides())) as w:
         w.spin(0.2, w.probe.send_all)
         first = w.send_goal(PickObject.Goal())

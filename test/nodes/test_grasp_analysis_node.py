@@ -278,7 +278,7 @@ def test_two_objects_or_none_are_refused(fields, words):
         read_query(AnalyzeGrasp.Request(**usual | fields), 0.005)
 
 
-def test_measured_pressures_count_and_are_not_relied_on_once_they_are_old():
+def test_measured_pressures_are_used_while_they_are_fresh():
     softer = (20e3, 20e3, 20e3)
     body = ConvexObject.disc(SQUEEZED, DIAMETER)
     expected = analyze_grasp(ROBOT.home, body, 0.5, pressure=softer)

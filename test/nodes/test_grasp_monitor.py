@@ -10,12 +10,7 @@ from isotruss_ros.core import ConvexObject, errors, load_robot, Pose, tangent_ce
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.grip_record import GripRecord
 from isotruss_ros.core.holding.roll_grip import roll_grip
-from isotruss_ros.core.inputs import (
-    PRESSURE_TIMEOUT,
-    RejectedInput,
-    RollerState,
-    StampedInput,
-)
+from isotruss_ros.core.inputs import PRESSURE_TIMEOUT, RejectedInput, RollerState, StampedInput
 from isotruss_ros.nodes.grasp.grasp_monitor import _judge, GraspMonitor
 from isotruss_ros.nodes.grasp.grasp_report import GraspCode, GraspQuery
 import numpy as np
@@ -90,13 +85,13 @@ def test_a_wrench_that_was_never_heard_is_zero():
         (RejectedInput('not a number'), GraspCode.INVALID_TUBE_PRESSURES),
     ],
 )
-def test_pressures_in_doubt_leave_no_answer(given, code):
+def test_invalid_pressures_leave_no_result(given, code):
     made = monitor(pressures=given)
     assert_no_answer(made.report(NOW), code)
     assert_no_answer(made.analyze_request(question(), NOW), code)
 
 
-def test_the_answer_holds_for_the_older_of_the_samples():
+def test_time_of_the_result_is_that_of_the_older_input():
     made = monitor(rollers=StampedInput(at(HOME), NOW - 0.1), pose=StampedInput(POSE, NOW - 0.05))
     assert made.report(NOW).time == NOW - 0.1
     assert monitor(pose=StampedInput(POSE, NOW - 0.15)).report(NOW).time == NOW - 0.15
@@ -129,7 +124,7 @@ def test_computes_only_when_something_has_changed():
         assert made.report(later).grasp is made.report(later).grasp, name
 
 
-def test_an_object_that_touches_nothing_is_an_answer_that_says_so():
+def test_an_object_without_contact_has_a_result_with_that_message():
     report = monitor(pose=StampedInput(Pose(5.0, 5.0, 0.0), NOW), wrench=None).report(NOW)
     assert report.code is GraspCode.OK
     assert 'nothing' in report.message
@@ -195,7 +190,7 @@ def test_errors_of_the_analysis_have_their_codes(monkeypatch, error, code):
     assert report.message == 'so it is'
 
 
-def test_what_if_answers_and_leaves_the_live_answer_alone():
+def test_a_request_does_not_change_the_current_result():
     made = monitor()
     live = made.report(NOW).grasp
     other = made.analyze_request(question(body=ConvexObject.disc(CENTER, 0.31)), NOW + 0.05)
@@ -207,7 +202,7 @@ def test_what_if_answers_and_leaves_the_live_answer_alone():
     assert made.report(NOW).grasp is live
 
 
-def test_what_if_needs_no_live_state_when_it_is_told_all():
+def test_a_complete_request_needs_no_measured_inputs():
     made = monitor(rollers=None, pose=None, wrench=RejectedInput('broken'))
     told = made.analyze_request(question(roller_positions=tuple(HOME)), NOW)
     assert told.code is GraspCode.OK

@@ -64,7 +64,7 @@ Result = PlanGrasp.Result
 # Goals and results
 
 
-def test_a_described_object_is_searched_for_where_the_goal_has_it():
+def test_a_described_object_has_the_pose_of_the_goal():
     described = read_object(BOX_FILE)
     lying = PoseStamped(pose=to_pose_message(Pose(0.5, -0.3, -0.5)))
     lying.header.frame_id = 'truss'

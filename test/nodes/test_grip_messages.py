@@ -22,7 +22,7 @@ def message():
     return deserialize_message(packed, HeldGrip)
 
 
-def test_a_grip_there_and_back():
+def test_grips_survive_a_round_trip():
     found = read_grip(message(), NINE).restore(HOME, GRIP.body)
     assert found.pose == pytest.approx(GRIP.pose, abs=1e-6)
     assert found.normal_forces == pytest.approx(GRIP.normal_forces, rel=1e-3)

@@ -79,7 +79,7 @@ def test_a_broadcaster_that_falls_silent_stops_the_rollers_and_its_rollers_are_n
 # Stamps
 
 
-def test_a_joint_state_from_ahead_ages_from_when_it_is_received():
+def test_a_joint_state_with_a_future_stamp_ages_from_its_reception():
     with world(manipulation()) as w:
         w.until_code(Status.OK, w.probe.send_all)
         w.probe.send_joints(age=-0.99 * CLOCK_SKEW)
@@ -124,7 +124,7 @@ def test_encoders_whose_clock_was_set_back_end_the_estimate_with_the_reason():
 
 
 @pytest.mark.parametrize('age', [-2.0, 3600.0])
-def test_a_rejected_pose_is_a_doubt_of_the_estimate(age):
+def test_a_rejected_pose_is_a_warning_of_the_estimator(age):
     with world(estimator()) as w:
 
         def send():

@@ -45,7 +45,7 @@ def test_waits_unconfigured_without_autostart_and_publishes_only_while_active(ki
                 assert counts(w, keys[mine:]) == before[mine:]
 
 
-def test_manipulation_goes_down_with_a_zero_command():
+def test_manipulation_commands_zero_before_it_is_deactivated():
     with world(manipulation()) as w:
         manager = Manager(w, 'manipulation')
         for transition in (
@@ -115,7 +115,7 @@ def test_manipulation_reports_its_loop_and_its_inputs():
         )
 
 
-def test_the_analysis_reports_what_it_lacks():
+def test_the_analysis_reports_missing_inputs():
     with world(lambda: GraspAnalysisNode()) as w:
         w.until(lambda: w.report('grasp_analysis').level == DiagnosticStatus.ERROR)
         assert 'none received' in w.report('grasp_analysis').message

@@ -230,6 +230,7 @@ def test_robots_of_one_name_are_told_apart_by_their_namespaces():
         for namespace in ('left', 'right', ''):
             node = w.add(rclpy.create_node('toy', namespace=namespace))
             node.cycle, node.log_ended = None, lambda: None
+            node.create_steady_timer = node.create_timer
             diagnostics = Diagnostics(node, dict)
             diagnostics.hardware_id = 'nine_member'
             diagnostics.report()

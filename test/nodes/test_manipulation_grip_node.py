@@ -81,8 +81,7 @@ def test_the_squeeze_is_regulated_while_the_object_stays_and_moves():
         assert w.probe.last('status').code == ManipulationStatus.OK
         assert w.place()[:2] == pytest.approx(start[:2], abs=3e-3)
         w.until(
-            lambda: w.place()[0] > start[0] + 0.02,
-            lambda: w.probe.send_twist((0.02, 0.0, 0.0)),
+            lambda: w.place()[0] > start[0] + 0.02, lambda: w.probe.send_twist((0.02, 0.0, 0.0))
         )
         assert simulator._plant.elastic.grasp.squeeze == pytest.approx(FORCE, rel=0.02)
         assert w.place()[1] == pytest.approx(start[1], abs=3e-3)

@@ -128,7 +128,7 @@ def test_every_parameter_of_the_servo_reaches_it():
 
 
 @pytest.mark.parametrize('squeeze', [(30.0, 2.0), None])
-def test_a_status_says_all_of_a_decision(squeeze):
+def test_status_message_contains_all_fields_of_a_decision(squeeze):
     command = RollerCommand(np.zeros(N), np.array([0.1, 0.2, 0.3]), 0.4, Status.SLIDING, (), 2)
     twist, failed = np.array([0.5, 0.6, 0.7]), ROBOT.roller_names[1:3]
     decision = Decision(command, twist, 'why', failed, 8.0, 1.5, squeeze, 0.03)
@@ -159,13 +159,13 @@ def test_whole_numbers_are_taken_for_real_parameters():
         assert 'range' in result.reason
 
 
-def test_an_unknown_parameter_is_warned_of(capfd):
+def test_an_unknown_parameter_causes_a_warning(capfd):
     with world(node(gripmodule=MODULE)):
         pass
     assert 'parameter gripmodule: unknown, and not used' in capfd.readouterr().err
 
 
-def test_a_robot_file_of_ones_own_and_its_frame_are_used(tmp_path):
+def test_a_user_robot_file_and_its_frame_are_used(tmp_path):
     preset = Path(ROBOT.description.source).with_name('triangle.yaml')
     mine = tmp_path / 'mine.yaml'
     mine.write_text(preset.read_text().replace('frame: truss', 'frame: lab'))
@@ -253,7 +253,7 @@ def slowed(w):
     return status.message
 
 
-def test_a_barrier_of_ones_own_is_kept_in_the_node_whatever_changes():
+def test_a_user_defined_barrier_persists_when_parameters_change():
     with world(lambda: Careful(overrides(failure_time=0.0, slide_along_limits=False))) as w:
         assert 'a wall' in slowed(w)
         w.change(min_clearance=0.03)

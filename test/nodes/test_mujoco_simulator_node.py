@@ -29,7 +29,7 @@ def drive(w, velocities):
 
 
 @needs_mujoco
-def test_a_load_moves_the_object_and_too_large_a_one_takes_it():
+def test_a_load_displaces_the_object_and_a_larger_one_removes_it():
     with world(node()) as w:
         w.until(lambda: len(w.probe.seen['pose']) > 50)
         start = w.place()[:2]

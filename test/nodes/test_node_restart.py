@@ -61,7 +61,7 @@ def test_the_simulator_is_active_with_the_other_plant(w):
         assert w.nodes[1].active
 
 
-def test_a_reset_puts_the_robot_home_with_the_same_plant(w):
+def test_a_reset_returns_the_robot_to_home_with_the_same_plant(w):
     said = []
 
     w.until(lambda: w.probe.last('joints') is not None)

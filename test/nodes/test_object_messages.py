@@ -48,7 +48,7 @@ def read(message, pose=None):
     st.booleans(),
     st.none() | st.floats(0.0, 10.0),
 )
-def test_objects_there_and_back(seed, place, mass, weighted, friction):
+def test_objects_survive_a_round_trip(seed, place, mass, weighted, friction):
     shape = random_shape(np.random.default_rng(seed))
     inside = (shape.centroid.real, shape.centroid.imag) if weighted else None
     body = ConvexObject(shape, place, mass, inside, friction)
@@ -58,7 +58,7 @@ def test_objects_there_and_back(seed, place, mass, weighted, friction):
     assert found.pose == pytest.approx(body.pose, abs=1e-12)
 
 
-def test_a_message_says_what_a_file_says():
+def test_object_of_a_message_equals_that_of_a_file():
     message = box(
         corner_radii=[0.02], mass=[1.5], center_of_mass=points([(0.01, -0.02)]), friction=[0.9]
     )
@@ -109,7 +109,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize('case', REFUSED)
-def test_what_is_no_object_is_refused_with_the_place(case):
+def test_invalid_objects_are_refused_with_the_faulty_field(case):
     message, words = REFUSED[case]
     with pytest.raises(MessageError, match=words) as error:
         read(message)
@@ -123,7 +123,7 @@ def test_what_is_no_object_is_refused_with_the_place(case):
     st.sampled_from(['mass', 'friction', 'corner_radii', 'semi_axes', 'vertices', 'diameter']),
     st.floats() | st.sampled_from([math.nan, math.inf, -math.inf, 1e308, -1e308]),
 )
-def test_any_number_in_any_field_makes_an_object_or_a_reason(usual, name, number):
+def test_random_fields_describe_an_object_or_are_refused(usual, name, number):
     values = {'semi_axes': [0.2, number], 'diameter': number}
     values['vertices'] = [*points(CORNERS[:2]), Point(x=number)]
     message = ObjectMessage(**(usual | {name: values.get(name, [number])}))

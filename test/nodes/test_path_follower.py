@@ -22,11 +22,7 @@ from isotruss_ros.core.inputs import RollerState, StampedInput
 from isotruss_ros.core.paths.path_servo import PathServo
 from isotruss_ros.core.planning.foresee_path import foresee_path
 from isotruss_ros.nodes import path_follower
-from isotruss_ros.nodes.conversions.messages import (
-    make_header,
-    read_stamp,
-    to_pose_message,
-)
+from isotruss_ros.nodes.conversions.messages import make_header, read_stamp, to_pose_message
 from isotruss_ros.nodes.manipulation.node import Manipulation
 from isotruss_ros.nodes.path_follower import _check_path, PathFollower
 from isotruss_ros.nodes.simulator.node import Simulator
@@ -379,7 +375,7 @@ def check(displacement, time=NOW, begin=BODY.pose, record=None):
     _check_path(ROBOT, VALUES, servo, path, NOW)
 
 
-def test_a_path_on_which_the_margin_ends_is_refused_with_the_place():
+def test_a_path_on_which_the_object_would_slip_is_refused_with_the_pose():
     words = (
         r'the path would end \d+ % of the way, at \(0\.\d+, 0\.\d+\) m, .* rad: the slip margin'
     )

@@ -31,7 +31,7 @@ def pluck():
 
 
 @needs_mujoco
-def test_the_frequency_is_that_of_a_pull_let_go():
+def test_frequency_is_that_of_the_oscillation_after_a_released_force():
     with world(plant, manipulation(), pluck) as w:
         simulator, _, node = w.nodes[1:]
         w.until(lambda: node.done)
@@ -50,7 +50,7 @@ def test_the_frequency_is_that_of_a_pull_let_go():
 
 
 @needs_mujoco
-def test_a_squeeze_that_is_regulated_is_refused():
+def test_active_squeeze_control_is_refused():
     with (
         pytest.raises(MeasurementError, match='set its squeeze_force to 0'),
         world(plant, manipulation(squeeze_force=20.0, object_mass=0.5), pluck) as w,
@@ -58,7 +58,7 @@ def test_a_squeeze_that_is_regulated_is_refused():
         w.until(lambda: w.nodes[-1].done)
 
 
-def test_without_poses_it_says_what_is_missing():
+def test_missing_poses_are_named():
     with (
         pytest.raises(MeasurementError, match='object_pose: no message'),
         world(lambda: Pluck(overrides(wait_time=1.0))) as w,

@@ -35,7 +35,7 @@ def test_a_reason_that_holds_is_logged_once(log):
     assert log.lines == ['pose: 0.000 s old']
 
 
-def test_a_reason_that_has_ended_is_logged_with_how_often_it_was_given(log):
+def test_an_ended_reason_is_logged_with_its_count(log):
     hold(log, 'stale', 'pose: {:.3f} s old', 264)
     log.log.end()
     assert len(log.lines) == 1
@@ -50,7 +50,7 @@ def test_a_reason_that_takes_the_place_of_another_is_logged(log):
     assert log.lines == ['no twist', 'no longer, after 200 times: no twist', 'no pose']
 
 
-def test_reasons_that_take_turns_are_logged_once_in_a_while(log):
+def test_alternating_reasons_are_logged_at_a_limited_rate(log):
     for _ in range(500):
         hold(log, 'status', 'a', 1)
         hold(log, 'status', 'b', 1)

@@ -66,7 +66,7 @@ rotations = st.tuples(lengths, lengths, lengths).map(Rotation.from_rotvec)
 
 
 @given(rotations, st.tuples(lengths, lengths, lengths), lengths, lengths, st.floats(-3.0, 3.0))
-def test_a_pose_measured_from_anywhere_is_where_it_is(turn, shift, x, y, angle):
+def test_poses_in_any_frame_are_transformed_to_the_robot_frame(turn, shift, x, y, angle):
     true = np.array([x, y, 0.3])
     measured = turn.inv().apply(true - shift)
     seen = turn.inv() * Rotation.from_euler('z', angle)
@@ -76,7 +76,7 @@ def test_a_pose_measured_from_anywhere_is_where_it_is(turn, shift, x, y, angle):
 
 
 @given(rotations, st.tuples(lengths, lengths, lengths))
-def test_markers_measured_from_anywhere_are_where_they_are(turn, shift):
+def test_markers_in_any_frame_are_transformed_to_the_robot_frame(turn, shift):
     true = {name: np.append(ROBOT.home.nodes[NAMES.index(name)], 0.1) for name in 'PQZ'}
     measured = {name: turn.inv().apply(place - shift) for name, place in true.items()}
     frame = RobotFrame(ROBOT, Buffer(turn, shift))
@@ -113,7 +113,7 @@ def test_a_planar_pose_in_a_tilted_frame_is_refused_by_name(degrees):
         frame.read_pose(planar)
 
 
-def test_heights_that_are_no_numbers_are_refused_where_they_count():
+def test_heights_that_are_not_finite_are_refused_if_they_are_used():
     frame = RobotFrame(ROBOT, Buffer(UPRIGHT))
     with pytest.raises(MessageError, match=r'object pose at .*: must be finite'):
         frame.read_pose(pose((1.0, 2.0, math.nan), UPRIGHT.inv()))

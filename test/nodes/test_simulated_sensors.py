@@ -52,7 +52,7 @@ def places(message):
 
 
 @pytest.mark.parametrize('plant', PLANTS)
-def test_sensors_are_as_late_and_as_rare_as_their_parameters(plant):
+def test_delay_and_rate_of_sensors_are_those_of_the_parameters(plant):
     faults = {'encoder_delay': 0.01, 'tracker_delay': 0.03, 'tracker_rate': 20.0}
     values = {'plant': plant, 'indentation': 0.01, 'marker_joints': ['all']}
     with world(lambda: Simulator(overrides(**values, **faults))) as w:
@@ -77,7 +77,7 @@ def test_the_noise_of_the_tracker_is_that_of_its_parameter():
         assert marked.std(axis=0) == pytest.approx(2e-3, rel=0.2)
 
 
-def test_encoders_count_steps():
+def test_encoder_readings_are_multiples_of_the_resolution():
     with world(lambda: Simulator(overrides(encoder_step=1e-3))) as w:
         heard = []
         w.until(lambda: np.ptp(heard or [0.0]) > 5e-3, lambda: heard.append(drive(w)))
@@ -109,14 +109,14 @@ def test_faults_change_while_the_simulator_runs():
         assert len(hear(w)['object_pose']) == pytest.approx(10, abs=1)
 
 
-def test_a_marker_at_no_joint_is_refused():
+def test_a_marker_at_an_unknown_joint_is_refused():
     check_refused(
         lambda: Simulator(overrides(marker_joints=['Z', 'W'])),
         'parameter marker_joints: W: must be of',
     )
 
 
-def test_the_truth_is_that_of_the_plant():
+def test_true_states_are_those_of_the_plant():
     faults = {'tracker_noise': 0.01, 'indentation': 0.01, 'friction': 0.8}
     with world(lambda: Simulator(overrides(plant='elastic', **faults))) as w:
         heard = hear(w)

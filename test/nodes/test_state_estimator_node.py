@@ -63,7 +63,7 @@ def send_markers(w, markers, joints, frame='truss', age=0.0):
     markers.publish(message)
 
 
-def test_joints_of_a_robot_with_wrong_zeros_are_found():
+def test_joints_of_a_robot_with_wrong_offsets_are_estimated():
     with world(lambda: Simulator(overrides(**PLANT)), estimator()) as w:
         listen(w)
         w.spin(2.0)
@@ -229,7 +229,7 @@ def test_over_dds_measured_pressures_stiffen_the_tubes_of_the_estimate():
 
 
 @pytest.mark.parametrize('estimated', some_now([True, False]))
-def test_the_squeeze_of_a_robot_with_wrong_zeros_is_regulated_by_the_estimate(estimated):
+def test_squeeze_of_a_robot_with_wrong_offsets_is_controlled_by_the_estimate(estimated):
     plant = {'plant': 'elastic', 'friction': 0.9, 'indentation': 0.02, 'object_is_free': False}
     marked = {'zero_deviation': 0.006, 'tracker_rate': 20.0, 'tracker_noise': 2e-4}
     marked |= {'marker_joints': ['all'], 'seed': 1}

@@ -166,7 +166,7 @@ def test_a_publisher_that_left_before_its_trajectory_was_received_ends_the_activ
         assert rollers.follows()
 
 
-def test_twists_do_not_count_while_a_trajectory_is_followed():
+def test_twists_are_ignored_during_a_trajectory():
     with world(node(), simulator()) as w:
         rollers = Rollers(w)
         assert 'twist: none received yet' in rollers.said()

@@ -65,11 +65,7 @@ class Relay:
 def relayed(timeout):
     """Return a context manager of a moving robot whose states can be distorted."""
     settings = overrides(command_timeout=timeout)
-    return world(
-        lambda: Simulator(settings),
-        lambda: Manipulation(settings),
-        remaps=REMAPS,
-    )
+    return world(lambda: Simulator(settings), lambda: Manipulation(settings), remaps=REMAPS)
 
 
 def send(w):

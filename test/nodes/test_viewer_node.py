@@ -76,7 +76,7 @@ def test_the_progress_of_a_drag_counts_on_the_clock_of_the_robot():
         w.until(lambda: 'no progress' in node.picture.goal_report, lambda: tick(103.0))
 
 
-def test_a_stop_that_the_status_tells_of_holds_drags_until_its_release():
+def test_a_stop_in_the_status_prevents_drags_until_its_release():
     with viewed() as (w, node, browser):
         control = node._controls.control
 

@@ -56,7 +56,7 @@ def test_rviz_shows_topics_of_the_nodes_in_any_namespace():
     assert topics <= set().union(*(each.published for each in interfaces))
 
 
-def test_every_promise_has_tests_that_are_there():
+def test_every_promise_has_existing_tests():
     held_by = promises.load(DOCS / 'promises.yaml')
     page = (DOCS / 'safety.md').read_text(encoding='utf-8')
     assert sorted(promises.promised(page)) == sorted(held_by)
@@ -69,7 +69,7 @@ def test_every_promise_has_tests_that_are_there():
 
 
 @pytest.mark.parametrize('page', TEXTS)
-def test_names_of_the_core_in_pages_are_there(page):
+def test_names_of_the_core_in_pages_exist(page):
     for name in re.findall(r'`(core\.[\w.]+)', TEXTS[page]):
         assert pydoc.locate(f'isotruss_ros.{name}') is not None, name
 
@@ -128,13 +128,13 @@ def test_every_make_target_named_is_there(page):
 
 
 @pytest.mark.parametrize('page', TEXTS)
-def test_links_lead_somewhere(page):
+def test_links_have_existing_targets(page):
     for target in re.findall(r'\]\(([^)#:]+)[^):]*\)', TEXTS[page]):
         assert (TOP / page).parent.joinpath(target).exists(), target
 
 
 @pytest.mark.parametrize('page', ['README.md', 'CONTRIBUTING.md', 'QUALITY_DECLARATION.md'])
-def test_paths_named_are_there(page):
+def test_named_paths_exist(page):
     named = re.findall(r'`((?:isotruss_ros/)?[\w.]+/[\w./]*)`', TEXTS[page])
     for path in named:
         if not path.startswith(('.venv', 'demo_output', 'docs/_build', 'geometry_msgs')):

@@ -17,13 +17,13 @@ from geometry_msgs.msg import PoseStamped, TwistStamped
 from isotruss_msgs.action import MoveObject, PickObject, PlaceObject, PlanGrasp
 from isotruss_ros.core import Pose, Status
 from isotruss_ros.nodes.conversions.messages import read_stamp, to_pose_message
-from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from nav_msgs.msg import Path as PathMessage
 import numpy as np
 from probe import Probe
 import pytest
 from rclpy.action import ActionClient
 from rclpy.action.client import ClientGoalHandle
+from rclpy.clock import Clock, ClockType
 from rclpy.qos import QoSProfile
 from robot_processes import robot
 from robots import quick_robot
@@ -53,7 +53,8 @@ class PacedClock:
         self._deaf = set(nodes)
         self._silent = dict.fromkeys(LARGEST_AGES, 0)
         probe.listen(TwistStamped, 'twist', 'cmd_vel')
-        create_steady_timer(probe, 0.2 * STEP, self._advance)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        probe.create_timer(0.2 * STEP, self._advance, clock=steady)
 
     def _advance(self) -> None:
         if self._deaf:

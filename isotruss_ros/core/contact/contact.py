@@ -30,9 +30,6 @@ from scipy.linalg import lapack
 
 #: Largest number of updates of the normals [-]; the normals on large discs converge slowly.
 MAX_STEPS = 300
-#: Points of a flattening member are in the estimated contact if they are deeper than this share of
-#: the largest depth [-].
-CONTACT_DEPTH_SHARE = 0.7
 #: Largest gap of a contact [m]; at larger gaps forces that remain in (9) are set to zero.
 MAX_CONTACT_GAP = 1e-7
 #: Steps of (9) between checks of convergence with updated normals [-].
@@ -50,9 +47,9 @@ def solve_contact(
     Solve the contact LCP (8): nonnegative gaps and forces, complementary at each point.
 
     :param contact_points: candidate contact points.
-    :param surface: surface that the points meet, see `find_contact_points`. :param forces: (c,)
-        forces of a similar problem [N]. The iteration starts with contact at the points with
-        positive force. If None, it starts with contact at the deepest points.
+    :param surface: surface that the points meet, see `find_contact_points`.
+    :param forces: (c,) forces of a similar problem [N]. The iteration starts with contact at the
+        points with positive force. If None, it starts with contact at the deepest points.
     :param normals: (c,) initial normals, x + iy; None: the normals at the undeformed tubes.
     :raises SolverError: the normals do not converge.
     """
@@ -181,8 +178,6 @@ def guess_contact(contact_points: ContactPoints, gaps: Array) -> Flags:
     member = contact_points.member
     deepest = np.full(int(member.max(initial=-1)) + 1, np.inf)
     np.minimum.at(deepest, member, gaps)
-    if contact_points.dents.any():
-        deepest = np.where(deepest < 0.0, CONTACT_DEPTH_SHARE * deepest, deepest)
     return gaps <= deepest[member]
 
 

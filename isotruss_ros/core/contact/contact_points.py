@@ -63,7 +63,7 @@ class ContactPoints:
 
     def pushed(self, push: Points) -> Array:
         """
-        Return the loads (6 p,) on the pieces' ends that are equivalent to forces on the points.
+        Return the loads (6 p,) on the ends of p tube pieces equivalent to given forces.
 
         :param push: (c,) forces on the points, x + iy [N].
         """
@@ -150,7 +150,8 @@ class ContactPoints:
         """
         Return whether other points have the same spacing and nearly the same places.
 
-        :param bent: the tubes linearised at the other points, to which the frame was lent.
+        :param bent: the tubes linearised at the other points, which use the factorised matrix of
+            these.
         :param spacing: spacing of the other points [m].
         """
         return spacing == self.spacing and bent.tangent.chains is self.bent.tangent.chains

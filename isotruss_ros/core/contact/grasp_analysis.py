@@ -26,7 +26,7 @@ class SolvedContact(NamedTuple):
     length: Array  #: (m,) length of tube in contact [m]; zero without contact
     #: (m, 2) start and end of the contact from the member's start [m]; (inf, -inf) without contact
     spans: Array
-    #: (k,) indices of the points of the result; all other points are from the search
+    #: (k,) indices of the points in the result; the other points were used in the search only
     kept: Indices
 
 

@@ -42,9 +42,6 @@ REGION_POINTS = 10
 DIVISIONS = (1, 2, 4)
 #: Largest relative change of a region's length by halving the spacing [-].
 LENGTH_SPREAD = 0.02
-#: Largest number of steps to find the regions [-]; after them, points are on all tubes within
-#: reach.
-MAX_STEPS = 3
 EVERYWHERE = np.array([-np.inf, np.inf])
 #: The iteration for the bent tubes ends if the next motion is expected below this bound, relative
 #: to the displacements of the skin [-]. The forces then differ by 3e-6 at most between initial
@@ -97,8 +94,8 @@ def _press_in(search: _Search, refused: IsotrussError, step: float) -> SolvedCon
     For this, the skin of the tubes is first moved away from the object, and then step by step
     back to its place.
 
-    :param refused: error of the solution without steps. :param step: first step as a fraction of
-        the object's depth [-].
+    :param refused: error of the solution without steps.
+    :param step: first step as a fraction of the object's depth [-].
     """
     flattening = search.flattening
     depth = float(member_depths(search.structure.config, search.surface.body).max())
@@ -182,10 +179,10 @@ class _Search:
             if self.budget is not None:
                 # The estimate does not slide, and presses far too hard at corners.
                 found = self.find(SEARCH * self.spacing, None, self.solver)
-        for step in range(MAX_STEPS):
+        for step in range(MAX_SEARCH_STEPS):
             if settled:
                 break
-            found, settled = self.solve(found, limited=step < MAX_STEPS - 1)
+            found, settled = self.solve(found, limited=step < MAX_SEARCH_STEPS - 1)
             # The search goes by tangents, which may be touched where the surface is not.
             touches = self.budget is None or _touched(found.spans).any()
             if not len(found.points.points) or not touches:
@@ -223,7 +220,7 @@ class _Search:
         return solved, bool(fits) and divided
 
     def windows(self, before: SolvedContact, limited: bool, spacing: float) -> Array:
-        """Return the intervals (m, 2) of new points on the members: of those before, if enough."""
+        """Return the intervals (m, 2) of the members in which new points are placed."""
         points, regions = before.points, before.spans
         touched = limited & _touched(regions)
         found = np.where(touched, regions + SEARCH * self.room, EVERYWHERE)
@@ -250,7 +247,7 @@ class _Search:
         bent: BentTubes | None = None,
         before: SolvedContact | None = None,
     ) -> SolvedContact:
-        """Place candidate points at the spacing `distance`, and solve with a surface as fine."""
+        """Place candidate points at the spacing `distance`, and solve the contact."""
         known = None if before is None else (before.points, before.contact.push)
         points = find_contact_points(
             self.structure, self.surface, distance, self.flattening, windows, bent, known

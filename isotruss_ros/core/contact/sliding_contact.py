@@ -52,8 +52,8 @@ def solve_sliding_contact(
 
     :param contact_points: candidate contact points.
     :param surface: surface that the points meet, see `find_contact_points`.
-    :param forces: (c,) initial forces [N], see `solve_contact`. :param normals: (c,) initial
-        normals, x + iy, see `solve_contact`.
+    :param forces: (c,) initial forces [N], see `solve_contact`.
+    :param normals: (c,) initial normals, x + iy, see `solve_contact`.
     :param push: (c,) forces on the tubes in a similar state, x + iy [N]; None: no forces.
     :raises SolverError: the normals do not converge.
     """

@@ -55,12 +55,12 @@ class ContactWalk:
 
     def attach(self, change: Array) -> None:
         """
-        Change the derivatives with respect to considered states without a correction.
+        Change the derivatives with respect to uncorrected states, without adding a correction.
 
         They change after a new search for an equilibrium, which does not move the pose.
 
         :param change: (3, c) change of the derivatives of the pose with respect to the considered
-            states.
+            states, see `add`.
         """
         self._attached = self._attached + change
 
@@ -81,8 +81,9 @@ class ContactWalk:
         :param unsure: (3, 3) covariance of contacts and unexplained pose before the correction
             [m^2].
         :param noise: (3, 3) covariance of pose noise and load [m^2].
-        :param considered: (3, c) derivatives of the pose with respect to the considered states,
-            such as roller offsets. If they change, an error of a considered state moves the pose.
+        :param considered: (3, c) derivatives of the pose with respect to the considered states:
+            uncertain states that are not corrected, such as roller offsets. If the derivatives
+            change, an error of such a state moves the pose.
         :param spread: (c, c) covariance of the considered states.
         """
         considered = considered - self._attached

@@ -211,7 +211,7 @@ class GripBelief:
         """
         Return the slip margin, computed without load and for unknown contact history [N].
 
-        The contact history is left out because an object that has slid into place uses all of its
+        The contact history is ignored because an object that has slid into place uses all of its
         friction and is held nevertheless: if it slips further, it reaches the equilibrium of
         `attach_grip`.
         """

@@ -50,7 +50,7 @@ class RollerParts:
                 readings[-1] = time, complex(position, speed)
 
     def merged(self) -> StampedInput | RejectedInput:
-        """Return the state of all rollers; a rejection if a roller was in no message."""
+        """Return the state of all rollers, or a rejection if a roller was in no message."""
         readings = self._readings
         missing = [n for n, known in zip(self._names, readings, strict=True) if not known]
         if missing:

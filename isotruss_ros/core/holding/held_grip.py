@@ -125,7 +125,7 @@ class HeldGrip:
 
     def touching(self, friction: float) -> Grip:
         """
-        Return a grip of straight members with the contacts of this equilibrium.
+        Return the contacts of this equilibrium as a `Grip`, whose members are straight.
 
         :param friction: coefficient of friction between tubes and object.
         """

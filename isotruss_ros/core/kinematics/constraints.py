@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from isotruss_ros.core.model.topology import Topology
 from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.core.numerics.factorization import Factor, factorize
-from isotruss_ros.core.numerics.tolerances import EPSILON, MAX_NEWTON_ITERATIONS
+from isotruss_ros.core.numerics.tolerances import COINCIDENCE, EPSILON, MAX_NEWTON_ITERATIONS
 import numpy as np
 from scipy.sparse import coo_matrix, csc_matrix
 
@@ -168,8 +168,9 @@ class Constraints:
         The second derivatives are d2|v|[a, b] = (n . a) (n . b) / |v| with the unit normal n of v,
         and d2t[a, b] = -Im(a b / v^2) with the direction angle t of v.
 
-        :param points: (n,) nodes [m]. Each column is one such scalar weights^T matrix motion.
-        :param weights: (5m + g, p) factors of the rows.
+        :param points: (n,) nodes [m].
+        :param weights: (5m + g, p) factors of the rows; each of the p columns belongs to one
+            scalar.
         :param motions: (2n, p) velocities of the nodes.
         :return: (2n, p) derivatives with respect to the node coordinates.
         """
@@ -195,11 +196,7 @@ class Constraints:
 
 
 def follow_branch(
-    constraints: Constraints,
-    points: Points,
-    targets: Targets,
-    factor: Factor | None = None,
-    tolerance: float = 1e-12,
+    constraints: Constraints, points: Points, targets: Targets, factor: Factor | None = None
 ) -> Points | None:
     """
     Solve the constraints for new prescribed values, on the same branch of solutions.
@@ -210,12 +207,10 @@ def follow_branch(
     :param points: (n,) nodes that fulfil the constraints for nearby prescribed values [m].
     :param targets: new lengths and grounded coordinates.
     :param factor: factorised matrix at `points`; None: it is computed.
-    :param tolerance: largest residual of the result [m, rad]. For comparison, rounding errors are
-        1e-15, and the accuracy of hardware is 1e-4.
     :return: (n,) nodes [m]; None if the step is too long or no configuration exists.
     """
-    # Rounding error of a residual relative to the coordinates.
-    tolerance = max(tolerance, 64.0 * EPSILON * float(np.abs(points).max()))
+    # Largest residual [m, rad], not less than the rounding error of the coordinates.
+    tolerance = max(COINCIDENCE, 64.0 * EPSILON * float(np.abs(points).max()))
     residual = constraints.residual(points, targets)
     error = np.abs(residual).max()
     start, predictor = points, None

@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
 
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.kinematics.configuration import Configuration
@@ -16,28 +15,10 @@ from isotruss_ros.core.manipulation.limits import Limit
 from isotruss_ros.core.manipulation.solve_twist import carry_out, SCALING
 from isotruss_ros.core.manipulation.status import RollerCommand
 from isotruss_ros.core.manipulation.task import Reach, working_rollers
-from isotruss_ros.core.numerics.arrays import Array, finite_array
+from isotruss_ros.core.numerics.arrays import finite_array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 import numpy as np
 from numpy.typing import ArrayLike
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class JointCommand(RollerCommand):
-    """
-    Roller velocities with the resulting velocities of joints, see `RollerCommand`.
-
-    :ivar achieved_twist: (2 k,) velocities vx, vy of k joints in the robot frame [m/s].
-    :ivar reachable_dof: number of independent motions that the working rollers can produce.
-    """
-
-    joints: tuple[str, ...] = ()  #: names of the joints
-
-    @property
-    def achieved_velocities(self) -> dict[str, Array]:
-        """Return the achieved velocity (vx, vy) for the name of each joint [m/s]."""
-        velocities = self.achieved_twist[: 2 * len(self.joints)].reshape(-1, 2)
-        return dict(zip(self.joints, velocities, strict=True))
 
 
 def check_joint(robot: Mechanism, name: str) -> None:
@@ -63,7 +44,7 @@ def solve_joint_velocity(
     failed: Collection[str] = (),
     limits: Sequence[Limit] | None = None,
     handling: LimitHandling = SCALING,
-) -> JointCommand:
+) -> RollerCommand:
     """
     Return the least-cost (11) roller velocities for given velocities of joints.
 
@@ -76,6 +57,8 @@ def solve_joint_velocity(
     :param failed: names of failed rollers, which do not move.
     :param limits: limits that replace those of the robot file; None: the limits of the file.
     :param handling: behaviour at binding limits.
+    :return: command; `achieved_twist` has the velocities vx, vy of the joints, in their order, (2
+        k,) [m/s], and `reachable_dof` is the number of independent motions of the joints.
     :raises GraspError: the robot has no such joint or roller, no velocity is given, or a velocity
         is not two finite numbers.
     :raises ConfigurationError: the configuration is singular.
@@ -100,5 +83,4 @@ def solve_joint_velocity(
         robot.topology, frozenset([failed] if isinstance(failed, str) else failed)
     )
     reach = Reach.of(jacobian, working, np.ones(len(jacobian)))
-    command = carry_out(config, reach, desired, limits, handling)
-    return JointCommand(**vars(command), joints=tuple(velocities))
+    return carry_out(config, reach, desired, limits, handling)

@@ -107,12 +107,14 @@ def solve_qp(problem: QuadraticProgram) -> Array | None:
 
 def _free_space(problem: QuadraticProgram) -> tuple[Array, Array]:
     """Return an orthonormal basis (n, f) of the equalities' null space, and one solution (n,)."""
-    if problem.equality is None:
-        n = len(problem.gradient)
+    n, k = len(problem.gradient), 0 if problem.equality is None else len(problem.equality)
+    if k == 0:
         return np.eye(n), np.zeros(n)
-    k = len(problem.equality)
-    basis, factor = np.linalg.qr(problem.equality.T, mode='complete')
-    start = np.linalg.solve(factor[:k].T, problem.target)
+    packed, tau, _, _ = lapack.dgeqrf(np.asfortranarray(problem.equality.T))
+    square = np.zeros((n, n), order='F')
+    square[:, :k] = packed
+    basis, _, _ = lapack.dorgqr(square, tau)
+    start, _ = lapack.dtrtrs(packed[:k], problem.target, trans=1)
     return basis[:, k:], basis[:, :k] @ start
 
 

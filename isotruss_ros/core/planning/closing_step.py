@@ -152,10 +152,11 @@ def solve_step(state: SearchState, closing: Closing, targets: Array, share: floa
 
 def _bound_rows(state: SearchState, closing: Closing, targets: Array) -> tuple[Array, Array]:
     """
-    Return the constraints rows u >= bounds of a step u, as rows (k, r) and bounds (k,).
+    Return the rows (k, r) and bounds (k,) of the constraints rows u >= bounds of a step u.
 
     They bound the gaps of grasping members (by targets (s,) [m]), the gaps of other parts to the
-    object, the rigidity, and the distances between near parts of the robot; last come the limits.
+    object, the rigidity, and the distances between near parts of the robot. The last rows are the
+    limits of the robot file.
     """
     config, members, robot = state.config, list(closing.members), state.config.robot
     collisions, length = collision_model(robot), robot.home.member_lengths.mean()

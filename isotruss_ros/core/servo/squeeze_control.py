@@ -238,8 +238,9 @@ class SqueezeControl:
         """
         Return the desired squeeze [N].
 
-        A squeeze that would be unknown exceeds the setting by as much as it did at first. Opening
-        the grip could release the object, which no pose would show before the object is moved.
+        If the squeeze would be unknown at the setting, the first estimate's excess over the
+        setting is retained. Opening the grip could release the object, and the measured pose would
+        not show this until the object is moved.
         """
         force = self.settings.force
         known = belief.squeeze_deviation <= MAX_KNOWN_DEVIATION * force

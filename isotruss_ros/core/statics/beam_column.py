@@ -38,7 +38,7 @@ class EndForces(NamedTuple):
     :ivar values: (k, 3) axial force N [N], and moments M1 and M2 at start and end [N m].
     :ivar stiffness: (k, 3, 3) derivatives of `values` with respect to (l, t1, t2).
     :ivar stressed: (k, 3) `values` before the step of Newton's method that makes the energy
-        stationary in N; the geometric stiffness is theirs.
+        stationary in N; from these values the geometric stiffness is computed.
     :ivar gap: (k,) missing elongations before this step [m].
     """
 

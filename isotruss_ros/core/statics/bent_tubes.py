@@ -115,7 +115,7 @@ class BentTubes:
 
     @cached_property
     def _cut(self) -> tuple[Frame, Array, Array]:
-        """Return the cut frame, the directions (k,) of its pieces, and the places (k,) of cuts."""
+        """Return the frame with nodes at load points, and the arrays `ahead` and `cuts`."""
         frame = self.structure.frame
         if not len(self.members):
             return frame, self.places, self.places
@@ -153,12 +153,12 @@ class BentTubes:
 
     @cached_property
     def ahead(self) -> Array:
-        """Return 1 for each load point (k,) whose piece points along the member, otherwise -1."""
+        """Return (k,) 1 if the frame's member at a load point points along the tube, else -1."""
         return self._cut[1]
 
     @cached_property
     def cuts(self) -> Array:
-        """Return the distances of the cuts from the members' starts, (k,) [m]."""
+        """Return the distances (k,) of the nodes at load points from the members' starts [m]."""
         return self._cut[2]
 
     @property
@@ -173,7 +173,7 @@ class BentTubes:
 
     def locate(self, members: Indices, places: Array) -> tuple[Indices, Array, Array]:
         """
-        Return the parts of the cut frame that contain points, see `Structure.locate`.
+        Return the parts of members that contain given points, see `Structure.locate`.
 
         :param members: (c,) indices of the members.
         :param places: (c,) distances from the members' starts [m].
@@ -211,7 +211,7 @@ class BentTubes:
 
     @cached_property
     def _changes(self) -> tuple[Array, Array]:
-        """Return changes of nodes (n, 3, p) and multipliers by loads, places and residual."""
+        """Return changes (n, 3, p) of nodes and (c, p) of multipliers by loads and places."""
         units = self._units
         loads = np.column_stack([units, -self._place_rates[0]])
         applied = np.zeros(len(units))
@@ -352,7 +352,7 @@ class BentTubes:
         return moved, nodes
 
     def _ways(self, loads: Array, places: Array) -> Array:
-        """Return the factors (p,) of the columns of `_changes` for given loads and places."""
+        """Return the amounts (p,) by which loads and places differ from those of this state."""
         known = 0.0 if self.before is None else self.before.loads
         return np.concatenate([(loads - known).ravel(), places - self._cut[2], [1.0]])
 

@@ -21,7 +21,6 @@ from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.nodes.bring_up.joint_markers import DEVIATION, JointMarkers, WINDOW
 from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.commands import RollerCommands
-from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.parameters import FixedSpec, ROBOT, Spec
 from isotruss_ros.nodes.framework.runner import StoppableNode
 from isotruss_ros.nodes.framework.topics import LATCHED
@@ -60,7 +59,7 @@ class CheckRollers(StoppableNode):
         self._velocities = np.zeros(len(self._robot.roller_names))
         self._course = self._check_all()
         self._due = self.now() + WINDOW + self.values.settle_time
-        create_steady_timer(self, 1.0 / self.values.rate, self._cycle)
+        self.create_steady_timer(1.0 / self.values.rate, self._cycle)
 
     def stop(self) -> None:
         """Command zero velocities."""

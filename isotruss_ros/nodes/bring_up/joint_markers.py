@@ -46,6 +46,8 @@ class JointMarkers:
     Recent messages of `joint_markers` and `joint_states`.
 
     :ivar inputs: subscriptions of both topics.
+    :param node: subscribing node.
+    :param robot: the robot.
     """
 
     def __init__(self, node: StoppableNode, robot: Robot) -> None:
@@ -58,6 +60,7 @@ class JointMarkers:
         """
         Return the mean joint positions over the averaging time.
 
+        :param now: time on the clock of the stamps [s].
         :raises MeasurementError: no message of a topic arrives, or the rollers move.
         """
         self.inputs.settle()

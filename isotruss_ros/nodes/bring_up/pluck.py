@@ -18,7 +18,6 @@ from isotruss_ros.core.inputs import StampedInput
 from isotruss_ros.nodes.bring_up.joint_markers import MAX_TOPIC_AGE
 from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.commands import create_twist_publisher
-from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.parameters import ROBOT, Spec
 from isotruss_ros.nodes.framework.runner import StoppableNode
 from isotruss_ros.nodes.framework.sensors import Inputs
@@ -74,7 +73,7 @@ class Pluck(StoppableNode):
         )
         self._began = self.now()
         self._pushed: float | None = None
-        create_steady_timer(self, 1.0 / values.rate, self._cycle)
+        self.create_steady_timer(1.0 / values.rate, self._cycle)
 
     def stop(self) -> None:
         """Publish a zero twist before the node ends."""

@@ -15,7 +15,6 @@ from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.statics.sag import find_sag
 from isotruss_ros.nodes.bring_up.joint_markers import JointMarkers, MAX_TOPIC_AGE
 from isotruss_ros.nodes.framework import common_parameters as common
-from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.parameters import ROBOT, Spec
 from isotruss_ros.nodes.framework.runner import StoppableNode
 from isotruss_ros.nodes.framework.topics import LATCHED, RELIABLE
@@ -73,7 +72,7 @@ class Preflight(StoppableNode):
             'roller signs': self._check_signs,
             'masses': self._check_masses,
         }
-        create_steady_timer(self, self.values.listen_time, self._report)
+        self.create_steady_timer(self.values.listen_time, self._report)
 
     def _report(self) -> None:
         """Print a line for each check, and end the node with an error if a check failed."""

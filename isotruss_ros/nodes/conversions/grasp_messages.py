@@ -101,6 +101,7 @@ def read_query(
     """
     Convert the request of a grasp analysis; the analysis checks values except the object.
 
+    :param request: request of the service `analyze_grasp`.
     :param spacing: spacing of the contact points along the tubes [m].
     :param paper_model: True for the paper's model, see `analyze_grasp`.
     :raises MessageError: the request describes no object, two objects, or an invalid object.
@@ -145,6 +146,7 @@ def to_state_message(report: GraspReport, frame: str) -> GraspState:
     """
     Convert a grasp report to a message; without a result, it has the most cautious values.
 
+    :param report: report of the grasp monitor.
     :param frame: name of the robot frame.
     """
     state = GraspState(code=int(report.code), message=report.message)

@@ -47,6 +47,7 @@ def to_marker_array(report: GraspReport, frame: str, time: float) -> MarkerArray
     """
     Return RViz markers for a grasp report; the first one deletes all earlier markers.
 
+    :param report: report of the grasp monitor.
     :param frame: name of the robot frame.
     :param time: stamp of the markers [s].
     """

@@ -30,7 +30,11 @@ class MessageError(IsotrussError, ValueError):
 
 
 def read_stamp(header: Header) -> float:
-    """Return the stamp of a header [s]."""
+    """
+    Return the stamp of a header [s].
+
+    :param header: header of a message.
+    """
     return header.stamp.sec + 1e-9 * header.stamp.nanosec
 
 
@@ -49,6 +53,7 @@ def read_twist(twist: Twist) -> tuple[float, float, float]:
     """
     Return the planar twist (vx, vy, omega) of a message [m/s, rad/s].
 
+    :param twist: twist of the object.
     :raises MessageError: a component is not finite, or a component out of the plane is not zero.
     """
     linear, angular = twist.linear, twist.angular
@@ -70,6 +75,7 @@ def check_frame(what: str, header: Header, frame: str) -> None:
     An empty name is accepted.
 
     :param what: name of the message, for the error message.
+    :param header: header of the message.
     :param frame: name of the robot frame.
     :raises MessageError: the header names another frame; the text names both frames.
     """
@@ -142,6 +148,7 @@ def read_pose(what: str, message: PoseMessage) -> Pose:
     Return the planar pose in a message; height and tilt are ignored.
 
     :param what: name of the pose, for the error message.
+    :param message: pose in any frame.
     :raises MessageError: a value is not finite or too large, or the quaternion is not a rotation.
     """
     position, q = message.position, message.orientation
@@ -154,7 +161,11 @@ def read_pose(what: str, message: PoseMessage) -> Pose:
 
 
 def to_pose_message(pose: Pose) -> PoseMessage:
-    """Convert a planar pose to a message."""
+    """
+    Convert a planar pose to a message.
+
+    :param pose: (x, y, angle) [m, rad].
+    """
     message = PoseMessage()
     message.position.x, message.position.y = pose.x, pose.y
     message.orientation.z = math.sin(0.5 * pose.angle)

@@ -31,6 +31,8 @@ def read_described(
     """
     Return the object that a request describes, at a pose; None if it describes no object.
 
+    :param message: description of the object.
+    :param pose: pose of the object in the robot frame.
     :param name: name of the request's field with the diameter of a disc.
     :param diameter: diameter of a disc [m].
     :raises MessageError: the description is invalid or has a field that belongs to another shape,
@@ -72,6 +74,7 @@ def to_object_message(body: ConvexObject) -> ObjectMessage:
     """
     Convert an object without its pose to a message.
 
+    :param body: the object at any pose.
     :raises GraspError: messages cannot describe its shape.
     """
     shape: Any = body.shape

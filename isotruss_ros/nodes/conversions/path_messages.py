@@ -28,6 +28,7 @@ def read_object_path(
     """
     Return the object path in a goal; None if the object is already at the only pose.
 
+    :param message: poses of the object.
     :param speed: speed of the object's centre along the path [m/s].
     :param turn_rate: largest angular velocity [rad/s].
     :param robot: the robot. Poses farther away than the length of its tubes are rejected.
@@ -75,6 +76,7 @@ def to_trajectory_message(
     """
     Convert a roller trajectory to a message.
 
+    :param robot: the robot.
     :param positions: (k, r) roller positions of the waypoints [m].
     :param times: (k,) times of the waypoints, from 0 [s].
     """
@@ -98,5 +100,9 @@ def to_duration(seconds: float) -> Duration:
 
 
 def read_duration(duration: Duration) -> float:
-    """Return the duration of a message [s]."""
+    """
+    Return the duration of a message [s].
+
+    :param duration: message of the duration.
+    """
     return duration.sec + 1e-9 * duration.nanosec

@@ -42,6 +42,8 @@ def read_goal(
     """
     Convert the goal of a grasp search to the arguments of the search.
 
+    :param goal: goal of the action.
+    :param robot: the robot.
     :param described: object at any pose that is used if the goal describes no object; None: the
         goal must describe one.
     :raises MessageError: the goal has no pose, another frame, no object, two objects, or a number
@@ -115,7 +117,12 @@ def _read_body(goal: PlanGrasp.Goal, described: ConvexObject | None) -> ConvexOb
 
 
 def to_result_message(answer: Answer, robot: Robot) -> PlanGrasp.Result:
-    """Convert the result of a search to a message."""
+    """
+    Convert the result of a search to a message.
+
+    :param answer: result of the search.
+    :param robot: the robot.
+    """
     plan = answer.plan
     if plan is None:
         return PlanGrasp.Result(code=int(answer.outcome), message=answer.message)

@@ -26,6 +26,8 @@ def read_joint_markers(
     """
     Return the position (x, y, z) in the message's frame for each joint name [m].
 
+    :param message: message of the topic `joint_markers`.
+    :param robot: the robot.
     :raises MessageError: the numbers of names and transforms differ, a joint is unknown or
         repeated, or a position is not finite.
     """
@@ -114,6 +116,7 @@ def read_tube_pressure(message: FluidPressure, robot: Robot, ambient: float) -> 
 
     :param message: message of the topic `tube_pressures`, with the name of the tube in
         `header.frame_id`.
+    :param robot: the robot.
     :param ambient: ambient pressure that is subtracted [Pa]; 0 if the message contains a gauge
         pressure.
     :raises MessageError: the tube is unknown, or the pressure is not positive.

@@ -28,7 +28,12 @@ MAX_OFFSET = 1.0
 
 
 def to_estimate_message(estimate: StateEstimate, robot: Robot) -> StateEstimateMessage:
-    """Convert a state estimate to a message."""
+    """
+    Convert a state estimate to a message.
+
+    :param estimate: estimate of the state.
+    :param robot: the robot.
+    """
     message = StateEstimateMessage(
         roller_names=list(robot.roller_names),
         travel=estimate.travel.tolist(),
@@ -59,6 +64,8 @@ def read_estimate(message: StateEstimateMessage, robot: Robot) -> EstimatedTrave
     """
     Return the roller offsets and their covariance in a message of the estimator.
 
+    :param message: message of the topic `state_estimate`.
+    :param robot: the robot.
     :raises MessageError: the message has another frame or other rollers, or an offset or
         covariance is not finite.
     """
@@ -86,6 +93,8 @@ def to_grip_message(record: GripRecord, robot: Robot, when: float) -> HeldGripMe
     """
     Convert the record of a held grip to a message.
 
+    :param record: record of the grip.
+    :param robot: robot that holds the object.
     :param when: time at which the grip was computed [s].
     """
     contacts = record.contacts
@@ -106,6 +115,8 @@ def read_grip(message: HeldGripMessage, robot: Robot) -> GripRecord:
     """
     Return the record of a held grip in a message.
 
+    :param message: message of the topic `manipulation/grip`.
+    :param robot: robot that holds the object.
     :raises MessageError: the message has another frame, contacts that the robot cannot have, lists
         of different lengths, or values that are not finite.
     """

@@ -58,7 +58,9 @@ def read_roller_goal(
     Return the content of an action goal with a roller trajectory.
 
     :param goal: goal of FollowRollerTrajectory or FollowJointTrajectory.
+    :param robot: the robot.
     :param here: (r,) measured roller positions [m].
+    :param now: time on the clock of the node [s].
     :param timeout: largest age of the stamp [s].
     :raises TrajectoryGoalError: a joint is unknown or missing, or the stamp is too old.
     :raises MessageError: tolerances are invalid, fields are set that have no meaning for rollers,
@@ -99,6 +101,7 @@ def read_roller_trajectory(
 
     :param message: trajectory of all rollers in any order. If the time of its first point is later
         than zero, the trajectory begins at the measured positions.
+    :param robot: the robot.
     :param here: (r,) measured roller positions [m].
     :raises TrajectoryGoalError: a roller is missing, unknown or repeated.
     :raises MessageError: the number of points, or of the positions of a point, is wrong; or a

@@ -63,6 +63,7 @@ def read_described(values: Parameters) -> ConvexObject | None:
 
     Then the parameter `object_diameter` defines a disc.
 
+    :param values: parameters of a node.
     :raises IsotrussError: the description is invalid.
     """
     return read_object(values.object) if values.object else None
@@ -72,6 +73,7 @@ def read_body(values: Parameters) -> ConvexObject:
     """
     Return the object that the parameter `object` or else `object_diameter` defines.
 
+    :param values: parameters of a node.
     :raises IsotrussError: the description is invalid.
     """
     return read_described(values) or ConvexObject(Disc(values.object_diameter))
@@ -81,6 +83,7 @@ def check_grip(robot: Robot, values: Mapping[str, Value]) -> None:
     """
     Raise IsotrussError if the robot lacks the module or members of the grip parameters.
 
+    :param robot: the robot.
     :param values: new values for the names of parameters; other parameters than `grip` and
         `grip_module` are ignored.
     :raises IsotrussError: a module or member does not exist, or the number of different members is
@@ -106,6 +109,7 @@ def select_grip(robot: Robot, values: Parameters) -> tuple[str, ...]:
     Return the members named by the parameter `grip`, or else those at `grip_module`.
 
     :param robot: the robot. If both parameters are empty, its last module is used.
+    :param values: parameters of a node.
     """
     module = values.grip_module or robot.module_names[-1]
     return named_members(values.grip) or members_at(robot, module)

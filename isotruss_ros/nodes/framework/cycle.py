@@ -6,15 +6,11 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
-from functools import partial
 import time
 
 from isotruss_ros.nodes.framework.topics import take_waiting
-from rclpy.clock import Clock
-from rclpy.clock_type import ClockType
 from rclpy.executors import SingleThreadedExecutor, TimeoutException
 from rclpy.node import Node
-from rclpy.timer import Timer
 
 #: Period of the check whether simulated time stands still [s].
 WATCH_PERIOD = 0.02
@@ -61,10 +57,10 @@ class Cycle:
         self.is_steady = not node.get_parameter('use_sim_time').value
         self._clocks = [each for each in node.subscriptions if each.topic_name == '/clock']
         # Timers of the system clock would stop for an hour if it is set back by an hour.
-        create_timer = partial(create_steady_timer, node) if self.is_steady else node.create_timer
+        create_timer = node.create_steady_timer if self.is_steady else node.create_timer
         self._timer = create_timer(1.0 / self._values.rate, self._tick)
         if stopped is not None and not self.is_steady:
-            create_steady_timer(node, WATCH_PERIOD, self._check)
+            node.create_steady_timer(WATCH_PERIOD, self._check)
 
     def apply(self) -> None:
         """Apply the current values of the parameters."""
@@ -175,13 +171,3 @@ class PacedExecutor(SingleThreadedExecutor):
                 return
             handler()
             handler.result()  # raises the exception of the callback
-
-
-def create_steady_timer(node: Node, period: float, callback: Callable[[], None]) -> Timer:
-    """
-    Return a timer on the steady clock, independent of simulated time and clock changes.
-
-    :param period: period of the callbacks [s].
-    :param callback: function without arguments.
-    """
-    return node.create_timer(period, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))

@@ -11,7 +11,6 @@ import time
 from typing import Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.topics import EVENTS
 
 #: Time without a repetition after which a reason counts as ended [s].
@@ -97,7 +96,7 @@ class Diagnostics:
         self._level, self._message = DiagnosticStatus.OK, ''
         self._sent_level, self._sent = DiagnosticStatus.OK, 0.0
         self._reports = node.create_publisher(DiagnosticArray, '/diagnostics', EVENTS)
-        create_steady_timer(node, REPORT_PERIOD, self.report)
+        node.create_steady_timer(REPORT_PERIOD, self.report)
 
     def set_status(self, message: str, level: bytes = DiagnosticStatus.OK) -> None:
         """

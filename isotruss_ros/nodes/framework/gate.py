@@ -60,6 +60,7 @@ class Gate:
     :ivar words: name of the input that texts for users contain.
     :param node: subscribing node, whose clock is compared with the stamps. A message without a
         header is stamped at reception.
+    :param topic: relative name of the topic.
     :param take: callback that receives a `StampedInput`, whose time is not in the future, or a
         `RejectedInput`, and the current time [s].
     :param oldest: largest age of a message [s]; None: the value of the topic's parameter.

@@ -127,7 +127,11 @@ class ManagedNode(StoppableNode, LifecycleNode):
                 self.deactivate()
 
     def fail(self, error: Exception) -> None:
-        """Deactivate the node after an uncaught error in a callback; it is then unconfigured."""
+        """
+        Deactivate the node after an uncaught error in a callback; it is then unconfigured.
+
+        :param error: error, which is logged and reported.
+        """
         traceback.print_exception(error)
         self._record_failure('run', error)
         if self.active:
@@ -281,7 +285,11 @@ class ManagedNode(StoppableNode, LifecycleNode):
 
 
 def log_refusals(node: Node) -> None:
-    """Make rclpy log errors about negative times and invalid transitions, not raise them."""
+    """
+    Make rclpy log errors about negative times and invalid transitions, not raise them.
+
+    :param node: node whose rclpy methods are wrapped.
+    """
     for entity in (*node.subscriptions, *node.services):
         name = getattr(entity, 'topic_name', '') or getattr(entity, 'service_name', '')
         # The callbacks of rclpy itself are methods, until they are replaced here.

@@ -42,6 +42,7 @@ class RobotFrame:
     """
     Transformation of measured poses and markers to the robot frame at their stamps.
 
+    :param robot: robot with the frame and the marked joints.
     :param buffer: buffer of transforms with the method `lookup_transform` of `tf2_ros`; None
         without tf2, in which case measurements must be in the robot frame.
     """
@@ -56,6 +57,7 @@ class RobotFrame:
         Return a transformation that uses transforms received by a node, if tf2 is installed.
 
         :param node: node that subscribes to `/tf` and `/tf_static`.
+        :param robot: the robot.
         """
         if Buffer is None:
             return cls(robot)

@@ -21,12 +21,15 @@ from isotruss_ros.nodes.framework.diagnostics import ReasonLog
 from isotruss_ros.nodes.framework.parameters import Parameters, Spec
 from isotruss_ros.nodes.framework.topics import RELIABLE
 import rclpy
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
 from rclpy.logging import LoggingSeverity, set_logger_level
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
+from rclpy.timer import Timer
 from scipy import interpolate, optimize  # noqa: F401 - imported before the first cycle
 from std_srvs.srv import Trigger
 
@@ -120,9 +123,19 @@ class StoppableNode(Node):
 
         :param kind: type of the messages.
         :param topic: relative name of the topic.
+        :param profile: quality of service.
         """
         create = getattr(self, 'create_lifecycle_publisher', self.create_publisher)
         return create(kind, topic, profile)
+
+    def create_steady_timer(self, period: float, callback: Callable[[], None]) -> Timer:
+        """
+        Return a timer of the steady clock, unaffected by simulated time and clock changes.
+
+        :param period: period of the callbacks [s].
+        :param callback: function without arguments.
+        """
+        return self.create_timer(period, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def stop(self) -> None:
         """Bring the robot to a safe state; publishers are still enabled."""

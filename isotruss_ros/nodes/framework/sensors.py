@@ -53,6 +53,8 @@ class Inputs:
     - `pressures`: gauge pressures (t,) [Pa] from `tube_pressures`, available once a message for
       each tube has arrived. The stamp is the oldest one of these messages.
 
+    :param node: subscribing node.
+    :param robot: robot with the rollers, tubes and frame of the messages.
     :param holder: object that stores the inputs as its attributes; None: this object.
     :param oldest: largest age of an input [s]; None: the value of a parameter of the node.
     """
@@ -108,6 +110,7 @@ class Inputs:
         Subscribe to a topic, and store the value of the newest message as an input.
 
         :param name: name of the input.
+        :param topic: topic with the type and the reader of its messages.
         :param take: callback that receives every value, even if its stamp is older than that of
             the stored value; None: no callback.
         :param oldest: largest age of this input [s]; None: the value for all inputs.
@@ -233,6 +236,7 @@ class Inputs:
         """
         Return the configuration at the latest joint states.
 
+        :param now: time on the clock of the inputs [s].
         :raises InputError: the joint states are missing, stale or invalid.
         :raises ConfigurationError: no configuration exists at these roller positions.
         """

@@ -48,6 +48,7 @@ class SingleGoal:
 
     :ivar kind: type of the action.
     :ivar client: detector for the loss of the goal's client; None if goals are not supervised.
+    :param node: node that offers the action until it is destroyed.
     :param kind: type of the action.
     :param name: relative name of the action.
     :param read: function that checks a goal and converts it before it is accepted. It raises
@@ -124,6 +125,7 @@ class SingleGoal:
         """
         End the active goal; the client receives the result when the executor spins next.
 
+        :param ending: final state of the goal.
         :param result: message of the result.
         """
         self._ended[_key(self._handle)].set_result((ending, self._stamp(result)))
@@ -133,6 +135,7 @@ class SingleGoal:
         """
         End the active goal, and report its result in the diagnostics and the log.
 
+        :param outcome: final code.
         :param result: message of the result.
         :param prefix: text that precedes the result in the report.
         """

@@ -29,7 +29,11 @@ START_TIMEOUT = 1.0
 
 
 class ClientWatch:
-    """Detector for the loss of a goal's client, from the time of its last heartbeat."""
+    """
+    Detector for the loss of a goal's client, from the time of its last heartbeat.
+
+    :param node: node that subscribes until it is destroyed.
+    """
 
     def __init__(self, node: LifecycleNode) -> None:
         self.goal: bytes | None = None

@@ -78,6 +78,7 @@ def take_waiting(taken: list[Any], subscription: Subscription, most: int) -> lis
     Return a received message, followed by the messages queued behind it, in their order.
 
     :param taken: list with the received message, possibly empty.
+    :param subscription: subscription with the queue.
     :param most: largest number of returned messages.
     """
     messages = list(taken)

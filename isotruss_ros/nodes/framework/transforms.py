@@ -39,6 +39,9 @@ class TransformBroadcaster:
     a contact frame is normal to the member and points into the object. A module frame has its
     origin at the joint and its x axis along the connection rod. If `tf2_msgs` is not installed,
     nothing is broadcast and a warning is logged.
+
+    :param node: publishing node.
+    :param robot: the robot.
     """
 
     def __init__(self, node: ManagedNode, robot: Robot) -> None:
@@ -63,6 +66,7 @@ class TransformBroadcaster:
         """
         Publish the transforms from the robot frame.
 
+        :param config: measured configuration of the robot.
         :param pose: pose of the object, robot frame.
         :param contacts: contact frame of each member in contact, see `find_contact_frames`.
         :param time: time of the measurements [s].
@@ -97,6 +101,9 @@ def find_contact_frames(
 
     The origin is the centre of pressure, x + iy [m]. The x axis is a unit vector x + iy, normal to
     the member and pointing into the object.
+
+    :param analysis: analysis of the grasp.
+    :param robot: robot to which the members belong.
     """
     frames, forces = {}, analysis.normal_forces
     for number in sorted(set(analysis.members[forces > 0.0].tolist())):
@@ -109,5 +116,9 @@ def find_contact_frames(
 
 
 def name_module_frames(robot: Robot) -> list[str]:
-    """Return the names of the modules' frames in `Robot.module_names` order."""
+    """
+    Return the names of the modules' frames in `Robot.module_names` order.
+
+    :param robot: the robot.
+    """
     return [f'{robot.frame}_{name.replace("/", "_")}' for name in robot.module_names]

@@ -71,6 +71,7 @@ class GraspMonitor:
     :ivar wrench: input of the external wrench (fx, fy, m) on the object [N, N m]; None: zero.
     :ivar pressures: input of the gauge pressures (t,) of the tubes in the order of the robot file
         [Pa]; None: the pressures of the robot file are used.
+    :param robot: the robot.
     :param timeout: largest age of inputs [s].
     """
 
@@ -94,6 +95,8 @@ class GraspMonitor:
         Return the current analysis, which is recomputed only if inputs or settings have changed.
 
         Invalid inputs raise no error; the report then has a code and a message.
+
+        :param now: time on the clock of the inputs [s].
         """
         inputs: dict[str, Any] = {'joint_states': self.rollers, 'object_pose': self.pose}
         if self.wrench is not None:
@@ -128,6 +131,7 @@ class GraspMonitor:
         :param query: arguments of the request. If it has no roller positions, the measured ones
             are used and must be fresh. If pressures have ever been received, they must be fresh
             too.
+        :param now: time on the clock of the inputs [s].
         """
         try:
             pressures = fresh_pressures(now, self.pressure_timeout, self.pressures)

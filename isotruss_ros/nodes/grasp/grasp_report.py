@@ -80,7 +80,7 @@ class AnalyzedGrasp:
     @property
     def utilisation(self) -> dict[str, tuple[float, float]]:
         """
-        Return the utilisation of each member and its place; with friction if the object is held.
+        Return the largest utilisation of each member, and the place where it occurs.
 
         :return: for each member, the larger of its utilisations with fixed and with free object
             [-], and the distance from the member's start at which it occurs [m].

@@ -21,6 +21,7 @@ class EmergencyStop:
     """
     Emergency stop, which can be set in any state of the node and stays set until its release.
 
+    :param node: node that has the subscription and the services until it is destroyed.
     :param required: function that returns whether a message of the topic must have arrived before
         the robot may move.
     :param changed: callback that is called when `reason` changes.

@@ -24,6 +24,7 @@ class FailedRollers:
     """
     Record of the named and of the detected failed rollers, in any state of the node.
 
+    :param node: node that has the subscription and the service until it is destroyed.
     :param changed: callback that is called when the named rollers change.
     """
 
@@ -40,11 +41,19 @@ class FailedRollers:
         node.offer(SERVICE, self._reset)
 
     def select_named(self, robot: Robot) -> frozenset[str]:
-        """Return the rollers that the topic names and the robot has."""
+        """
+        Return the rollers of the robot that the last message names as failed.
+
+        :param robot: the robot.
+        """
         return self._named & frozenset(robot.roller_names)
 
     def find_fault(self, robot: Robot) -> str | None:
-        """Return the reason why rollers named by the topic are unknown; None if all are known."""
+        """
+        Return the reason why rollers named by the topic are unknown; None if all are known.
+
+        :param robot: the robot.
+        """
         if self._unknown is not None:
             return self._unknown
         try:
@@ -54,7 +63,12 @@ class FailedRollers:
         return None
 
     def follow(self, detector: FailureDetector, robot: Robot) -> None:
-        """Copy detected failures from the previous servo's detector to that of a new servo."""
+        """
+        Copy detected failures from the previous servo's detector to that of a new servo.
+
+        :param detector: failure detector of the new servo.
+        :param robot: robot of the new servo.
+        """
         if self._detector is not None:
             detector.failed = self._detector.failed & frozenset(robot.roller_names)
         self._detector = detector
@@ -80,7 +94,11 @@ class FailedRollers:
 
 
 def describe_reachable_twists(servo: TwistServo) -> str:
-    """Return a text about the twists of the object that the working rollers can produce."""
+    """
+    Return a text about the twists of the object that the working rollers can produce.
+
+    :param servo: servo with its latest inputs.
+    """
     rollers, pose = servo.inputs.rollers, servo.inputs.pose
     if not isinstance(rollers, StampedInput) or not isinstance(pose, StampedInput):
         return 'unknown without joint states and object pose'

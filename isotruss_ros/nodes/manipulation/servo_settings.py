@@ -123,6 +123,8 @@ def make_settings(
     """
     Return the settings of the servo that the parameters specify.
 
+    :param robot: the robot.
+    :param values: parameters of the node.
     :param described: object of the parameter `object`; None for a disc with the parameter
         `object_diameter`.
     :param joint: joint that is moved by twists; None: twists move the object.
@@ -159,7 +161,12 @@ class ServoSubscriptions(Inputs):
 
 
 class StatusReport:
-    """Publisher of the servo's decisions, created whenever the node is configured."""
+    """
+    Publisher of the servo's decisions, created whenever the node is configured.
+
+    :param node: publishing node.
+    :param robot: the robot.
+    """
 
     def __init__(self, node: ManagedNode, robot: Robot) -> None:
         self._publisher = node.advertise(ManipulationStatus, 'manipulation/status')
@@ -169,14 +176,24 @@ class StatusReport:
         self.status = Status.OK  #: status of the last cycle
 
     def publish_grip(self, grasp: HeldEquilibrium | None, now: float) -> None:
-        """Publish the equilibrium of the held object, at most once in `GRIP_PERIOD`."""
+        """
+        Publish the equilibrium of the held object, at most once in `GRIP_PERIOD`.
+
+        :param grasp: equilibrium of the held object; None if no object is held.
+        :param now: time of the cycle [s].
+        """
         if grasp is None or 0.0 <= now - self._told < GRIP_PERIOD:
             return
         self._told = now
         self._grips.publish(to_grip_message(GripRecord.of(grasp), self._robot, now))
 
     def publish(self, decision: Decision, now: float) -> None:
-        """Publish a decision, and log it if the twist is not executed as commanded."""
+        """
+        Publish a decision, and log it if the twist is not executed as commanded.
+
+        :param decision: decision of this cycle.
+        :param now: time of the cycle [s].
+        """
         command, cycle = decision.command, self._node.cycle
         status = self.status = command.status
         squeeze, deviation = decision.squeeze or (math.nan, math.nan)

@@ -50,6 +50,8 @@ class TrajectoryFollowing:
     node until the next twist.
 
     :ivar follower: servo that tracks the trajectory.
+    :param node: node that subscribes while it is active.
+    :param servo: servo, which has the measured roller positions and the history of commands.
     """
 
     def __init__(self, node: ManagedNode, servo: TwistServo) -> None:
@@ -64,7 +66,11 @@ class TrajectoryFollowing:
         SparseMessages(self._node, JointTrajectory, TOPIC, self._receive, self._report_missing)
 
     def decide(self, now: float) -> Decision:
-        """Return the decision of the cycle, from the active trajectory or else from twists."""
+        """
+        Return the decision of the cycle, from the active trajectory or else from twists.
+
+        :param now: time on the clock of the inputs [s].
+        """
         if self.follower.busy:
             # A twist of this time would move the object right after the end of the trajectory.
             self._servo.receive(twist=None)

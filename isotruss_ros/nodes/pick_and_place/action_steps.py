@@ -78,6 +78,7 @@ class ActionStep:
     requested repeatedly: a restarted server does not know the goal and rejects the request. A
     server that sends no feedback for some time counts as lost.
 
+    :param node: node that has the client until it is destroyed.
     :param kind: type of the action.
     :param name: relative name of the action.
     :param beat: function that publishes this client's heartbeat for a goal; called in each tick.
@@ -209,6 +210,7 @@ def set_parameters(client: Client, values: dict[str, float | str]) -> Steps:
     """
     Set parameters of another node, as a step of a sequence.
 
+    :param client: client of the node's service `set_parameters`.
     :param values: value for the name of each parameter.
     :raises StepError: the node does not exist, or refuses a value.
     """

@@ -76,6 +76,10 @@ class GraspSequences:
     Sequences of actions that pick, place and move an object.
 
     The actions are those of `grasp_planner`, `manipulation` and `path_follower`.
+
+    :param node: node that has the clients until it is destroyed.
+    :param robot: the robot.
+    :param inputs: latest inputs of the node.
     """
 
     def __init__(self, node: ManagedNode, robot: Robot, inputs: Inputs) -> None:
@@ -106,17 +110,29 @@ class GraspSequences:
         self._thread.shutdown(wait=False, cancel_futures=True)
 
     def check_pick(self, goal: PickObject.Goal) -> None:
-        """Raise IsotrussError if a grasp search for the goal is invalid at any object pose."""
+        """
+        Raise IsotrussError if a grasp search for the goal is invalid at any object pose.
+
+        :param goal: goal of the action.
+        """
         anywhere = PoseStamped(header=make_header(0.0, self._robot.frame))
         read_goal(self._to_search_goal(goal, anywhere), self._robot, self._described)
 
     def check_place(self, goal: PlaceObject.Goal) -> None:
-        """Raise MessageError if the clearance is not a positive number."""
+        """
+        Raise MessageError if the clearance is not a positive number.
+
+        :param goal: goal of the action.
+        """
         if not 0.0 < goal.clearance < math.inf:
             raise MessageError(f'clearance {goal.clearance} m: must be a positive number')
 
     def check_move(self, goal: MoveObject.Goal) -> None:
-        """Raise IsotrussError if the path is invalid."""
+        """
+        Raise IsotrussError if the path is invalid.
+
+        :param goal: goal of the action.
+        """
         known = isinstance(self._inputs.pose, StampedInput)
         here = self._inputs.pose.value if known else Pose(0.0, 0.0, 0.0)
         read_object_path(goal.path, goal.speed, goal.turn_rate, self._robot, False, here)
@@ -151,6 +167,7 @@ class GraspSequences:
         """
         Return the distance [m] and angle [rad] between the object and the last pose of a path.
 
+        :param path: path of a goal.
         :return: distance and angle; NaN if a pose is unknown.
         """
         try:
@@ -170,6 +187,7 @@ class GraspSequences:
 
         If the closing grip has displaced the object, it is moved back.
 
+        :param goal: goal of the action.
         :raises IsotrussError: the object is not held.
         """
         self.stage = PICK.PLANNING
@@ -222,6 +240,7 @@ class GraspSequences:
         """
         Decrease the squeeze, open the grip, retreat, and confirm that the object is free.
 
+        :param goal: goal of the action.
         :raises IsotrussError: the object is not free.
         """
         self.stage = PLACE.PLANNING
@@ -262,6 +281,7 @@ class GraspSequences:
         """
         Move the held object along a path.
 
+        :param goal: goal of the action.
         :raises IsotrussError: the object is not at the end of the path.
         """
         self.stage = MOVE.MOVING

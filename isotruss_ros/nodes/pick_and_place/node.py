@@ -13,7 +13,6 @@ from isotruss_ros.core import IsotrussError
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.inputs import InputError
 from isotruss_ros.nodes.framework import common_parameters as common
-from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.sensors import Inputs
 from isotruss_ros.nodes.framework.single_goal import BusyError, SingleGoal
@@ -56,7 +55,7 @@ class PickAndPlace(ManagedNode):
 
     def activate(self) -> None:
         """Accept goals from now on."""
-        create_steady_timer(self, TICK_PERIOD, self._tick)
+        self.create_steady_timer(TICK_PERIOD, self._tick)
 
     def deactivate(self) -> None:
         """End the active goal, and cancel the actions of its steps."""

@@ -73,6 +73,8 @@ def place_at_start(robot: Robot, values: Parameters) -> ConvexObject:
     """
     Return the object at its initial pose in the robot frame, for every kind of plant.
 
+    :param robot: the robot.
+    :param values: parameters of `SPECS`.
     :raises IsotrussError: a parameter is invalid, or the object does not fit.
     """
     if len(values.object_pose) != 3:
@@ -99,6 +101,10 @@ class StaticPlant(SimulatedRobot):
 
     :ivar elastic: object between elastic tubes; None for a rigid object.
     :ivar lag: None, because this plant never lags behind the clock.
+    :param robot: the robot.
+    :param body: the object at its initial pose.
+    :param values: parameters of `SPECS`.
+    :param faults: faults of the rollers.
     """
 
     elastic: ElasticObject | None = None
@@ -145,7 +151,11 @@ class StaticPlant(SimulatedRobot):
         return dict(zip(grasp.member_names, grasp.normal_forces.tolist(), strict=True))
 
     def place_object(self, pose: Pose) -> None:
-        """Move the object to another pose, at which it is free; the robot does not move."""
+        """
+        Move the object to another pose, at which it is free; the robot does not move.
+
+        :param pose: pose of the object.
+        """
         self.replace_object(self._put_object(pose))
         self.advance(0.0)
 
@@ -166,6 +176,9 @@ def make_plant(robot: Robot, body: ConvexObject, values: Parameters, in_real_tim
     """
     Return the plant that the parameters of the node specify.
 
+    :param robot: the robot.
+    :param body: the object at any pose.
+    :param values: parameters of `SPECS`.
     :param in_real_time: whether MuJoCo skips simulated time if the computer is too slow.
     :raises IsotrussError: a parameter is invalid.
     """

@@ -116,6 +116,9 @@ class SimulatedSensors:
     """
     Sensors of a simulated robot and its object.
 
+    :param node: publishing node.
+    :param robot: the robot.
+    :param values: parameters of `SENSOR_SPECS`.
     :raises ParameterError: the robot does not have a joint for which a marker is specified.
     """
 
@@ -131,7 +134,12 @@ class SimulatedSensors:
         self._joint_markers = node.advertise(MultiDOFJointState, 'joint_markers')
 
     def publish(self, now: float, plant: Plant) -> None:
-        """Make new measurements, and publish those that have arrived."""
+        """
+        Make new measurements, and publish those that have arrived.
+
+        :param now: current time of the simulated robot [s].
+        :param plant: simulated robot and object.
+        """
         values, travel, step = self._values, plant.roller_positions, self._values.encoder_step
         counted = step * np.round(travel / step) if step > 0.0 else travel
         encoders = self._encoders.measure(

@@ -10,7 +10,6 @@ from isotruss_ros.core import Robot
 from isotruss_ros.nodes.conversions.grasp_messages import to_contact_wrench
 from isotruss_ros.nodes.conversions.messages import make_header, to_pose_message
 from isotruss_ros.nodes.conversions.sensor_messages import to_joint_markers
-from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import FixedSpec, ParameterError
 from isotruss_ros.nodes.framework.topics import EVENTS, RELIABLE
@@ -28,7 +27,12 @@ CLOCK_SPEED = FixedSpec(
 
 
 class SimulatedTruth:
-    """Publisher of `truth/object_pose`, `truth/joint_markers` and `truth/contact_forces`."""
+    """
+    Publisher of `truth/object_pose`, `truth/joint_markers` and `truth/contact_forces`.
+
+    :param node: publishing node.
+    :param robot: the simulated robot.
+    """
 
     def __init__(self, node: ManagedNode, robot: Robot) -> None:
         self._robot = robot
@@ -37,7 +41,12 @@ class SimulatedTruth:
         self._forces = node.advertise(WrenchStamped, 'truth/contact_forces', EVENTS)
 
     def publish(self, now: float, plant: Plant) -> None:
-        """Publish the true states on the topics that have subscribers."""
+        """
+        Publish the true states on the topics that have subscribers.
+
+        :param now: current time of the simulated robot [s].
+        :param plant: simulated robot and object.
+        """
         header = make_header(now, self._robot.frame)
         if self._pose.get_subscription_count():
             self._pose.publish(PoseStamped(header=header, pose=to_pose_message(plant.object_pose)))
@@ -72,7 +81,7 @@ class ClockSource:
         # Continues from the last active time.
         self._now = node.get_clock().now().nanoseconds
         self._publisher = node.create_publisher(ClockMessage, '/clock', RELIABLE)
-        create_steady_timer(node, 1.0 / (rate * speed), self._tick)
+        node.create_steady_timer(1.0 / (rate * speed), self._tick)
 
     def _tick(self) -> None:
         self._now += self._step

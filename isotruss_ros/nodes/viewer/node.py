@@ -24,7 +24,6 @@ from isotruss_ros.nodes.conversions.messages import (
     to_twist_message,
 )
 from isotruss_ros.nodes.framework import common_parameters as common
-from isotruss_ros.nodes.framework.cycle import create_steady_timer
 from isotruss_ros.nodes.framework.parameters import FixedSpec, ROBOT, Spec
 from isotruss_ros.nodes.framework.robot_frame import RobotFrame
 from isotruss_ros.nodes.framework.runner import StoppableNode
@@ -138,7 +137,7 @@ class Viewer(StoppableNode):
             self._report_refusal,
         )
         print(f'viewer: {self._view.address}', flush=True)
-        create_steady_timer(self, 1.0 / self.values.rate, self._step)
+        self.create_steady_timer(1.0 / self.values.rate, self._step)
 
     def stop(self) -> None:
         """Publish a zero twist if twists were published, and stop the server."""

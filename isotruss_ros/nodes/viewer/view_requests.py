@@ -37,6 +37,7 @@ def make_calls(calls: Calls, answer: Any = None) -> None:
     """
     Make the next service call of a sequence; its response triggers the call after it.
 
+    :param calls: sequence of calls.
     :param answer: response of the previous call; None before the first.
     """
     try:
@@ -50,6 +51,7 @@ class ObjectGoals:
     """
     Clients of the actions `pick_object` and `place_object`.
 
+    :param node: node of the clients.
     :param report: callback that receives the progress of a goal as a sentence.
     """
 
@@ -90,6 +92,7 @@ class NodeRestart:
     """
     Reconfiguration of the simulator and other nodes by their life-cycle services.
 
+    :param node: node of the clients.
     :param report: callback that receives the result of a restart as a sentence.
     """
 

@@ -36,7 +36,7 @@ def test_a_linear_update_is_least_squares():
     assert found.covariance == pytest.approx(np.linalg.inv(rows.T @ rows))
 
 
-def test_what_is_considered_stays_and_makes_the_others_unsure():
+def test_considered_state_is_constant_and_increases_the_covariance():
     prior, rates, noise, measured = _draw(4, 6)
     found = _update(prior, rates, noise, measured, 3)
     assert found.mean[3] == prior.mean[3]
@@ -46,7 +46,7 @@ def test_what_is_considered_stays_and_makes_the_others_unsure():
     ).all()
 
 
-def test_a_curved_measurement_is_taken_at_its_most_probable_state():
+def test_a_nonlinear_measurement_is_linearised_at_the_most_probable_state():
     prior = Belief(np.array([2.0]), np.array([[1.0]]))
 
     def expect(mean):

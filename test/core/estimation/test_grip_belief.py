@@ -59,7 +59,7 @@ def test_median_squared_innovation_fits_three_degrees_of_freedom(noise, speed):
     assert found.max() < 25.0
 
 
-def test_the_squeeze_of_zeros_that_are_off_is_within_its_stated_deviations():
+def test_error_of_the_squeeze_with_wrong_offsets_is_within_stated_deviations():
     surprises = []
     for seed in range(12):
         off = 0.005 * np.random.default_rng(seed).normal(size=6)
@@ -102,7 +102,7 @@ def test_corrections_reach_the_loop_behind_two_low_passes():
     assert belief.regulated_pose == pytest.approx(belief.pose, abs=3e-4)
 
 
-def test_a_walk_beyond_its_covariance_is_a_slip_and_one_within_it_is_none():
+def test_corrections_beyond_their_covariance_are_slip_and_others_are_not():
     for step, slipped in ((5e-4, False), (3e-3, True)):
         walk, noise, zeros = ContactWalk(), 1e-6 * np.eye(3), np.zeros((3, 1))
         for k in range(40):
@@ -113,7 +113,7 @@ def test_a_walk_beyond_its_covariance_is_a_slip_and_one_within_it_is_none():
 
 
 @pytest.mark.parametrize(('deviation', 'slipped'), [(1e-3, True), (2e-2, False)])
-def test_a_walk_that_wrong_zeros_explain_is_no_slip(deviation, slipped):
+def test_corrections_explained_by_wrong_offsets_are_no_slip(deviation, slipped):
     walk, noise = ContactWalk(), 1e-6 * np.eye(3)
     for k in range(40):
         rates = np.array([[0.02 * k], [0.0], [0.0]])

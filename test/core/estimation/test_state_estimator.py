@@ -133,7 +133,7 @@ ALL = tuple(NAMES)
 RUNS = 200
 
 
-def test_zeros_of_the_empty_robot_are_those_of_least_squares():
+def test_offsets_of_a_robot_without_object_agree_with_least_squares():
     drawn = DrawnRobot(1, settings=replace(EXACT, drift=0.0, slip=0.0), random_slip=False)
     told = []
     for _ in range(6):
@@ -155,7 +155,7 @@ def test_zeros_of_the_empty_robot_are_those_of_least_squares():
     assert np.sqrt(np.diag(found.offset_covariance)) == pytest.approx(deviations, rel=0.01)
 
 
-def test_errors_of_the_empty_robot_are_as_large_as_it_says():
+def test_errors_of_a_robot_without_object_agree_with_stated_deviations():
     runs = [DrawnRobot(seed) for seed in range(60)]
     surprises = [drawn.surprise(drawn.run(1.0)) for drawn in runs]
     low, high = scipy.stats.chi2.ppf([0.025, 0.975], 6 * len(runs)) / len(runs)
@@ -178,7 +178,7 @@ def test_errors_of_a_held_object_are_no_larger_than_stated():
         assert np.mean(values) < 1.5 * size
 
 
-def test_markers_tell_the_squeeze():
+def test_squeeze_is_estimated_from_markers_within_five_percent():
     drawn = DrawnRobot(3, held=True)
     found, truth = drawn.run(2.0), drawn.grip.squeeze
     assert found.squeeze == pytest.approx(truth, rel=0.05)
@@ -186,7 +186,7 @@ def test_markers_tell_the_squeeze():
 
 
 @pytest.mark.parametrize('held', [False, True])
-def test_a_marker_that_lies_is_left_out_and_named(held):
+def test_an_inconsistent_marker_is_rejected_and_named(held):
     drawn = DrawnRobot(5, held=held)
     drawn.run(1.0)
     for _ in range(20):
@@ -201,7 +201,7 @@ def test_a_marker_that_lies_is_left_out_and_named(held):
     assert drawn.surprise(found) < scipy.stats.chi2.ppf(0.999, 6)
 
 
-def test_markers_that_are_swapped_are_left_out_and_named():
+def test_swapped_markers_are_rejected_and_named():
     drawn = DrawnRobot(6)
     drawn.run(1.0, ALL)
     drawn.move()
@@ -227,14 +227,14 @@ def _turn(drawn, seconds, slips):
 
 @pytest.mark.parametrize('held', [False, True])
 @pytest.mark.parametrize(('share', 'limit'), [(0.02, 5.0), (1.0, 0.5)])
-def test_a_roller_that_slips_is_told_in_time(held, share, limit):
+def test_a_slipping_roller_is_detected_in_time(held, share, limit):
     drawn = DrawnRobot(7, held=held, speed=0.0, random_slip=False)
     drawn.run(2.0, ALL)
     assert _turn(drawn, limit, share) is not None
     assert drawn.estimator.estimate().slipping == (ROBOT.roller_names[3],)
 
 
-def test_noise_of_zeros_is_rarely_told_for_a_slip():
+def test_noise_of_offsets_is_rarely_detected_as_slip():
     rng, rollers, times = np.random.default_rng(0), 600, 1000
     watch, told = SlipWatch(rollers), 0
     for number in range(times):
@@ -269,7 +269,7 @@ def test_markers_that_are_all_shifted_leave_errors_within_their_deviations(held)
     assert np.mean(surprises) < scipy.stats.chi2.ppf(0.999, 24) / 4.0
 
 
-def test_zeros_of_wrong_markers_stay_within_a_bound():
+def test_deviations_of_offsets_with_wrong_markers_are_bounded():
     drawn = DrawnRobot(2)
     for _ in range(400):
         drawn.move()
@@ -309,19 +309,19 @@ def _told_late(order):
     return drawn, drawn.estimator.estimate()
 
 
-def test_late_markers_count_where_the_robot_was():
+def test_late_markers_are_compared_with_the_past_configuration():
     drawn, found = _told_late((0, 1, 2, 3))
     assert drawn.surprise(found) < scipy.stats.chi2.ppf(0.99, 6)
 
 
-def test_markers_out_of_order_tell_the_same():
+def test_order_of_markers_does_not_change_the_estimate():
     _, found = _told_late((0, 1, 2, 3))
     _, other = _told_late((2, 0, 3, 1))
     deviations = np.sqrt(np.diag(found.offset_covariance))
     assert (np.abs(found.offsets - other.offsets) < 0.5 * deviations).all()
 
 
-def test_markers_from_long_ago_or_from_the_future_do_not_count():
+def test_old_and_future_markers_are_ignored():
     drawn = DrawnRobot(10, speed=0.0, random_slip=False)
     drawn.run(3.0)
     for before, counts in ((1.5, False), (0.5, True), (-0.02, True), (-0.5, False)):
@@ -329,9 +329,19 @@ def test_markers_from_long_ago_or_from_the_future_do_not_count():
         assert drawn.estimator.take_markers(time, drawn.markers(), MARKER) is counts
 
 
+def test_poses_are_used_with_a_grip_and_with_encoder_readings_of_their_time():
+    free, drawn = DrawnRobot(1), DrawnRobot(1, held=True)
+    free.move()
+    drawn.run(3.0)
+    assert not free.estimator.take_pose(free.time, Pose(0.6, 0.3, 0.0), POSE)
+    for before, counts in ((1.5, False), (0.0, True), (-0.5, False)):
+        pose = Pose(*drawn.grip.pose)
+        assert drawn.estimator.take_pose(drawn.time - before, pose, POSE) is counts
+
+
 @pytest.mark.filterwarnings('error')
 @pytest.mark.parametrize('number', [0.0, -1.0, np.inf, np.nan, 1e300])
-def test_numbers_without_range_are_refused_by_name(number):
+def test_numbers_out_of_range_are_refused_by_name(number):
     estimator = DrawnRobot(1, held=True).estimator
     with pytest.raises(GraspError, match=r'deviations of the pose .m, rad.: \['):
         estimator.take_pose(0.0, Pose(0.0, 0.0, 0.0), np.array([number, 1e-3, 1e-3]))
@@ -341,14 +351,14 @@ def test_numbers_without_range_are_refused_by_name(number):
 
 @pytest.mark.filterwarnings('error')
 @pytest.mark.parametrize('number', [np.inf, np.nan, 1e300])
-def test_pose_of_a_held_object_without_range_is_refused_by_name(number):
+def test_pose_of_a_held_object_out_of_range_is_refused_by_name(number):
     drawn = DrawnRobot(1, held=True)
     drawn.tell()
     with pytest.raises(GraspError, match="the object's pose"):
         drawn.estimator.take_pose(0.0, Pose(0.0, number, 0.0), POSE)
 
 
-def test_an_object_that_is_gone_is_not_held():
+def test_an_absent_object_is_not_held():
     drawn = DrawnRobot(11, held=True)
     drawn.run(0.5)
     for _ in range(10):
@@ -359,7 +369,7 @@ def test_an_object_that_is_gone_is_not_held():
     assert np.isnan(found.squeeze)
 
 
-def test_without_measurements_it_is_where_the_encoders_say():
+def test_estimate_without_measurements_is_that_of_the_encoders():
     estimator = StateEstimator(ROBOT)
     for number, share in enumerate(np.linspace(0.0, 1.0, 20)):
         readings = 0.15 * share * np.array([1.0, -0.5, 0.3, 0.8, -1.0, 0.2])
@@ -369,7 +379,7 @@ def test_without_measurements_it_is_where_the_encoders_say():
     assert found.joints == pytest.approx(joints, abs=1e-9)
 
 
-def test_encoders_that_begin_anew_are_corrected():
+def test_offsets_of_restarted_encoders_are_corrected():
     drawn = DrawnRobot(13)
     drawn.run(1.0, ALL)
     jump = np.array([0.05, -0.03, 0.04, 0.0, -0.05, 0.02])
@@ -378,7 +388,7 @@ def test_encoders_that_begin_anew_are_corrected():
     assert found.offsets == pytest.approx(drawn.offsets, abs=3e-3)
 
 
-def test_three_joints_can_leave_a_combination_of_zeros_free():
+def test_three_joints_may_leave_a_combination_of_offsets_undetermined():
     """P, R and Z do not tell all zeros in one posture; Q, R and Z do."""
     spread = {}
     for names in (THREE, ('P', 'R', 'Z')):

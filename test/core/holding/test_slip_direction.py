@@ -4,7 +4,7 @@
 """The direction in which a grasp bears the least, and its arrow."""
 
 from isotruss_ros.core import ConvexObject, load_robot, settle_grasp, tangent_center
-from isotruss_ros.core.model.arrows import arrow_of
+from isotruss_ros.viewer.arrows import arrow_of
 import numpy as np
 import pytest
 

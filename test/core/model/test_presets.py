@@ -27,7 +27,7 @@ PRESETS = {
 }
 
 
-def test_these_are_all():
+def test_all_presets_are_tested():
     assert preset_names() == sorted(PRESETS)
 
 

@@ -107,7 +107,7 @@ def test_way_is_free_of_the_object_between_its_rows_too():
             assert least > min(0.05 * tube, began) - 0.01 * tube
 
 
-def test_what_is_missed_is_so():
+def test_reported_violations_are_true():
     names = set()
     for _, way in each(arrived=False):
         name, value, _ = way.unmet

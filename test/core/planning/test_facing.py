@@ -47,7 +47,7 @@ def price_of(body, found, normals, angle):
 
 
 @pytest.mark.parametrize('shape', [Disc(0.3), Ellipse((0.2, 0.12)), Polygon(BOX, 0.02)])
-def test_no_directions_are_found_that_are_much_nearer(shape):
+def test_found_directions_are_nearly_the_nearest(shape):
     angle, rng = 0.3, np.random.default_rng(3)
     body = ConvexObject(shape, (1.0, -0.5, 0.6))
     # Ten times as many as the search tries.

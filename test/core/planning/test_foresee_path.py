@@ -46,7 +46,7 @@ def test_a_path_ends_where_the_margin_is_the_least_one():
     assert 'the slip margin is' in found.why
 
 
-def test_a_path_ends_where_friction_does():
+def test_a_path_ends_where_friction_is_insufficient():
     grip = held('brick')
     start = np.array(grip.pose)
     found = foresee_path(grip, 0.9 * grip.required_friction, np.array([start, start + 0.1]))

@@ -21,7 +21,7 @@ def judge(**values):
     return pickle.loads(pickle.dumps(judge_candidate(*sent)))
 
 
-def test_what_was_sent_is_judged_as_here():
+def test_candidates_in_another_process_have_equal_results():
     grasp, tally = judge()
     # The seed counts what was looked at: each candidate has its own.
     here, counts = judge_candidate(HOME, copy.deepcopy(SEED), GraspRequirements())

@@ -194,7 +194,7 @@ def test_external_wrench_is_held():
         ),
     ],
 )
-def test_none_found_comes_with_what_is_missed(body, needs, missed):
+def test_a_plan_without_grasps_has_the_closest_violation(body, needs, missed):
     needs = GraspRequirements(module=needs.pop('module', 'north/Z'), **needs)
     told = []
     plan = plan_grasps(

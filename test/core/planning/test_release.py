@@ -66,7 +66,7 @@ def disc(diameter, angle):
         ),
     ],
 )
-def test_what_was_picked_up_stays_where_it_is_let_go(body, members, moved):
+def test_a_released_object_stays_at_its_pose(body, members, moved):
     grasp, thing = grasped(body, members), ElasticObject(body, 0.5)
     robot = SimulatedRobot(HOME, thing, RollerFaults())
     closings.drive(robot, grasp.path)
@@ -138,7 +138,7 @@ def test_other_members_do_not_hold_it():
     assert release.path.shape == (0, len(HOME.roller_positions))
 
 
-def test_two_members_do_not_let_go_what_a_third_presses_too():
+def test_release_by_two_members_is_refused_if_a_third_presses():
     robot = load_robot('triangle')
     middle = robot.home.nodes[: len(robot.topology.joint_names)].mean(axis=0)
     inside = ConvexObject.disc(tuple(middle), 0.68)
@@ -152,7 +152,7 @@ def test_a_clearance_is_positive_and_within_the_robot(clearance):
         plan_release(HOME, SMALL, MEMBERS, clearance)
 
 
-def test_members_that_cannot_open_so_far_do_not_let_go():
+def test_release_is_refused_if_the_members_cannot_open_so_far():
     body = ConvexObject.disc(CENTER, 0.3)
     near, far = (plan_release(HOME, body, MEMBERS, away) for away in (0.03, 3.0))
     assert near.violation is None

@@ -35,7 +35,7 @@ DEADLINE = 240.0
         (BrokenProcessPool('gone'), SearchOutcome.FAILED, 'a process of the search died'),
     ],
 )
-def test_every_end_of_a_search_is_an_answer(ended_by, outcome, words, monkeypatch):
+def test_every_end_of_a_search_has_a_result(ended_by, outcome, words, monkeypatch):
     def plan(*_arguments):
         raise ended_by
 

@@ -38,7 +38,7 @@ def follow(simulated, places):
     return simulated.pose(CONFIG)
 
 
-def test_it_is_held_where_the_settled_grasp_says():
+def test_the_object_is_held_if_the_settled_grasp_is():
     settled = settle_grasp(CONFIG, CYLINDER, FRICTION)
     simulated = held()
     assert simulated.pose(CONFIG) == pytest.approx(settled.pose, abs=1e-9)
@@ -72,7 +72,7 @@ def pull_until_dropped(simulated, direction, step=0.5):
     raise AssertionError('not dropped')
 
 
-def test_it_is_dropped_where_the_margin_says_and_says_why():
+def test_the_object_is_lost_beyond_the_slip_margin_with_the_reason():
     margin = held().slip_margin
     found = [
         pull_until_dropped(held(), np.array([np.cos(turn), np.sin(turn), 0.0]))
@@ -117,7 +117,7 @@ def test_along_a_path_it_is_dropped_within_five_percent_of_the_predicted_frictio
         assert all(stays) == (share > 1.0)
 
 
-def test_it_lies_until_two_members_press_on_it():
+def test_the_object_rests_until_two_members_press_on_it():
     simulated = ElasticObject(CYLINDER.moved_to((*CYLINDER.pose[:2], 0.4)), FRICTION)
     approach = backed_off(CONFIG, CYLINDER, 0.15)[::-1]
     held_at = []

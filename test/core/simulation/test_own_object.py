@@ -35,7 +35,7 @@ class GluedObject:
         """Take no note of it."""
 
 
-def test_it_goes_with_the_simulated_robot():
+def test_the_object_moves_with_the_simulated_robot():
     glued = GluedObject(1)
     robot = SimulatedRobot(ROBOT.home, glued, RollerFaults())
     robot.command(0.02 * np.ones(len(ROBOT.roller_names)))

@@ -87,7 +87,7 @@ def test_is_gripped_at_the_end_of_a_planned_way_and_not_before(plan):
     assert scene.robot.object_pose == pytest.approx(LIES, abs=0.01)
 
 
-def test_nobody_grips_while_the_rollers_turn(plan):
+def test_no_grip_begins_while_the_rollers_move(plan):
     scene = Scene(plan.start)
     for place in plan.path:
         scene.go(place)
@@ -111,7 +111,7 @@ def test_stays_in_the_grip_over_rests_while_it_is_pressed(plan):
     assert scene.robot.object_pose == pytest.approx(before, abs=1e-9)
 
 
-def test_is_let_go_where_the_grip_opens(plan):
+def test_the_object_is_free_after_the_grip_opens(plan):
     scene = Scene(plan.start)
     scene.grip(plan)
     opened = closed_to(CLOSED, 50.0, CYLINDER.shape.diameter).roller_positions
@@ -128,7 +128,7 @@ def test_is_let_go_where_the_grip_opens(plan):
 
 
 @pytest.mark.parametrize(('angle', 'kept'), [(0.0, 0.0), (-3.0, -3.0), (4.0, 4.0 - 2.0 * np.pi)])
-def test_angle_is_kept_and_within_half_a_turn(plan, angle, kept):
+def test_angle_is_preserved_and_within_half_a_turn(plan, angle, kept):
     lying = RigidObject(CYLINDER.moved_to((*CYLINDER.pose[:2], angle)), FRICTION)
     assert lying.pose(ROBOT.home) == pytest.approx((*CYLINDER.pose[:2], kept))
     lying.come_to_rest(plan.config)
@@ -172,7 +172,7 @@ def test_no_two_members_press_on_an_object_that_tubes_lie_on(center, diameter):
         (0.01, 1.0, 0.05, True),
     ],
 )
-def test_is_held_by_sides_that_press_where_its_friction_is_enough(depth, own, friction, held):
+def test_pressing_members_hold_the_object_if_friction_suffices(depth, own, friction, held):
     body = box_between(depth=depth).body
     body = ConvexObject(body.shape, body.pose, friction=own)
     robot, free = lying(body, friction)

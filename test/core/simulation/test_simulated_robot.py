@@ -31,7 +31,7 @@ def simulated(**faults):
     return SimulatedRobot(ROBOT.home, held, RollerFaults(**faults), seed=3)
 
 
-def test_travel_is_speed_times_time_however_it_is_cut():
+def test_travel_is_speed_times_time_for_any_steps():
     whole, cut = simulated(), simulated()
     for robot, steps in ((whole, 1), (cut, 200)):
         robot.command(SPEEDS)
@@ -69,7 +69,7 @@ def test_noise_has_the_deviation_asked_for_and_moves_nothing_at_rest():
     assert abs(drawn[:, 1].mean()) < 5 * 0.004 / np.sqrt(500)
 
 
-def test_slip_is_what_the_encoders_do_not_see():
+def test_encoders_do_not_measure_slip():
     robot, perfect = simulated(slip=0.1), simulated()
     for one in (robot, perfect):
         one.command(SPEEDS)
@@ -89,7 +89,7 @@ def test_slip_is_what_the_encoders_do_not_see():
 
 
 @pytest.mark.parametrize('slip', [-0.1, 1.0, np.nan])
-def test_slip_that_cannot_be_is_refused(slip):
+def test_slip_out_of_range_is_refused(slip):
     with pytest.raises(ConfigurationError, match='to less than 1'):
         simulated(slip=slip)
 
