@@ -30,9 +30,6 @@ from scipy.linalg import lapack
 
 #: Largest number of updates of the normals [-]; the normals on large discs converge slowly.
 MAX_STEPS = 300
-#: Points of a flattening member are in the estimated contact if they are deeper than this share of
-#: the largest depth [-].
-CONTACT_DEPTH_SHARE = 0.7
 #: Largest gap of a contact [m]; at larger gaps forces that remain in (9) are set to zero.
 MAX_CONTACT_GAP = 1e-7
 #: Steps of (9) between checks of convergence with updated normals [-].
@@ -181,8 +178,6 @@ def guess_contact(contact_points: ContactPoints, gaps: Array) -> Flags:
     member = contact_points.member
     deepest = np.full(int(member.max(initial=-1)) + 1, np.inf)
     np.minimum.at(deepest, member, gaps)
-    if contact_points.dents.any():
-        deepest = np.where(deepest < 0.0, CONTACT_DEPTH_SHARE * deepest, deepest)
     return gaps <= deepest[member]
 
 

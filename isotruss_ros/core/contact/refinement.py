@@ -42,9 +42,6 @@ REGION_POINTS = 10
 DIVISIONS = (1, 2, 4)
 #: Largest relative change of a region's length by halving the spacing [-].
 LENGTH_SPREAD = 0.02
-#: Largest number of steps to find the regions [-]; after them, points are on all tubes within
-#: reach.
-MAX_STEPS = 3
 EVERYWHERE = np.array([-np.inf, np.inf])
 #: The iteration for the bent tubes ends if the next motion is expected below this bound, relative
 #: to the displacements of the skin [-]. The forces then differ by 3e-6 at most between initial
@@ -182,10 +179,10 @@ class _Search:
             if self.budget is not None:
                 # The estimate does not slide, and presses far too hard at corners.
                 found = self.find(SEARCH * self.spacing, None, self.solver)
-        for step in range(MAX_STEPS):
+        for step in range(MAX_SEARCH_STEPS):
             if settled:
                 break
-            found, settled = self.solve(found, limited=step < MAX_STEPS - 1)
+            found, settled = self.solve(found, limited=step < MAX_SEARCH_STEPS - 1)
             # The search goes by tangents, which may be touched where the surface is not.
             touches = self.budget is None or _touched(found.spans).any()
             if not len(found.points.points) or not touches:

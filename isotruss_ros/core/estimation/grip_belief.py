@@ -340,16 +340,23 @@ class GripBelief:
 
         :param pose: (3,) pose of the object without load [m, rad].
         """
-        grasp = self.grasp
-        shifts = (self._initialise() @ (self._even * pose_difference(pose, grasp.pose)))[SHIFTS:]
-        anchors = grasp.anchors + shifts[grasp.contacts.owners]
-        placed = roll_grip(replace(grasp, anchors=anchors), grasp.config)
-        self._spare = 0.0
-        # Forces that friction does not carry are those of wrong offsets.
-        if placed is not None and self._hold(placed) is HoldStatus.HELD:
+        grasp, self._spare = self.grasp, 0.0
+        shifts = np.zeros(len(grasp.members))
+        for _ in range(2):  # the second step corrects the first, at the derivatives there
+            gain, known = self._initialise(), self.grasp
+            off = self._even * pose_difference(pose, known.pose)
+            moved = (gain @ (off + self._rates.pose[:, SHIFTS:] @ shifts))[SHIFTS:] - shifts
+            anchors = known.anchors + moved[known.contacts.owners]
+            shifts, placed = (
+                shifts + moved,
+                roll_grip(replace(known, anchors=anchors), known.config),
+            )
+            # Forces that friction does not carry are those of wrong offsets.
+            if placed is None or self._hold(placed) is not HoldStatus.HELD:
+                break
             self._spare = self._margin(grasp) - self._margin(placed)
             self._take(placed)
-            self._initialise()
+        self._initialise()
         self.bias = self._even * pose_difference(pose, self.grasp.pose)
 
     def _initialise(self) -> Array:

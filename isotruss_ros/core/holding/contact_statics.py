@@ -46,11 +46,11 @@ from scipy.linalg import lapack
 
 #: Tolerances of the balance relative to the sum of normal forces [-], and of touch [m].
 FORCE_TOLERANCE, LENGTH_TOLERANCE = 1e-10, 1e-11
-#: Largest translation in a Newton step relative to the object's characteristic radius [-].
-MAX_MOVE = 0.5
-#: Largest rotation in a Newton step, and largest inclination of a tube in equilibrium [rad]; a
-#: tube with a larger inclination folds.
-MAX_TURN, MAX_INCLINATION = 0.2, 0.5
+#: Largest rotation in a Newton step [rad], which is also the largest translation relative to the
+#: object's characteristic radius [-].
+MAX_TURN = 0.2
+#: Largest inclination of a tube in equilibrium [rad]; a tube with a larger inclination folds.
+MAX_INCLINATION = 0.5
 #: Compliance that scales friction forces to lengths, so that one tolerance bounds both [m/N].
 SOFTNESS = 1e-4
 #: Conditions of friction or rolling: residual (k,), and its derivatives (k, 3 + 4k) with respect
@@ -277,7 +277,7 @@ class ContactStatics:
         :param reach: largest motion of a node for which the linearised tubes are accurate [m].
         """
         places, unknowns = self.places, start.copy()
-        longest = np.full(places.size, MAX_MOVE * self.body.arm)
+        longest = np.full(places.size, MAX_TURN * self.body.arm)
         longest[ANGLE] = longest[places.inclinations] = MAX_TURN
         longest[places.normal] = longest[places.friction] = np.inf
         least, first = np.full(places.size, LENGTH_TOLERANCE), 0.0

@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 import functools
 
 from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.holding.contact_forces import POSE
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.holding.loaded_tubes import GraspParameters, LoadedTubes
 from isotruss_ros.core.holding.settled_grasp import SettledGrasp
@@ -24,8 +25,10 @@ from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.records import Record
 import numpy as np
 
-#: Wrench of the finite differences along a response, relative to the squeeze [-].
-STEP = 3e-3
+#: Motion of the object in the finite differences along a response [m]. At thrice of it some
+#: Motion of the object in the finite differences along a response [m]. Derivatives of the
+#: stiffness err by up to 1e-6; at thrice of it by up to 2e-6, and at a third of it by rounding.
+STEP = 6e-6
 #: Values count as equal up to this relative difference [-].
 TIE = 1e-5
 
@@ -220,9 +223,10 @@ def _response_rates(grip: HeldGrip, tubes: LoadedTubes, change: Array) -> Array:
     J' y_w (see this module) is the finite difference of `_equation_changes` along the response
     y_w.
     """
-    size = STEP * grip.squeeze
+    moved = np.abs(change[:POSE, -3:]) * [[1.0], [1.0], [grip.arm]]
+    sizes = STEP / moved.max(axis=0)
     left = np.empty((len(change), change.shape[1] - 3, 3))
-    for i, j in enumerate(range(-3, 0)):
+    for i, (j, size) in enumerate(zip(range(-3, 0), sizes.tolist(), strict=True)):
         ahead, behind = (
             _equation_changes(grip, tubes, change, step * change[:, j]) for step in (size, -size)
         )

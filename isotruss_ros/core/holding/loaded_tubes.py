@@ -11,7 +11,7 @@ from typing import NamedTuple
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.numerics.arrays import Array, Points
-from isotruss_ros.core.numerics.tolerances import NEGLIGIBLE_SHARE, ROUNDING
+from isotruss_ros.core.numerics.tolerances import EPSILON, NEGLIGIBLE_SHARE, ROUNDING
 from isotruss_ros.core.statics.frame_rates import section_rates
 from isotruss_ros.core.statics.wrinkling import find_utilisation, use_sections
 import numpy as np
@@ -262,15 +262,17 @@ class LoadedTubes:
             each + np.outer(force, self._stiffer)
             for each, force in ((pull, ends[:, 3]), (first, ends[:, 2]), (second, ends[:, 5]))
         )
-        bows = np.where(grip.tubes.paper_model, 0.0, rates.forces[piece, 0])
         pulled = pull + np.pi * radius**2 * self._inflated[tube]
-        changes = np.stack([-first, second, pulled, bows])
+        changes = np.stack([-first, second, pulled, rates.forces[piece, 0]])
         sections = np.stack([frame.length[piece], own.flexural[piece], own.shear[piece]])
         others = self.sections[[0, 2, 3]][:, piece]
         # What is used at the same kind of place, a little to both sides.
         loads, sections = loads[..., None], sections[..., None]
+        # Relative to moments and to pulls: the moments keep their signs.
+        most_loaded = np.abs(loads).reshape(2, 2, len(piece), 1).max(axis=1)
+        most_loaded[0] = np.maximum(most_loaded[0], EPSILON * radius * most_loaded[1])
         size = np.maximum(
-            (np.abs(changes) / np.abs(loads).max(axis=0)).max(axis=0),
+            (np.abs(changes) / most_loaded.repeat(2, axis=0)).max(axis=0),
             (np.abs(others) / sections).max(axis=0),
         )
         small = NEGLIGIBLE_SHARE / np.maximum(size, np.finfo(float).tiny)

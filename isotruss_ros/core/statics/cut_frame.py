@@ -10,6 +10,7 @@ from itertools import pairwise
 
 from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.statics.frame import Frame
+from isotruss_ros.core.statics.frame_pattern import cut_pattern
 from isotruss_ros.core.statics.tangent import Tangent
 import numpy as np
 
@@ -27,7 +28,7 @@ class CutFrame(Frame):
 
     def __init__(self, frame: Frame, piece: Indices, within: Array) -> None:
         order = np.lexsort((within, piece))
-        cut = frame.pattern.cut(frame.members, frame.held, piece, order)
+        cut = cut_pattern(frame.pattern, piece.tobytes(), order.tobytes())
         axial, flexural, shear = (each[cut.whole] for each in frame.members[2:5])
         points = frame.points[frame.members.start[piece]] + within * frame.axis[piece]
         super().__init__(

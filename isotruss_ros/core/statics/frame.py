@@ -16,17 +16,15 @@ from functools import cached_property
 from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.numerics.factorization import factorize_with_condition
-from isotruss_ros.core.numerics.tolerances import MAX_CONDITION, MAX_NEWTON_ITERATIONS
+from isotruss_ros.core.numerics.tolerances import COINCIDENCE, MAX_CONDITION, MAX_NEWTON_ITERATIONS
 from isotruss_ros.core.statics.beam_column import BeamColumns, chord_motions
 from isotruss_ros.core.statics.frame_assembly import FrameAssembly
-from isotruss_ros.core.statics.tangent import end_forces, FactoredFrame, Tangent
+from isotruss_ros.core.statics.tangent import end_forces, FactoredFrame, Tangent, TUBE_CURVATURE
 import numpy as np
 from scipy.sparse import csc_matrix
 
 #: Largest admissible ratio of the displacements to those of the linear model [-].
 MAX_GROWTH = 1.5
-#: Largest last step of Newton's method [m]; the remaining error is rounding.
-STEP_TOLERANCE = 1e-7
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,7 +184,7 @@ class Frame(FrameAssembly):
                 tangent = self.tangent(
                     displacements, tangent.multipliers + multipliers[:, 0], pull
                 )
-            if size <= STEP_TOLERANCE:
+            if TUBE_CURVATURE * size**2 <= COINCIDENCE:
                 return tangent
         return None
 

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 from typing import NamedTuple
 
@@ -129,6 +130,8 @@ class FramePattern:
     :param members: members between the nodes; only their connections are used.
     :param held: (n, 3) mask of the displacements ux, uy, theta that supports fix.
     :param rows: constraints on rotations; only their connections are used.
+    :ivar members: members between the nodes.
+    :ivar held: (n, 3) mask of ux, uy, theta fixed by supports.
     :ivar count: number k of members.
     :ivar places: (k, 6) indices of the displacements of each member's ends.
     :ivar unknowns: (3 n,) index of each displacement among the unknowns, -1 if fixed.
@@ -173,27 +176,7 @@ class FramePattern:
         self.matrix_columns = np.concatenate([second, self.bound, self.multiplier, other])
         size = len(self.solved) + rows.count
         self.flat_places = self.matrix_rows * size + self.matrix_columns
-        self._cuts: dict[bytes, CutPattern] = {}
-
-    def cut(self, members: Members, held: Flags, piece: Indices, order: Indices) -> CutPattern:
-        """
-        Return the pattern of a frame whose members are cut at points, cached.
-
-        :param members: members between the nodes.
-        :param held: (n, 3) mask of the displacements ux, uy, theta that supports fix.
-        :param piece: (c,) index of the member of each point.
-        :param order: (c,) indices that sort the points by member and along it.
-        """
-        key = piece.tobytes() + order.tobytes()
-        if key not in self._cuts:
-            if len(self._cuts) >= MAX_CUTS:
-                self._cuts.clear()
-            self._cuts[key] = CutPattern.of(members, held, piece, order)
-        return self._cuts[key]
-
-
-#: Largest number of cached patterns of cut frames [-].
-MAX_CUTS = 64
+        self.members, self.held = members, held
 
 
 class Chains(NamedTuple):
@@ -274,3 +257,16 @@ class CutPattern(NamedTuple):
         places = (3 * ends[:, :, None] + np.arange(3)).reshape(-1, 6)
         still = np.append(held, np.zeros((len(piece), 3), dtype=bool), axis=0)
         return cls(whole, cut, still, nodes, before, behind, tuple(chains), places)
+
+
+@functools.lru_cache(maxsize=64)
+def cut_pattern(pattern: FramePattern, piece: bytes, order: bytes) -> CutPattern:
+    """
+    Return the pattern of a frame whose members are cut at points, cached.
+
+    :param pattern: pattern of the uncut frame.
+    :param piece: (c,) index of the member of each point, as bytes.
+    :param order: (c,) indices that sort the points by member and along it, as bytes.
+    """
+    both = (np.frombuffer(each, dtype=np.intp) for each in (piece, order))
+    return CutPattern.of(pattern.members, pattern.held, *both)

@@ -20,7 +20,7 @@ from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.model.description import RobotDescription
 from isotruss_ros.core.model.stiffness_law import Law, read_laws
 from isotruss_ros.core.numerics.arrays import Array, MAX_MAGNITUDE
-from isotruss_ros.core.numerics.tolerances import ROUNDING
+from isotruss_ros.core.numerics.tolerances import EPSILON, ROUNDING
 from isotruss_ros.core.statics.section import (
     as_floats,
     broadcast_members,
@@ -31,10 +31,6 @@ from isotruss_ros.core.statics.section import (
 )
 import numpy as np
 from numpy.typing import ArrayLike
-
-#: Relative half step of central differences by length and pressure [-]. The relative error is
-#: about the square of the step plus rounding divided by the step.
-DIFFERENCE_STEP = 1e-5
 
 
 @dataclass(frozen=True)
@@ -201,15 +197,15 @@ class TubeSections:
         :param pressure: (k,) gauge pressures [Pa].
         :return: derivatives with respect to length, and to gauge pressure, (3, k) each.
         """
-        shares = (
-            DIFFERENCE_STEP * np.array([[1.0, -1.0, 0.0, 0.0], [0.0, 0.0, 1.0, -1.0]])[:, :, None]
-        )
+        # The error, the square of the step plus rounding over the step, is least here.
+        step = EPSILON ** (1.0 / 3.0)
+        shares = step * np.array([[1.0, -1.0, 0.0, 0.0], [0.0, 0.0, 1.0, -1.0]])[:, :, None]
         moved = (np.array([length, pressure])[:, None] * (1.0 + shares)).reshape(2, -1)
         flexibility = 1.0 / np.array(self.section_stiffness(*moved)).reshape(3, 4, -1)
         longer, shorter, wider, narrower = flexibility.swapaxes(0, 1)
         return (
-            (longer - shorter) / (2.0 * DIFFERENCE_STEP * length),
-            (wider - narrower) / (2.0 * DIFFERENCE_STEP * pressure),
+            (longer - shorter) / (2.0 * step * length),
+            (wider - narrower) / (2.0 * step * pressure),
         )
 
 

@@ -3,10 +3,12 @@
 
 """The belief of a held object against drawn robots, poses, loads and walks."""
 
+from dataclasses import replace
 from itertools import product
 
+from carries import make_robot
 from grips import gripped
-from isotruss_ros.core import Grip, HoldStatus, Pose
+from isotruss_ros.core import Grip, HoldStatus, place_between, Polygon, Pose
 from isotruss_ros.core.estimation.contact_walk import ContactWalk
 from isotruss_ros.core.estimation.grip_belief import GripBelief, MAX_DEVIATIONS
 from isotruss_ros.core.estimation.grip_model import attach_model
@@ -22,6 +24,7 @@ CONFIG, CYLINDER = gripped(35.0, squeeze=0.1)
 GRIP = Grip.at_module(CONFIG.robot, 'north/Z', CYLINDER)
 MODEL = attach_model(CONFIG, GRIP)
 ARM = np.array([1.0, 1.0, MODEL.arm])
+BOX_HOME = make_robot().home
 PERIOD, GAINS = 0.05, gains_of(4.0)
 #: Travel of the rollers in a second [m].
 TRAVEL = np.array([8e-3, -5e-3, 4e-3, -6e-3, 3e-3, -7e-3])
@@ -139,3 +142,21 @@ def test_corrections_of_the_offsets_leave_the_motion_by_travel():
     moved = np.abs(other.pose - MODEL.pose).max()
     assert moved > 5e-3
     assert corrected.pose == pytest.approx(other.pose, abs=0.1 * moved)
+
+
+@pytest.mark.parametrize('shifts', [(-2.7e-3, -2.9e-3), (-2e-3, -2e-3)])
+def test_a_box_tilted_off_its_face_has_the_squeeze_of_its_contacts(shifts):
+    x, y = 0.093, 0.111
+    box = Polygon([(-x, -y), (x, -y), (x, y), (-x, y)], corner_radius=0.02)
+    body = place_between(BOX_HOME, ('north/Z-R', 'north/P-Z'), box, 0.995, 0.01).body
+    grip = Grip(('north/Z-R', 'north/P-Z'), body, 0.8)
+    tilted = attach_model(BOX_HOME, grip)
+    for _ in range(4):
+        moved = 0.25 * np.array(shifts)[tilted.contacts.owners]
+        tilted = roll_grip(replace(tilted, anchors=tilted.anchors + moved), BOX_HOME)
+    measured = grip.moved_to(tilted.pose)
+    laid = attach_model(BOX_HOME, measured, zeros=0.01)
+    assert (len(tilted.anchors), len(laid.anchors)) == (2, 3)
+    belief = GripBelief(laid, measured, EstimatorSettings())
+    assert belief.squeeze == pytest.approx(tilted.squeeze, rel=0.01)
+    assert np.abs(belief.bias).max() < 2e-4

@@ -235,6 +235,11 @@ def test_gradients_agree_with_central_differences(wanted):
     assert max(compared) < 1e-6
 
 
+def test_utilisation_of_a_hardly_bent_member_agrees_with_central_differences():
+    # Its moment is a millionth of that of the others.
+    assert error(872, OTHERS) < 1e-6
+
+
 def test_critical_members_are_named():
     case = RandomGrasp(1)
     grasp = settle(case, case.chosen)
