@@ -74,8 +74,8 @@ def refine_contact(
     :param solver: `solve_contact`, `solve_sliding_contact` or `relax_contact`.
     :param previous: contact of a similar grasp, whose regions are the first estimate; None: the
         regions are searched.
-    :param budget: largest number of points to which the spacing may be divided; None: the shortest
-        region determines the division.
+    :param budget: largest number of points, which limits how far the spacing is divided; None: the
+        shortest region alone determines the division.
     :return: the contact, with points from one spacing before to one spacing behind each contact
         region. Without contact, the points are on all tubes that the object can touch.
     :raises SolverError: the contact problem was not solved.

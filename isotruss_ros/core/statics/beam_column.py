@@ -39,7 +39,7 @@ class EndForces(NamedTuple):
     :ivar stiffness: (k, 3, 3) derivatives of `values` with respect to (l, t1, t2).
     :ivar stressed: (k, 3) `values` before the step of Newton's method that makes the energy
         stationary in N; from these values the geometric stiffness is computed.
-    :ivar gap: (k,) missing elongations before this step [m].
+    :ivar gap: (k,) elongations by which the axial forces were inconsistent before this step [m].
     """
 
     values: Array

@@ -83,7 +83,7 @@ class TurnRows(NamedTuple):
 
     def curvature(self, spans: Points, multipliers: Array) -> Array:
         """
-        Return the geometric stiffness (4 h,) of the constraints, by `pairs`.
+        Return the geometric stiffness (4 h,) of the constraints, in the order of `pairs`.
 
         :param spans: (s,) spans of the displaced nodes, x + iy [m].
         :param multipliers: (c,) multipliers of the constraints.
