@@ -105,8 +105,8 @@ def fit_beam(
     constants = np.exp(found.x)
     if constants.max() > MAX_MAGNITUDE:
         raise MeasurementError(
-            f'{BeamConstants._fields[constants.argmax()]} = {constants.max():g} is no number that '
-            'a robot file takes; are the units SI?'
+            f'{BeamConstants._fields[constants.argmax()]} = {constants.max():g} exceeds the range '
+            'of robot files; are the units SI?'
         )
     with np.errstate(over='ignore'):
         low, high = np.exp(found.x - width), np.exp(found.x + width)

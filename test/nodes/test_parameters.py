@@ -66,7 +66,7 @@ REFUSED = [
     ('simulator', {'object': '{shape: polygon}'}, 'vertices'),
     ('simulator', {'grip': ['south/P-Q', 'nobody']}, 'no such members; its members are'),
     ('simulator', {'grip': ['south/P-Q']}, 'two or three different members'),
-    ('simulator', {'grip': ['south/P-Q', 'east/R-Y']}, 'fits nowhere'),
+    ('simulator', {'grip': ['south/P-Q', 'east/R-Y']}, 'does not fit between'),
     ('simulator', {'stuck_roller': 'north/P'}, 'no such rollers'),
     ('simulator', {'object_pose': [1, 2]}, 'must be three numbers'),
     ('simulator', {'seed': -1}, 'seed: -1: out of range'),

@@ -193,8 +193,8 @@ def _solver(method: str, sliding: bool) -> ContactSolver:
         raise GraspError(f'method {method!r}: must be one of {", ".join(solvers)}')
     if method == 'relaxation' and sliding:
         raise GraspError(
-            "method 'relaxation': where tubes flatten (9) is for discs only; must be 'exact', or "
-            'paper_model=True'
+            "method 'relaxation': for flattening tubes (9) supports discs only; must be 'exact', "
+            'or paper_model=True'
         )
     return solvers[method]
 

@@ -115,7 +115,7 @@ def _press_in(search: _Search, refused: IsotrussError, step: float) -> SolvedCon
     if reached == 0.0:
         raise refused
     raise SolverError(
-        f'{search.touching(before)}: the structure gives way under the object before it is '
+        f'{search.touching(before)}: the structure becomes unstable under the object before it is '
         f'{1e3 * depth:.3g} mm deep in the tubes; place it farther out'
     ) from refused
 
@@ -306,7 +306,7 @@ class _Search:
         raise SolverError(
             f'{self.touching(found)}: the bent tubes did not settle in {MAX_SEARCH_STEPS} steps '
             f'(the last moved a node by {1e3 * last:.3g} mm); the object is pressed in too '
-            'deeply, or the structure gives way under it'
+            'deeply, or the structure becomes unstable under it'
         )
 
     def touching(self, found: SolvedContact) -> str:

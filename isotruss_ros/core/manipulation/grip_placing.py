@@ -68,8 +68,8 @@ def place_between(
             found.append((abs(place - middle), grip))
     if not found:
         raise GraspError(
-            f'an object that reaches {shape.reach:g} m fits nowhere between the members '
-            f'{", ".join(names)}; take another shape, angle, configuration or other members'
+            f'an object that reaches {shape.reach:g} m does not fit between the members '
+            f'{", ".join(names)}; choose another shape, angle, configuration or other members'
         )
     return min(found, key=lambda item: item[0])[1]
 

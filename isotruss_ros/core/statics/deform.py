@@ -195,7 +195,7 @@ def _bend(frame: Frame, loads: Array) -> FrameState:
     if path.factors[-1] < 1.0:
         limit = min(path.limit, path.factors[-1])
         raise StructureError(
-            f'the loads are beyond the limit load: the structure gives way at {limit:.4g} '
+            f'the loads are beyond the limit load: the structure is unstable at {limit:.4g} '
             'times these loads; must be smaller'
         )
     return frame.state(path.tangents[-1], loads)

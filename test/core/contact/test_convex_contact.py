@@ -69,7 +69,7 @@ def test_polygons_of_many_sides_converge_to_the_disc():
 
 @pytest.mark.parametrize('shape', [BOX, Ellipse((0.15, 0.1))])
 def test_relaxation_refuses_flattening_tubes(shape):
-    with pytest.raises(GraspError, match='for discs only'):
+    with pytest.raises(GraspError, match='supports discs only'):
         analyze_grasp(HOME, held_alike(shape), method='relaxation')
 
 
@@ -160,7 +160,7 @@ def test_contacts_of_polygons_wider_than_the_tube_converge_unless_a_tube_wrinkle
         assert analysis.gaps.min() >= -ROUNDING
         return
     if 'where contact is not modelled' not in refused:
-        assert 'the structure gives way' in refused
+        assert 'the structure becomes unstable' in refused
         wrinkled = analyze_grasp(HOME, press_polygon(seed, 0.7)).utilisation
         assert max(wrinkled.values()) > 1.0
 

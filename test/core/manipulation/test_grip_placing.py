@@ -71,7 +71,7 @@ def test_an_object_between_parallel_members_is_in_their_middle():
 
 
 def test_objects_that_do_not_fit_are_refused():
-    with pytest.raises(GraspError, match=r'reaches 0\.320156 m fits nowhere between'):
+    with pytest.raises(GraspError, match=r'reaches 0\.320156 m does not fit between'):
         place_between(NINE.home, ('south/X-P', 'north/Z-R'), BOX)
     with pytest.raises(GraspError, match='angle, indentation'):
         place_between(NINE.home, ('south/P-Q', 'north/R-P'), BOX, np.nan)
