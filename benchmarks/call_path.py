@@ -22,6 +22,7 @@ import sys
 from types import FrameType
 
 from benchmarks.measuring import Table
+from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped
 import isotruss_ros
 from isotruss_ros import core
@@ -35,6 +36,7 @@ from isotruss_ros.nodes.manipulation.node import Manipulation
 import numpy as np
 import rclpy
 from rclpy.parameter import Parameter
+from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 
 PACKAGE = str(Path(isotruss_ros.__file__).parent)
@@ -120,19 +122,19 @@ def control_cycle() -> tuple[list[str], int]:
 def node_tick() -> tuple[list[str], int]:
     """Trace the shortest of the last ticks of `manipulation`, each with fresh messages."""
     rclpy.init()
-    # On a busy machine, messages may be old before the tick.
-    values = {'grip_module': MODULE, 'command_timeout': 10.0}
+    # In simulated time, the inputs are as old on a busy machine as on an idle one.
+    values = {'grip_module': MODULE, 'use_sim_time': True}
     node = Manipulation([Parameter(name, value=value) for name, value in values.items()])
     take = {each.topic_name.strip('/'): each.callback for each in node.subscriptions}
     paths = []
     for step in range(CYCLES):
+        take['clock'](Clock(clock=Time(nanosec=10_000_000 * (step + 1))))
         header, travel = messages.make_header(node.now(), ROBOT.frame), 1e-6 * step
         pose = messages.to_pose_message(PRESSED.pose._replace(y=PRESSED.pose.y - 0.002 + travel))
+        rollers = JointState(header=header, name=ROBOT.roller_names, position=[travel] * 6)
         given = {
             'cmd_vel': messages.to_twist_message(TWIST),
-            'joint_states': JointState(
-                header=header, name=ROBOT.roller_names, position=[travel] * 6
-            ),
+            'joint_states': rollers,
             'object_pose': PoseStamped(header=header, pose=pose),
         }
         received = [partial(take[topic], message) for topic, message in given.items()]
