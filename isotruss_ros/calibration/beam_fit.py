@@ -59,7 +59,7 @@ class FittedBeam:
 
     @property
     def beam(self) -> InflatableBeam:
-        """Return the model of the tube with these constants."""
+        """Return the model of the tube with the fitted constants."""
         return InflatableBeam(self.radius, *self.constants)
 
 

@@ -4,8 +4,8 @@
 """
 Contacts, pose and forces of a held object, and their response to small wrenches.
 
-The response is computed for contacts that stick, with the deformation of the tubes. It yields the
-slip margin, and how the forces change if members move.
+The response is computed for sticking contacts and deforming tubes. From the response follow the
+slip margin and the change of the forces due to motion of the members.
 """
 
 from __future__ import annotations
@@ -49,9 +49,9 @@ class PressedContacts:
 
     def without(self, dropped: int) -> PressedContacts:
         """
-        Return all contacts except one.
+        Return all contacts except a given contact.
 
-        If it is one end of a face, the contact at the other end becomes unlimited in its extent.
+        If it is one end of a face, the extent of the contact at the other end becomes unlimited.
 
         :param dropped: index of the contact that is left out.
         """
@@ -86,7 +86,7 @@ class Places(NamedTuple):
     @functools.lru_cache(maxsize=16)
     def of(cls, count: int) -> Places:
         """
-        Return the indices for a number of contacts.
+        Return the indices of unknowns and equations for a number of contacts.
 
         :param count: number k of contacts.
         """
@@ -174,7 +174,7 @@ class GripResponse:
 
     @property
     def pose(self) -> Array:
-        """Return the derivatives (3, 3) of x, y and angle by the wrench [m/N, rad/N]."""
+        """Return the derivatives (3, 3) of the object's pose by the wrench [m/N, rad/N]."""
         return self.change[:POSE]
 
     @property
@@ -185,7 +185,7 @@ class GripResponse:
 
     @property
     def stiffness(self) -> Array:
-        """Return the derivatives (3, 3) of (fx, fy, m) by the displacement [N/m, N, N m]."""
+        """Return the derivatives (3, 3) of the wrench by the displacement [N/m, N, N m]."""
         stiffness = np.linalg.inv(self.pose)
         stiffness[2] *= self.arm
         return stiffness

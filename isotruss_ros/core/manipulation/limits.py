@@ -35,7 +35,7 @@ class Rows(NamedTuple):
 
     def slack(self, speeds: Array) -> Array:
         """
-        Return the distance of each row (k,) from its nearer bound, negative if violated [m/s].
+        Return the slack of each row (k,) to the nearer of its bounds, negative if violated [m/s].
 
         :param speeds: (r,) roller speeds [m/s].
         """
@@ -44,7 +44,7 @@ class Rows(NamedTuple):
 
     def take(self, chosen: Indices | Flags) -> Rows:
         """
-        Return a subset of the rows.
+        Return the rows with given indices.
 
         :param chosen: indices or mask (k,) of the rows.
         """

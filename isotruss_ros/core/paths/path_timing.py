@@ -47,7 +47,7 @@ class PathClock:
 
     @property
     def time_left(self) -> float:
-        """Return the time to the end of the path [s], provided that the robot does not slow it."""
+        """Return the time to the end of the path at full rate of path time [s]."""
         left = self._duration - self.time
         peak = min(1.0, math.sqrt(left / self.ramp_time + 0.5 * self.rate**2))
         cruise = left - (peak**2 - 0.5 * self.rate**2) * self.ramp_time
@@ -55,7 +55,7 @@ class PathClock:
 
     def time_then(self, elapsed: float, age: float) -> float:
         """
-        Return the value that path time had at an earlier moment [s].
+        Return the path time at an earlier moment [s].
 
         :param elapsed: time since the last call of `advance` [s].
         :param age: time from that moment until now [s].

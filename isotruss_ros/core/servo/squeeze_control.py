@@ -261,7 +261,7 @@ class SqueezeControl:
         self._velocity = command.scale * np.asarray(twist) - missing
 
     def _correction(self, belief: GripBelief, period: float) -> Array:
-        """Return the twist (3,) that corrects the pose error and the motion that (19) neglects."""
+        """Return the twist (3,) that corrects the pose error and the motion neglected by (19)."""
         here = belief.regulated_pose
         if self.reference is None:
             self.reference = here
@@ -270,7 +270,7 @@ class SqueezeControl:
         return gain * pose_difference(self.reference, here) - belief.drift[:3]
 
     def _begin(self, config: Configuration, grip: Grip, gripped: bool) -> HoldStatus:
-        """Start the estimate of the grip; return the hold status."""
+        """Start the belief of the grip; return the hold status of the object."""
         gripped = gripped and self.fault is None
         hold = self._start.search(
             config, grip, self.settings, gripped, self._pressures, self._zeros

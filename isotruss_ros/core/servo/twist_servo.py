@@ -221,7 +221,7 @@ class TwistServo:
         self._detect()
 
     def _detect(self) -> None:
-        """Compare the commanded with the measured roller travel."""
+        """Detect failed rollers from commanded and measured travel."""
         rollers = self._inputs.rollers
         if not isinstance(rollers, StampedInput):
             return
@@ -279,7 +279,7 @@ class TwistServo:
 
     @property
     def _touching(self) -> Grip:
-        """Return the grip; if the object is modelled, with the contacts of its equilibrium."""
+        """Return the grip, with the contacts of the modelled equilibrium if there is one."""
         belief = None if self._squeeze is None else self._squeeze.belief
         return self._settings.grip if belief is None else belief.grip
 
@@ -299,7 +299,7 @@ class TwistServo:
         limits: Sequence[Limit],
         handling: LimitHandling,
     ) -> RollerCommand:
-        """Return the command for a velocity of the joint."""
+        """Return the roller command for a desired velocity of the joint."""
         if twist[2] != 0.0:
             raise HaltError(
                 Status.HALT_INVALID_TWIST,

@@ -95,7 +95,7 @@ class ElasticObject:
         return held_joints(self._grasp)
 
     def pose(self, config: Configuration) -> Pose:
-        """Return the pose after the last step; see `SimulatedObject.pose`."""
+        """Return the object's pose after the last step; see `SimulatedObject.pose`."""
         return self._body.pose if self._grasp is None else self._grasp.pose
 
     @single_threaded

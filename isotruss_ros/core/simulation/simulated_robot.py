@@ -97,7 +97,7 @@ class SimulatedObject(Protocol):
 
     def pose(self, config: Configuration) -> Pose:
         """
-        Return the pose in a configuration.
+        Return the object's pose in a configuration of the robot.
 
         :param config: configuration of the robot.
         """

@@ -190,7 +190,7 @@ class Frame(FrameAssembly):
 
     def locate(self, piece: Indices, within: Array) -> tuple[Indices, Array]:
         """
-        Return the member (c,) that contains each point, and the distance (c,) from its start.
+        Return the members (c,) at given points, and the distances (c,) from the members' starts.
 
         :param piece: (c,) index of the member of the uncut frame at each point.
         :param within: (c,) distances of the points from the starts of these members [m].

@@ -92,7 +92,7 @@ class InflatableBeam:
     :param radius: tube radius R [m].
     :param membrane_modulus: E t [N/m].
     :param membrane_shear_modulus: G t [N/m].
-    :param end_softening: c [-].
+    :param end_softening: factor c of the stiffness c p R of a pinched end [-].
     """
 
     radius: float

@@ -74,7 +74,7 @@ class Structure:
 
     def locate(self, members: Indices, places: Array) -> tuple[Indices, Array, Array]:
         """
-        Return the pieces of tube that contain points, the positions on them and their directions.
+        Return the frame's tube pieces that contain given points, and the positions in the pieces.
 
         :param members: (c,) index of the member of each point.
         :param places: (c,) distances from the members' starts [m].

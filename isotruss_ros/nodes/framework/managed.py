@@ -45,10 +45,10 @@ class ManagedNode(StoppableNode, LifecycleNode):
 
     :cvar awaited: topics and actions that the active node needs, mentioned in the log.
     :cvar idle: text of the diagnostics while the active node has no goal.
-    :ivar inputs: `Inputs` created by `configure`, of which the diagnostics report the ages; None
-        if the node has none.
+    :ivar inputs: `Inputs` created by `configure`, whose ages the diagnostics report; None if the
+        node has no inputs.
     :ivar configured: whether `configure` has succeeded and the entities that it created exist.
-    :ivar kept: entities that outlast the life-cycle state in which they were created.
+    :ivar kept: entities that are not destroyed at the end of the state of their creation.
     :ivar active: whether publishers are enabled, which they also are in transitions to and from
         the state `active`.
     :ivar diagnostics: diagnostic status of the node.
@@ -234,7 +234,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
         self.cleanup()
 
     def _check_change(self, parameters: list[Parameter]) -> SetParametersResult:
-        """Return whether parameters can be set; while the node is unconfigured, all can be."""
+        """Return whether parameters can be set; all can be set while the node is unconfigured."""
         new = {parameter.name: parameter.value for parameter in parameters}
         try:
             if 'configured' in self._before:

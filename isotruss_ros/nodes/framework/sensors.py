@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Subscriptions that store the latest value of each input, or the reason why it was rejected."""
+"""Subscriptions that store the latest value of each input, or the reason for its rejection."""
 
 from __future__ import annotations
 

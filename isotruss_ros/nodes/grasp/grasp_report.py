@@ -98,8 +98,8 @@ class AnalyzedGrasp:
 class GraspReport:
     """Result of a grasp analysis, or the reason why there is none."""
 
-    #: OK for a valid result, WRINKLED for one for which the model does not hold, otherwise the
-    #: reason why there is no result
+    #: OK for a valid result, WRINKLED for a result for which the model does not hold, otherwise
+    #: the reason why there is no result
     code: GraspCode
     message: str  #: warnings, or the reason why there is no result; may be empty
     time: float  #: time of the oldest input, or time of the call if there is no result [s]

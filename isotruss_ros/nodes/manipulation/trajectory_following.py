@@ -45,9 +45,9 @@ class TrajectoryFollowing:
     """
     Execution of one roller trajectory at a time, after which twists move the object again.
 
-    A new trajectory replaces the current one. An empty trajectory or any stop of the rollers ends
-    the current one, which does not resume. The result of a trajectory remains the status of the
-    node until the next twist.
+    A new trajectory replaces the current trajectory. An empty trajectory or any stop of the
+    rollers ends the current trajectory, which does not resume. The result of a trajectory remains
+    the status of the node until the next twist.
 
     :ivar follower: servo that tracks the trajectory.
     :param node: node that subscribes while it is active.
@@ -229,7 +229,7 @@ class TrajectoryFollowing:
         code: int = ABORTED_CODE,
         spared: SingleGoal | None = None,
     ) -> None:
-        """End the goal of a finished trajectory, if this came from an action."""
+        """End the goal of a finished trajectory, if the trajectory came from an action."""
         for goal in self._goals:
             if goal.active and goal is not spared:
                 goal.end(ending, goal.kind.Result(error_code=code, error_string=text))
