@@ -112,7 +112,7 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
             ) from error
 
     def residual(self) -> Array:
-        """Return the residual of the constraints (12); bisection rows [rad], other rows [m]."""
+        """Return the residual of all constraints; bisection rows in [rad], other rows in [m]."""
         return self.robot.constraints.residual(
             self.points, _targets(self.robot, self.roller_positions)
         )

@@ -81,7 +81,7 @@ class Constraints:
 
     def residual(self, points: Points, targets: Targets) -> Array:
         """
-        Return the residual of the constraints (12).
+        Return the residual of the kinematic constraints.
 
         :param points: (n,) nodes [m].
         :param targets: prescribed lengths and grounded coordinates.
@@ -147,7 +147,7 @@ class Constraints:
 
     def matrix_of(self, values: Points) -> Array | csc_matrix:
         """
-        Return the Jacobian (12) with given nonzero entries; see `matrix`.
+        Return the constraint Jacobian with given nonzero entries; see `matrix`.
 
         :param values: (13m,) entries, see `gradients`.
         """

@@ -34,7 +34,7 @@ ITERATIONS = 3
 
 
 class Modes(NamedTuple):
-    """The p smallest singular values of the matrix of (12), ascending, with singular vectors."""
+    """The p smallest singular values of the constraint Jacobian, ascending, with their vectors."""
 
     values: Array  #: (p,) singular values, divided by the smallest one at home
     rows: Array  #: (5m + g, p) left singular vectors, by rows of (12)
@@ -68,7 +68,7 @@ class RigidityIndex:
 
     def modes(self, config: Configuration) -> Modes:
         """
-        Return the smallest singular values and vectors of (12) in a configuration.
+        Return the smallest singular values and vectors of the Jacobian in a configuration.
 
         :param config: configuration of the robot.
         :raises ConfigurationError: the matrix is exactly singular.

@@ -109,7 +109,7 @@ class Searcher:
         self._stop.requested = True
 
     def answer(self) -> Answer | None:
-        """Return the result of a finished search, and forget it; None if there is no result."""
+        """Return the result of a finished search once, then discard it; None without a result."""
         if self._search is None or not self._search.done():
             return None
         search, self._search = self._search, None
