@@ -32,7 +32,7 @@ SEARCH_FACTOR = 1e6
 #: beam are removed; with three times of it, groups that are wrong by a factor of 8 are not
 #: removed.
 COMMON_MISFIT, LEAST_MISFIT = 0.1, 0.7
-#: Largest share of outlying groups [-]; if more are outlying, the model does not apply.
+#: Largest fraction of outlying groups [-]; if more are outlying, the model does not apply.
 MAX_OUTLIER_SHARE = 0.2
 #: Smallest singular value, relative to the largest, at which a combination of constants counts as
 #: determined [-].
@@ -122,7 +122,7 @@ def outlying_ratios(
     modes: Indices, lengths: Array, pressures: Array, stiffnesses: Array, radius: float
 ) -> Array:
     """
-    Find outliers, and return the ratios of their stiffnesses to those of the fitted beam.
+    Find outliers, and return the ratios of their stiffnesses to the fitted beam's stiffnesses.
 
     The beam is fitted to all points with a Cauchy loss, which is robust against outliers.
 

@@ -45,7 +45,7 @@ class MeasurementError(IsotrussError, ValueError):
 
 @dataclass(frozen=True, eq=False)
 class Group:
-    """Measured points with the same mode, pressure and length."""
+    """Measured points with equal mode, pressure and length."""
 
     mode: str  #: mode of the load: axial, transverse or rotary
     pressure: float  #: gauge pressure [Pa]

@@ -73,8 +73,8 @@ class LostContact:
         """
         Return the derivatives of `slip_margin` with respect to roller travel and object pose.
 
-        :return: (r,) derivatives with respect to roller travel, and (3,) with respect to the
-            object's pose.
+        :return: (r,) derivatives of the slip margin with respect to roller travel, and (3,) with
+            respect to the object's pose.
 
         :raises ConfigurationError: the configuration is singular.
         """

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Detection of slip from sums of the corrections of the object's pose over the last seconds."""
+"""Detection of slip from sums of pose corrections of the object over the last seconds."""
 
 from __future__ import annotations
 

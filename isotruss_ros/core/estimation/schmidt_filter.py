@@ -44,7 +44,7 @@ class SchmidtFilter:
         Replace the last components of the state by components with a prior variance.
 
         :param size: new number of components.
-        :param kept: number of first components that remain.
+        :param kept: number of first components that are not replaced.
         :param variance: prior variance of the new components.
         """
         before, sensitivity = self.covariance, self.sensitivity

@@ -218,8 +218,9 @@ class HeldGrip:
         Return the slip margins of all slip conditions, and their derivatives by a wrench.
 
         :param friction: coefficient of friction between tube and object.
-        :return: (c,) margins, the forces times the rows of `slip_rows` [N]; (c, 3) derivatives;
-            and (c,) norms of the derivatives for a wrench with its moment about the centroid.
+        :return: (c,) slip margins, the forces times the rows of `slip_rows` [N]; (c, 3)
+            derivatives of the margins by the wrench; and (c,) norms of these derivatives for
+            moments about the centroid.
         """
         return self._reserves(self.slip_rows(friction)[0])
 

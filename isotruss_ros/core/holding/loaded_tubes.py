@@ -60,7 +60,7 @@ class GraspParameters(NamedTuple):
 
 class ContactRates(NamedTuple):
     """
-    Derivatives of k contacts with respect to p parameters.
+    Derivatives of positions, normals and forces of k contacts with respect to p parameters.
 
     :ivar feet: (k, p) derivatives of the contacts' positions along the members [m].
     :ivar normals: (k, p) derivatives of the angles of the bent tubes' normals [rad].
@@ -81,7 +81,7 @@ class TubeRates(NamedTuple):
     :ivar give: (k, p) derivatives of the contact points' displacements, along + i across the
         members [m].
     :ivar slope: (k, p) derivatives of the bent centre lines' rotation at the contacts [rad].
-    :ivar nodes: (n, 3, p) derivatives of the displacements of the nodes of the cut frame [m, rad].
+    :ivar nodes: (n, 3, p) derivatives of the cut frame's node displacements [m, rad].
     :ivar forces: (c, 3, p) derivatives of the axial force N [N] and end moments M1 and M2 [N m] of
         the cut frame's members.
     """
@@ -94,7 +94,7 @@ class TubeRates(NamedTuple):
 
 class LoadedTubes:
     """
-    Bent tubes of a robot with a held object, and their derivatives along p parameter changes.
+    Bent tubes of a robot with a held object, with derivatives along p parameter changes.
 
     :ivar moved: (N, p) derivatives of the positions of the configuration's nodes, x + iy [m].
     :ivar spins: (k, p) derivatives of the directions of the contacts' members [rad].
@@ -244,7 +244,7 @@ class LoadedTubes:
 
     def utilisation(self, rates: TubeRates) -> tuple[Array, Array]:
         """
-        Return the utilisation of each member, (m,), and its derivatives (m, p).
+        Return the utilisation (m,) of the members, and its derivatives (m, p) by the parameters.
 
         :param rates: derivatives of the tubes' displacements and forces.
         """

@@ -90,8 +90,8 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
         """
         Return the constraint Jacobian of equation (12) as a dense square matrix.
 
-        Its rows are the constraints of the tube lengths, of the modules, of the bisections, and of
-        the supports.
+        Its rows are the constraints of the tube lengths, of the modules, of the bisections (3),
+        and of the supports.
         """
         matrix = self.robot.constraints.matrix_of(self.gradients)
         return matrix if isinstance(matrix, np.ndarray) else matrix.toarray()

@@ -174,7 +174,7 @@ class Constraints:
         :param weights: (5m + g, p) factors of the rows; each of the p columns belongs to one
             scalar.
         :param motions: (2n, p) velocities of the nodes.
-        :return: (2n, p) derivatives with respect to the node coordinates.
+        :return: (2n, p) derivatives of the p scalars with respect to the node coordinates.
         """
         m = self._topology.n_modules
         stretched = (points[self._heads] - points[self._tails])[:, None]

@@ -129,11 +129,11 @@ class CollisionModel:
 
     def gradients(self, config: Configuration, pairs: Indices) -> Array:
         """
-        Return the gradients of the distances of pairs of parts with respect to the nodes.
+        Return the gradients of the pairs' distances with respect to the node coordinates.
 
         :param config: configuration of the robot.
         :param pairs: (k,) indices of pairs.
-        :return: (k, 2n) derivatives with respect to (x0, y0, x1, y1, ...) [-].
+        :return: (k, 2n) derivatives of the distances with respect to (x0, y0, x1, y1, ...) [-].
         """
         _, normals, shares = self._nearest(config, pairs)
         rows = self.part_rows(config, self._second[pairs], shares, normals)

@@ -84,7 +84,8 @@ class RigidityIndex:
 
         :param config: configuration of the robot.
         :param modes: all or some of the smallest singular values in this configuration.
-        :return: (p, 2n) derivatives with respect to (x0, y0, x1, y1, ...) [1/m].
+        :return: (p, 2n) derivatives of the scaled values with respect to (x0, y0, x1, y1, ...)
+            [1/m].
         """
         turning = config.robot.constraints.second_derivative(
             config.points, self._scale * modes.rows, modes.nodes

@@ -88,7 +88,7 @@ class RollerTrajectory:
         self.duration = float(self._times[-1] + self._halves[-1])
 
     def _round_corners(self, robot: Robot, steps: Array) -> Array:
-        """Return half of the duration of the blend at each of k waypoints [s]."""
+        """Return half of the blend's duration at each of k waypoints [s]."""
         changes = np.abs(np.diff(self._slopes, axis=0)).max(axis=1)
         most = robot.description.max_acceleration
         needed = 0.5 * (changes[1:] + changes[:-1])

@@ -53,7 +53,7 @@ def plan_grasps(
     max_rounds: int = 5,
 ) -> GraspPlan:
     """
-    Return grasps of a free object inside a loop of the robot, with the paths to these grasps.
+    Return grasps of a free object inside a loop of the robot, with paths to the grasps.
 
     Candidates are all pairs and triples of members around the object, unless the requirements name
     a module or members. Grasps are ranked by slip margin, unless the requirements name another

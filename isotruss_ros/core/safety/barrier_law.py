@@ -4,7 +4,8 @@
 """
 Barriers, and the control barrier function that bounds the rate of their margins.
 
-A margin h is the difference between a value and its lower bound. Its rate is bounded by
+A margin h is the difference between a value of the barrier and the lower bound. Its rate is
+bounded by
 
     dh/dt >= -rate h / (1 - h / band),
 
@@ -106,8 +107,8 @@ class ActiveValues(NamedTuple):
 
     indices: Indices  #: (k,) indices of the values
     values: Array  #: (k,) values
-    node_rows: Array  #: (k, 2n) derivatives with respect to the node coordinates
-    #: (k, r) derivatives with respect to roller travel while the nodes are fixed; None: zero
+    node_rows: Array  #: (k, 2n) derivatives of the values by node coordinates
+    #: (k, r) derivatives of the values with respect to roller travel with fixed nodes; None: zero
     roller_rows: Array | None = None
 
 

@@ -50,7 +50,7 @@ class UsageLimits:
 
     def margin_share(self, command: RollerCommand, period: float, free: float) -> float:
         """
-        Return the largest factor on a command, 0 to 1, that keeps enough slip margin.
+        Return the largest factor on a command, 0 to 1, that uses up at most `free` of the margin.
 
         :param command: the command.
         :param period: duration of the command [s].

@@ -28,7 +28,7 @@ INPUT_HALTS = {
     ('tube_pressures', InputFault.STALE): Status.HALT_STALE_TUBE_PRESSURES,
     ('tube_pressures', InputFault.INVALID): Status.HALT_INVALID_TUBE_PRESSURES,
 }
-#: Status of a halt for each class of errors of the solver; the last entry is for all other errors.
+#: Status of a halt for each class of solver errors; the last entry is for all other errors.
 HALT_STATUSES = (
     (GraspError, Status.HALT_NO_GRASP),
     (IsotrussError, Status.HALT_KINEMATICS),

@@ -67,7 +67,7 @@ class FrameAssembly:
 
     @cached_property
     def uncut(self) -> Flags:
-        """Return a mask over the uncut frame's members, true where no cut divides them."""
+        """Return a mask of the uncut frame's members, true for members without a cut."""
         return np.bincount(self.whole) == 1
 
     def assemble(

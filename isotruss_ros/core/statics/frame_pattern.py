@@ -26,8 +26,8 @@ class TurnRows(NamedTuple):
     :ivar span: (e,) index of the span to which each share belongs, ascending.
     :ivar share: (e,) coefficient of a node's position in the span.
     :ivar node: (e,) index of the node of each share.
-    :ivar row: (2 e,) row of each entry of the constraint matrix: first the derivatives by x, then
-        those by y.
+    :ivar row: (2 e,) row of each entry of the constraint matrix: first the derivatives by x of the
+        nodes, then the derivatives by y.
     :ivar column: (2 e,) column of each entry, which is the index of a displacement.
     :ivar pairs: two arrays (4 h,) of displacements that the geometric stiffness couples: (x, x),
         (x, y), (y, x) and (y, y) of the two nodes of each pair of shares.
@@ -54,9 +54,9 @@ class TurnRows(NamedTuple):
 
         :param row: (s,) row of each span.
         :param weight: (s,) weight of each span.
-        :param span: (e,) index of the span of each share, ascending.
-        :param share: (e,) factor of a node's position in the span.
-        :param node: (e,) index of the node.
+        :param span: (e,) index of the span to which each share belongs, ascending.
+        :param share: (e,) coefficient of a node's position in the span.
+        :param node: (e,) index of the node of each share.
         """
         one, other = np.nonzero(span[:, None] == span)
         x, count = 3 * node, int(row.max()) + 1
@@ -125,7 +125,7 @@ class Members(NamedTuple):
 
 class FramePattern:
     """
-    Sparsity pattern of all frames with the same connections and supports.
+    Sparsity pattern of all frames with equal connections and supports.
 
     :param members: members between the nodes; only their connections are used.
     :param held: (n, 3) mask of the displacements ux, uy, theta that supports fix.

@@ -343,7 +343,7 @@ def end_forces(forces: Array, length: Array) -> Array:
 
 def _condense(matrices: Array, chains: Chains) -> CondensedChains:
     """
-    Eliminate the nodes at cuts; the condensed stiffness replaces that of the first parts.
+    Eliminate the nodes at cuts; condensed stiffnesses replace those of the first parts.
 
     :param matrices: (k, 6, 6) stiffness of all parts against (ux, uy, theta) at both ends.
     :param chains: the cut members.

@@ -195,7 +195,8 @@ class TubeSections:
 
         :param length: (k,) lengths, pinch point to pinch point [m].
         :param pressure: (k,) gauge pressures [Pa].
-        :return: derivatives with respect to length, and to gauge pressure, (3, k) each.
+        :return: derivatives of the three flexibilities with respect to length, and with respect to
+            gauge pressure, (3, k) each.
         """
         # The error, the square of the step plus rounding over the step, is least here.
         step = EPSILON ** (1.0 / 3.0)

@@ -96,7 +96,7 @@ class StoppableNode(Node):
         self._reasons.note(kind, message)
 
     def log_ended(self) -> None:
-        """For each logged warning that no longer occurs, log how often it occurred."""
+        """Log the number of occurrences of each warning that no longer occurs."""
         self._reasons.end()
 
     def offer(self, name: str, carry_out: Callable[[], str]) -> None:
