@@ -179,7 +179,7 @@ def _stiffnesses(
 def _estimate(
     modes: Indices, lengths: Array, pressures: Array, stiffnesses: Array, radius: float
 ) -> Array:
-    """Return initial estimates of the logarithms of the constants."""
+    """Return initial estimates of the logarithms of the beam's constants."""
     axial, transverse, rotary = (modes == mode for mode in range(3))
     # Between EI/L and 4 EI/L; equal compliance by bending and shear, by ends and wall.
     bending = np.where(rotary, 0.5 * stiffnesses * lengths, stiffnesses * lengths**3 / 6.0)

@@ -265,7 +265,7 @@ class Timeline:
         self._known.append((time, value))
 
     def clear(self) -> None:
-        """Remove all values."""
+        """Remove all values of the function."""
         self._known.clear()
 
     def discard_before(self, time: float) -> None:
@@ -303,7 +303,7 @@ class CommandHistory:
         self.clear()
 
     def clear(self) -> None:
-        """Remove all commands."""
+        """Remove all commands from the history."""
         self.last: Array | None = None
         self._travel = Timeline()  # integral of the commands up to each time, from any start [m]
 

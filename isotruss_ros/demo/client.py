@@ -189,7 +189,7 @@ class DemoClient(Node):
         meanwhile: Callable[[], None] | None = None,
     ) -> None:
         """
-        Wait for a condition.
+        Wait until a condition holds, while messages are received.
 
         :param ready: function that returns whether the condition holds.
         :param check: function that raises an error if the condition can no longer become true.

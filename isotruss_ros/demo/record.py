@@ -81,7 +81,7 @@ class PhaseRecord:
 
     @property
     def analyses(self) -> list[GraspState]:
-        """Return the grasp analyses that have a result."""
+        """Return the grasp analyses of the phase that have a result."""
         return [grasp for grasp in self.grasps if grasp.code <= GraspState.WRINKLED]
 
     @property

@@ -57,7 +57,7 @@ class PlantRecorder:
         self._file.flush()
 
     def close(self) -> None:
-        """Close the file."""
+        """Close the file of the recording."""
         self._file.close()
 
 

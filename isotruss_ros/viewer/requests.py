@@ -68,7 +68,7 @@ def check_request(name: str, value: object, choices: Mapping[str, Sequence[str]]
 
     :param name: name of the request.
     :param value: received value.
-    :param choices: possible values for the name of each request that selects from a list.
+    :param choices: list of admissible values of each request with choices, by its name.
     :raises RequestError: the value is out of bounds, or not among the choices, or not a valid
         drag.
     """

@@ -121,7 +121,7 @@ class SkinIndentation:
 
     @functools.cached_property
     def _spline_rate(self) -> scipy.interpolate.PPoly:
-        """Return the derivative of the spline with respect to pressure, at constant depths."""
+        """Return the derivative of the table's spline by pressure, at constant depths."""
         spline, moved = self._spline, self._place_rates
         third = 6.0 * spline.c[0]
         # Where a place moves by m, the spline changes by -m times its slope, and the curvature of

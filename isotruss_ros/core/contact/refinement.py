@@ -309,7 +309,7 @@ class _Search:
         )
 
     def touching(self, found: SolvedContact) -> str:
-        """Return the names of the members in contact."""
+        """Return the names of the members in contact with the object."""
         names = self.structure.config.robot.member_names
         return ', '.join(names[i] for i in np.flatnonzero(_touched(found.spans)))
 

@@ -290,7 +290,7 @@ class GripBelief:
 
     def observe(self, pose: Pose, age: float) -> None:
         """
-        Update the belief with a measured pose.
+        Update the belief of the grip with a measured pose.
 
         :param pose: measured pose of the object.
         :param age: time from the stamp of the pose to the last call of `follow` [s].
@@ -384,7 +384,7 @@ class GripBelief:
 
     def take_zeros(self, covariance: Array) -> None:
         """
-        Replace the covariance of the roller offsets.
+        Replace the covariance of the considered roller offsets.
 
         :param covariance: (r, r) covariance of the roller offsets [m^2].
         """
@@ -445,7 +445,7 @@ class GripBelief:
         self._lag.add(np.append(given, pressed))
 
     def _predict(self, elapsed: float, moved: Array, travel: Array) -> None:
-        """Propagate the covariance by process noise."""
+        """Propagate the covariance of the grip's state by process noise."""
         given = self.settings
         left = math.exp(-elapsed / given.load_time)
         more, kept = np.zeros_like(self._rates.squeeze), np.ones_like(self._rates.squeeze)

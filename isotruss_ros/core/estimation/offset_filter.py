@@ -56,7 +56,7 @@ class OffsetFilter:
 
     def predict(self, elapsed: float, travel: Array) -> None:
         """
-        Propagate the covariance by process noise.
+        Propagate the covariance of offsets and marker errors by process noise.
 
         :param elapsed: time since the last call [s].
         :param travel: (r,) absolute roller travel since the last call [m].
@@ -104,7 +104,7 @@ class OffsetFilter:
         joints: Callable[[Array], tuple[Array, Array]],
     ) -> None:
         """
-        Update the belief with measured markers.
+        Update the belief of the roller offsets with measured markers.
 
         :param measured: (m,) measured coordinates of markers [m].
         :param noise: (m, m) covariance of the measurement noise [m^2].

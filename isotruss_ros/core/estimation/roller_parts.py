@@ -27,7 +27,7 @@ class RollerParts:
         self._readings: list[list[tuple[float, complex]]] = [[] for _ in names]
 
     def clear(self) -> None:
-        """Discard all readings."""
+        """Discard the readings of all rollers."""
         for readings in self._readings:
             readings.clear()
 

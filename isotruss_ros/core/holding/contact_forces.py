@@ -134,7 +134,7 @@ class ContactForces:
 
     @functools.cached_property
     def normal_forces(self) -> Array:
-        """Return the normal forces (k,) [N], positive in compression."""
+        """Return the normal forces (k,) at the contacts [N], positive in compression."""
         return self.unknowns[self.places.normal]
 
     @functools.cached_property
@@ -144,7 +144,7 @@ class ContactForces:
 
     @property
     def forces(self) -> Array:
-        """Return the normal and friction forces, (2k,) [N]."""
+        """Return the normal and then the friction forces at the contacts, (2k,) [N]."""
         return np.concatenate([self.normal_forces, self.friction_forces])
 
 
@@ -192,7 +192,7 @@ class GripResponse:
 
     @property
     def stable(self) -> bool:
-        """Return whether the stiffness is positive definite."""
+        """Return whether the object's stiffness is positive definite."""
         even = self.pose * np.array([[1.0], [1.0], [self.arm]])
         return not lapack.dpotrf(0.5 * (even + even.T))[1]
 

@@ -99,7 +99,7 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
     @cached_property
     def factor(self) -> Factor:
         """
-        Return the factorised matrix of (12).
+        Return the factorised matrix of (12) in this configuration.
 
         :raises ConfigurationError: the matrix is singular.
         """

@@ -39,7 +39,7 @@ class SmoothOutline(Shape):
 
     @cached_property
     def corners(self) -> Points:
-        """Return the corners, (n,) x + iy [m]."""
+        """Return the corners of the polygon, (n,) x + iy [m]."""
         return np.array(self.vertices) @ np.array([1.0, 1.0j])
 
     @cached_property
@@ -60,7 +60,7 @@ class SmoothOutline(Shape):
 
     @cached_property
     def perimeter(self) -> float:
-        """Return the length of the outline [m]."""
+        """Return the length of the smooth curve [m]."""
         integral = self._functions[0]
         return float(integral(self._angles[-1]) - integral(self._angles[0]))
 

@@ -55,10 +55,10 @@ class PathClock:
 
     def time_then(self, elapsed: float, age: float) -> float:
         """
-        Return the path time at an earlier moment [s].
+        Return the path time at a past moment, such as the time of a measurement [s].
 
         :param elapsed: time since the last call of `advance` [s].
-        :param age: time from that moment until now [s].
+        :param age: time from the past moment until now [s].
         """
         return self._known.at(self._now + elapsed - age)
 
@@ -72,7 +72,7 @@ class PathClock:
 
     def advance(self, elapsed: float, room: float, scale: float, held: bool) -> None:
         """
-        Advance path time by one cycle.
+        Advance path time by one cycle of the control loop.
 
         :param elapsed: time since the last call [s].
         :param room: largest rate that the robot's lag admits, 0 to 1; a larger rate is reduced at

@@ -157,7 +157,7 @@ class RollerTrajectoryServo:
 
     @property
     def busy(self) -> bool:
-        """Return whether a trajectory is active."""
+        """Return whether a roller trajectory is active."""
         return self._trajectory is not None
 
     @property
@@ -209,7 +209,7 @@ class RollerTrajectoryServo:
         return state
 
     def end(self) -> None:
-        """Abort the current trajectory."""
+        """Abort the current roller trajectory."""
         self._trajectory = None
 
     def decide(self, now: float) -> RollerStep:

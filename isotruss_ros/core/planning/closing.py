@@ -64,7 +64,7 @@ class SearchState:
 
     @property
     def rigidity(self) -> float:
-        """Return the rigidity index, 1 at home."""
+        """Return the rigidity index of the configuration, 1 at home."""
         return float(self.modes.values[0])
 
     @property

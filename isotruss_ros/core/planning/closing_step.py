@@ -109,7 +109,7 @@ def take_closing_step(
 
 def solve_step(state: SearchState, closing: Closing, targets: Array, share: float) -> Array:
     """
-    Return the roller travel (r,) of one step [m].
+    Return the roller travel (r,) of one step by solving the quadratic program [m].
 
     :param state: state at the start of the step.
     :param closing: closing motion with members and object.

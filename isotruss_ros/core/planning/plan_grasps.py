@@ -134,7 +134,7 @@ class _Search:
                 return
 
     def best(self) -> list[PlannedGrasp]:
-        """Return the distinct grasps, best first."""
+        """Return the distinct grasps found so far, best first."""
         same = EQUALITY_SHARE * self._config.robot.home.member_lengths.mean()
         distinct: list[PlannedGrasp] = []
         for grasp in sorted(self._grasps, key=lambda grasp: -grasp.score):
@@ -147,7 +147,7 @@ class _Search:
         return distinct[: self._needs.count]
 
     def plan(self) -> GraspPlan:
-        """Return the result of the search so far."""
+        """Return the plan with the grasps found so far."""
         best, tally = tuple(self.best()), self.tally
         return GraspPlan(
             best,

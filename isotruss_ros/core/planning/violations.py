@@ -123,7 +123,7 @@ def export_violation(violation: Violation | None) -> dict[str, Any]:
 
 def violation_in_words(violation: Violation | None) -> str:
     """
-    Return a sentence that describes a violation.
+    Return a sentence that describes the violation of a requirement.
 
     :param violation: violation of the closest candidate; None if there was no candidate.
     """

@@ -125,7 +125,7 @@ class Barrier(Protocol):
     @property
     def needs_object(self) -> bool:
         """
-        Return whether the values depend on a held object.
+        Return whether the barrier's values depend on a held object.
 
         Such a barrier applies only while an object is held.
         """

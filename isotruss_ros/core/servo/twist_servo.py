@@ -82,12 +82,12 @@ class TwistServo:
 
     @property
     def settings(self) -> ServoSettings:
-        """Return the current settings."""
+        """Return the current settings of the servo."""
         return self._settings
 
     @property
     def inputs(self) -> ServoInputs:
-        """Return the latest inputs."""
+        """Return the latest inputs of the servo."""
         return self._inputs
 
     @property
@@ -107,7 +107,7 @@ class TwistServo:
 
     def apply(self, settings: ServoSettings) -> None:
         """
-        Replace the settings from the next cycle on.
+        Replace the settings of the servo from the next cycle on.
 
         If the joint changes, the last twist is discarded. If the failure time changes, the
         detection of failures restarts; failures detected before remain. The squeeze control goes
@@ -139,7 +139,7 @@ class TwistServo:
 
     def receive(self, **inputs: Any) -> None:
         """
-        Store new values of some inputs.
+        Store new values of some inputs of the servo.
 
         :param inputs: new values; the keywords are the fields of `ServoInputs`.
         :raises GraspError: a roller named as failed does not exist in the robot; then no input is

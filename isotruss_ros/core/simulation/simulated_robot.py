@@ -149,7 +149,7 @@ class SimulatedRobot(DrivenRollers):
 
     def replace_object(self, simulated: SimulatedObject) -> None:
         """
-        Replace the object without moving the robot.
+        Replace the robot's object without moving the robot.
 
         :param simulated: the object, which is a `RigidObject`, an `ElasticObject` or user-defined.
         """

@@ -124,7 +124,7 @@ class BentTubes:
 
     def bent_to(self, before: Displaced | None) -> BentTubes:
         """
-        Return these tubes, linearised about another state.
+        Return these tubes, linearised about another state of the frame.
 
         :param before: the other state; None: the state without loads.
         """
@@ -167,7 +167,7 @@ class BentTubes:
 
     @cached_property
     def frame(self) -> Frame:
-        """Return the frame with cuts at the load points."""
+        """Return the structure's frame with additional nodes at the load points."""
         return self._cut[0]
 
     def locate(self, members: Indices, places: Array) -> tuple[Indices, Array, Array]:

@@ -69,7 +69,7 @@ class TurnRows(NamedTuple):
 
     def linearize(self, points: Points, displacements: Array) -> tuple[Array, Array, Points]:
         """
-        Return the constraints linearised about displacements.
+        Return the constraints on rotations, linearised about displacements of the nodes.
 
         :param points: (n,) nodes without loads, x + iy [m].
         :param displacements: (n, 3) displacements ux, uy [m], theta [rad] of the nodes.

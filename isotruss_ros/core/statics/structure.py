@@ -60,7 +60,7 @@ class Structure:
 
     def node(self, name: str) -> int:
         """
-        Return the index of a node.
+        Return the index of a node among the frame's nodes.
 
         :param name: name of a joint, or t/j/B, t/j/C, t/j/D, t/j/E of a module.
         :raises StructureError: there is no such node.

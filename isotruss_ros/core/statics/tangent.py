@@ -127,7 +127,7 @@ class Tangent:
     @cached_property
     def factored(self) -> FactoredFrame:
         """
-        Return the factorisation of the matrix of `system`.
+        Return the factorisation of the scaled matrix of (4), see `system`.
 
         :raises StructureError: the structure has no stiffness in its bent shape.
         """
@@ -322,7 +322,7 @@ class Tangent:
 
     @property
     def is_stable(self) -> bool:
-        """Return whether the equilibrium is stable under the constraints."""
+        """Return whether the frame's equilibrium is stable under the constraints."""
         chains = itertools.chain.from_iterable(each.stiffness for each in self.chains)
         softened = sum(count_negative_pivots(each, 0) for each in chains)
         negative = count_negative_pivots(self.system[0], self._frame.rows.count)

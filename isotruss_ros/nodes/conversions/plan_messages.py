@@ -118,7 +118,7 @@ def _read_body(goal: PlanGrasp.Goal, described: ConvexObject | None) -> ConvexOb
 
 def to_result_message(answer: Answer, robot: Robot) -> PlanGrasp.Result:
     """
-    Convert the result of a search to a message.
+    Convert the result of a grasp search to a message.
 
     :param answer: result of the search.
     :param robot: the robot.

@@ -59,7 +59,7 @@ class RollerCommands:
         self._sent += 1
 
     def stop(self) -> None:
-        """Publish zero velocities."""
+        """Publish zero velocities for all rollers."""
         self.publish(np.zeros(self._count))
 
     def wait_for_subscribers(self) -> bool:

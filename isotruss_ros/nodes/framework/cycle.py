@@ -63,7 +63,7 @@ class Cycle:
             node.create_steady_timer(WATCH_PERIOD, self._check)
 
     def apply(self) -> None:
-        """Apply the current values of the parameters."""
+        """Apply the current value of the node's parameter `rate` to the cycle."""
         self._timer.timer_period_ns = int(1e9 / self._values.rate)
         self._since = None
 
@@ -163,7 +163,7 @@ class PacedExecutor(SingleThreadedExecutor):
             cycle.run()
 
     def _execute_waiting(self) -> None:
-        """Execute each ready callback once."""
+        """Execute each ready callback of the node once."""
         while True:
             try:
                 handler, _entity, _node = self.wait_for_ready_callbacks(timeout_sec=0.0)

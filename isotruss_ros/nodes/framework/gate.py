@@ -96,7 +96,7 @@ class Gate:
         self.settle()
 
     def settle(self) -> None:
-        """Check the queued messages again."""
+        """Check the messages again that were queued for their transforms."""
         now = self._node.now()
         for _ in range(len(self.waiting)):
             message, why = self.waiting.popleft()
@@ -111,7 +111,7 @@ class Gate:
                 self._take(rejected, now)
 
     def _pass_on(self, message: Any, now: float) -> None:
-        """Pass on the value of a valid message."""
+        """Pass on the value of a valid message to the callback."""
         time = now
         if hasattr(message, 'header'):
             setting, stamp = self._setting, read_stamp(message.header)

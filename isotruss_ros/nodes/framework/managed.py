@@ -77,13 +77,13 @@ class ManagedNode(StoppableNode, LifecycleNode):
         """Raise IsotrussError for invalid parameter values, at `configure` and on changes."""
 
     def configure(self) -> None:
-        """Create publishers and subscriptions."""
+        """Create publishers and subscriptions; a step of the life cycle."""
 
     def _apply(self) -> None:
         """Apply the parameter values; called after `configure` and on changes."""
 
     def activate(self) -> None:
-        """Start the timers; the publishers are already enabled."""
+        """Start the timers; a step of the life cycle, with publishers already enabled."""
 
     def deactivate(self) -> None:
         """Bring the robot to a safe state; publishers are still enabled."""
@@ -179,7 +179,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
         return SUCCESS
 
     def on_shutdown(self, _state: LifecycleState) -> TransitionCallbackReturn:
-        """Stop the node in any state."""
+        """Stop the node in any state of the life cycle."""
         if self.active:
             self.on_deactivate(_state)
         self._try_step('clean up', self._release)

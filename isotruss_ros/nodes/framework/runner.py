@@ -101,7 +101,7 @@ class StoppableNode(Node):
 
     def offer(self, name: str, carry_out: Callable[[], str]) -> None:
         """
-        Offer a service that takes no arguments.
+        Offer a service that takes no arguments (std_srvs/Trigger).
 
         :param name: name of the service of type std_srvs/Trigger.
         :param carry_out: function that executes the request and returns a sentence with the

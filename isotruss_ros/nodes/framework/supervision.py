@@ -75,7 +75,7 @@ class ServerWatch:
         self._heard = time.monotonic() + START_TIMEOUT
 
     def note(self) -> None:
-        """Record that feedback has arrived."""
+        """Record that feedback of the server has arrived."""
         self._heard = max(self._heard, time.monotonic())
 
     def find_loss(self) -> str | None:

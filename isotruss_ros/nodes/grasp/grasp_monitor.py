@@ -126,7 +126,7 @@ class GraspMonitor:
     @single_threaded
     def analyze_request(self, query: GraspQuery, now: float) -> GraspReport:
         """
-        Return the analysis of a request, independently of `report`.
+        Return the grasp analysis for a request, independently of `report`.
 
         :param query: arguments of the request. If it has no roller positions, the measured
             positions are used and must be fresh. If pressures have ever been received, they must

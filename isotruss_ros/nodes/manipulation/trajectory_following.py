@@ -61,7 +61,7 @@ class TrajectoryFollowing:
         self._goals = [self._offer(kind, name) for kind, name in _offered_actions()]
 
     def subscribe(self) -> None:
-        """Accept trajectories from now on."""
+        """Accept roller trajectories from now on."""
         self._outcome = None
         SparseMessages(self._node, JointTrajectory, TOPIC, self._receive, self._report_missing)
 
@@ -98,7 +98,7 @@ class TrajectoryFollowing:
 
     def abort(self, why: str) -> bool:
         """
-        Abort the active trajectory if there is one.
+        Abort the active roller trajectory, if any.
 
         :param why: reason of the abort.
         :return: whether a trajectory was active, in which case the rollers must be stopped.
@@ -144,7 +144,7 @@ class TrajectoryFollowing:
         return asked
 
     def _begin(self, asked: RollerGoal) -> None:
-        """Start a trajectory."""
+        """Start a roller trajectory."""
         now, (trajectory, start, _) = self._node.now(), asked
         self.follower.begin(trajectory, now, start, asked.tolerances)
         self._outcome = None

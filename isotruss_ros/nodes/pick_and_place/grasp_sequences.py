@@ -102,7 +102,7 @@ class GraspSequences:
 
     @property
     def _timeout(self) -> float:
-        """Return the largest age of inputs [s]."""
+        """Return the largest admissible age of inputs [s]."""
         return self._node.values.command_timeout
 
     def close(self) -> None:
