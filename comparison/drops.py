@@ -112,7 +112,7 @@ def compare(cases: int = CASES) -> Section:
         f'The load rises in {RISE:g} s; then the rollers carry the object in open loop for '
         f'{DURATION:g} s. '
         f'Grasps with a margin below {LEAST:g} N, or with tubes that would wrinkle, are '
-        'replaced by other random ones.',
+        'replaced by other random grasps.',
         (check,),
         (
             Table(

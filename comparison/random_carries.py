@@ -106,7 +106,7 @@ def compare_discs(count: int = 20) -> Section:
         'and the servo reported it, “lost, not reported” that the servo did not report it. “Off” '
         'is the final deviation of the position from the executed twists, or of the squeeze from '
         'its desired value. An object that leaves the grip before the control starts is replaced '
-        'by another random one.'
+        'by another random object.'
     )
     return _compare(DISC, count, words)
 

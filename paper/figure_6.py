@@ -134,9 +134,10 @@ def report(result: Interference) -> Report:
         assumption='The ends are clamped; with hinged ends, the stiffness for the smallest '
         f'cylinder at the middle is {number(result.pinned, 2)} instead of '
         f'{number(result.middle[at][0].stiffness, 2)} N/m. Stiffness is force over depth at a '
-        f'depth of {1e3 * DEPTH:g} mm. The tube wrinkles at larger depths '
-        f'({number(1e3 * result.wrinkling.min(), 2)} to {number(1e3 * result.wrinkling.max(), 2)} '
-        'mm at the middle, M_w = π p r³/2). The membrane elements were computed by a program that '
+        f'depth of {1e3 * DEPTH:g} mm. The tube wrinkles where the bending '
+        'moment exceeds M_w = π p r³/2, at the middle at depths of '
+        f'{number(1e3 * result.wrinkling.min(), 2)} to {number(1e3 * result.wrinkling.max(), 2)} '
+        'mm. The membrane elements were computed by a program that '
         'is not part of this package: nonlinear membrane (St. Venant-Kirchhoff about the inflated '
         'state), follower pressure, rigid cylinder without friction, mesh-converged to 1 %.',
         tables=(_middle(result), _positions(result)),

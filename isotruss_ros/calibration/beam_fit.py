@@ -32,7 +32,7 @@ SEARCH_FACTOR = 1e6
 #: beam are removed; with three times of it, groups that are wrong by a factor of 8 are not
 #: removed.
 COMMON_MISFIT, LEAST_MISFIT = 0.1, 0.7
-#: Largest share of outlying groups [-]; if more are outlying, the model does not apply.
+#: Largest fraction of outlying groups [-]; if more are outlying, the model does not apply.
 MAX_OUTLIER_SHARE = 0.2
 #: Smallest singular value, relative to the largest, at which a combination of constants counts as
 #: determined [-].
@@ -59,7 +59,7 @@ class FittedBeam:
 
     @property
     def beam(self) -> InflatableBeam:
-        """Return the model of the tube with these constants."""
+        """Return the model of the tube with the fitted constants."""
         return InflatableBeam(self.radius, *self.constants)
 
 
@@ -122,7 +122,7 @@ def outlying_ratios(
     modes: Indices, lengths: Array, pressures: Array, stiffnesses: Array, radius: float
 ) -> Array:
     """
-    Find outliers, and return the ratios of their stiffnesses to those of the fitted beam.
+    Find outliers, and return the ratios of their stiffnesses to the fitted beam's stiffnesses.
 
     The beam is fitted to all points with a Cauchy loss, which is robust against outliers.
 
@@ -179,7 +179,7 @@ def _stiffnesses(
 def _estimate(
     modes: Indices, lengths: Array, pressures: Array, stiffnesses: Array, radius: float
 ) -> Array:
-    """Return initial estimates of the logarithms of the constants."""
+    """Return initial estimates of the logarithms of the beam's constants."""
     axial, transverse, rotary = (modes == mode for mode in range(3))
     # Between EI/L and 4 EI/L; equal compliance by bending and shear, by ends and wall.
     bending = np.where(rotary, 0.5 * stiffnesses * lengths, stiffnesses * lengths**3 / 6.0)

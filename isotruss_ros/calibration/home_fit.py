@@ -47,7 +47,7 @@ class HomeFit(NamedTuple):
     @property
     def errors(self) -> tuple[Array, Array]:
         """
-        Return the estimated errors of measured coordinates, and the fractions in the residuals.
+        Return the estimated errors of measured coordinates, and their fractions in the residuals.
 
         The fit adapts to an error, so only a fraction of the error appears in its residual.
 

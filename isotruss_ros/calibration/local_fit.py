@@ -106,7 +106,7 @@ def fit_local_stiffness(presses: Presses, beam: InflatableBeam) -> FittedLocalSt
 
 
 def _loads(presses: Presses, beam: InflatableBeam, factor: float) -> Array:
-    """Return the predicted loads (n,) of the points [N]."""
+    """Return the loads (n,) that the model predicts at the measured points [N]."""
     return np.array(
         [
             depth

@@ -45,7 +45,7 @@ class MeasurementError(IsotrussError, ValueError):
 
 @dataclass(frozen=True, eq=False)
 class Group:
-    """Measured points with the same mode, pressure and length."""
+    """Measured points with equal mode, pressure and length."""
 
     mode: str  #: mode of the load: axial, transverse or rotary
     pressure: float  #: gauge pressure [Pa]
@@ -66,7 +66,7 @@ class Group:
 
     @property
     def name(self) -> str:
-        """Return a name of the group for error messages."""
+        """Return a name of the group of points for error messages."""
         return f'{self.mode}, {self.pressure:g} Pa, {self.length:g} m'
 
 
@@ -173,7 +173,7 @@ def _too_far(header: Sequence[str], cells: Sequence[str]) -> Iterator[str]:
 
 
 def _find_complaints(header: Sequence[str], cells: Sequence[str]) -> Iterator[str]:
-    """Yield the faults of a row."""
+    """Yield the faults of a row of the file of measurements."""
     if len(cells) != len(header):
         yield f'{len(cells)} values for {len(header)} columns'
         return

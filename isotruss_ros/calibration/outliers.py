@@ -12,11 +12,11 @@ from scipy.stats import t as student_t
 
 #: Probability that a group without outliers has a detected outlier [-].
 FALSE_OUTLIER_PROBABILITY = 1e-5
-#: Smallest deviation of an outlier relative to the rise of the line [-]. With a third of it,
-#: correct points of softening tubes are removed; with three times of it, typing errors of half the
-#: load are kept.
+#: Smallest deviation of an outlier relative to the rise of the line [-]. At a third of this value,
+#: correct points of softening tubes are removed; at three times of it, typing errors of half the
+#: load are not removed.
 MIN_DEVIATION_SHARE = 0.2
-#: Largest share of outliers in a group [-].
+#: Largest fraction of outliers in a group [-].
 MAX_OUTLIER_SHARE = 0.2
 
 

@@ -130,7 +130,7 @@ def _changing(robot: Robot, path: Path) -> Iterator[CommentedMap]:
 
 
 def _in_one_line(values: Sequence[float | str]) -> CommentedSeq:
-    """Return a YAML list in flow style."""
+    """Return a list that YAML writes on one line (flow style)."""
     found = CommentedSeq(values)
     found.fa.set_flow_style()
     return found

@@ -117,7 +117,7 @@ def _calibrate_stiffness(options: argparse.Namespace) -> None:
 
 
 def _only_posture(path: Path, postures: Sequence[Posture]) -> Posture:
-    """Return the single posture of a file."""
+    """Return the posture of a file that must contain a single posture."""
     if len(postures) != 1:
         raise MeasurementError(f'{path}: {len(postures)} postures: must be one')
     return postures[0]

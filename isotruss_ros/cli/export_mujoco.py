@@ -39,7 +39,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _place(file: str, *pose: str) -> ConvexObject:
-    """Return the object of a file at its pose."""
+    """Return the object of an object file at the pose in the command line."""
     try:
         x, y, angle = map(float, pose)
     except ValueError as error:

@@ -33,7 +33,7 @@ class StructureError(IsotrussError, ValueError):
 
 
 class PathError(IsotrussError, ValueError):
-    """A path of the object, or a request to follow it, is invalid."""
+    """A path of the object, or a request to follow a path, is invalid."""
 
 
 class NoMotionError(PathError):

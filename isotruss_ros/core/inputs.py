@@ -31,7 +31,7 @@ PRESSURE_CHANGE = 0.02
 
 
 class InputFault(enum.Enum):
-    """Kinds of faults of an input."""
+    """Kinds of faults of an input message."""
 
     MISSING = 'missing'
     STALE = 'stale'
@@ -55,7 +55,7 @@ class StampedInput(NamedTuple):
     Measured or commanded value with the time of its stamp.
 
     :ivar value: the value.
-    :ivar time: time at which it is valid [s].
+    :ivar time: time at which the value is valid [s].
     :ivar rejected: last message rejected after `time`, with the reason; None if none was rejected.
     """
 
@@ -138,7 +138,7 @@ def check_stamp(
 
 def keep_latest(kept: Input, received: StampedInput | RejectedInput, now: float) -> Input:
     """
-    Return the later one of two inputs with checked stamps, unless it is rejected.
+    Return the later of two inputs with checked stamps; the earlier if the later is rejected.
 
     Messages may arrive in the wrong order; an earlier message is dropped. A rejected message does
     not replace a measurement, which stays valid until its timeout; the rejection is stored with
@@ -160,7 +160,7 @@ def require_fresh(
     now: float, timeout: float, setting: str = 'command_timeout', **inputs: Input
 ) -> tuple[StampedInput, ...]:
     """
-    Return inputs, all of which must be valid and fresh.
+    Return the values of inputs; raise InputError unless all are valid and fresh.
 
     :param now: current time on the clock of the inputs [s].
     :param timeout: largest age of an input [s].
@@ -235,27 +235,27 @@ class Timeline:
         self._known: deque[tuple[float, float | Array]] = deque()
 
     def __bool__(self) -> bool:
-        """Return whether the function has a value."""
+        """Return whether the function has a value at any time."""
         return bool(self._known)
 
     @property
     def first(self) -> tuple[float, float | Array]:
-        """Return the first time [s] and its value."""
+        """Return the first time [s] and the function's value at this time."""
         return self._known[0]
 
     @property
     def last(self) -> tuple[float, float | Array]:
-        """Return the last time [s] and its value."""
+        """Return the last time [s] and the function's value at this time."""
         return self._known[-1]
 
     @property
     def values(self) -> list[float | Array]:
-        """Return all values in order of time."""
+        """Return all values of the function in order of time."""
         return [value for _, value in self._known]
 
     def add(self, time: float, value: float | Array) -> None:
         """
-        Add the value at a time; values at this time or later are removed.
+        Add the function's value at a time; remove its values at this time or later.
 
         :param time: time of the value [s].
         :param value: value at this time.
@@ -265,12 +265,12 @@ class Timeline:
         self._known.append((time, value))
 
     def clear(self) -> None:
-        """Remove all values."""
+        """Remove all values of the function."""
         self._known.clear()
 
     def discard_before(self, time: float) -> None:
         """
-        Remove the values that do not affect the function at and after a time.
+        Remove the values that the interpolation at and after a time does not need.
 
         :param time: the time [s].
         """
@@ -279,7 +279,7 @@ class Timeline:
 
     def at(self, time: float) -> float | Array:
         """
-        Return the interpolated value at a time; the function is constant outside of its times.
+        Return the interpolated value at a time; the function is constant beyond its end points.
 
         :param time: the time [s].
         """
@@ -303,13 +303,13 @@ class CommandHistory:
         self.clear()
 
     def clear(self) -> None:
-        """Remove all commands."""
+        """Remove all commands from the history."""
         self.last: Array | None = None
         self._travel = Timeline()  # integral of the commands up to each time, from any start [m]
 
     def discard_old(self, now: float, span: float) -> None:
         """
-        Remove the commands that are older than a time span.
+        Remove the commands before a time span that ends now.
 
         If the clock was set back, or if no command is within the span, all commands are removed.
 

@@ -189,7 +189,7 @@ class DemoClient(Node):
         meanwhile: Callable[[], None] | None = None,
     ) -> None:
         """
-        Wait for a condition.
+        Wait until a condition holds, while messages are received.
 
         :param ready: function that returns whether the condition holds.
         :param check: function that raises an error if the condition can no longer become true.
@@ -216,7 +216,7 @@ class DemoClient(Node):
                 self._own_executor.spin_once(timeout_sec=WAIT)
 
     def _seconds(self) -> float:
-        """Return the time on the clock of the phases, `/clock` or that of the machine [s]."""
+        """Return the time on the clock of the phases: `/clock`, or the machine's clock [s]."""
         if self._sim_time:
             return 1e-9 * self.get_clock().now().nanoseconds
         return time.monotonic()

@@ -30,7 +30,7 @@ class DomainLock:
     _socket: socket.socket
 
     def close(self) -> None:
-        """Unlock the domain."""
+        """Unlock the ROS domain."""
         self._socket.close()
 
 

@@ -27,7 +27,7 @@ MARGIN = 0.12
 FRAMES_PER_SECOND = 12
 SPEED_UP = 5.0
 
-#: Length of an arrow over its force [m/N], the same in the magnified view.
+#: Ratio of an arrow's length to its force [m/N], also in the magnified view.
 ARROW_SCALE = 0.004
 #: Width and height of the magnified view of a grasp, and its distance from the robot, relative to
 #: the size of the panel [-].

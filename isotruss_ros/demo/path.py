@@ -45,7 +45,7 @@ def _progress(time: float, duration: float) -> tuple[float, float]:
 
 
 def translation(name: str, duration: float, dx: float, dy: float) -> Phase:
-    """Return a straight motion by (dx, dy) [m]."""
+    """Return a phase with a straight motion of the object by (dx, dy) [m]."""
 
     def twist(time: float) -> Twist:
         _, rate = _progress(time, duration)

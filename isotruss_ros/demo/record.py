@@ -37,7 +37,7 @@ class PhaseRecord:
     measured: np.ndarray = field(default_factory=lambda: np.zeros(3))
     #: largest commanded speed of the object; a rotation counts as its rate times 0.1 m [m/s]
     max_speed: float = 0.0
-    #: external wrench (fx, fy, m) on the object [N, N m]; None without one
+    #: external wrench (fx, fy, m) on the object [N, N m]; None without a wrench
     pull: tuple[float, float, float] | None = None
     #: interval of the external wrench, ROS time [s]
     pulled: tuple[float, float] = (math.inf, -math.inf)
@@ -81,12 +81,12 @@ class PhaseRecord:
 
     @property
     def analyses(self) -> list[GraspState]:
-        """Return the grasp analyses that have a result."""
+        """Return the grasp analyses of the phase that have a result."""
         return [grasp for grasp in self.grasps if grasp.code <= GraspState.WRINKLED]
 
     @property
     def held(self) -> float:
-        """Return the fraction of grasp analyses in which the object is held; 0 without any."""
+        """Return the fraction of grasp analyses with a held object; 0 without analyses."""
         return float(np.mean([grasp.held for grasp in self.analyses])) if self.analyses else 0.0
 
     def parts(self) -> list[PhaseRecord]:

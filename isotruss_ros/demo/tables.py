@@ -18,7 +18,7 @@ def make_table(
     title: str, names: Sequence[str], figures: Sequence[str], wrap: bool = False
 ) -> Table:
     """
-    Return a table without rows.
+    Return a table with headings and without rows.
 
     :param title: title of the table.
     :param names: headings of the first columns, which contain names.

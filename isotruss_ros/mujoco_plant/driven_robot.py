@@ -70,7 +70,7 @@ class DrivenRobot(DrivenRollers):
 
     @property
     def joints(self) -> Array:
-        """Return the joint positions, (j, 2) [m]."""
+        """Return the positions of the robot's joints, (j, 2) [m]."""
         return self.plant.nodes[: len(self._config.robot.topology.joint_names)]
 
     @property
@@ -80,7 +80,7 @@ class DrivenRobot(DrivenRollers):
 
     def pull(self, wrench: ArrayLike) -> None:
         """
-        Set the external wrench on the object.
+        Set the external wrench on the object from now on.
 
         :param wrench: wrench (fx, fy, m) about the centre of the object [N, N m].
         :raises PlantError: the wrench is not finite.

@@ -43,7 +43,7 @@ class PlantError(IsotrussError, ValueError):
 @functools.cache
 def load_mujoco() -> ModuleType:
     """
-    Return the module `mujoco`.
+    Return the imported module `mujoco`.
 
     :raises PlantError: MuJoCo is not installed; the message names the command to install it.
     """

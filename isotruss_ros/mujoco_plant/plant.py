@@ -122,7 +122,7 @@ class MujocoPlant:
 
     def release_object(self, number: int = 0) -> None:
         """
-        Release a fixed object.
+        Release an object that `hold_object` has fixed.
 
         :param number: index of the object.
         """

@@ -44,7 +44,7 @@ class PlantRecorder:
 
     def record(self, time: float) -> None:
         """
-        Write the current state if one is due.
+        Write the plant's current state if a record is due.
 
         :param time: time of the state [s].
         """
@@ -57,7 +57,7 @@ class PlantRecorder:
         self._file.flush()
 
     def close(self) -> None:
-        """Close the file."""
+        """Close the file of the recording."""
         self._file.close()
 
 
@@ -83,7 +83,7 @@ class PlantRecording:
 
 def read_recording(path: Path) -> PlantRecording:
     """
-    Read a recording without its last state if this is incomplete.
+    Read a recording, without its last state if the last state is incomplete.
 
     :param path: path of the file.
     :raises PlantError: the file cannot be read, or has no state.

@@ -99,7 +99,7 @@ class PlantRenderer:
         arrow: tuple[tuple[float, float], tuple[float, float]] | None = None,
     ) -> NDArray[np.uint8]:
         """
-        Return a picture (height, width, 3) of one state.
+        Return a picture (height, width, 3) of one recorded state.
 
         :param time: time of the state on the clock of the recording [s].
         :param line: points (x, y) of a line above the robot [m].

@@ -36,7 +36,7 @@ class Springs:
 
 def springs_of(robot: Mechanism, lengths: Array, segments: Indices) -> Springs:
     """
-    Return the springs of all members for given lengths.
+    Return the springs in all members for given member lengths.
 
     :param robot: robot with its stiffness model.
     :param lengths: (m,) unloaded lengths of the members between their pinch points [m].

@@ -98,12 +98,12 @@ class GraspAnalysisNode(ManagedNode):
         return GraspQuery((), body, friction, unloaded, values.spacing, values.paper_model)
 
     def activate(self) -> None:
-        """Start the cycle and offer the service."""
+        """Start the control cycle, and offer the service `analyze_grasp`."""
         self.cycle = Cycle(self, self._step, self.inputs.clear)
         self.create_service(AnalyzeGrasp, 'analyze_grasp', self._analyze)
 
     def _apply(self) -> None:
-        """Use the new parameters from the next cycle on."""
+        """Use new parameter values from the next cycle on."""
         self._monitor.query = self._make_query()
         self._monitor.timeout = self.values.command_timeout
         self._monitor.pressure_timeout = self.values.pressure_timeout

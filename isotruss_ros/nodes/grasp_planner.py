@@ -46,7 +46,7 @@ class GraspPlanner(ManagedNode):
     _searcher: Searcher | None = None
 
     def configure(self) -> None:
-        """Subscribe to the joint states, and offer the action."""
+        """Subscribe to the joint states, and offer the action `plan_grasp`."""
         self._described = common.read_described(self.values)
         self._searcher = Searcher(self.values.workers)
         self.inputs = Inputs(self, self.robot)
@@ -63,23 +63,23 @@ class GraspPlanner(ManagedNode):
         )
 
     def activate(self) -> None:
-        """Accept goals from now on."""
+        """Accept goals of grasp searches from now on."""
         self.create_steady_timer(POLLING_PERIOD, self._poll)
 
     def deactivate(self) -> None:
-        """End the search and its processes."""
+        """End the grasp search and its processes."""
         self._searcher.close()
         if self._goal.active:
             self._end(Answer(SearchOutcome.FAILED, 'the node was deactivated'))
 
     def destroy_node(self) -> None:
-        """Destroy the node, and end its processes."""
+        """Destroy the node, and end the processes of the search."""
         if self._searcher is not None:
             self._searcher.close()
         super().destroy_node()
 
     def details(self) -> dict[str, object]:
-        """Return the progress of the search."""
+        """Return the progress of the grasp search for the diagnostics."""
         progress, searching = self._searcher.progress(), {'searching': self._goal.active}
         if progress is None:
             return searching  # type: ignore[return-value]
@@ -102,7 +102,7 @@ class GraspPlanner(ManagedNode):
         return to_result_message(Answer(outcome, str(error)), self.robot)
 
     def _begin(self, arguments: tuple[Any, ...]) -> None:
-        """Start a search."""
+        """Start a grasp search."""
         self._searcher.begin(*arguments)
         self.diagnostics.set_status('searching')
 
@@ -125,6 +125,6 @@ class GraspPlanner(ManagedNode):
             )
 
     def _end(self, answer: Answer) -> None:
-        """End the goal with the result of the search."""
+        """End the active goal with the result of the grasp search."""
         result = to_result_message(answer, self.robot)
         self._goal.report_end(answer.outcome, result)

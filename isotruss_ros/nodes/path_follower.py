@@ -98,15 +98,15 @@ class PathFollower(ManagedNode):
         )
 
     def activate(self) -> None:
-        """Accept goals from now on."""
+        """Accept goals with object paths from now on."""
         self.cycle = Cycle(self, self._step, self.inputs.clear, self._abort_on_stopped_clock)
 
     def deactivate(self) -> None:
-        """Bring the object to rest."""
+        """Bring the object to rest by a zero twist, and end the active goal."""
         self._end(PathOutcome.STOPPED, 'the node was deactivated')
 
     def details(self) -> dict[str, object]:
-        """Return the state of the goal."""
+        """Return the state of the active goal for the diagnostics."""
         details: dict[str, object] = {'following': self._goal.active}
         if self._goal.active and self._last is not None:
             details |= {'phase': self._last.phase.name, 'progress': f'{self._last.progress:.3f}'}

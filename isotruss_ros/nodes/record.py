@@ -80,7 +80,7 @@ class Record(StoppableNode):
 
     def begin(self) -> None:
         """
-        Create the file, and print its path.
+        Create the file of the recording, and print its path.
 
         :raises ParameterError: the file exists or cannot be created.
         :raises MissingPackageError: mcap is not installed.
@@ -100,7 +100,7 @@ class Record(StoppableNode):
 
     def stop(self) -> None:
         """
-        Complete and close the file.
+        Complete and close the file of the recording.
 
         :raises RecordError: the disk is full.
         """

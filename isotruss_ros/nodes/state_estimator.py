@@ -96,7 +96,7 @@ class StateEstimatorNode(ManagedNode):
         common.check_grip(self.robot, new)
 
     def activate(self) -> None:
-        """Start the cycle."""
+        """Start the cycle of the estimator."""
         self.cycle = Cycle(self, self._step, self._begin)
 
     def cleanup(self) -> None:

@@ -89,7 +89,7 @@ def draw_object(axes: Axes, pose: Pose, diameter: float) -> None:
 
 
 def new_axes() -> Axes:
-    """Return the axes of a new figure."""
+    """Return the Matplotlib axes of a new figure."""
     return plt.figure(layout='constrained').add_subplot()
 
 

@@ -21,7 +21,7 @@ class BrowserPanel:
     Switch to request control, and commands that only the browser in control has.
 
     :param client: the browser.
-    :param choices: possible values for the name of each request.
+    :param choices: list of admissible values of each request, by its name.
     :param leave: callback that receives the name and the value of a request, in a thread of the
         server.
     """

@@ -36,12 +36,12 @@ class Control:
             self.browser = next((browser for browser, wish in wishes.items() if wish), None)
 
     def release(self) -> None:
-        """Release control, and discard its commands."""
+        """Give up control of the robot, and discard pending commands."""
         self.browser, self.drag, self.wrench = None, None, ZERO
 
     def latch(self, stopped: bool) -> None:
         """
-        At an emergency stop, discard the drag and refuse new ones until the stop is released.
+        At an emergency stop, discard the drag, and refuse new drags until the stop is released.
 
         :param stopped: whether an emergency stop is set.
         """

@@ -59,7 +59,7 @@ ball; the object follows. The orange ball turns it.
 
 class Controls:
     """
-    Controls that accept a stop from any browser, and other requests from the one in control.
+    Controls that accept a stop from any browser, other requests from the browser in control.
 
     :ivar control: browser in control and its commands.
     :param server: server of the view.

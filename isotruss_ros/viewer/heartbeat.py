@@ -62,7 +62,7 @@ class Heartbeats:
 
     def note(self, browser: int) -> None:
         """
-        Record a heartbeat of a browser.
+        Record the time of a heartbeat from a browser.
 
         :param browser: index of the browser.
         """

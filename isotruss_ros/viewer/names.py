@@ -18,7 +18,7 @@ RESET = 'reset'
 #: Request to simulate the robot by another plant.
 PLANT = 'plant'
 KINEMATIC, ELASTIC, MUJOCO = PLANTS = ('kinematic', 'elastic', 'mujoco')
-#: Request to replace the object by another one.
+#: Request to replace the object by another object.
 SHAPE = 'shape'
 OBJECTS = {
     'disc': '',

@@ -50,7 +50,7 @@ class Panels:
 
     def update(self, picture: Picture, now: float) -> None:
         """
-        Show the texts and plots of a picture.
+        Show the status texts and plots of a displayed state.
 
         :param picture: displayed state.
         :param now: time on the clock of the picture's messages [s].

@@ -28,7 +28,7 @@ from isotruss_ros.viewer.names import (
     TURN,
 )
 
-#: Name, in the lists of plants and objects, of the one with which the view was started.
+#: Name of the initial plant or object in the lists of plants and objects.
 INITIAL_CHOICE = 'as started'
 #: Largest valid coordinate of a drag [m].
 MAX_DRAG_DISTANCE = 100.0
@@ -68,7 +68,7 @@ def check_request(name: str, value: object, choices: Mapping[str, Sequence[str]]
 
     :param name: name of the request.
     :param value: received value.
-    :param choices: possible values for the name of each request that selects from a list.
+    :param choices: list of admissible values of each request with choices, by its name.
     :raises RequestError: the value is out of bounds, or not among the choices, or not a valid
         drag.
     """
@@ -92,7 +92,7 @@ def check_request(name: str, value: object, choices: Mapping[str, Sequence[str]]
 
 def list_choices(joints: Sequence[str]) -> dict[str, Sequence[str]]:
     """
-    Return the possible values for the name of each request that selects from a list.
+    Return the list of admissible values of each request with choices, by the request's name.
 
     :param joints: names of the joints that can be dragged.
     """

@@ -152,7 +152,7 @@ def open_server(host: str, port: int) -> tuple[viser.ViserServer, str]:
 
 
 def _bind(host: str, port: int) -> socket.socket:
-    """Return a listening socket."""
+    """Return a listening socket at an address of this machine."""
     where = f'no server at {host}:{port}'
     try:
         # Numeric addresses only: name lookup may be slow.

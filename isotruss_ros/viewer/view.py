@@ -47,7 +47,7 @@ class View:
             self._panels.update(self.picture, now)
 
     def close(self) -> None:
-        """Stop the server."""
+        """Stop the server of the view."""
         # viser prints that it stopped.
         with contextlib.redirect_stdout(io.StringIO()):
             self.server.stop()

@@ -34,8 +34,8 @@ from numpy.typing import ArrayLike
 #: Range of admissible spacings of contact points [m].
 SPACING_RANGE = (1e-4, 0.1)
 #: Largest overlap of an object with a member that has no contact force, in tube diameters [-].
-#: Contact points miss such overlaps at a corner or at the end of a tube. A third of it refuses
-#: grasps with a slight contact of a third member.
+#: Contact points miss such overlaps at a corner or at the end of a tube. A third of the value
+#: refuses grasps with a slight contact of a third member.
 MAX_FREE_OVERLAP = 0.05
 #: Smallest number of contact points on an object other than a disc [-].
 MIN_CONTACT_POINTS = 80
@@ -184,7 +184,7 @@ def check_load(
 
 
 def _solver(method: str, sliding: bool) -> ContactSolver:
-    """Return the solver of (8) for a method; `sliding` selects the solver for tubes that slide."""
+    """Return the solver of the contact problem (8) for a method, and for sliding tubes or not."""
     solvers: dict[str, ContactSolver] = {
         'exact': solve_sliding_contact if sliding else solve_contact,
         'relaxation': relax_contact,
@@ -206,7 +206,7 @@ def _pressed(
     margin: float,
     round_: bool,
 ) -> tuple[Array, Array]:
-    """Return the wrench (3,) of the tubes on the object, and the lever arms (c,) of friction."""
+    """Return the tubes' wrench (3,) on the object, and the lever arms (c,) of friction forces."""
     if round_:
         force = contact.forces @ contact.normals
         return np.array([-force.real, -force.imag, 0.0]), np.ones(len(contact.forces))

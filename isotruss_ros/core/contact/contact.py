@@ -30,7 +30,7 @@ from scipy.linalg import lapack
 
 #: Largest number of updates of the normals [-]; the normals on large discs converge slowly.
 MAX_STEPS = 300
-#: Largest gap of a contact [m]; at larger gaps forces that remain in (9) are set to zero.
+#: Largest gap of a contact [m]; forces that remain in (9) at larger gaps are set to zero.
 MAX_CONTACT_GAP = 1e-7
 #: Steps of (9) between checks of convergence with updated normals [-].
 STEPS_PER_CHECK = 1000

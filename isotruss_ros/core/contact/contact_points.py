@@ -32,7 +32,7 @@ class ContactPoints:
     :ivar points: (c,) positions on the centre lines, extrapolated to zero contact forces, x + iy
         [m].
     :ivar skin: (c,) positions on the skin, on the side of the object [m]; in the paper's model,
-        the same as `points`.
+        equal to `points`.
     :ivar member: (c,) index of the member (pinch point to pinch point) of each point.
     :ivar place: (c,) distance of each point from its member's start [m].
     :ivar spacing: length of tube that each point represents [m].
@@ -82,7 +82,7 @@ class ContactPoints:
 
     def distance(self, push: Points) -> float:
         """
-        Return the distance of the node that forces move most, from its linearised position [m].
+        Return the largest displacement of a node from the linearised state due to forces [m].
 
         :param push: (c,) forces on the points, x + iy [N].
         """
@@ -110,11 +110,12 @@ class ContactPoints:
 
     def about(self, bent: BentTubes, push: Points | None = None) -> ContactPoints:
         """
-        Return these points on tubes that are linearised about another state.
+        Return the contact points on tubes that are linearised about another state.
 
         :param bent: the tubes linearised about the other state.
         :param push: (c,) forces on the points in that state, x + iy [N]. If they are given, the
-            present compliance along and across the tubes is reused.
+            compliance is not computed again, and the positions without forces are extrapolated
+            from those under these forces.
         """
         if push is None:
             found = points_on_members(bent, self.spacing, self.dents)
@@ -129,7 +130,7 @@ class ContactPoints:
 
     @property
     def response_error(self) -> float:
-        """Return the relative error of the compliance, which was computed in another state [-]."""
+        """Return the relative error of the compliance, if computed in another state [-]."""
         return self.bent.tangent.response_error(self.bent.tangent)
 
     def lend(self, bent: BentTubes) -> bool:
@@ -148,10 +149,10 @@ class ContactPoints:
 
     def is_parallel(self, bent: BentTubes, spacing: float) -> bool:
         """
-        Return whether other points have the same spacing and nearly the same places.
+        Return whether other points have equal spacing and nearly equal positions on the members.
 
-        :param bent: the tubes linearised at the other points, which use the factorised matrix of
-            these.
+        :param bent: the tubes linearised with the other points as load points; they use the
+            factorised matrix of these tubes.
         :param spacing: spacing of the other points [m].
         """
         return spacing == self.spacing and bent.tangent.chains is self.bent.tangent.chains

@@ -57,7 +57,7 @@ def find_wrinkling(
 
 def assess_members(structure: Structure, solved: SolvedContact) -> dict[str, Any]:
     """
-    Return those fields of a `GraspAnalysis` that are dictionaries with members as keys.
+    Return the fields of a `GraspAnalysis` that are dictionaries with members as keys.
 
     :param structure: structural model of the robot.
     :param solved: the solved contact.

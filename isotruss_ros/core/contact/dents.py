@@ -65,7 +65,7 @@ class SkinIndentation:
 
     def __call__(self, force: float) -> tuple[float, float]:
         """
-        Return the depth [m] and its derivative with respect to the force [m/N].
+        Return the dent's depth [m] and its derivative with respect to the force [m/N].
 
         The depth is extrapolated linearly beyond the table.
 
@@ -79,7 +79,7 @@ class SkinIndentation:
         return math.copysign(depth, force), slope * per_force
 
     def _locate(self, force: float) -> tuple[int, float, float, float]:
-        """Locate a force in the table: interval, 2/3 power, excess over the table, derivative."""
+        """Locate a force in the table of dents: interval, 2/3 power, excess, derivative."""
         size = max(abs(force), 1e-9)
         place = size**DEPTH_EXPONENT
         inside = min(place, self._places[-1])
@@ -88,7 +88,7 @@ class SkinIndentation:
 
     def second_rates(self, force: float) -> tuple[float, float, float]:
         """
-        Return second derivatives of the depth, and its derivative with respect to pressure.
+        Return the second derivatives of the dent's depth, and its derivative by pressure.
 
         :param force: normal force [N].
         :return: second derivative with respect to the force [m/N^2]; derivative with respect to
@@ -121,7 +121,7 @@ class SkinIndentation:
 
     @functools.cached_property
     def _spline_rate(self) -> scipy.interpolate.PPoly:
-        """Return the derivative of the spline with respect to pressure, at constant depths."""
+        """Return the derivative of the table's spline by pressure, at constant depths."""
         spline, moved = self._spline, self._place_rates
         third = 6.0 * spline.c[0]
         # Where a place moves by m, the spline changes by -m times its slope, and the curvature of
@@ -137,7 +137,7 @@ class SkinIndentation:
 
 class Indentation:
     """
-    Depths of the dents of the tubes at k contacts with one object, as functions of the forces.
+    Depths of the dents at k contacts with one object, each as a function of the normal force.
 
     :param tables: table of each of the k contacts; empty for tubes whose sections stay round.
     :param scale: ratio of the tubes' stiffness to the stiffness for which the tables hold [-].
@@ -148,7 +148,7 @@ class Indentation:
 
     def __call__(self, forces: Array) -> tuple[Array, Array]:
         """
-        Return the depths (k,) [m], and the derivatives (k,) of each depth by its force [m/N].
+        Return the dents' depths (k,) [m], and the derivatives (k,) of each by its force [m/N].
 
         :param forces: (k,) normal forces [N].
         """
@@ -160,7 +160,7 @@ class Indentation:
 
     def second_rates(self, forces: Array) -> Array:
         """
-        Return second derivatives of the depths, and derivatives with respect to pressures.
+        Return the second derivatives of the dents' depths, and the derivatives by pressures.
 
         :param forces: (k,) normal forces [N].
         :return: (3, k) see `SkinIndentation.second_rates`.
@@ -199,7 +199,7 @@ def _press_disc(kernel: Flattening, tube: int, radius: float, depth: float) -> t
 
 
 def _press(kernel: Flattening, tube: int, spacing: float, gaps: Array) -> tuple[float, Array]:
-    """Return the spacing, and the forces (c,) on skin points that close given gaps."""
+    """Return the spacing of the skin points, and the forces (c,) on them that close given gaps."""
     count = len(gaps)
     dents = kernel.lattice_compliance(count, tube, spacing)
     forces, _ = solve_complementarity(dents, gaps, np.ones(count, dtype=bool))
@@ -247,7 +247,7 @@ def _outline(shape: Shape, spacing: float) -> Points:
 
 
 def _profile(shape: Shape, angle: float, point: complex, spacing: float) -> tuple[Array, Array]:
-    """Return positions along a tube, counter-clockwise, and the surface's height at each [m]."""
+    """Return positions along a tube, counter-clockwise, and the surface's heights there [m]."""
     inward = -np.exp(1j * angle)
     seen = (_outline(shape, spacing) - point) * inward.conjugate()
     # Along the tube counter-clockwise, and into the object.

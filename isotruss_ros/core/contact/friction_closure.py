@@ -35,8 +35,8 @@ class FrictionClosure:
     #: (k,) friction on the object along the tangents, counter-clockwise [N]
     friction_forces: Array
     required_friction: float  #: smallest coefficient of friction with closure; infinite if none
-    #: norm of an additional wrench that friction balances in whichever direction it acts [N];
-    #: negative if the load alone is not balanced
+    #: largest norm of an additional wrench that friction balances in every direction [N]; negative
+    #: if the load alone is not balanced
     margin: float
 
 
@@ -67,7 +67,7 @@ def balance_by_friction(
 def _balance(
     segments: Array, facets: tuple[Array, Array], load: Array, friction: float
 ) -> tuple[Array, float]:
-    """Return factors (k,) in [-mu, mu] of the segments that balance a load; and the residual."""
+    """Return friction factors (k,) in [-mu, mu] that balance a load, and the residual wrench."""
     normals, support = facets
     offs, size = normals @ load, float(np.linalg.norm(load))
     room = friction * np.tile(support, 2) + np.concatenate([offs, -offs])
@@ -84,7 +84,7 @@ def _balance(
 
 
 def _smallest(segments: Array, wanted: Array, friction: float) -> Array:
-    """Return the smallest factors (k,) in [-mu, mu] that give a wrench, or the closest wrench."""
+    """Return the smallest friction factors (k,) in [-mu, mu] for a wrench or the closest one."""
     shares = solve_least_squares(segments.T, wanted)
     if np.abs(shares).max() <= friction:
         return shares
@@ -104,7 +104,7 @@ def _smallest(segments: Array, wanted: Array, friction: float) -> Array:
 def _extremes(
     facets: tuple[Array, Array], wanted: Array, friction: float, tolerance: float
 ) -> tuple[float, float]:
-    """Return the smallest coefficient of friction that yields a wrench, and the margin."""
+    """Return the smallest coefficient of friction that balances a load, and the closure margin."""
     normals, support = facets
     need = np.abs(normals @ wanted)
     # A flat zonotope, as of two contacts, reaches nothing across its plane.

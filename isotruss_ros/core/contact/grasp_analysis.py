@@ -26,7 +26,7 @@ class SolvedContact(NamedTuple):
     length: Array  #: (m,) length of tube in contact [m]; zero without contact
     #: (m, 2) start and end of the contact from the member's start [m]; (inf, -inf) without contact
     spans: Array
-    #: (k,) indices of the points in the result; the other points were used in the search only
+    #: (k,) indices of the points in the result; other points were used only in the search
     kept: Indices
 
 
@@ -64,9 +64,9 @@ class GraspAnalysis(
         about the centroid and divided by half of the object's mean width, d/2 of a cylinder.
     :ivar closure_tolerance: largest residual that counts as closure [N].
     :ivar required_friction: smallest coefficient of friction with closure; infinite if none.
-    :ivar closure_margin: norm of an additional wrench that friction balances in whichever
-        direction it acts, with moments divided by half of the object's mean width [N]; negative
-        without closure.
+    :ivar closure_margin: largest norm of an additional wrench that friction balances in every
+        direction, with moments divided by half of the object's mean width [N]; negative without
+        closure.
     :ivar contact_lengths: length of tube in contact, for each member in contact [m].
     :ivar contact_spans: distances of the contact's start and end from the member's start, for each
         member in contact [m].

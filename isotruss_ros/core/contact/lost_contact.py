@@ -25,7 +25,7 @@ import numpy as np
 
 @dataclass(frozen=True, eq=False)
 class LostContact:
-    """Grasping members that do not hold their object, with their gaps to the object."""
+    """Grasping members that do not hold an object, with the members' gaps to the object."""
 
     config: Configuration  #: configuration of the robot
     body: ConvexObject  #: the object at its given pose
@@ -71,10 +71,10 @@ class LostContact:
 
     def slip_margin_rates(self) -> tuple[Array, Array]:
         """
-        Return the derivatives of this slip margin with respect to roller travel and object pose.
+        Return the derivatives of `slip_margin` with respect to roller travel and object pose.
 
-        :return: (r,) derivatives with respect to roller travel, and (3,) with respect to the
-            object's pose.
+        :return: (r,) derivatives of the slip margin with respect to roller travel, and (3,) with
+            respect to the object's pose.
 
         :raises ConfigurationError: the configuration is singular.
         """
@@ -85,7 +85,7 @@ class LostContact:
 
     @cached_property
     def _distances(self) -> tuple[Array, Array, Array]:
-        """Return the gaps, and their derivatives with respect to nodes and the object's pose."""
+        """Return the members' gaps, and their derivatives by nodes and the object's pose."""
         return collision_model(self.config.robot).body_distances(
             self.config, self.body, self.members
         )

@@ -47,7 +47,7 @@ EVERYWHERE = np.array([-np.inf, np.inf])
 #: to the displacements of the skin [-]. The forces then differ by 3e-6 at most between initial
 #: guesses, since the gaps of contacts are closed to `ROUNDING`.
 SETTLED_SHARE = 5e-8
-#: Fractions of the bending by the contact forces, tried one after another [-].
+#: Fractions of the tubes' bending by the contact forces, tried one after another [-].
 BENT_SHARES = (1.0, 0.5, 0.2, 0.0)
 
 #: Solver of (8) for points and a surface, with optional initial forces and normals.
@@ -91,8 +91,7 @@ def _press_in(search: _Search, refused: IsotrussError, step: float) -> SolvedCon
     """
     Solve a deep contact by pressing the object into the tubes in steps.
 
-    For this, the skin of the tubes is first moved away from the object, and then step by step
-    back to its place.
+    The skin of the tubes is first moved away from the object, and then back in steps.
 
     :param refused: error of the solution without steps.
     :param step: first step as a fraction of the object's depth [-].
@@ -124,7 +123,7 @@ def measure_contact(
     contact_points: ContactPoints, contact: ContactState, count: int
 ) -> SolvedContact:
     """
-    Return a solved contact together with its extent on each member.
+    Return a solved contact together with the extent of the contact on each member.
 
     :param contact_points: candidate contact points.
     :param contact: contact with its forces.
@@ -162,8 +161,8 @@ class _Search:
     flattening: Flattening
     solver: ContactSolver
     budget: int | None
-    #: Whether the search only follows the previous contact, and the first motion that grows ends
-    #: the iteration for the bent tubes.
+    #: Whether the search only follows the previous contact; then the iteration for the bent tubes
+    #: ends at the first motion that grows.
     steady: bool = False
 
     def refine(self, previous: SolvedContact | None) -> SolvedContact:
@@ -198,7 +197,7 @@ class _Search:
         return self.spacing * np.array([-1.0, 1.0])
 
     def solve(self, before: SolvedContact, limited: bool) -> tuple[SolvedContact, bool]:
-        """Solve with points around contact regions; return whether these points are sufficient."""
+        """Solve the contact with points around contact regions; return whether they suffice."""
         regions = before.spans
 
         def begin(points: ContactPoints, surface: Surface) -> ContactState:
@@ -235,7 +234,7 @@ class _Search:
         return found
 
     def solve_everywhere(self) -> SolvedContact:
-        """Solve with points on all tubes within reach, bent if they are in contact."""
+        """Solve the contact with points on all tubes near the object, bent if in contact."""
         found = self.find(self.spacing, None, self.solver)
         return self.bend(found) if _touched(found.spans).any() else found
 
@@ -261,7 +260,7 @@ class _Search:
     def _solve_bent(
         self, points: ContactPoints, push: Points, solve: Callable[[BentTubes], Found]
     ) -> Found:
-        """Solve with tubes bent by the contact forces, or by a fraction of them if that fails."""
+        """Solve the contact with tubes bent by its forces, or by a fraction of them on failure."""
         shares = BENT_SHARES[:1] if self.steady else BENT_SHARES
         for share in shares:
             try:
@@ -272,7 +271,7 @@ class _Search:
         raise AssertionError
 
     def bend(self, found: SolvedContact) -> SolvedContact:
-        """Solve repeatedly at these points, each time linearised about the last solution."""
+        """Solve the contact repeatedly, each time linearised about the last solution."""
         surface, last, quick = self.surface.resolved(found.points.spacing), np.inf, True
         points, contact = found.points, found.contact
         # Sliding tubes turn with the contact: its error shrinks to a tenth by each motion.
@@ -310,7 +309,7 @@ class _Search:
         )
 
     def touching(self, found: SolvedContact) -> str:
-        """Return the names of the members in contact."""
+        """Return the names of the members in contact with the object."""
         names = self.structure.config.robot.member_names
         return ', '.join(names[i] for i in np.flatnonzero(_touched(found.spans)))
 

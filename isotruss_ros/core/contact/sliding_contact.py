@@ -30,8 +30,8 @@ from isotruss_ros.core.numerics.tolerances import (
 import numpy as np
 from scipy.linalg import lapack
 
-#: Steepest tangent of the object relative to the tube, as a direction; steeper tangents are turned
-#: to it.
+#: Steepest tangent of the object relative to the tube, as a direction; steeper tangents are
+#: replaced by this tangent.
 STEEPEST = np.exp(1j * np.deg2rad(75.0))
 #: Largest inclination of a normal relative to the tube's transverse direction, at a corner with
 #: folded skin [rad].
@@ -82,7 +82,7 @@ def _iterate(
     damped_steps: int,
     pushed: Points | None = None,
 ) -> ContactState | None:
-    """Return the contact after damped steps and then full steps; None without convergence."""
+    """Return the solved contact after damped and then full steps; None without convergence."""
     away, axis = contact_points.skin - surface.center, contact_points.axis
     side = np.where((normals * axis.conj()).imag < 0.0, -1.0, 1.0)
     neighbours = _find_neighbours(contact_points)
@@ -181,7 +181,7 @@ def turn_at_corners(
     contact_points: ContactPoints, contact: ContactState, surface: Surface
 ) -> ContactState:
     """
-    Return the contact with normals at corners that do not depend on where the points are.
+    Return the contact with normals at corners that are independent of the points' positions.
 
     The skin is folded over a sharp corner and the ends of its two faces. There, the solved normal
     of a point is an arbitrary direction between the normals of the faces; only the resultant force

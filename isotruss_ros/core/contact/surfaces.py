@@ -26,7 +26,7 @@ INITIAL_DISTANCE = 0.3
 
 @dataclass(frozen=True)
 class Surface:
-    """Surface of a convex object, possibly offset; points are relative to the object's centre."""
+    """Surface of a convex object, possibly offset. Points are relative to the object's centre."""
 
     body: ConvexObject  #: the object at its pose
     margin: float  #: offset of the surface [m]

@@ -19,7 +19,7 @@ FALSE_ALARM_PROBABILITY = 1.5e-5
 
 
 class Expectation(NamedTuple):
-    """Prediction of a measurement, linearised at a state."""
+    """Predicted measurement with its Jacobian, linearised at a state."""
 
     values: Array  #: (m,) predicted measurement
     rates: Array  #: (m, n) Jacobian of this prediction with respect to the state

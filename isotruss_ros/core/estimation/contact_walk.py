@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Detection of slip from sums of pose corrections over the last seconds."""
+"""Detection of slip from sums of pose corrections of the object over the last seconds."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ JUMP_LENGTH = 0.02
 
 
 class _Sum(NamedTuple):
-    """Sums of all corrections up to one time."""
+    """Sums of all pose corrections up to one time."""
 
     time: float  #: time of the correction [s]
     moved: Array  #: (3,) sum of all earlier corrections of the pose [m]
@@ -30,9 +30,9 @@ class _Sum(NamedTuple):
 
 class ContactWalk:
     """
-    Sums of pose corrections, compared with the spread expected without slip.
+    Sums of pose corrections, compared with their standard deviations without slip.
 
-    The spread is due to a random walk of the contacts, pose noise and load.
+    The deviations are due to a random walk of the contacts, pose noise and load.
 
     :ivar length: norm of the largest sum, with rotations times the characteristic radius [m].
     :ivar deviations: largest ratio of a sum to its expected standard deviation [-].
@@ -47,7 +47,7 @@ class ContactWalk:
 
     def spread(self, more: Array) -> None:
         """
-        Add process noise to the expected random walk of the contacts.
+        Add process noise to the variance of the contacts' random walk.
 
         :param more: (3, 3) covariance of the process noise [m^2].
         """
@@ -55,9 +55,9 @@ class ContactWalk:
 
     def attach(self, change: Array) -> None:
         """
-        Change the derivatives with respect to uncorrected states, without adding a correction.
+        Change the derivatives of the pose with respect to the considered states, see `add`.
 
-        They change after a new search for an equilibrium, which does not move the pose.
+        They change after a new search for an equilibrium, which does not correct the pose.
 
         :param change: (3, c) change of the derivatives of the pose with respect to the considered
             states, see `add`.

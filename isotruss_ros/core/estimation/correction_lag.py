@@ -19,7 +19,7 @@ class CorrectionLag:
 
     @property
     def total(self) -> Array:
-        """Return the part (4,) of the corrections that is not yet in the output [m, m, rad, N]."""
+        """Return the part (4,) of the corrections not yet in the filter output [m, m, rad, N]."""
         return self._parts.sum(axis=0)
 
     def add(self, correction: Array) -> None:
@@ -32,7 +32,7 @@ class CorrectionLag:
 
     def advance(self, elapsed: float, filter_time: float) -> None:
         """
-        Advance both filters.
+        Advance both low-pass filters by the elapsed time.
 
         :param elapsed: time since the last call [s].
         :param filter_time: time constant of each filter [s].

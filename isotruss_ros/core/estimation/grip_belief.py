@@ -6,9 +6,9 @@ Gaussian belief of the grip: a Kalman filter about the equilibrium of the held o
 
 The contacts roll with the tubes, so the equilibrium follows the configuration. Measured poses
 correct four states: the load w, which is an external wrench; the shift a of the contacts along the
-members; the unexplained pose b; and the delay of the poses. Two states are considered, which means
-that they have an uncertainty but are not corrected: the roller offsets dphi and the stiffness s.
-With the roller positions q, the compliance C and white noise v, the measured pose is
+members; the unexplained pose b; and the delay of the poses. Two states are considered: the roller
+offsets dphi and the stiffness s. A considered state has an uncertainty, but poses do not correct
+it. With the roller positions q, the compliance C and white noise v, the measured pose is
 
     e = (w, b, a, delay | dphi, s),   z = equilibrium(q + dphi, a, s) + C w + b + v
 """
@@ -71,10 +71,10 @@ class GripBelief:
         pose, rotations times the arm [m].
     :ivar delay: time by which the measured poses are older than their stamps say [s].
     :ivar innovation: normalised squared innovation (3 degrees of freedom) of the last pose [-].
-    :ivar drift: (4,) rates of pose [m/s, rad/s] and squeeze [N/s] in the last cycle, minus the
-        rates predicted by (19).
+    :ivar drift: (4,) rates of pose [m/s, rad/s] and squeeze [N/s] in the last cycle, minus those
+        predicted by (19).
     :ivar usage: limits on motion that reduces the slip margin or increases the utilisation.
-    :ivar walk: sums of the corrections, from which slip is detected.
+    :ivar walk: sums of the pose corrections, from which slip is detected.
     :ivar jump: length of the last innovation if it was inconsistent, otherwise 0 [m].
     :ivar searches: number of searches for an equilibrium with unknown contact history [-].
     :param grasp: equilibrium near the measured pose; its `response` is not None.
@@ -83,7 +83,8 @@ class GripBelief:
     :param zeros: (r, r) covariance of the roller offsets [m^2]; None: uncorrelated offsets with
         the standard deviation of the settings.
     :param noise: (3,) prior standard deviations of the measured poses [m, rad].
-    :param supposed: whether only wrong roller offsets can explain the measured pose.
+    :param supposed: whether the object is assumed to be held, because only wrong roller offsets
+        can explain the measured pose.
     """
 
     # Corrections since the last equilibrium, see `_take`.
@@ -147,7 +148,7 @@ class GripBelief:
 
     @property
     def differentiated(self) -> HeldGrip:
-        """Return the equilibrium at which the derivatives in use were computed."""
+        """Return the equilibrium at which the filter's Jacobian was computed."""
         return self._by_considered.grasp
 
     @property
@@ -173,13 +174,13 @@ class GripBelief:
 
     @property
     def pose_covariance(self) -> Array:
-        """Return the covariance of the pose, (3, 3) [m^2, m rad, rad^2]."""
+        """Return the covariance of the object's pose, (3, 3) [m^2, m rad, rad^2]."""
         spread = self._filter.spread(self._rates.pose, self._by_considered.pose)
         return spread / np.outer(self._even, self._even)
 
     def explains(self, pose: Pose) -> bool:
         """
-        Return whether errors of offsets, stiffness and measurement explain a pose without load.
+        Return whether errors of offsets, stiffness and measurement suffice to explain a pose.
 
         :param pose: measured pose of the object.
         """
@@ -198,18 +199,18 @@ class GripBelief:
 
     @property
     def regulated_pose(self) -> Array:
-        """Return the pose (3,) used for control: two low-pass filters smooth its corrections."""
+        """Return the object's pose (3,) for control, with corrections smoothed by two filters."""
         return self.pose - self._lag.total[:3]
 
     @property
     def regulated_squeeze(self) -> float:
-        """Return the squeeze used for control [N]: two low-pass filters smooth its corrections."""
+        """Return the squeeze for control, with corrections smoothed by two filters [N]."""
         return self.squeeze - float(self._lag.total[3])
 
     @property
     def slip_margin(self) -> float:
         """
-        Return the slip margin, computed without load and for unknown contact history [N].
+        Return the object's slip margin without load and for unknown contact history [N].
 
         The contact history is ignored because an object that has slid into place uses all of its
         friction and is held nevertheless: if it slips further, it reaches the equilibrium of
@@ -220,7 +221,7 @@ class GripBelief:
     @property
     def slip_deviations(self) -> float:
         """
-        Return the norm of corrections and load, each divided by its standard deviation [-].
+        Return the norm of pose corrections and load in standard deviations [-].
 
         The standard deviation of the load is set to at least half of the slip margin, because a
         load within the margin causes no slip.
@@ -230,7 +231,7 @@ class GripBelief:
 
     @property
     def slipped(self) -> bool:
-        """Return whether corrections and load are so large that the object must have slipped."""
+        """Return whether pose corrections and load are so large that the object has slipped."""
         return self.slip_deviations > self._most
 
     @property
@@ -289,7 +290,7 @@ class GripBelief:
 
     def observe(self, pose: Pose, age: float) -> None:
         """
-        Update the belief with a measured pose.
+        Update the belief of the grip with a measured pose.
 
         :param pose: measured pose of the object.
         :param age: time from the stamp of the pose to the last call of `follow` [s].
@@ -360,7 +361,7 @@ class GripBelief:
         self.bias = self._even * pose_difference(pose, self.grasp.pose)
 
     def _initialise(self) -> Array:
-        """Set the prior covariance, and update it for a pose; return the Kalman gain (n, 3)."""
+        """Set the state's prior covariance, and update it for a pose; return the gain (n, 3)."""
         known, given = self._filter, self.settings
         shifts = shift_deviations(self.grasp, self._anchored, self._friction)
         variances = np.diag(known.covariance).copy()
@@ -383,7 +384,7 @@ class GripBelief:
 
     def take_zeros(self, covariance: Array) -> None:
         """
-        Replace the covariance of the roller offsets.
+        Replace the covariance of the considered roller offsets.
 
         :param covariance: (r, r) covariance of the roller offsets [m^2].
         """
@@ -391,9 +392,9 @@ class GripBelief:
 
     def move_zeros(self, moved: Array) -> None:
         """
-        Apply a correction of the roller offsets without changing the object's pose.
+        Correct the roller offsets without changing the object's pose.
 
-        :param moved: (r,) corrections of the roller positions [m].
+        :param moved: (r,) increases of the roller offsets, and thus of the roller positions [m].
         """
         grasp = self.grasp
         travel = travel_rates(grasp.config, grasp.contacts.members) @ moved
@@ -444,7 +445,7 @@ class GripBelief:
         self._lag.add(np.append(given, pressed))
 
     def _predict(self, elapsed: float, moved: Array, travel: Array) -> None:
-        """Propagate the covariance by process noise."""
+        """Propagate the covariance of the grip's state by process noise."""
         given = self.settings
         left = math.exp(-elapsed / given.load_time)
         more, kept = np.zeros_like(self._rates.squeeze), np.ones_like(self._rates.squeeze)
@@ -461,7 +462,7 @@ class GripBelief:
 
     def pass_corrections(self, elapsed: float, filter_time: float) -> None:
         """
-        Pass corrections through the two low-pass filters of the squeeze control.
+        Advance the two low-pass filters through which pose and squeeze corrections pass.
 
         :param elapsed: time since the last call [s].
         :param filter_time: time constant of the low-pass filters [s].
@@ -469,7 +470,7 @@ class GripBelief:
         self._lag.advance(elapsed, filter_time)
 
     def _take(self, grasp: HeldGrip) -> None:
-        """Set the equilibrium, and the derivatives by the state at this equilibrium."""
+        """Set the equilibrium, and the Jacobian of the measured pose at this equilibrium."""
         self.grasp, self.grip = grasp, grasp.touching(self._friction)
         # Corrections of the contacts since, with which the equilibrium is not solved yet.
         self._anchors = grasp.anchors
@@ -487,7 +488,7 @@ class GripBelief:
             self._by_considered = ConsideredRates.of(grasp)
 
     def _margin(self, grasp: HeldGrip, more: Array | None = None) -> float:
-        """Return the slip margin under additional forces (2k,) [N]."""
+        """Return the object's slip margin under additional contact forces (2k,) [N]."""
         reserve, _, size = grasp.slip_reserves(self._friction)
         if more is not None:
             reserve = reserve + grasp.slip_rows(self._friction)[0] @ more
@@ -496,7 +497,7 @@ class GripBelief:
     def _learn(
         self, before: HeldGrip, grasp: HeldGrip, travel: Array, change: Array, elapsed: float
     ) -> None:
-        """Compute drift, and changes of slip margin and utilisation, from the last travel."""
+        """Compute the drift, and how slip margin and utilisation change with roller travel."""
         if grasp.contacts is not before.contacts:  # a step, which the next travel does not repeat
             self.usage, self.drift = UsageLimits(grasp), np.zeros(4)
             return

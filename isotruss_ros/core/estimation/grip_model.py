@@ -21,7 +21,9 @@ def attach_model(
     config: Configuration, grip: Grip, pressures: Pressures = None, zeros: float = 0.0
 ) -> HeldGrip:
     """
-    Return the equilibrium near the measured pose; it has a `response`.
+    Return the object's equilibrium near its measured pose.
+
+    Its `response` is not None.
 
     :param config: configuration of the robot.
     :param grip: grip with the object at its measured pose.
@@ -43,13 +45,13 @@ def attach_model(
 
 def shift_deviations(grasp: HeldGrip, anchored: Array, friction: float) -> Array:
     """
-    Return the prior deviations (m,) of the shifts of the contacts along the members [m].
+    Return the prior deviations (m,) of the contacts' shifts along the members [m].
 
     A deviation is twice the shift that causes slip, but at most the object's characteristic
     radius.
 
     :param grasp: equilibrium of the object.
-    :param anchored: derivatives of its unknowns, see `anchor_rates`.
+    :param anchored: derivatives of the unknowns of the equilibrium, see `anchor_rates`.
     :param friction: coefficient of friction [-].
     """
     members = np.eye(len(grasp.members))[grasp.contacts.owners]

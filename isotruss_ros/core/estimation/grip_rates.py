@@ -23,7 +23,7 @@ LOAD, BIAS, DELAY, SHIFTS = slice(0, 3), slice(3, 6), 6, 7
 
 
 class StateRates(NamedTuple):
-    """Derivatives with respect to the state (n,); rotations times the arm."""
+    """Derivatives of pose and squeeze with respect to the state (n,); rotations times the arm."""
 
     pose: Array  #: (3, n) derivatives of the pose
     squeeze: Array  #: (n,) derivatives of the squeeze
@@ -31,10 +31,10 @@ class StateRates(NamedTuple):
     @classmethod
     def of(cls, grasp: HeldGrip, anchored: Array) -> StateRates:
         """
-        Return the derivatives at an equilibrium.
+        Return the derivatives of pose and squeeze at an equilibrium.
 
         :param grasp: the equilibrium; its `response` is not None.
-        :param anchored: derivatives of its unknowns, see `anchor_rates`.
+        :param anchored: derivatives of the unknowns of the equilibrium, see `anchor_rates`.
         """
         even, members = np.array([[1.0], [1.0], [grasp.arm]]), len(grasp.members)
         by_shift = anchored @ np.eye(members)[grasp.contacts.owners]
@@ -47,9 +47,13 @@ class StateRates(NamedTuple):
 
 
 class ConsideredRates(NamedTuple):
-    """Derivatives with respect to roller offsets (with fixed contacts) and stiffness."""
+    """
+    Derivatives of pose and squeeze with respect to roller offsets and stiffness.
 
-    grasp: HeldGrip  #: equilibrium at which they were computed
+    The offsets change while the contacts do not move along the members.
+    """
+
+    grasp: HeldGrip  #: equilibrium of the object
     gradient: HeldGradient  #: gradient of this equilibrium
     pose: Array  #: (3, r + 1) derivatives of the pose, rotations times the arm
     squeeze: Array  #: (r + 1,) derivatives of the squeeze
@@ -57,7 +61,7 @@ class ConsideredRates(NamedTuple):
     @classmethod
     def of(cls, grasp: HeldGrip) -> ConsideredRates:
         """
-        Return the derivatives at an equilibrium.
+        Return the derivatives of pose and squeeze at an equilibrium.
 
         :param grasp: the equilibrium.
         """
@@ -71,7 +75,7 @@ class ConsideredRates(NamedTuple):
 
     def joint_rates(self, shifts: Array) -> Array:
         """
-        Return the derivatives (2j, r) of the joint positions with respect to roller offsets.
+        Return the derivatives (2j, r) of the joint positions with respect to the roller offsets.
 
         :param shifts: (m, r) derivatives of the contacts' shifts with respect to roller offsets.
         """
@@ -82,7 +86,9 @@ class ConsideredRates(NamedTuple):
 
 def anchor_rates(grasp: HeldGrip) -> Array:
     """
-    Return the derivatives of the unknowns of an equilibrium with respect to the k anchors.
+    Return the derivatives (3 + 4k, k) of the unknowns with respect to the rolling invariants.
+
+    The unknowns are those of `ContactForces`; for the invariants see `ContactStatics.anchors`.
 
     :param grasp: the equilibrium.
     """
@@ -93,5 +99,5 @@ def anchor_rates(grasp: HeldGrip) -> Array:
 
 
 def _anchors_by_offsets(grasp: HeldGrip) -> Array:
-    """Return the derivatives (k, r) of the anchors by roller offsets for contacts at rest."""
+    """Return the derivatives (k, r) of the rolling invariants by offsets, for contacts at rest."""
     return grasp.statics.sides[:, None] * travel_rates(grasp.config, grasp.contacts.members)

@@ -24,7 +24,7 @@ def passes_gate(innovation: Array, covariance: Array) -> bool:
 
 
 def _gate(count: int) -> float:
-    """Return the largest squared Mahalanobis distance at which `count` numbers are accepted."""
+    """Return the largest squared Mahalanobis distance of `count` numbers that passes the gate."""
     return scipy.special.chdtri(count, FALSE_ALARM_PROBABILITY)
 
 
@@ -32,7 +32,7 @@ def judge_markers(
     innovation: Array, covariance: Array, by_rollers: Array, reach: Array
 ) -> tuple[Flags, Array]:
     """
-    Return which markers are consistent, after a slip of one roller if this explains more.
+    Return the consistent markers, and the slip of at most one roller that explains them.
 
     If some markers are inconsistent, two hypotheses are compared: one roller has slipped by at
     most its travel, or some markers are wrong. For each, the worst marker is rejected repeatedly
@@ -70,7 +70,7 @@ def judge_markers(
 
 def find_swap(measured: Array, expected: Array, covariance: Array) -> tuple[int, int] | None:
     """
-    Return two markers that, if swapped, make all markers consistent; None if there are none.
+    Return two markers whose swap makes all markers consistent; None without such a pair.
 
     :param measured: (k, 2) measured joint positions [m].
     :param expected: (k, 2) predicted joint positions [m].
@@ -85,7 +85,7 @@ def find_swap(measured: Array, expected: Array, covariance: Array) -> tuple[int,
 
 
 def _find_slip(off: Array, covariance: Array, by_rollers: Array, reach: Array) -> Array:
-    """Return the slip (r,) of that single roller which best explains the markers [m]."""
+    """Return the slip (r,) of one roller, the one that best explains the markers [m]."""
     weighted = np.linalg.solve(covariance, by_rollers)
     size = np.einsum('ij,ij->j', by_rollers, weighted)
     slipped = np.clip((weighted.T @ off) / np.maximum(size, 1e-12), -reach, reach)
@@ -94,5 +94,5 @@ def _find_slip(off: Array, covariance: Array, by_rollers: Array, reach: Array) -
 
 
 def _size(off: Array, covariance: Array) -> float:
-    """Return the squared Mahalanobis distance of a deviation from zero."""
+    """Return the squared Mahalanobis distance of an innovation from zero."""
     return float(off @ np.linalg.solve(covariance, off))

@@ -22,7 +22,7 @@ MAX_OFFSET_DEVIATION = 0.05
 
 class OffsetFilter:
     """
-    Gaussian belief of roller offsets and of constant errors of the markers, x = (dphi, c, m).
+    Gaussian belief of roller offsets and constant marker errors, x = (dphi, c, m).
 
     dphi are the offsets of the r rollers [m]. c consists of the common shift (x, y) of all markers
     [m] and their common rotation about the centre of the joints [rad]. m are the mounting offsets
@@ -38,7 +38,7 @@ class OffsetFilter:
         places = robot.home.nodes[:joints]
         lever = (places - places.mean(axis=0)) @ [[0.0, 1.0], [-1.0, 0.0]]
         shift = np.tile(np.eye(2), (joints, 1))
-        #: Jacobian of all marker positions with respect to their constant errors.
+        #: Jacobian of all marker positions with respect to the markers' constant errors.
         self._constant = np.column_stack([shift, lever.ravel(), np.eye(2 * joints)])
         sizes = settings.marker_shift, settings.marker_turn, settings.joint_error
         variances = np.repeat([settings.zeros, *sizes], [self._count, 2, 1, 2 * joints]) ** 2
@@ -56,7 +56,7 @@ class OffsetFilter:
 
     def predict(self, elapsed: float, travel: Array) -> None:
         """
-        Propagate the covariance by process noise.
+        Propagate the covariance of offsets and marker errors by process noise.
 
         :param elapsed: time since the last call [s].
         :param travel: (r,) absolute roller travel since the last call [m].
@@ -104,7 +104,7 @@ class OffsetFilter:
         joints: Callable[[Array], tuple[Array, Array]],
     ) -> None:
         """
-        Update the belief with measured markers.
+        Update the belief of the roller offsets with measured markers.
 
         :param measured: (m,) measured coordinates of markers [m].
         :param noise: (m, m) covariance of the measurement noise [m^2].

@@ -35,7 +35,7 @@ class PoseNoise:
 
     def add(self, off: Array) -> None:
         """
-        Update the estimate with a measured pose.
+        Update the estimated variances of the pose noise with a measured pose.
 
         :param off: (3,) measured pose minus the pose predicted from roller travel, rotations times
             the characteristic radius [m].
@@ -51,5 +51,5 @@ class PoseNoise:
 
     @property
     def deviation(self) -> float:
-        """Return the largest of the three standard deviations [m]."""
+        """Return the largest of the three standard deviations of the pose noise [m]."""
         return float(np.sqrt(self.variances.max()))

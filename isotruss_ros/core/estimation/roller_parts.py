@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Merging of joint states that name only some of the rollers."""
+"""Merging of joint states that contain only some of the rollers."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class RollerParts:
         self._readings: list[list[tuple[float, complex]]] = [[] for _ in names]
 
     def clear(self) -> None:
-        """Discard all readings."""
+        """Discard the readings of all rollers."""
         for readings in self._readings:
             readings.clear()
 
@@ -50,7 +50,7 @@ class RollerParts:
                 readings[-1] = time, complex(position, speed)
 
     def merged(self) -> StampedInput | RejectedInput:
-        """Return the state of all rollers, or a rejection if a roller was in no message."""
+        """Return the merged state of all rollers; a rejection if a roller was in no message."""
         readings = self._readings
         missing = [n for n, known in zip(self._names, readings, strict=True) if not known]
         if missing:

@@ -32,7 +32,7 @@ class SchmidtFilter:
 
     def reset(self, covariance: Array) -> None:
         """
-        Set the covariance of the state, and its sensitivity to the parameters to zero.
+        Set the covariance of the state, and set the sensitivity to the parameters to zero.
 
         :param covariance: (n, n) covariance of the state.
         """
@@ -41,11 +41,11 @@ class SchmidtFilter:
 
     def resize(self, size: int, kept: int, variance: float) -> None:
         """
-        Replace the last components of the state by others.
+        Replace the last components of the state by components with a prior variance.
 
         :param size: new number of components.
-        :param kept: number of first components that remain.
-        :param variance: prior variance of the other components.
+        :param kept: number of first components that are not replaced.
+        :param variance: prior variance of the new components.
         """
         before, sensitivity = self.covariance, self.sensitivity
         self.reset(variance * np.eye(size))
@@ -54,10 +54,10 @@ class SchmidtFilter:
 
     def spread(self, rates: Array, by_considered: Array) -> Array:
         """
-        Return the covariance (m, m) of m functions of state and parameters.
+        Return the covariance (m, m) of m linear functions of state and parameters.
 
         :param rates: (m, n) derivatives of the functions with respect to the state.
-        :param by_considered: (m, c) derivatives with respect to the parameters.
+        :param by_considered: (m, c) derivatives of the functions with respect to the parameters.
         """
         whole = by_considered + rates @ self.sensitivity
         return rates @ self.covariance @ rates.T + whole @ self.considered @ whole.T
@@ -79,7 +79,7 @@ class SchmidtFilter:
         The gain is computed as if the parameters had no errors.
 
         :param rates: (m, n) derivatives of the measurement with respect to the state.
-        :param by_considered: (m, c) derivatives with respect to the parameters.
+        :param by_considered: (m, c) derivatives of the measurement with respect to the parameters.
         :param noise: (m, m) covariance of the measurement noise.
         """
         prior = self.covariance

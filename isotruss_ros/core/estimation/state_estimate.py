@@ -70,8 +70,8 @@ class StateEstimate(Record, headline=('travel', 'pose', 'squeeze', 'left_out', '
         model.
     :ivar squeeze_deviation: standard deviation of the squeeze, including the error of the
         stiffness [N].
-    :ivar used: sorted names of the joints of which the last marker was accepted.
-    :ivar left_out: sorted names of the joints of which the last marker was rejected.
+    :ivar used: sorted names of the joints whose last marker was accepted.
+    :ivar left_out: sorted names of the joints whose last marker was rejected.
     :ivar swapped: names of two joints whose markers are apparently swapped; empty otherwise.
     :ivar slipping: names of slipping rollers, in `Robot.roller_names` order.
     :ivar delay: time by which the measured poses are older than their stamps say [s].
@@ -95,7 +95,7 @@ class StateEstimate(Record, headline=('travel', 'pose', 'squeeze', 'left_out', '
 
 
 class EstimatedTravel(NamedTuple):
-    """Estimated roller offsets with their covariance, for a control loop."""
+    """Estimated roller offsets with the covariance of the offsets, for a control loop."""
 
     offsets: Array  #: (r,) roller offsets, to be added to the encoder readings [m]
     covariance: Array  #: (r, r) covariance of the offsets [m^2]

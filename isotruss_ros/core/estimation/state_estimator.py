@@ -196,7 +196,7 @@ class StateEstimator:
     @single_threaded
     def estimate(self) -> StateEstimate | None:
         """
-        Return the estimate at the last encoder reading; None before the first reading.
+        Return the estimated state at the last encoder reading; None before the first reading.
 
         :raises ConfigurationError: no configuration exists at the encoder readings.
         """
@@ -235,7 +235,7 @@ class StateEstimator:
     def _name(
         self, names: Array, used: Array, measured: Array, expected: Array, covariance: Array
     ) -> None:
-        """Store names of used and swapped markers; reset offsets after inconsistent messages."""
+        """Store names of used and swapped markers; reset roller offsets if markers disagree."""
         self._used = tuple(sorted(names[used].tolist()))
         self._left_out = tuple(sorted(names[~used].tolist()))
         swapped = None
@@ -250,7 +250,7 @@ class StateEstimator:
             self._strange = 0
 
     def _roll(self) -> None:
-        """Roll the held object to the last reading; without equilibrium, release it."""
+        """Roll the held object to the last encoder reading; without equilibrium, release it."""
         (time, readings), belief = self._readings.last, self.belief
         travel, elapsed = readings + self._zeros.offsets, time - self._rolled
         self._rolled = time
@@ -265,7 +265,7 @@ class StateEstimator:
             self.belief = None
 
     def _attach(self, pose: Pose, deviations: Array) -> GripBelief | None:
-        """Return the belief of an object at its measured pose; None if it is perhaps not held."""
+        """Return the belief of an object at its measured pose; None if it may not be held."""
         zeros = self._zeros
         self._config = self._config.moved_to(self._readings.last[1] + zeros.offsets)
         grip = self._grip.moved_to(pose)
@@ -280,7 +280,7 @@ class StateEstimator:
 
     def _place_joints(self, readings: Array, offsets: Array) -> tuple[Array, Array]:
         """
-        Return the joint positions and their Jacobian with respect to the offsets.
+        Return the joint positions and their Jacobian with respect to the roller offsets.
 
         :return: (2j,) positions [m], and (2j, r) Jacobian.
         """
@@ -296,7 +296,7 @@ class StateEstimator:
         return places + displaced + beyond @ (offsets - self._zeros.offsets), rates + beyond
 
     def _encoder_noise(self, rates: Array) -> Array:
-        """Return the covariance (m, m) of coordinates with Jacobian (m, r) by encoder noise."""
+        """Return the covariance (m, m) of coordinates by encoder noise; Jacobian (m, r)."""
         return self.settings.encoders**2 * rates @ rates.T
 
     def _in_time(self, time: float) -> bool:
@@ -306,7 +306,7 @@ class StateEstimator:
 
 
 def _positive(deviations: ArrayLike, count: int, what: str) -> Array:
-    """Return standard deviations (count,) as floats; their squares must be finite and positive."""
+    """Return standard deviations (count,) as floats, checked to have finite positive squares."""
     checked = finite_array(deviations, count, what, GraspError, MAX_MAGNITUDE)
     if checked.min() <= 0.0:
         raise GraspError(f'{what}: {checked.tolist()}: must be positive')

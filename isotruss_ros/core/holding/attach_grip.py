@@ -80,7 +80,8 @@ def attach_grip(
     """
     Find the equilibrium of an object near its measured pose, with unknown contact history.
 
-    The contact history is how the contacts rolled before; `rest` lists what is assumed instead.
+    The contact history is the previous rolling of the contacts; for the conditions that replace it
+    see `attach_grip.rest`.
 
     :param config: configuration of the robot.
     :param body: the object at its measured pose.
@@ -119,10 +120,10 @@ def attach_grip(
 
 def lay_faces(found: HeldGrip, friction: float, gap: float) -> HeldGrip:
     """
-    Return the equilibrium with a whole face in contact if friction suffices only with it.
+    Return the equilibrium with a whole face in contact, if only this equilibrium is held.
 
-    Otherwise, return the given equilibrium. If the roller offsets are wrong, the modelled tubes
-    are inclined, and there seems to be a gap at one end of a face that is in contact.
+    Otherwise, return the given equilibrium. With wrong roller offsets the modelled tubes are
+    inclined, so the model has a gap at one end of a face that is in contact.
 
     :param found: equilibrium near the measured pose, see `attach_grip`.
     :param friction: coefficient of friction between tubes and object.
@@ -178,7 +179,7 @@ def _find_rest(
     before: HeldGrip | None,
     steps: int,
 ) -> HeldGrip | None:
-    """Return the equilibrium near the measured pose with given contacts; None if none exists."""
+    """Return the object's equilibrium near the measured pose with given contacts, or None."""
     body, contacts = statics.body, statics.contacts
     conditions = rest(statics, body)
     found, motion = None, None
@@ -237,7 +238,7 @@ def _search_centered(statics: ContactStatics, wrench: Array, steps: int) -> Arra
 
 
 def _is_like(grip: HeldGrip, statics: ContactStatics) -> bool:
-    """Return whether grip and `statics` have contacts of the same kinds on the same sides."""
+    """Return whether grip and `statics` agree in kinds and sides of their contacts."""
     own, contacts = grip.contacts, statics.contacts
     pairs = (
         (own.members, contacts.members),
@@ -254,7 +255,7 @@ def _solve_nearby(
     wrench: Array,
     conditions: ContactConditions,
 ) -> tuple[ContactStatics, ContactForces] | None:
-    """Return the equilibrium near the predicted one, with similar forces; None if none exists."""
+    """Return an equilibrium near the predicted equilibrium, with similar forces; or None."""
     start, places, known = grip.ahead(travel), grip.state.places, grip.state
     bent, structure = grip.statics.bent, statics.bent.structure
     if structure is not bent.structure:
@@ -269,7 +270,7 @@ def _solve_nearby(
 
 
 def _choices(contacts: PressedContacts) -> list[PressedContacts]:
-    """Return contact hypotheses: first both ends of all faces touch, then single ends."""
+    """Yield contact hypotheses: first both ends of all faces touch, then single ends."""
     faces = [own.tolist() for own in contacts.ends if len(own) > 1]
     found = []
     for dropped in itertools.product(*([None, *own] for own in faces)):
@@ -284,11 +285,12 @@ def rest(statics: ContactStatics, body: ConvexObject) -> ContactConditions:
     """
     Return the conditions that replace rolling conditions if the contact history is unknown.
 
-    Squeeze: With two members, it follows from the measured position across the chord between the
-    contacts. With three members, it follows from statics. Angle: Without a face contact, it is the
-    measured angle. With one, it is the angle at which the ratio |T| / N of friction to normal
-    force is equal at all members. Friction: Three members need none if there is a face contact,
-    otherwise the ratio is equal at all three. It is also equal at both ends of a face.
+    Squeeze: With two members, the squeeze follows from the measured position across the chord
+    between the contacts. With three members, it follows from statics. Angle: Without a face
+    contact, the angle is measured. With a face contact, the ratio |T| / N of friction to normal
+    force is equal at all members, which determines the angle. Friction: Three members have no
+    friction if there is a face contact; otherwise the ratio is equal at all three. The ratio is
+    also equal at both ends of a face.
 
     :param statics: equations of equilibrium.
     :param body: the object at its measured pose.

@@ -4,8 +4,8 @@
 """
 Contacts, pose and forces of a held object, and their response to small wrenches.
 
-The response is computed for contacts that stick, with the deformation of the tubes. It yields the
-slip margin, and how the forces change if members move.
+The response is computed for sticking contacts and deforming tubes. From the response follow the
+slip margin and the change of the forces due to motion of the members.
 """
 
 from __future__ import annotations
@@ -49,9 +49,9 @@ class PressedContacts:
 
     def without(self, dropped: int) -> PressedContacts:
         """
-        Return all contacts except one.
+        Return all contacts except a given contact.
 
-        If it is one end of a face, the contact at the other end becomes unlimited in its extent.
+        If it is one end of a face, the extent of the contact at the other end becomes unlimited.
 
         :param dropped: index of the contact that is left out.
         """
@@ -86,7 +86,7 @@ class Places(NamedTuple):
     @functools.lru_cache(maxsize=16)
     def of(cls, count: int) -> Places:
         """
-        Return the indices for a number of contacts.
+        Return the indices of unknowns and equations for a number of contacts.
 
         :param count: number k of contacts.
         """
@@ -134,7 +134,7 @@ class ContactForces:
 
     @functools.cached_property
     def normal_forces(self) -> Array:
-        """Return the normal forces (k,) [N], positive in compression."""
+        """Return the normal forces (k,) at the contacts [N], positive in compression."""
         return self.unknowns[self.places.normal]
 
     @functools.cached_property
@@ -144,7 +144,7 @@ class ContactForces:
 
     @property
     def forces(self) -> Array:
-        """Return the normal and friction forces, (2k,) [N]."""
+        """Return the normal and then the friction forces at the contacts, (2k,) [N]."""
         return np.concatenate([self.normal_forces, self.friction_forces])
 
 
@@ -174,7 +174,7 @@ class GripResponse:
 
     @property
     def pose(self) -> Array:
-        """Return the derivatives (3, 3) of x, y and angle by the wrench [m/N, rad/N]."""
+        """Return the derivatives (3, 3) of the object's pose by the wrench [m/N, rad/N]."""
         return self.change[:POSE]
 
     @property
@@ -185,14 +185,14 @@ class GripResponse:
 
     @property
     def stiffness(self) -> Array:
-        """Return the derivatives (3, 3) of (fx, fy, m) by the displacement [N/m, N, N m]."""
+        """Return the derivatives (3, 3) of the wrench by the displacement [N/m, N, N m]."""
         stiffness = np.linalg.inv(self.pose)
         stiffness[2] *= self.arm
         return stiffness
 
     @property
     def stable(self) -> bool:
-        """Return whether the stiffness is positive definite."""
+        """Return whether the object's stiffness is positive definite."""
         even = self.pose * np.array([[1.0], [1.0], [self.arm]])
         return not lapack.dpotrf(0.5 * (even + even.T))[1]
 

@@ -102,7 +102,7 @@ class ContactStatics:
 
     @functools.cached_property
     def places(self) -> Places:
-        """Return the index of each unknown and each equation in the arrays of the solver."""
+        """Return the indices of the unknowns and of the equations."""
         return Places.of(len(self.contacts.owners))
 
     @functools.cached_property
@@ -135,7 +135,7 @@ class ContactStatics:
         return np.einsum('lnk,nkc->klc', self._push(unknowns).rates, bending)
 
     def _push(self, unknowns: Array) -> _Pushes:
-        """Return the contact loads on the tubes."""
+        """Return the loads of the contacts on the tubes, with derivatives."""
         begin = self.places.inclinations.start
         turned, normal, friction = unknowns[begin:].reshape(3, -1)
         local = self._aside * np.exp(1j * turned)
@@ -151,7 +151,7 @@ class ContactStatics:
 
     @functools.cached_property
     def _constant(self) -> tuple[Array, Array]:
-        """Return derivatives (3, k, 3) of the balance by the loads, and a constant Jacobian."""
+        """Return the balance's derivatives (3, k, 3) by loads, and the constant Jacobian part."""
         places, count = self.places, len(self.sides)
         pushes, jacobian = np.zeros((3, count, 3)), np.zeros((places.size, places.size))
         forces = -self.bent.axis[:, None] * [1.0, 1j]
@@ -165,7 +165,7 @@ class ContactStatics:
         self, unknowns: Array, wrench: Array, conditions: ContactConditions
     ) -> tuple[Array, ContactForces]:
         """
-        Return the residual (3 + 4k,) of the equations, and the state with the Jacobian.
+        Return the residual (3 + 4k,) of the equilibrium equations, and the state with Jacobian.
 
         Order of the rows: for each contact, the conditions that object and member touch (along the
         member, across it, and in inclination); then the balance of the object; then the conditions
@@ -222,7 +222,7 @@ class ContactStatics:
 
     def rolling_rows(self, unknowns: Array, normals: Points) -> Array:
         """
-        Return the derivatives (k, 3 + 4k) of the rolling invariants with respect to unknowns.
+        Return the derivatives (k, 3 + 4k) of the rolling invariants by the unknowns.
 
         :param unknowns: unknowns (3 + 4k,), see `ContactForces`.
         :param normals: (k,) unit normals from the object toward the tubes.
@@ -265,7 +265,7 @@ class ContactStatics:
         reach: float = np.inf,
     ) -> ContactForces | None:
         """
-        Return the equilibrium found by Newton's method from initial unknowns; None if it fails.
+        Solve the equilibrium equations by Newton's method from initial unknowns; None on failure.
 
         If a node moves by more than `reach`, the solution is approximate.
 
@@ -309,7 +309,7 @@ class ContactStatics:
         reach: float = ROUNDING,
     ) -> tuple[ContactStatics, ContactForces] | None:
         """
-        Return the equilibrium from initial unknowns, with tubes linearised about this equilibrium.
+        Solve for the equilibrium with tubes that are linearised about this equilibrium.
 
         :param start: (3 + 4k,) initial unknowns.
         :param wrench: external wrench (fx, fy, m / arm) on the object [N]; arm is the object's

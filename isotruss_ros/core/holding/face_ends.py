@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Faces with one end in contact, and how deep the other end penetrates the bent tube."""
+"""Faces with one end in contact, and the depth of their other end in the bent tube."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def far_end_depth(
     statics: ContactStatics, state: ContactForces, k: int, face: Face, gap: float = 0.0
 ) -> float:
     """
-    Return the depth of a face's far end in the bent tube; negative if it is apart [m].
+    Return the depth of a face's far end in the bent tube; negative for a gap [m].
 
     :param statics: equations of equilibrium of the object.
     :param state: solution of the equations.
@@ -86,7 +86,7 @@ def displacement_at(
 
 def with_far_end(contacts: PressedContacts, k: int, face: Face) -> tuple[PressedContacts, int]:
     """
-    Return contacts after the far end of a face was added, and the index of the far end.
+    Return the contacts with the far end of a face added, and the index of the far end.
 
     :param contacts: contacts of the object.
     :param k: index of the contact at the near end.
@@ -102,7 +102,7 @@ def with_far_end(contacts: PressedContacts, k: int, face: Face) -> tuple[Pressed
 
 def with_turned_corner(contacts: PressedContacts, k: int, face: Face) -> PressedContacts:
     """
-    Return contacts after the near end of a short face was replaced by its far end.
+    Return the contacts with the near end of a short face replaced by its far end.
 
     :param contacts: contacts of the object.
     :param k: index of the contact at the near end.

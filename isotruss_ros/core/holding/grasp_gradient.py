@@ -50,7 +50,7 @@ class GraspGradient(
 
     :ivar parameters: parameters, with the indices of their columns in the arrays of derivatives.
     :ivar settled: the grasp.
-    :ivar pose: (3, p) derivatives of the pose (x, y, angle).
+    :ivar pose: (3, p) derivatives of the object's pose (x, y, angle).
     :ivar normal_forces: (m, p) derivatives of the normal forces, in the order of
         `SettledGrasp.normal_forces`.
     :ivar friction_forces: (m, p) derivatives of the friction forces on the object,
@@ -79,12 +79,12 @@ class GraspGradient(
 
     @property
     def squeeze(self) -> Array:
-        """Return the derivatives (p,) of the mean normal force of the members."""
+        """Return the derivatives (p,) of the members' mean normal force by the parameters."""
         return self.normal_forces.mean(axis=0)
 
     @functools.cached_property
     def stiffness(self) -> Array:
-        """Return the derivatives (3, 3, p) of the stiffness."""
+        """Return the derivatives (3, 3, p) of `SettledGrasp.stiffness` by the p parameters."""
         if self._changes is None:
             return np.zeros((3, 3, self.parameters.size))
         grip = self.settled.equilibrium
@@ -119,7 +119,7 @@ class GraspGradient(
 
     @functools.cached_property
     def _response(self) -> Array:
-        """Return the derivatives (3 + 4k, p, 3) of the response to a unit wrench."""
+        """Return the derivatives (3 + 4k, p, 3) of the unknowns' response to a unit wrench."""
         return _response_rates(self.settled.equilibrium, *self._changes)
 
     @functools.cached_property
@@ -180,7 +180,7 @@ def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
 
 
 def _lost_gradient(settled: SettledGrasp) -> GraspGradient:
-    """Return the derivatives for a grasp without equilibrium, at the object's given pose."""
+    """Return the derivatives of pose and slip margin for a grasp without equilibrium."""
     parameters = GraspParameters.of(settled.lost.config)
     pose = np.zeros((3, parameters.size))
     pose[:, parameters.place] = np.eye(3)
@@ -210,7 +210,7 @@ def _find_largest(values: Array) -> Indices:
 
 
 def _friction_rates(grip: HeldGrip, most: int, presses: Array, rubs: Array) -> Array:
-    """Return the derivatives (p,) of a member's required friction."""
+    """Return the derivatives (p,) of a member's required friction by the parameters."""
     normal, friction = grip.normal_forces[most], grip.friction_forces[most]
     need = np.abs(friction) / normal
     return (np.sign(friction) * rubs[most] - need * presses[most]) / normal
@@ -218,7 +218,7 @@ def _friction_rates(grip: HeldGrip, most: int, presses: Array, rubs: Array) -> A
 
 def _response_rates(grip: HeldGrip, tubes: LoadedTubes, change: Array) -> Array:
     """
-    Return the derivatives (3 + 4k, n, 3) of the response to a unit wrench (fx, fy, m / arm).
+    Return the derivatives (3 + 4k, n, 3) of `GripResponse.change` by n parameters.
 
     J' y_w (see this module) is the finite difference of `_equation_changes` along the response
     y_w.
@@ -235,7 +235,7 @@ def _response_rates(grip: HeldGrip, tubes: LoadedTubes, change: Array) -> Array:
 
 
 def _equation_changes(grip: HeldGrip, tubes: LoadedTubes, change: Array, moved: Array) -> Array:
-    """Return the derivatives of the equations with respect to parameters in a displaced state."""
+    """Return the derivatives of the equilibrium equations by parameters in a displaced state."""
     statics, places = grip.statics, grip.state.places
     unknowns = grip.state.unknowns + moved
 
@@ -258,7 +258,7 @@ def _equation_changes(grip: HeldGrip, tubes: LoadedTubes, change: Array, moved: 
 def _slip_margin_rates(
     settled: SettledGrasp, change: Array, answer: Array, parameters: GraspParameters
 ) -> tuple[Array, tuple[str, ...]]:
-    """Return the derivatives (t, p) of the slip margin [N], and the critical members."""
+    """Return the derivatives (t, p) of the slip margin by parameters, and the critical members."""
     grip = settled.equilibrium
     response, begin = grip.response, grip.state.places.normal.start
     rows, presses = grip.slip_rows(settled.friction)  # and their derivative d/dmu

@@ -44,7 +44,7 @@ class GripRecord(NamedTuple):
         self, config: Configuration, body: ConvexObject, external_wrench: Array | None = None
     ) -> HeldGrip | None:
         """
-        Return the recorded grip, rolled to a given configuration; None without equilibrium.
+        Return the recorded grip after rolling to a configuration; None without equilibrium.
 
         :param config: configuration close to the recorded configuration.
         :param body: the object; its pose is not used.

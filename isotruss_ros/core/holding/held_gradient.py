@@ -38,7 +38,7 @@ class HeldGradient:
 @single_threaded
 def held_gradient(grip: HeldGrip) -> HeldGradient:
     """
-    Return the derivatives of a held grip with sticking contacts.
+    Return the derivatives of pose, forces and joints of a held object with sticking contacts.
 
     From the equilibrium equations F(y, x) = 0 follows y' = -F_y^-1 F_x, see `grasp_gradient`.
     Joint positions include the displacements due to contact forces.

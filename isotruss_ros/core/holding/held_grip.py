@@ -41,7 +41,7 @@ LEFT_MARGIN = 0.01
 
 
 class HoldStatus(enum.Enum):
-    """Hold status: the object is held, or one of the conditions for this is violated."""
+    """Hold status: the object is held, or the violated condition for holding it."""
 
     HELD = 'held'
     NO_CONTACT = 'fewer than two members press on the object'
@@ -143,7 +143,7 @@ class HeldGrip:
         return self._of_members(self.state.friction_forces)
 
     def _of_members(self, forces: Array) -> Array:
-        """Return the sum (m,) of the contact forces (k,) on each grasping member."""
+        """Return the sums (m,) of contact forces (k,) on each of the m grasping members."""
         return np.bincount(self.contacts.owners, weights=forces)
 
     @property
@@ -158,7 +158,7 @@ class HeldGrip:
 
     def hold(self, friction: float) -> HoldStatus:
         """
-        Return the hold status for a given coefficient of friction.
+        Return the object's hold status for a given coefficient of friction.
 
         :param friction: coefficient of friction between tube and object.
         """
@@ -205,7 +205,7 @@ class HeldGrip:
     @functools.cached_property
     def about_middle(self) -> Array:
         """
-        Return the matrix (3, 3) that moves the reference point of a wrench's moment.
+        Return the matrix (3, 3) that moves a moment's reference point from centroid to origin.
 
         It converts a wrench (fx, fy, m / arm) whose moment is about the centroid into the same
         wrench with the moment about the origin of the object's frame.
@@ -215,11 +215,12 @@ class HeldGrip:
 
     def slip_reserves(self, friction: float) -> tuple[Array, Array, Array]:
         """
-        Return the margins of all slip conditions, and their derivatives by a wrench.
+        Return the slip margins of all slip conditions, and their derivatives by a wrench.
 
         :param friction: coefficient of friction between tube and object.
-        :return: (c,) margins, the forces times the rows of `slip_rows` [N]; (c, 3) derivatives;
-            and (c,) norms of the derivatives for a wrench with its moment about the centroid.
+        :return: (c,) slip margins, the forces times the rows of `slip_rows` [N]; (c, 3)
+            derivatives of the margins by the wrench; and (c,) norms of these derivatives for
+            moments about the centroid.
         """
         return self._reserves(self.slip_rows(friction)[0])
 
@@ -227,8 +228,7 @@ class HeldGrip:
         """
         Return the matrix (c, 2k) that converts contact forces to slip margins, and a derivative.
 
-        The second array is the derivative of the matrix with respect to the coefficient of
-        friction.
+        The derivative of the matrix is with respect to the coefficient of friction.
 
         The first rows are `slip_conditions` with all contacts. The next rows are, for each end of
         a face, the slip conditions after this end has opened. Such a condition is relevant only
@@ -256,7 +256,7 @@ class HeldGrip:
         return self._slip_rows[friction]
 
     def _reserves(self, rows: Array) -> tuple[Array, Array, Array]:
-        """Return values, derivatives and norms as in `slip_reserves`, for given rows (c, 2k)."""
+        """Return slip margins, derivatives and norms as `slip_reserves`, for rows (c, 2k)."""
         slope = rows @ self.response.forces
         # Of any friction, squares may overflow.
         return rows @ self.state.forces, slope, np.hypot.reduce(slope @ self.about_middle, axis=1)
@@ -296,32 +296,32 @@ class HeldGrip:
 
     @property
     def pulling_end(self) -> int | None:
-        """Return the contact at a face end with the largest tension; None without tension."""
+        """Return the index of the face end with the largest tension; None without tension."""
         owners = self.contacts.owners
         return self._most_pulling(np.bincount(owners)[owners] > 1)
 
     @property
     def pulling(self) -> int | None:
-        """Return the contact at a face end or third member with the largest tension, or None."""
+        """Return the index of the face end or third member's contact with the largest tension."""
         owners = self.contacts.owners
         return self._most_pulling((np.bincount(owners)[owners] > 1) | (owners[-1] > 1))
 
     def _most_pulling(self, chosen: Flags) -> int | None:
-        """Return the contact with the largest tension among those in a mask (k,), or None."""
+        """Return the index of the contact in a mask (k,) with the largest tension, or None."""
         normal = np.where(chosen, self.state.normal_forces, np.inf)
         least = int(normal.argmin())
         return least if normal[least] < 0.0 else None
 
     @functools.cached_property
     def tangent(self) -> Array:
-        """Return the Jacobian (3 + 4k, 3 + 4k) of the equations with sticking contacts."""
+        """Return the Jacobian (3 + 4k, 3 + 4k) of the equilibrium equations, sticking contacts."""
         state, tangent = self.state, self.state.jacobian.copy()
         tangent[state.places.conditions] = self.statics.rolling_rows(state.unknowns, state.normals)
         return tangent
 
     @functools.cached_property
     def response(self) -> GripResponse | None:
-        """Return the linear response to a wrench; None if the Jacobian is singular."""
+        """Return the object's linear response to a wrench; None if the Jacobian is singular."""
         places, count, members = self.state.places, len(self.anchors), len(self.members)
         apart = self.statics.bent.axis.conj() * _opening(self.statics, self.state)
         ends = np.flatnonzero(np.bincount(self.contacts.owners)[self.contacts.owners] > 1)
@@ -354,7 +354,7 @@ class HeldGrip:
 
     def ahead(self, travel: Array) -> Array:
         """
-        Return the unknowns (3 + 4k,) extrapolated to additional roller travel.
+        Return the equilibrium's unknowns (3 + 4k,), extrapolated to additional roller travel.
 
         :param travel: (r,) additional roller travel [m].
         """

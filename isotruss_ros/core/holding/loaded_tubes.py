@@ -60,7 +60,7 @@ class GraspParameters(NamedTuple):
 
 class ContactRates(NamedTuple):
     """
-    Derivatives of k contacts with respect to p parameters.
+    Derivatives of positions, normals and forces of k contacts with respect to p parameters.
 
     :ivar feet: (k, p) derivatives of the contacts' positions along the members [m].
     :ivar normals: (k, p) derivatives of the angles of the bent tubes' normals [rad].
@@ -81,7 +81,7 @@ class TubeRates(NamedTuple):
     :ivar give: (k, p) derivatives of the contact points' displacements, along + i across the
         members [m].
     :ivar slope: (k, p) derivatives of the bent centre lines' rotation at the contacts [rad].
-    :ivar nodes: (n, 3, p) derivatives of the displacements of the nodes of the cut frame [m, rad].
+    :ivar nodes: (n, 3, p) derivatives of the cut frame's node displacements [m, rad].
     :ivar forces: (c, 3, p) derivatives of the axial force N [N] and end moments M1 and M2 [N m] of
         the cut frame's members.
     """
@@ -94,7 +94,7 @@ class TubeRates(NamedTuple):
 
 class LoadedTubes:
     """
-    Bent tubes of a robot with a held object, and their derivatives along p parameter changes.
+    Bent tubes of a robot with a held object, with derivatives along p parameter changes.
 
     :ivar moved: (N, p) derivatives of the positions of the configuration's nodes, x + iy [m].
     :ivar spins: (k, p) derivatives of the directions of the contacts' members [rad].
@@ -141,22 +141,22 @@ class LoadedTubes:
 
     def at(self, grip: HeldGrip) -> LoadedTubes:
         """
-        Return the derivatives for the same changes in another state of the same configuration.
+        Return the derivatives at another equilibrium, along the p parameter changes of this one.
 
-        :param grip: equilibrium of the object in that state.
+        :param grip: the other equilibrium, in the same configuration.
         """
         return LoadedTubes(grip, self._chosen, self._parameters, self.sections)
 
     @functools.cached_property
     def _by_sections(self) -> tuple[Array, Array, Array]:
-        """Return the derivatives due to changed tube sections, see `BentTubes.section_changes`."""
+        """Return the changes of the frame by changed sections, see `BentTubes.section_changes`."""
         return self._bent.section_changes(self.sections)
 
     def contact_rates(self, change: Array) -> ContactRates:
         """
-        Return the derivatives of the contacts from the derivatives of the unknowns.
+        Return the derivatives of the contacts from those of the equilibrium's unknowns.
 
-        :param change: (3 + 4k, p) derivatives of the unknowns.
+        :param change: (3 + 4k, p) derivatives of the unknowns, see `ContactForces`.
         """
         places = self._grip.state.places
         normal = change[places.normal]
@@ -168,7 +168,7 @@ class LoadedTubes:
         )
 
     def equation_rates(self) -> Array:
-        """Return the derivatives (3 + 4k, p) of the equations' residual at constant unknowns."""
+        """Return the derivatives (3 + 4k, p) of the equilibrium equations at constant unknowns."""
         grip, spins = self._grip, self.spins
         statics, state, body = grip.statics, grip.state, grip.body
         places, axis, normals = state.places, self._bent.axis[:, None], state.normals[:, None]
@@ -199,9 +199,9 @@ class LoadedTubes:
 
     def respond(self, contacts: ContactRates) -> TubeRates:
         """
-        Return the derivatives of the tubes from the derivatives of the contacts.
+        Return the derivatives of the tubes' displacements and forces from those of the contacts.
 
-        :param contacts: derivatives of the contacts.
+        :param contacts: derivatives of the contacts with respect to the parameters.
         """
         bent, state = self._bent, self._grip.state
         frame, tangent, axis = bent.frame, bent.tangent, bent.axis[:, None]
@@ -234,7 +234,7 @@ class LoadedTubes:
 
         The rows are x0, y0, x1, y1, ...; each column belongs to one parameter change in `chosen`.
 
-        :param rates: derivatives of the tubes' displacements and forces for the same changes.
+        :param rates: derivatives of the tubes' displacements and forces.
         """
         count = len(self._grip.config.robot.topology.joint_names)
         moved = self.moved[:count]
@@ -244,9 +244,9 @@ class LoadedTubes:
 
     def utilisation(self, rates: TubeRates) -> tuple[Array, Array]:
         """
-        Return the utilisation of each member, (m,), and its derivatives (m, p).
+        Return the utilisation (m,) of the members, and its derivatives (m, p) by the parameters.
 
-        :param rates: derivatives of the tubes.
+        :param rates: derivatives of the tubes' displacements and forces.
         """
         grip, bent, robot = self._grip, self._bent, self._grip.config.robot
         frame, (forces, bowing) = bent.frame, bent.end_forces(grip.state.loads, grip.state.feet)

@@ -141,17 +141,19 @@ def stick(
     statics: ContactStatics, anchors: Array, travel: Array, angles: Array, free: Indices
 ) -> ContactConditions:
     """
-    Return the conditions of rolling without slip, which are the integral of (17).
+    Return the conditions of rolling without slip: constant invariants A_i, the integral of (17).
 
         kappa_i (s_i - phi_i) - arc(arg nu_i - theta) = A_i
 
+    Symbols as in `ContactStatics.anchors`. A new contact has no friction instead.
+
     :param statics: equations of equilibrium.
-    :param anchors: (k,) invariants A_i, see `ContactStatics.anchors` [m].
+    :param anchors: (k,) rolling invariants A_i [m].
     :param travel: (k,) length phi_i of tube that has passed the start of each contact's member
         [m].
     :param angles: (k,) previous angles of the normals in the object's frame, not wrapped to one
         turn [rad].
-    :param free: indices of new contacts, which have no friction yet.
+    :param free: indices of new contacts.
     """
     places = statics.places
 
@@ -184,7 +186,7 @@ def _lift_ends(grip: HeldGrip, changes: Iterator[int]) -> HeldGrip | None:
 
 def _lay_down(grip: HeldGrip, changes: Iterator[int]) -> HeldGrip:
     """
-    Return the grip after each face end that penetrates its bent tube has gained contact.
+    Return the grip with contact at each face end that penetrates its bent tube.
 
     The object rolls over a short face: its far end replaces its near end. Several short faces may
     follow each other.
@@ -208,7 +210,7 @@ def _lay_down(grip: HeldGrip, changes: Iterator[int]) -> HeldGrip:
 
 
 def _join(grip: HeldGrip) -> HeldGrip:
-    """Return the grip, with a third member added if one has come into contact."""
+    """Return the grip, with a third member added if a third member has come into contact."""
     if len(grip.members) >= GRIP_SIZES[-1]:
         return grip
     depths = member_depths(grip.config, grip.body)
@@ -228,7 +230,7 @@ def _join(grip: HeldGrip) -> HeldGrip:
 
 
 def _lay(grip: HeldGrip, k: int, face: Face) -> HeldGrip | None:
-    """Return the equilibrium with a face's far end added, or replacing a short face's near end."""
+    """Return the equilibrium with contact at a face's far end; at a short face only there."""
     anchors, angles, wrench = grip.anchors, grip.angles, grip.wrench
     if is_short(grip.statics, face):
         turned = with_turned_corner(grip.contacts, k, face)

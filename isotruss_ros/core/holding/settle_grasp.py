@@ -81,7 +81,7 @@ def settle_grasp(
 
 def assess_equilibrium(given: Pose, found: HeldGrip, friction: float) -> SettledGrasp:
     """
-    Return an equilibrium with its hold status and margins.
+    Return the settled grasp at an equilibrium, with its hold status.
 
     :param given: measured pose of the object.
     :param found: equilibrium of the object.
@@ -97,7 +97,7 @@ def assess_equilibrium(given: Pose, found: HeldGrip, friction: float) -> Settled
 
 
 def _judge(found: HeldGrip, given: Pose, friction: float) -> tuple[HoldStatus, str]:
-    """Return the hold status of an equilibrium and its reason in words."""
+    """Return the hold status of an equilibrium, and the reason for the status in words."""
     robot = found.config.robot
     shift = abs(found.body.middle - found.body.moved_to(given).middle)
     if shift > MAX_DISPLACEMENT * robot.description.tube_diameter:

@@ -70,7 +70,7 @@ class SettledGrasp(
 
     @property
     def displacement(self) -> Array:
-        """Return the displacement from the given pose to the equilibrium, (3,) [m, rad]."""
+        """Return the object's displacement from given pose to equilibrium, (3,) [m, rad]."""
         x, y, angle = np.subtract(self.pose, self.given).tolist()
         return np.array([x, y, math.remainder(angle, 2.0 * math.pi)])
 
@@ -86,7 +86,7 @@ class SettledGrasp(
 
     @property
     def friction_used(self) -> dict[str, float]:
-        """Return friction over its bound, |T| / (mu N), at each member; infinite for mu = 0."""
+        """Return the utilised friction |T| / (mu N) at each member [-]; infinite for mu = 0."""
         with np.errstate(divide='ignore', invalid='ignore'):
             return self._named(
                 lambda grip: np.abs(grip.friction_forces) / (self.friction * grip.normal_forces)
@@ -157,7 +157,7 @@ class SettledGrasp(
         return np.zeros((3, 3)) if response is None else response.stiffness
 
     def _named(self, find: Callable[[HeldGrip], Array], every: bool = False) -> dict[str, float]:
-        """Return values by member name, of the grasping members or of every member."""
+        """Return a mapping from names of grasping members, or of all members, to values."""
         if self.lost is not None and every:
             return dict.fromkeys(self.lost.config.robot.member_names, 0.0)
         grip = self.equilibrium

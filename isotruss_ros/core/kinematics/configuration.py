@@ -90,8 +90,8 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
         """
         Return the constraint Jacobian of equation (12) as a dense square matrix.
 
-        Its rows are the constraints of the tube lengths, of the modules, of the bisections, and of
-        the supports.
+        Its rows are the constraints of the tube lengths, of the modules, of the bisections (3),
+        and of the supports.
         """
         matrix = self.robot.constraints.matrix_of(self.gradients)
         return matrix if isinstance(matrix, np.ndarray) else matrix.toarray()
@@ -99,7 +99,7 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
     @cached_property
     def factor(self) -> Factor:
         """
-        Return the factorised matrix of (12).
+        Return the factorised matrix of (12) in this configuration.
 
         :raises ConfigurationError: the matrix is singular.
         """
@@ -112,7 +112,7 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
             ) from error
 
     def residual(self) -> Array:
-        """Return the residual of the constraints; bisection rows in [rad], other rows in [m]."""
+        """Return the residual of all constraints; bisection rows in [rad], other rows in [m]."""
         return self.robot.constraints.residual(
             self.points, _targets(self.robot, self.roller_positions)
         )
@@ -121,7 +121,7 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
     @single_threaded
     def node_jacobian(self) -> Array:
         """
-        Return the Jacobian (2n, r) of the nodes with respect to roller travel, from (12).
+        Return the Jacobian (2n, r) of the node positions with respect to roller travel, from (12).
 
         The rows are x0, y0, x1, y1, ...
 
@@ -179,7 +179,7 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
         return Configuration(robot, goal, points, nearby)
 
     def _checked(self, roller_positions: ArrayLike) -> Array:
-        """Return a checked copy of roller travel (r,), quickly for suitable arrays."""
+        """Return a checked copy of roller travel (r,); arrays of floats need no conversion."""
         start, goal = self.roller_positions, np.array(roller_positions)
         if goal.dtype == start.dtype and goal.shape == start.shape and np.isfinite(goal).all():
             return goal
@@ -199,10 +199,11 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
 
     def predict(self, travel: Array) -> Configuration:
         """
-        Return the configuration after further roller travel, to first order if this is short.
+        Predict the configuration after further roller travel.
 
-        The first-order prediction is much faster than `moved_to`. It violates the constraints by
-        about travel^2 / (member length), so `moved_to` must not start from it.
+        The prediction is of first order up to `MAX_FIRST_ORDER_TRAVEL`, and exact for longer
+        travel. The first-order prediction is much faster than `moved_to`. It violates the
+        constraints by about travel^2 / (member length), so `moved_to` must not start from it.
 
         :param travel: (r,) change of the roller travel [m].
         :raises ConfigurationError: see `moved_to`.
@@ -252,7 +253,7 @@ class ConfigurationTracker:
 
     def configuration(self, roller_positions: Array) -> Configuration:
         """
-        Return the configuration at measured travel; the last one if the travel is unchanged.
+        Return the configuration at measured travel; the last configuration at unchanged travel.
 
         :param roller_positions: (r,) measured roller travel since home [m].
         :raises ConfigurationError: no configuration exists at this travel.
@@ -271,7 +272,7 @@ class ConfigurationTracker:
         self, roller_positions: Array, travel: Array
     ) -> tuple[Configuration, Configuration]:
         """
-        Return the configuration at measured travel, and the one predicted after further travel.
+        Return the configuration at measured travel, and the configuration after further travel.
 
         The next call reuses the factorised matrix of the predicted configuration, so a control
         cycle needs only one factorisation.

@@ -81,7 +81,7 @@ class Constraints:
 
     def residual(self, points: Points, targets: Targets) -> Array:
         """
-        Return the residual of the constraints.
+        Return the residual of the kinematic constraints.
 
         :param points: (n,) nodes [m].
         :param targets: prescribed lengths and grounded coordinates.
@@ -105,7 +105,7 @@ class Constraints:
 
     def spans(self, points: Points) -> Points:
         """
-        Return the vectors (4m,) along members and sides AB, AC, BC, from start to end [m].
+        Return the vectors (4m,) along the m members, and from A to B, A to C, B to C [m].
 
         :param points: (n,) nodes [m].
         """
@@ -124,7 +124,9 @@ class Constraints:
 
     def gradients(self, points: Points) -> Points:
         """
-        Return the nonzero entries of the matrix; each is the gradient of a row by a node, x + iy.
+        Return the nonzero entries of the Jacobian (12), see `matrix`.
+
+        Each entry is the gradient of one constraint with respect to one node, x + iy.
 
         :param points: (n,) nodes [m].
         :return: (13m,) entries: first the gradients of the 4m lengths (see `Targets`) by the end
@@ -145,7 +147,7 @@ class Constraints:
 
     def matrix_of(self, values: Points) -> Array | csc_matrix:
         """
-        Return the matrix with given nonzero entries; see `matrix`.
+        Return the constraint Jacobian with given nonzero entries; see `matrix`.
 
         :param values: (13m,) entries, see `gradients`.
         """
@@ -172,7 +174,7 @@ class Constraints:
         :param weights: (5m + g, p) factors of the rows; each of the p columns belongs to one
             scalar.
         :param motions: (2n, p) velocities of the nodes.
-        :return: (2n, p) derivatives with respect to the node coordinates.
+        :return: (2n, p) derivatives of the p scalars with respect to the node coordinates.
         """
         m = self._topology.n_modules
         stretched = (points[self._heads] - points[self._tails])[:, None]

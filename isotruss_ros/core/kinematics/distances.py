@@ -64,7 +64,7 @@ def _middles(points: Points, nodes: Indices) -> Points:
 
 
 def _add(rows: Points, nodes: Indices, gradients: Points) -> None:
-    """Add to each row the gradients for the two nodes of a midpoint."""
+    """Add to each row the gradient by a midpoint, half for each of its two nodes."""
     row = np.arange(len(rows))
     for own in nodes:
         rows[row, own] += 0.5 * gradients
@@ -129,11 +129,11 @@ class CollisionModel:
 
     def gradients(self, config: Configuration, pairs: Indices) -> Array:
         """
-        Return the gradients of pairs' distances with respect to the nodes.
+        Return the gradients of the pairs' distances with respect to the node coordinates.
 
         :param config: configuration of the robot.
         :param pairs: (k,) indices of pairs.
-        :return: (k, 2n) derivatives with respect to (x0, y0, x1, y1, ...) [-].
+        :return: (k, 2n) derivatives of the distances with respect to (x0, y0, x1, y1, ...) [-].
         """
         _, normals, shares = self._nearest(config, pairs)
         rows = self.part_rows(config, self._second[pairs], shares, normals)
@@ -191,7 +191,7 @@ class CollisionModel:
 
         :param config: configuration of the robot.
         :param parts: (k,) indices of parts.
-        :param shares: (k,) positions of the nearest points along their segments, 0 to 1.
+        :param shares: (k,) positions of the nearest points along their segments, from 0 to 1.
         :param normals: (k,) unit vectors from the nearest points to the fixed points, x + iy.
         :return: (k, n) gradients x + iy with respect to the nodes [-].
         """
@@ -202,7 +202,7 @@ class CollisionModel:
 
 
 def _measured(robot: Mechanism) -> Array:
-    """Return a mask (m + j, 3m) of the pairs: rows are modules and joints, columns are parts."""
+    """Return a mask (m + j, 3m) of the pairs: rows for modules and joints, columns for parts."""
     topology = robot.topology
     m = topology.n_modules
     joint = np.concatenate([topology.joint, np.arange(len(topology.joint_names))])

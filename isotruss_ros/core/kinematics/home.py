@@ -67,7 +67,7 @@ def place_home(
 def _corners(
     description: RobotDescription, topology: Topology, joints: Points
 ) -> tuple[Points, Array]:
-    """Return each corner's inward direction, and 1 or -1 if its next side is left or right."""
+    """Return the corners' inward directions, and 1 or -1 for a next side on the left or right."""
     here = joints[topology.joint]
     ahead = joints[topology.joint[topology.following]] - here
     back = joints[topology.joint[topology.previous]] - here

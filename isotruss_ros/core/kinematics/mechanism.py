@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Data of a robot that are independent of its configuration."""
+"""Data of a robot that do not depend on the robot's configuration."""
 
 from __future__ import annotations
 

@@ -6,7 +6,7 @@ Rigidity index, which is the scaled smallest singular value of the matrix of (12
 
 The bisection rows [1/m] are multiplied by the rod length h. Then all rows are dimensionless, and
 the singular values do not depend on the robot's size. The rigidity index is the smallest singular
-value divided by that at home. It is 1 at home. It is 0 if the robot with locked rollers is a
+value divided by the smallest at home: 1 at home, and 0 if the robot with locked rollers is a
 mechanism.
 
 The smallest singular values are found by inverse iteration with the factorised matrix, which is
@@ -34,7 +34,7 @@ ITERATIONS = 3
 
 
 class Modes(NamedTuple):
-    """The p smallest singular values, in ascending order, with their singular vectors."""
+    """The p smallest singular values of the constraint Jacobian, ascending, with their vectors."""
 
     values: Array  #: (p,) singular values, divided by the smallest one at home
     rows: Array  #: (5m + g, p) left singular vectors, by rows of (12)
@@ -45,8 +45,8 @@ class RigidityIndex:
     """
     Rigidity index of a robot's configurations.
 
-    :ivar weights: (13m,) weights for `Constraints.gradients`. If these change, the weighted norm
-        of their change is an upper bound of the change of the index (Weyl's inequality).
+    :ivar weights: (13m,) weights for `Constraints.gradients`. The weighted norm of a change of the
+        gradients is an upper bound of the change of the index (Weyl's inequality).
     :param robot: the robot; its index at home is 1.
     """
 
@@ -68,7 +68,7 @@ class RigidityIndex:
 
     def modes(self, config: Configuration) -> Modes:
         """
-        Return the smallest singular values and vectors in a configuration.
+        Return the smallest singular values and vectors of the Jacobian in a configuration.
 
         :param config: configuration of the robot.
         :raises ConfigurationError: the matrix is exactly singular.
@@ -84,7 +84,8 @@ class RigidityIndex:
 
         :param config: configuration of the robot.
         :param modes: all or some of the smallest singular values in this configuration.
-        :return: (p, 2n) derivatives with respect to (x0, y0, x1, y1, ...) [1/m].
+        :return: (p, 2n) derivatives of the scaled values with respect to (x0, y0, x1, y1, ...)
+            [1/m].
         """
         turning = config.robot.constraints.second_derivative(
             config.points, self._scale * modes.rows, modes.nodes

@@ -25,7 +25,7 @@ def limit_acceleration(
     command: RollerCommand, previous: Array, change: float, find_rows: Callable[[], Rows]
 ) -> RollerCommand:
     """
-    Return the command closest to a desired one within the largest change of roller speeds.
+    Return the command closest to a desired command within a largest change of roller speeds.
 
     If limits of the configuration require a faster stop than `change` admits, the rollers
     decelerate by `change`.
@@ -56,7 +56,7 @@ def limit_acceleration(
 
 def limit_change(speeds: Array, previous: Array, change: float) -> Array:
     """
-    Return the point on the line from previous to desired speeds that `change` admits, (r,) [m/s].
+    Return the speeds (r,) between previous and desired speeds that `change` admits [m/s].
 
     :param speeds: (r,) desired speeds [m/s].
     :param previous: (r,) speeds of the previous cycle [m/s].
@@ -68,14 +68,14 @@ def limit_change(speeds: Array, previous: Array, change: float) -> Array:
 
 
 def _keep_contacts(rows: Array | None, speeds: Array) -> Array:
-    """Return the projection of speeds (r,) on the null space of contact rows (g, r) [m/s]."""
+    """Return the projection of roller speeds (r,) on the null space of contact rows (g, r)."""
     if rows is None or not len(rows):
         return speeds
     return speeds - np.linalg.lstsq(rows, rows.dot(speeds), rcond=None)[0]
 
 
 def _brake(speeds: Array, rows: Rows) -> Array:
-    """Return the largest multiple (at most 1) of speeds (r,) that fulfils all rows [m/s]."""
+    """Return the largest multiple, at most 1, of roller speeds (r,) that fulfils all rows."""
     rates = rows.matrix.dot(speeds)
     room = np.where(rates > 0.0, rows.upper, rows.lower)
     beyond = np.abs(rates) > np.abs(room)

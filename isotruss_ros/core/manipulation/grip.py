@@ -88,7 +88,7 @@ class Grip:
 
     def touching(self, owners: Indices, corners: Indices) -> Grip:
         """
-        Return the grip with given contacts.
+        Return the grip with given corners in contact.
 
         :param owners: (k,) grasping member of each contact, numbered 0, 1 or 2 within the grip,
             ascending.

@@ -36,7 +36,7 @@ ROW_BATCH = 40
 #: Weight of progress along the twist relative to roller speed [-]. Full roller speed is used if
 #: the object's surface moves along the twist with at least 2 / `PROGRESS_WEIGHT` of the roller
 #: speed. When sliding, the inverse of the weight is the weight of roller speeds relative to the
-#: error of the twist. In control loops slower than `REFERENCE_PERIOD` [s], the weight decreases
+#: error of the twist. In control loops slower than `REFERENCE_PERIOD` [s], this weight decreases
 #: with the period.
 PROGRESS_WEIGHT, REFERENCE_PERIOD = 100.0, 1e-2
 
@@ -71,7 +71,7 @@ def apply_limits(
     :param rows: rows of the limits, see `stack_rows`.
     :param handling: behaviour at binding limits.
     :return: roller velocities (r,) [m/s]; scale, see `RollerCommand`; status; and names of the
-        rollers and members of which the limits bind.
+        rollers and members whose limits bind.
     :raises SolverError: a quadratic program was not solved.
     """
     reach, max_speed = task.reach, config.robot.description.max_speed

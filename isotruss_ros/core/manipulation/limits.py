@@ -35,7 +35,7 @@ class Rows(NamedTuple):
 
     def slack(self, speeds: Array) -> Array:
         """
-        Return the distance of each row (k,) from its nearer bound, negative if violated [m/s].
+        Return the slack of each row (k,) to the nearer of its bounds, negative if violated [m/s].
 
         :param speeds: (r,) roller speeds [m/s].
         """
@@ -44,7 +44,7 @@ class Rows(NamedTuple):
 
     def take(self, chosen: Indices | Flags) -> Rows:
         """
-        Return a subset of the rows.
+        Return the inequality rows with given indices.
 
         :param chosen: indices or mask (k,) of the rows.
         """
@@ -64,7 +64,7 @@ class Limit(Protocol):
 
     def rows(self, config: Configuration) -> Rows:
         """
-        Return the rows of this limit.
+        Return the inequality rows that this limit adds to the quadratic program.
 
         :param config: configuration of the robot.
         """
@@ -79,7 +79,7 @@ class Limit(Protocol):
 
 @functools.lru_cache(maxsize=16)
 def _speed_rows(count: int, max_speed: float) -> Rows:
-    """Return the rows of `RollerSpeedLimit`, read-only."""
+    """Return the inequality rows of `RollerSpeedLimit`, read-only."""
     bound = np.full(count, max_speed)
     return Rows(np.eye(count), -bound, bound)
 

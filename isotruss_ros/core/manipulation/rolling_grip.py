@@ -4,9 +4,9 @@
 """
 Rolling of an object in a grip; its pose is computed from the configuration without drift.
 
-A rolling contact has two invariants: the gap of the object from the member, and the anchor, which
-is the position of the contact on the tube's material minus the arc length of the object that has
-rolled off:
+A rolling contact has two rolling invariants: the gap of the object from the member, and the
+anchor. The anchor is the position of the contact on the tube's material minus the arc length of
+the object that has rolled off:
 
     Im(conj(e) (p - B)) = gap,   Re(conj(e) (p - B)) - phi - arc = anchor
 
@@ -45,7 +45,7 @@ class RollingGrip:
     :ivar owners: (k,) grasping member of each contact, numbered within the grip; a member has one
         contact, or two if a face touches it.
     :ivar corners: (k,) index of the polygon's corner at each contact.
-    :ivar kept: (2, k) invariants: gaps from the centre lines, and anchors along the tubes [m].
+    :ivar kept: (2, k) rolling invariants: gaps from the centre lines, anchors along the tubes [m].
     :ivar sides: (m,) +1 for an object on the left of the member, -1 on the right.
     :ivar shape: shape of the object that is used for the contacts, see `Shape.smoothed`.
     :ivar misfit: largest deviation from the invariants [m]. It is not zero if the rollers moved
@@ -121,7 +121,7 @@ class RollingGrip:
         return rolled
 
     def _clears(self, rolled: RollingGrip) -> bool:
-        """Return whether no corner of this grip's contacts penetrates a member after rolling."""
+        """Return whether no corner of a face in contact penetrates a member after rolling."""
         body, lines = rolled.grip.body, rolled._lines(rolled.config)
         touch = self._touch_there(lines, body.center, body.pose.angle, self.corners)
         return bool((touch.values[0] >= self.kept[0] - rolled.misfit - ROUNDING).all())
@@ -172,7 +172,7 @@ class RollingGrip:
         return self.angles + np.angle(normals * np.exp(-1j * (angle + self.angles)))
 
     def _lines(self, config: Configuration) -> _Lines:
-        """Return the lines of the members in a configuration."""
+        """Return the members' centre lines in a configuration."""
         nodes = find_members(config.robot, self.grip.members)
         starts, ends = config.points[nodes.lines.T]
         spans = ends - starts
@@ -182,14 +182,14 @@ class RollingGrip:
         return _Lines(starts, axes, axes * (-1j * self.sides), travel)
 
     def _touch(self, lines: _Lines) -> _Touch:
-        """Return the contact invariants (see `_Touch`) at the pose of the object."""
+        """Return gaps and anchors of the contacts (see `_Touch`) at the pose of the object."""
         body = self.grip.body
         return self._touch_there(lines, body.center, body.pose.angle, self.corners)
 
     def _touch_there(
         self, lines: _Lines, center: complex, angle: float, corners: Indices
     ) -> _Touch:
-        """Return the contact invariants (see `_Touch`) at a given pose with given corners."""
+        """Return the contacts' gaps and anchors (see `_Touch`) at a pose with given corners."""
         shape, turn, owners = self.shape, cmath.rect(1.0, angle), self.owners
         own = lines.normals * turn.conjugate()
         points = shape.surface_at(corners, own[owners])[0]

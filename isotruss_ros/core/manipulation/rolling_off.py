@@ -58,7 +58,7 @@ def roll_off_faces(config: Configuration, grip: Grip, reach: Reach, twist: Array
 
 
 def _missed(reach: Reach, twist: Array) -> float:
-    """Return the norm of the unreachable part of a twist, relative to that of the twist."""
+    """Return the norm of a twist's unreachable part, relative to the norm of the twist."""
     unit = reach.weights * (twist / np.abs(twist).max())
     left = unit - reach.directions.T @ (reach.directions @ unit)
     return math.sqrt(left @ left) / math.sqrt(unit @ unit)

@@ -73,9 +73,10 @@ class RollerCommand(
     :ivar achieved_twist: (3,) vx, vy [m/s], omega [rad/s] of the object in the robot frame,
         computed from `roller_velocities`.
     :ivar scale: factor by which limits reduced the closest reachable twist, 0 to 1; when sliding,
-        the component of the executed twist along this twist, divided by its norm.
+        the component of the executed twist along the closest reachable twist, divided by the norm
+        of the latter.
     :ivar status: status code.
-    :ivar limiting: names of the rollers, members and parts of which the limits bind.
+    :ivar limiting: names of the rollers, members and parts whose limits bind.
     :ivar reachable_dof: number of independent motions of the object that the working rollers can
         produce, 0 to 3; 0 in a halt without valid inputs.
     :ivar motion: (3, r) Jacobian of the object's twist with respect to roller speeds; None in a

@@ -34,7 +34,7 @@ IDENTITY.flags.writeable = False
 
 @dataclass(frozen=True, eq=False)
 class WorkingRollers:
-    """Indices of the working rollers, with the cost (11) of their speeds."""
+    """Indices of the working rollers, with the cost (11) of the speeds of these rollers."""
 
     count: int  #: number of all rollers
     places: Indices  #: (w,) indices of the working rollers
@@ -43,7 +43,7 @@ class WorkingRollers:
 
     def take(self, rows: Array) -> Array:
         """
-        Return the columns that belong to these rollers, as a copy.
+        Return a copy of the columns of the working rollers.
 
         :param rows: (..., r) coefficients of the speeds of all rollers.
         """
@@ -78,7 +78,7 @@ class WorkingRollers:
 
     def spread(self, speeds: Array) -> Array:
         """
-        Return the speeds of all rollers; zero for failed ones [m/s].
+        Return the speeds of all rollers, zero for failed rollers [m/s].
 
         :param speeds: (w,) speeds of the working rollers [m/s].
         """
@@ -113,7 +113,7 @@ def _even(cost: Array) -> Array:
 
 class Reach(NamedTuple):
     """
-    Reachable twists: those that the working rollers can produce without breaking contacts.
+    Reachable twists: twists that the working rollers can produce without breaking contacts.
 
     Rotations are multiplied by d/2, so that translation and rotation have the same unit.
     """

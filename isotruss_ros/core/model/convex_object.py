@@ -88,7 +88,7 @@ class ConvexObject:
         cls, center: tuple[float, float], diameter: float, friction: float | None = None
     ) -> ConvexObject:
         """
-        Return a disc at angle 0.
+        Return a disc with a given centre, at angle 0.
 
         :param center: (x, y) in the robot frame [m].
         :param diameter: diameter d of the object [m].
@@ -140,7 +140,7 @@ class ConvexObject:
         return found
 
     def _put(self, pose: ArrayLike) -> None:
-        """Set the pose and the quantities derived from it."""
+        """Set the object's pose and the quantities derived from the pose."""
         try:
             x, y, angle = map(float, pose)
             fits = all(-MAX_MAGNITUDE <= number <= MAX_MAGNITUDE for number in pose)

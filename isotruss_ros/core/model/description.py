@@ -34,7 +34,7 @@ class Tube:
 @dataclass(frozen=True)
 class RobotDescription:
     """
-    Content of a robot file of which the form was checked, but not yet the mechanics.
+    Content of a robot file after a check of its form, but not yet of the mechanics.
 
     :ivar source: path of the robot file, for error messages.
     :ivar name: name of the robot.

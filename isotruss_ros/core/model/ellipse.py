@@ -48,13 +48,13 @@ class Ellipse(Shape):
 
     @cached_property
     def perimeter(self) -> float:
-        """Return the length of the outline [m]."""
+        """Return the length of the ellipse's outline [m]."""
         long, short = max(self.semi_axes), min(self.semi_axes)
         return float(4.0 * long * scipy.special.ellipe(1.0 - (short / long) ** 2))
 
     @property
     def gyration(self) -> float:
-        """Return the radius of gyration about the centroid [m]."""
+        """Return the radius of gyration of the ellipse's area about its centroid [m]."""
         return 0.5 * float(np.hypot(*self.semi_axes))
 
     @property

@@ -55,7 +55,7 @@ class Polygon(Shape):
 
     @cached_property
     def corners(self) -> Points:
-        """Return the vertices, (k,) counter-clockwise x + iy [m]."""
+        """Return the polygon's vertices, (k,) counter-clockwise x + iy [m]."""
         return np.array(self.vertices) @ np.array([1.0, 1.0j])
 
     @cached_property
@@ -111,7 +111,7 @@ class Polygon(Shape):
 
     @cached_property
     def perimeter(self) -> float:
-        """Return the length of the outline [m]."""
+        """Return the length of the polygon's outline [m]."""
         saved = self.radii * (2.0 * np.tan(0.5 * self.turns) - self.turns)
         return float(np.abs(np.roll(self.corners, -1) - self.corners).sum() - saved.sum())
 

@@ -30,7 +30,7 @@ TUBE_KEYS = {
 
 def read_robot_file(name_or_path: str | Path) -> RobotDescription:
     """
-    Read a robot file and check its form.
+    Read a robot file and check the form of its content.
 
     :param name_or_path: name of a preset, or path of a robot file.
     :raises RobotFileError: the file is missing, is not YAML 1.2, or does not describe a robot.

@@ -47,7 +47,7 @@ def check_form(path: Path, content: Any) -> None:
 
 def refuse_if_any(path: Path, complaints: Iterable[str]) -> None:
     """
-    Raise RobotFileError if there are faults.
+    Raise RobotFileError if a robot file has faults.
 
     :param path: path of the robot file, for error messages.
     :param complaints: faults, one line each, without the path.

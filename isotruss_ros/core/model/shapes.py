@@ -271,12 +271,12 @@ class Disc(Shape):
 
     @cached_property
     def perimeter(self) -> float:
-        """Return the length of the outline [m]."""
+        """Return the circumference of the disc [m]."""
         return np.pi * self.diameter
 
     @property
     def gyration(self) -> float:
-        """Return the radius of gyration about the centroid [m]."""
+        """Return the radius of gyration of the disc about its centre [m]."""
         return self.diameter / np.sqrt(8.0)
 
     @cached_property

@@ -4,10 +4,10 @@
 """
 Smooth convex curves through the corners of polygons that approximate a curved outline.
 
-The tangent at a corner is that of the conic through this corner and the two corners on each side;
-it is exact for circles and ellipses. The distance h of a tangent from the centroid is a periodic
-quintic spline of the angle of the tangent's normal n. So the surface point (h + i h') n and the
-radius of curvature h + h'' are continuous.
+The tangent at a corner is the tangent of the conic through five corners: this corner and two on
+each side. It is exact for circles and ellipses. The distance h of a tangent from the centroid is a
+periodic quintic spline of the angle of the tangent's normal n. So the surface point (h + i h') n
+and the radius of curvature h + h'' are continuous.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class SmoothOutline(Shape):
     """
     Smooth curve through the corners of a convex polygon.
 
-    Centroid and radius of gyration are those of the polygon.
+    Centroid and radius of gyration are those of the straight-sided polygon.
     """
 
     #: (x, y) of 5 or more corners, counter-clockwise [m]
@@ -39,7 +39,7 @@ class SmoothOutline(Shape):
 
     @cached_property
     def corners(self) -> Points:
-        """Return the corners, (n,) x + iy [m]."""
+        """Return the corners of the polygon, (n,) x + iy [m]."""
         return np.array(self.vertices) @ np.array([1.0, 1.0j])
 
     @cached_property
@@ -54,13 +54,13 @@ class SmoothOutline(Shape):
 
     @property
     def gyration(self) -> float:
-        """Return the radius of gyration of the polygon about its centroid [m]."""
+        """Return the radius of gyration of the corners' polygon about its centroid [m]."""
         area, _, second = self._moments
         return float(np.sqrt(second / area - abs(self.centroid) ** 2))
 
     @cached_property
     def perimeter(self) -> float:
-        """Return the length of the outline [m]."""
+        """Return the length of the smooth curve [m]."""
         integral = self._functions[0]
         return float(integral(self._angles[-1]) - integral(self._angles[0]))
 

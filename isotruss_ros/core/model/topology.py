@@ -89,7 +89,7 @@ class Topology:
         """
         Return the incidence matrix C (m, r) in Ldot = C phidot for members and rollers.
 
-        The columns of C sum to zero over each tube; (13) follows from this.
+        The columns of C sum to zero over each tube, from which (13) follows.
         """
         matrix = np.zeros((self.n_modules, self.n_modules))
         members = np.arange(self.n_modules)

@@ -14,7 +14,7 @@ Points = NDArray[np.complex128]
 Indices = NDArray[np.intp]
 Flags = NDArray[np.bool_]
 #: Largest magnitude of a number from outside, in SI units; its inverse is the smallest positive
-#: number. Numbers out of this range are mistakes, and their products overflow.
+#: number. Numbers out of this range are mistakes, and products of such numbers overflow.
 MAX_MAGNITUDE = 1e12
 #: Largest number of entries of a list, and of characters of a text, from outside [-]; longer input
 #: is a mistake. Python does not print integers that are longer.

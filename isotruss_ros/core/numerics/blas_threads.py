@@ -49,7 +49,7 @@ def _find_libraries() -> list[tuple[Callable[[], int], Callable[[int], None]]]:
 
 
 class _OneThread:
-    """Context with one BLAS thread; the context that ends last restores the number of threads."""
+    """Context with one BLAS thread; the last context to end restores the number of threads."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()

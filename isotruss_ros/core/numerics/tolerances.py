@@ -14,7 +14,7 @@ ROUNDING = 1e-9
 #: Distance below which points coincide [m], and relative length below which vectors vanish [-]. It
 #: is also the last step of Newton's method, whose error is the square of the step.
 COINCIDENCE = 1e-12
-#: Share of a quantity that has no consequence [-]: difference of equal values, residual of a
+#: Fraction of a quantity that has no consequence [-]: difference of equal values, residual of a
 #: balance, weight of a regularisation that makes a solution unique.
 NEGLIGIBLE_SHARE = 1e-6
 #: Largest condition number of a structure [-]; beyond it the structure is a mechanism in double

@@ -83,7 +83,7 @@ class ObjectPath:
 
     @property
     def length(self) -> float:
-        """Return the length of the centre's path [m]."""
+        """Return the length of the path of the object's centre [m]."""
         steps = np.diff(self.poses, axis=0)
         return float(np.hypot(steps[:, 0], steps[:, 1]).sum())
 
@@ -143,7 +143,7 @@ def _unwrapped(poses: Array, first: int) -> Array:
 
 
 def _distinct(poses: Array) -> Array:
-    """Return the poses without those that equal their predecessor."""
+    """Return the poses without the poses that equal their predecessors."""
     cells = np.round(poses / ROUNDING)
     differs = (np.diff(cells, axis=0) != 0.0).any(axis=1)
     if not differs.any():
@@ -155,7 +155,7 @@ def _distinct(poses: Array) -> Array:
 
 def _smoothed(poses: Array, durations: Array) -> Array:
     """
-    Return samples of the spline through poses.
+    Return samples of the centripetal Catmull-Rom spline through poses.
 
     :param durations: (n - 1,) durations of the segments, which are the knot intervals of the
         spline [s].

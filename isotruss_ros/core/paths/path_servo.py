@@ -51,7 +51,7 @@ class ServoFeedback(NamedTuple):
 
 
 class Step(NamedTuple):
-    """Output of the path servo in one control cycle."""
+    """Twist and phase of path following, the output of the path servo in one control cycle."""
 
     twist: Array  #: (3,) twist of the object, robot frame [m/s, rad/s]
     outcome: PathOutcome | None  #: result of path following; None while it goes on
@@ -126,7 +126,7 @@ class PathServo:
 
     def decide(self, now: float) -> Step:
         """
-        Return the output of the current cycle; an invalid input ends the path without an error.
+        Return the twist and phase of the current cycle; an invalid input ends the path.
 
         :param now: current time on the clock of the inputs [s].
         """
@@ -149,7 +149,7 @@ class PathServo:
         return Step(tracking.twist, outcome, message, tracking)
 
     def _last_feedback(self, now: float) -> ServoFeedback:
-        """Return the feedback on the last twist; if there is none, that of a stopped robot."""
+        """Return the feedback on the last twist; without it, the feedback of a stopped robot."""
         try:
             (given,) = require_fresh(now, self.timeout, status=self.servo_feedback)
         except InputError as error:

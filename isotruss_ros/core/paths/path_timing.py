@@ -47,7 +47,7 @@ class PathClock:
 
     @property
     def time_left(self) -> float:
-        """Return the time to the end of the path [s], provided that the robot does not slow it."""
+        """Return the time to the end of the path at full rate of path time [s]."""
         left = self._duration - self.time
         peak = min(1.0, math.sqrt(left / self.ramp_time + 0.5 * self.rate**2))
         cruise = left - (peak**2 - 0.5 * self.rate**2) * self.ramp_time
@@ -55,10 +55,10 @@ class PathClock:
 
     def time_then(self, elapsed: float, age: float) -> float:
         """
-        Return the value that path time had at an earlier moment [s].
+        Return the path time at a past moment, such as the time of a measurement [s].
 
         :param elapsed: time since the last call of `advance` [s].
-        :param age: time from that moment until now [s].
+        :param age: time from the past moment until now [s].
         """
         return self._known.at(self._now + elapsed - age)
 
@@ -72,7 +72,7 @@ class PathClock:
 
     def advance(self, elapsed: float, room: float, scale: float, held: bool) -> None:
         """
-        Advance path time by one cycle.
+        Advance path time by one cycle of the control loop.
 
         :param elapsed: time since the last call [s].
         :param room: largest rate that the robot's lag admits, 0 to 1; a larger rate is reduced at

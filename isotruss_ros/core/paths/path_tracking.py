@@ -33,8 +33,7 @@ MAX_GAIN_DELAY_PRODUCT = 0.75
 #: Peak deviation of an object with natural frequency omega under a step of acceleration a, in
 #: units of a / omega^2 [-]. It is 2 without damping, and larger with the lag of the loop.
 PEAK_DEVIATION_FACTOR = 2.5
-#: Errors divided by the tolerance at which path time begins to slow down, and at which it stops
-#: [-].
+#: Ratios of error to tolerance at which path time begins to slow down, and at which it stops [-].
 FREE, STANDING = 0.5, 0.9
 #: Largest feedback relative to the path's speed and turn rate [-].
 MAX_FEEDBACK_SHARE = 0.5
@@ -131,7 +130,7 @@ class PathTracker:
         """
         Lengthen the acceleration and deceleration times, to limit deviations due to inertia.
 
-        These deviations then stay within the position and angle tolerances.
+        The object's deviations from the path then stay within the tolerances.
 
         :param frequency: lowest natural frequency of the held object [rad/s]; 0 if unknown.
         """
@@ -200,7 +199,7 @@ class PathTracker:
         self._squares += step * position_error * position_error  # of any size: ** would raise
 
     def _feedback(self, error: Array, age: float) -> Array:
-        """Return the bounded feedback twist (3,)."""
+        """Return the feedback twist (3,) of the pose error, with bounded magnitude."""
         settings, path = self.settings, self.path
         most = MAX_GAIN_DELAY_PRODUCT / (age + self.clock.period)
         twist = error * min(settings.position_gain, most)

@@ -45,8 +45,8 @@ class RollerTrajectory:
     Waypoints of the rollers with times, with constant velocity between waypoints.
 
     At each waypoint the velocity changes with the largest acceleration (parabolic blend), for a
-    time centred on the waypoint. So the trajectory starts half of the first blend earlier, by
-    which its duration is extended.
+    time centred on the waypoint. So the trajectory begins half of the first blend earlier, and its
+    duration includes this time.
 
     :ivar duration: duration of the trajectory [s].
     :param robot: the robot.
@@ -88,7 +88,7 @@ class RollerTrajectory:
         self.duration = float(self._times[-1] + self._halves[-1])
 
     def _round_corners(self, robot: Robot, steps: Array) -> Array:
-        """Return half of the duration of the blend at each of k waypoints [s]."""
+        """Return half of the blend's duration at each of k waypoints [s]."""
         changes = np.abs(np.diff(self._slopes, axis=0)).max(axis=1)
         most = robot.description.max_acceleration
         needed = 0.5 * (changes[1:] + changes[:-1])
@@ -128,7 +128,7 @@ class RollerTrajectory:
 
 
 class RollerStep(NamedTuple):
-    """Roller velocities and state of the trajectory in one control cycle."""
+    """Roller velocities and state of the trajectory servo in one control cycle."""
 
     speeds: Array  #: (r,) commanded roller speeds [m/s]
     ended: bool  #: whether the trajectory has ended, successfully or not
@@ -157,7 +157,7 @@ class RollerTrajectoryServo:
 
     @property
     def busy(self) -> bool:
-        """Return whether a trajectory is active."""
+        """Return whether a roller trajectory is active."""
         return self._trajectory is not None
 
     @property
@@ -209,12 +209,12 @@ class RollerTrajectoryServo:
         return state
 
     def end(self) -> None:
-        """Abort the current trajectory."""
+        """Abort the current roller trajectory."""
         self._trajectory = None
 
     def decide(self, now: float) -> RollerStep:
         """
-        Return the output of the current cycle; an invalid input ends the trajectory as a failure.
+        Return the roller velocities of the current cycle; an invalid input aborts the trajectory.
 
         :param now: current time on the clock of the inputs [s].
         """
@@ -285,7 +285,7 @@ class RollerTrajectoryServo:
         return RollerStep(np.clip(speeds, -limit, limit), False, '')
 
     def _gives_up(self, trajectory: RollerTrajectory, at_end: bool, now: float) -> bool:
-        """Return whether the rollers have failed to reach the end in time."""
+        """Return whether the rollers have failed to reach the trajectory's end in time."""
         goal_time = self._tolerances.goal_time
         if goal_time is not None and now > self._start + trajectory.duration + goal_time:
             return True
@@ -298,7 +298,7 @@ class RollerTrajectoryServo:
 
     def _rests(self, near: bool, measured: float, now: float) -> bool:
         """
-        Return whether the rollers have been within the end tolerance for long enough.
+        Return whether the rollers have been within the end tolerance for `REST_TIME`.
 
         :param measured: time of the measurement [s].
         """

@@ -28,10 +28,10 @@ STANDOFF = 0.06
 
 def approach(config: Configuration, closing: Closing) -> Iterator[Configuration]:
     """
-    Yield the path on which grasping members approach the object, toward force closure.
+    Yield the configurations of the path on which grasping members approach the object.
 
-    At its end the directions of the members admit force closure. The path begins at the current
-    configuration and is piecewise linear in roller travel.
+    At the end of the path the directions of the members admit force closure. The path begins at
+    the current configuration and is piecewise linear in roller travel.
 
     :param config: configuration of the robot.
     :param closing: closing motion with members and object.
@@ -63,8 +63,8 @@ def _find_turn(config: Configuration, closing: Closing) -> tuple[float, Closing]
     """
     Return the rotation that force closure requires [rad], and the closing motion with it.
 
-    It is zero if the members' directions admit force closure. Otherwise two members are to be
-    rotated to the nearest directions that do.
+    The rotation is zero if the members' directions admit force closure. Otherwise two members are
+    to be rotated to the nearest directions that admit force closure.
     """
     normals, angle = closing.normals(config), CONE_SHARE * closing.friction_angle
     radius = 0.5 * config.robot.description.tube_diameter

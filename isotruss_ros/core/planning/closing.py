@@ -18,7 +18,7 @@ from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.core.planning.violations import RequirementError, SearchTally
 import numpy as np
 
-#: Largest step toward a bound, relative to the distance from it [-].
+#: Largest step of a quantity toward its bound, relative to the distance from the bound [-].
 BOUND_SHARE = 0.5
 #: Indentation at the first contact, in tube diameters [-].
 FIRST_INDENTATION = 1e-3
@@ -53,7 +53,7 @@ class Closing:
 
 @dataclass(frozen=True, eq=False)
 class SearchState:
-    """Configuration with all quantities that are bounded in a closing step."""
+    """Configuration with all quantities that are bounded while the members close on the object."""
 
     config: Configuration  #: the configuration
     #: (3m,) gaps between the object and the members, modules and rods [m]; negative if indented
@@ -64,7 +64,7 @@ class SearchState:
 
     @property
     def rigidity(self) -> float:
-        """Return the rigidity index, 1 at home."""
+        """Return the rigidity index of the configuration, 1 at home."""
         return float(self.modes.values[0])
 
     @property
@@ -93,7 +93,7 @@ class SearchState:
 
 def evaluate_state(config: Configuration, body: ConvexObject) -> SearchState:
     """
-    Return all quantities that are bounded in a closing step, for one configuration.
+    Return a configuration with all quantities that are bounded while the members close.
 
     :param config: the configuration.
     :param body: the object.

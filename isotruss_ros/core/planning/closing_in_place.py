@@ -73,7 +73,7 @@ def close_in_place(
 
 
 def _judge(grasp: HeldGrip, closing: Closing, needs: GraspRequirements) -> ClosedGrip:
-    """Return a grip with its loads; raise RequirementError if it slips or violates a bound."""
+    """Return a grip with its contact forces; raise RequirementError for slip or a violation."""
     _check_hold(grasp, needs.friction)
     closing.tally.analyses += 1
     body = closing.body.moved_to(grasp.pose)

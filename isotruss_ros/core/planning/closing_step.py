@@ -79,7 +79,7 @@ def take_closing_step(
     :param closing: closing motion with members and object.
     :param targets: (s,) desired gaps of the grasping members [m].
     :param share: length of the step relative to the longest step [-]. It is 1 for the first step;
-        then it is the second result of the previous step.
+        for later steps it is the second result of the previous step.
     :return: state at the end of the step, and `share` for the next step.
     :raises RequirementError: every step violates a requirement.
     :raises SolverError: the quadratic program was not solved.
@@ -109,7 +109,7 @@ def take_closing_step(
 
 def solve_step(state: SearchState, closing: Closing, targets: Array, share: float) -> Array:
     """
-    Return the roller travel (r,) of one step [m].
+    Return the roller travel (r,) of one step by solving the quadratic program [m].
 
     :param state: state at the start of the step.
     :param closing: closing motion with members and object.

@@ -77,9 +77,9 @@ def path_times(path: Array, limits: RobotDescription, near: Array) -> Array:
 
 def plan_in_words(plan: GraspPlan) -> str:
     """
-    Return a text with the best grasp of a plan, or with the reason why it has no grasp.
+    Return a text with the best grasp of a plan, or with the reason why the plan has no grasp.
 
-    The reason is the requirement that the candidate nearest to an admissible grasp violates.
+    The reason is the requirement violated by the candidate nearest to an admissible grasp.
 
     :param plan: the plan.
     """

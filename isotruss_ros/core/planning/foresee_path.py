@@ -55,8 +55,8 @@ def foresee_grip(
     :param friction: coefficient of friction between tubes and object.
     :param poses: poses of the path, see `foresee_path`.
     :param record: equilibrium reported by the control loop that holds the object. If it is None,
-        or if the motion from it ends before the end of the path, the motion is predicted from the
-        equilibrium of `attach_grip` instead.
+        or if the predicted motion ends before the end of the path, the motion is predicted from
+        the equilibrium of `attach_grip` instead.
     :param tubes: model of the tubes.
     :return: predicted motion; None if no members hold the object.
     :raises IsotrussError: see `foresee_path`.
@@ -78,7 +78,7 @@ def foresee_grip(
 @single_threaded
 def foresee_path(held: HeldGrip, friction: float, poses: Array) -> Foresight:
     """
-    Predict how a held object moves along a path from rest to rest, at constant squeeze.
+    Predict the motion of a held object along a path from rest to rest, at constant squeeze.
 
     Contacts roll without slip. External loads and barriers are not considered. The motion ends if
     the slip margin becomes less than `LEFT_MARGIN` times the squeeze.
@@ -125,7 +125,7 @@ def foresee_path(held: HeldGrip, friction: float, poses: Array) -> Foresight:
 def _take_step(
     held: HeldGrip, friction: float, force: float, displacement: Array
 ) -> tuple[HeldGrip | None, str]:
-    """Return the grip after a displacement (3,) [m, rad]; or None with a reason."""
+    """Return the grip after a displacement (3,) [m, rad]; or None with the reason of a failure."""
     grip = held.touching(friction)
     opening = (force - held.squeeze) / held.squeeze_stiffness()
     command = solve_twist(held.config, grip, displacement, opening_rate=opening)

@@ -30,7 +30,7 @@ def judge_candidate(
     config: Configuration, closing: Closing, needs: GraspRequirements
 ) -> tuple[PlannedGrasp | None, SearchTally]:
     """
-    Compute approach and closing of a candidate; return its planned grasp and the counts.
+    Compute approach and closing of a candidate; return planned grasp and counts of the search.
 
     :param config: configuration of the robot.
     :param closing: closing motion from which the candidate starts, see `find_seeds`.
@@ -57,7 +57,7 @@ def close_grip(
     opened: Configuration, closing: Closing, needs: GraspRequirements
 ) -> tuple[list[Configuration], ClosedGrip] | None:
     """
-    Return the path from first contact to the best admissible grip, and that grip.
+    Return the best admissible grip, and the path from first contact to this grip.
 
     The squeeze is increased until the score decreases or a requirement is violated.
 

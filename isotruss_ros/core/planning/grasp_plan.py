@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Result of the grasp search: grasps with the paths that lead to them."""
+"""Result of the grasp search: grasps with the paths to the grasps."""
 
 from __future__ import annotations
 
@@ -39,10 +39,10 @@ class PlannedGrasp(
     Record, headline=('members', 'squeeze', 'slip_margin', 'utilisation', 'roller_positions')
 ):
     """
-    Grasp that fulfils the requirements, with the path that leads to it.
+    Grasp that fulfils the requirements, with the path of the rollers to this grasp.
 
     The rollers move linearly between the rows of the path. Closure by friction (10) is computed
-    for a fixed object; a free object may be held without it.
+    for a fixed object; a free object may be held without closure.
     """
 
     grip: Grip  #: grasping members, and the object at its pose after closing

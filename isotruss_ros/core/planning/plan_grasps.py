@@ -53,7 +53,7 @@ def plan_grasps(
     max_rounds: int = 5,
 ) -> GraspPlan:
     """
-    Return grasps of a free object inside a loop of the robot, with the paths to these grasps.
+    Return grasps of a free object inside a loop of the robot, with paths to the grasps.
 
     Candidates are all pairs and triples of members around the object, unless the requirements name
     a module or members. Grasps are ranked by slip margin, unless the requirements name another
@@ -134,7 +134,7 @@ class _Search:
                 return
 
     def best(self) -> list[PlannedGrasp]:
-        """Return the distinct grasps, best first."""
+        """Return the distinct grasps found so far, best first."""
         same = EQUALITY_SHARE * self._config.robot.home.member_lengths.mean()
         distinct: list[PlannedGrasp] = []
         for grasp in sorted(self._grasps, key=lambda grasp: -grasp.score):
@@ -147,7 +147,7 @@ class _Search:
         return distinct[: self._needs.count]
 
     def plan(self) -> GraspPlan:
-        """Return the result of the search so far."""
+        """Return the plan with the grasps found so far."""
         best, tally = tuple(self.best()), self.tally
         return GraspPlan(
             best,

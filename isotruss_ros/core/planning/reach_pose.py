@@ -39,7 +39,7 @@ class ReachedPose(Record, headline=('status', 'why', 'share', 'pose', 'roller_po
 
     :ivar config: configuration at the end of the motion.
     :ivar pose: pose of the object at the end.
-    :ivar share: fraction of the motion that was executed, 0 to 1.
+    :ivar share: executed fraction of the motion, 0 to 1.
     :ivar status: OK if the pose is reached, otherwise the status of the limit that ended the
         motion.
     :ivar why: sentence that names this limit; empty if the pose is reached.
@@ -103,7 +103,7 @@ def reach_pose(
 def _take_step(
     rolling: RollingGrip, step: Array, guard: ShapeGuard
 ) -> tuple[RollingGrip | None, Status, str]:
-    """Return the grip after a displacement (3,), or None at a limit; then status and reason."""
+    """Return the grip after a displacement (3,); None with status and reason at a limit."""
     config, grip = rolling.config, rolling.grip
     duration = 1.0 / APPROACH_RATE  # in one step a length reaches its bound
     watch = guard.watch(config, grip)

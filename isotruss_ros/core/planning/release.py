@@ -34,7 +34,7 @@ from isotruss_ros.core.planning.violations import RequirementError, Violation
 import numpy as np
 
 #: Squeeze at the waypoints of the unloading relative to the initial squeeze [-]. When the last
-#: contact opens, the object springs back by the last of these fractions of its deflection.
+#: contact opens, the object springs back by the last of these fractions times its deflection.
 UNLOADING_SHARES = (0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 0.04, 0.015, 0.005, 0.002)
 #: Gap to which the grip is opened before the retreat, in tube diameters [-].
 FIRST_OPENING = 0.015
@@ -45,8 +45,8 @@ class Release:
     """
     Path that releases an object, or the requirement that prevents it.
 
-    :ivar path: (k, r) roller positions, from the current ones on [m]; empty if there is a
-        violation.
+    :ivar path: (k, r) roller positions, beginning at the current positions [m]; empty if there is
+        a violation.
     :ivar apart: index of the first row of `path` in which no member touches the object.
     :ivar violation: violated requirement; None if the release is possible.
     """

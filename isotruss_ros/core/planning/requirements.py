@@ -114,7 +114,7 @@ class GraspRequirements:
         self, analysis: GraspAnalysis, normal_forces: Iterable[float], utilisation: Iterable[float]
     ) -> dict[str, float]:
         """
-        Return the largest loads of a grasp, each the larger value of fixed and free object.
+        Return the largest loads of a grasp, each the larger of the loads of fixed and free object.
 
         The keys of the result are the names of the requirements that bound these loads.
 

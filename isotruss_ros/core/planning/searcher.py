@@ -58,7 +58,7 @@ class Stop:
 
     @property
     def time_left(self) -> float:
-        """Return the time until the limit is reached [s]."""
+        """Return the time until the time limit of the search is reached [s]."""
         return max(0.0, self._deadline - time.monotonic())
 
     def __call__(self) -> bool:
@@ -87,7 +87,7 @@ class Searcher:
         time_limit: float = 0.0,
     ) -> None:
         """
-        Start a search; no other search may be running.
+        Start a search for grasps; no other search may be running.
 
         :param config: configuration of the robot, see `plan_grasps`.
         :param body: the object.
@@ -109,7 +109,7 @@ class Searcher:
         self._stop.requested = True
 
     def answer(self) -> Answer | None:
-        """Return the result of a finished search at the first call after its end, else None."""
+        """Return the result of a finished search once, then discard it; None without a result."""
         if self._search is None or not self._search.done():
             return None
         search, self._search = self._search, None

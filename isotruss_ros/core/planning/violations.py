@@ -31,8 +31,8 @@ SENTENCES_BY_REQUIREMENT = {
     'squeeze': 'limits end the closing at {value:.4g} N of each member; must be {bound:.4g} N',
     'held': 'no pose near the object balances the forces of the members',
 }
-#: Sentence for each requirement of the last stage of the search; violations of these are compared
-#: by their relative size.
+#: Sentence for each requirement of the last stage of the search. Violations of these requirements
+#: are compared by their relative size.
 BOUNDS = {
     'min_slip_margin': 'the slip margin is {value:.4g} N, and must be {bound:.4g} N',
     'force_closure': 'the required friction coefficient is {value:.4g}; must be {bound:.4g}',
@@ -54,7 +54,7 @@ class Violation:
 
     @property
     def distance(self) -> float:
-        """Return a number that is smaller for candidates closer to an admissible grasp [-]."""
+        """Return the distance of the candidate from an admissible grasp, for comparisons [-]."""
         if self.requirement in BOUNDS:
             low, high = sorted((max(self.value, 0.0), self.bound))
             return 1.0 - low / high if high > 0.0 else 1.0
@@ -123,7 +123,7 @@ def export_violation(violation: Violation | None) -> dict[str, Any]:
 
 def violation_in_words(violation: Violation | None) -> str:
     """
-    Return a sentence that describes a violation.
+    Return a sentence that describes the violation of a requirement.
 
     :param violation: violation of the closest candidate; None if there was no candidate.
     """

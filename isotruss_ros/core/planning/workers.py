@@ -77,7 +77,7 @@ class _Context(SpawnContext):
 
 
 def _begin(wanted: Connection) -> None:
-    """Initialise a worker process."""
+    """Initialise a worker process of the search."""
     os.nice(NICENESS)
     threading.Thread(target=_end_with, args=(wanted,), daemon=True).start()
 

@@ -4,7 +4,8 @@
 """
 Barriers, and the control barrier function that bounds the rate of their margins.
 
-A margin h is the difference between a value and its lower bound. Its rate is bounded by
+A margin h is the difference between a value of the barrier and the lower bound. Its rate is
+bounded by
 
     dh/dt >= -rate h / (1 - h / band),
 
@@ -44,38 +45,39 @@ class BarrierLaw:
     """Lower bound of a barrier's values, and bound of the rate at which the values approach it."""
 
     bound: float  #: smallest allowed value
-    band: float  #: margin above which the rate is not bounded, in the unit of the value
+    band: float  #: margin above which its rate is not bounded, in the unit of the value
     rate: float = 5.0  #: largest decay rate of a small margin [1/s]
 
     @cached_property
     def active_below(self) -> float:
-        """Return the value below which the rate is bounded."""
+        """Return the barrier value below which its rate of decrease is bounded."""
         return self.bound + self.band
 
     @cached_property
     def safety_margin(self) -> float:
-        """Return the margin at which no further decrease is allowed."""
+        """Return the distance above the bound at which a barrier value must not decrease."""
         return SAFETY_MARGIN_SHARE * self.band
 
     def class_k_bound(self, margins: Array) -> Array:
         """
-        Return the largest allowed rates of decrease (k,) of margins; infinite above the band.
+        Return the largest allowed rates of decrease (k,) of barrier values.
 
-        The unit is the unit of the margin per second.
+        The rate is infinite for values above `active_below`. Its unit is that of the values per
+        second.
 
-        :param margins: (k,) margins.
+        :param margins: (k,) distances of the values from the bound.
         """
         return self._class_k(np.maximum(margins - self.safety_margin, 0.0))
 
     def discrete_bound(self, margins: Array, duration: float, travel: float) -> Array:
         """
-        Return the smallest admissible margins (k,) at the end of a sample.
+        Return the smallest admissible distances (k,) of values from the bound after a sample.
 
         A margin below `LEFT_MARGIN` times the safety margin must not decrease, except by effects
         of second order, because otherwise the robot would stop in every other sample. A positive
         margin must stay positive.
 
-        :param margins: (k,) margins at the start of the sample.
+        :param margins: (k,) distances of the values from the bound at the start of the sample.
         :param duration: duration of the sample, positive [s].
         :param travel: largest roller travel in this or the previous sample [m].
         """
@@ -105,8 +107,8 @@ class ActiveValues(NamedTuple):
 
     indices: Indices  #: (k,) indices of the values
     values: Array  #: (k,) values
-    node_rows: Array  #: (k, 2n) derivatives with respect to the node coordinates
-    #: (k, r) derivatives with respect to roller travel while the nodes are fixed; None: zero
+    node_rows: Array  #: (k, 2n) derivatives of the values by node coordinates
+    #: (k, r) derivatives of the values with respect to roller travel with fixed nodes; None: zero
     roller_rows: Array | None = None
 
 
@@ -123,18 +125,18 @@ class Barrier(Protocol):
     @property
     def needs_object(self) -> bool:
         """
-        Return whether the values depend on a held object.
+        Return whether the barrier's values depend on a held object.
 
         Such a barrier applies only while an object is held.
         """
 
     @property
     def law(self) -> BarrierLaw:
-        """Return the bound, and the law for the rate of approach."""
+        """Return the law: bound of the values, and bound of their rate of decrease."""
 
     def active(self, config: Configuration, grip: Grip | None) -> ActiveValues:
         """
-        Return the values that are so close to their bound that the law limits their rate.
+        Return the barrier's values that are so close to the bound that their rate is limited.
 
         :param config: configuration of the robot.
         :param grip: the grip; None without an object.
@@ -142,7 +144,7 @@ class Barrier(Protocol):
 
     def values(self, config: Configuration, grip: Grip | None, indices: Selection) -> Array:
         """
-        Return the values with given indices in one configuration.
+        Return the barrier's values with given indices in one configuration.
 
         :param config: configuration of the robot.
         :param grip: the grip; None without an object.
@@ -151,7 +153,7 @@ class Barrier(Protocol):
 
     def names(self, indices: Indices) -> list[str]:
         """
-        Return a name for each of the values with given indices.
+        Return a name for each of the barrier's values with given indices.
 
         :param indices: indices of the values.
         """
@@ -171,7 +173,7 @@ class BarrierLimit:
 
     :ivar barrier: the barrier.
     :ivar indices: (k,) indices of the values.
-    :ivar matrix: (k, r) derivatives with respect to roller travel.
+    :ivar matrix: (k, r) derivatives of the values with respect to roller travel.
     :param active: values close to the bound in one configuration, see `Barrier.active`.
     """
 
@@ -187,7 +189,7 @@ class BarrierLimit:
         return self.barrier.status
 
     def rows(self, config: Configuration) -> Rows:
-        """Return one row for each value, dh/dt >= -class-K bound; see `Limit.rows`."""
+        """Return one row for each barrier value h, dh/dt >= -class-K bound; see `Limit.rows`."""
         bound = self.barrier.law.class_k_bound(self.margins)
         return Rows(self.matrix, -bound, np.full(len(bound), np.inf))
 
@@ -204,14 +206,15 @@ class BarrierLimit:
         duration: float,
     ) -> BarrierViolation | None:
         """
-        Return the violation of the discrete-time bound by a motion; None if there is none.
+        Return the violation of `BarrierLaw.discrete_bound` by a motion; None if there is none.
+
+        This limit must have been linearised at the midpoint of the motion.
 
         :param end: configuration at the end of the motion.
         :param grip: grip at the end of the motion; None without an object.
         :param travel: (r,) roller travel of the motion [m].
         :param velocities: (r,) roller velocities before the motion [m/s].
-        :param duration: duration of the motion [s], at the midpoint of which this limit was
-            linearised.
+        :param duration: duration of the motion [s].
         """
         law = self.barrier.law
         before = self.margins - 0.5 * duration * (self.matrix @ velocities)
@@ -228,12 +231,11 @@ class BarrierLimit:
 
 def _admissible_share(room: Array, slope: Array, change: Array) -> Array:
     """
-    Return the fraction of a motion after which the decrease of a margin reaches its bound.
+    Return the fraction of a motion after which each margin has decreased by a given amount.
 
-    The margin is approximated by a quadratic function of this fraction, which has the given slope
-    at the start and the given value at the end.
+    Margins are approximated by quadratic functions of this fraction.
 
-    :param room: largest allowed decrease, not negative.
+    :param room: largest allowed decrease of each margin, not negative.
     :param slope: derivative of the margin with respect to the fraction at the start.
     :param change: change of the margin by the whole motion.
     """

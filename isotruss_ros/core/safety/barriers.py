@@ -34,15 +34,15 @@ NO_PAIRS = np.zeros(0, dtype=np.intp)
 
 
 class Measured(NamedTuple):
-    """State in which distances were last evaluated, and the smallest distance."""
+    """State in which the distances of pairs of parts were last evaluated."""
 
     config: Configuration  #: configuration of the robot
     grip: Grip | None  #: grip; None if the distances do not depend on it
-    spare: float  #: smallest distance minus the distance below which pairs are close [m]
+    spare: float  #: lower bound of the distances, minus `BarrierLaw.active_below` [m]
 
     def holds(self, config: Configuration, grip: Grip | None) -> bool:
         """
-        Return whether the evaluation proves that no pair is close in another configuration.
+        Return whether no distance can be smaller by `spare` in another configuration.
 
         :param config: the other configuration.
         :param grip: grip in the other configuration; None if there is none.
@@ -68,7 +68,7 @@ def _moved(grip: Grip, then: Grip) -> float:
 
 class NeighborList:
     """
-    List of the pairs of parts that may be close, so that few distances are evaluated.
+    Verlet neighbour list of pairs of parts, by which few distances are evaluated.
 
     A pair is close if the law limits the rate of its distance; the list contains all pairs up to a
     larger distance. The distance of two parts changes at most by the displacements of both. So the
@@ -76,8 +76,8 @@ class NeighborList:
     distance; the pairs of the list are evaluated only if one of them may have become close. The
     results are exact.
 
-    :ivar listed_below: distance below which pairs are in the list [m]; it exceeds the distance
-        below which pairs are close by half of the band.
+    :ivar listed_below: distance below which pairs are in the list [m]; it exceeds
+        `BarrierLaw.active_below` by half of `BarrierLaw.band`.
     :param law: law that limits the rate of the distances.
     """
 
@@ -131,7 +131,7 @@ class SelfCollisionBarrier:
         self._neighbors = NeighborList(law)
 
     def active(self, config: Configuration, grip: Grip | None) -> ActiveValues:
-        """Return the pairs of parts that are close; see `Barrier.active`."""
+        """Return the pairs of parts whose distance is near the bound; see `Barrier.active`."""
         pairs, distances = self._neighbors.find_close(
             config, None, lambda indices: self.values(config, grip, indices)
         )
@@ -140,11 +140,11 @@ class SelfCollisionBarrier:
         return ActiveValues(pairs, distances, self._model.gradients(config, pairs))
 
     def values(self, config: Configuration, grip: Grip | None, indices: Selection) -> Array:
-        """Return the distances of pairs [m]; see `Barrier.values`."""
+        """Return the distances of given pairs of parts [m]; see `Barrier.values`."""
         return self._model.distances(config, indices)
 
     def names(self, indices: Indices) -> list[str]:
-        """Return the names of pairs; see `Barrier.names`."""
+        """Return the names of given pairs of parts; see `Barrier.names`."""
         return self._model.names(indices)
 
 
@@ -174,12 +174,12 @@ class ObjectBarrier:
         return ActiveValues(parts, distances, *grip_gradients(config, grip, parts))
 
     def values(self, config: Configuration, grip: Grip, indices: Selection) -> Array:
-        """Return distances to parts [m], infinite to parts of the grip; see `Barrier.values`."""
+        """Return the object's distances to parts, infinite for the grip; see `Barrier.values`."""
         far = self._neighbors.listed_below
         return object_distances(config, grip.body, grip.members, far, indices)
 
     def names(self, indices: Indices) -> list[str]:
-        """Return the names of parts; see `Barrier.names`."""
+        """Return the names of given parts of the robot; see `Barrier.names`."""
         names = self._model.part_names()
         return [f'{names[i]} and the object' for i in indices]
 

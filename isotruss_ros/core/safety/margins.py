@@ -106,8 +106,8 @@ def grip_gradients(config: Configuration, grip: Grip, parts: Indices) -> tuple[A
     :param config: configuration of the robot.
     :param grip: the grip; its contacts roll.
     :param parts: (k,) indices of parts.
-    :return: (k, 2n) gradients with respect to the nodes, due to the motion of the parts, and (k,
-        r) gradients with respect to roller travel, due to the motion of the object [-].
+    :return: (k, 2n) gradients with respect to the nodes, for moving parts and a fixed object, and
+        (k, r) gradients with respect to roller travel, for a moving object and fixed parts [-].
     :raises GraspError: see `find_contacts`.
     :raises ConfigurationError: the configuration is singular.
     """

@@ -74,7 +74,7 @@ class FailureDetector:
 
     def reset(self, names: Collection[str] | None = None) -> None:
         """
-        Regard rollers as working again, and restart their comparison.
+        Regard rollers as working again, and restart the comparison of their travels.
 
         :param names: names of the rollers; None: all rollers.
         :raises GraspError: the robot has no such roller.

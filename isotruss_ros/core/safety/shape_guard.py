@@ -4,10 +4,10 @@
 """
 Shape guard, which prevents motion into singular and colliding configurations.
 
-Barriers add rows to the quadratic program that bound dh/dt of their margins h from below by a
-class-K function; these bound the motion to first order at one instant. A command is constant
-during a sample, so the guard also evaluates the end of the sample. It scales the command down
-until each margin is above its discrete-time bound.
+Each barrier adds rows to the quadratic program. A row bounds the rate dh/dt of a margin h from
+below by a class-K function of h, to first order at one instant. A command is constant during a
+sample, so the guard also evaluates the end of the sample. It scales the command down until each
+margin is above its discrete-time bound.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from isotruss_ros.core.safety.barrier_law import (
 from isotruss_ros.core.safety.barriers import ObjectBarrier, RigidityBarrier, SelfCollisionBarrier
 import numpy as np
 
-#: Largest roller travel in a sample during which no value can cross a whole band [m].
+#: Largest roller travel in a sample in which no value can cross a whole `BarrierLaw.band` [m].
 BAND_STEP = 1e-3
 
 
@@ -194,7 +194,7 @@ class Watch:
     def _jumped(
         self, barrier: Barrier, end: Configuration, grip: Grip | None
     ) -> BarrierViolation | None:
-        """Return the violation by values that crossed a bound without having been close to it."""
+        """Return the violation by values that crossed their bound without having been near it."""
         left = barrier.values(end, grip, ALL_VALUES) - barrier.law.bound
         for limit in self.limits:
             if limit.barrier is barrier:

@@ -50,7 +50,7 @@ class UsageLimits:
 
     def margin_share(self, command: RollerCommand, period: float, free: float) -> float:
         """
-        Return the largest factor on a command, 0 to 1, that keeps enough slip margin.
+        Return the largest factor on a command, 0 to 1, that uses up at most `free` of the margin.
 
         :param command: the command.
         :param period: duration of the command [s].
@@ -75,7 +75,7 @@ class UsageLimits:
         return command.slowed(share, Status.SLOWED_UTILISATION, (self._member,))
 
     def _share(self, quantity: int, command: RollerCommand, left: float, period: float) -> float:
-        """Return the largest factor on a command, 0 to 1, that uses at most `left`."""
+        """Return the largest factor on a command, 0 to 1, that uses at most `left` of a margin."""
         more = float(self._rates[quantity] @ (period * command.roller_velocities))
         return 1.0 if more <= max(left, 0.0) else max(left, 0.0) / more
 

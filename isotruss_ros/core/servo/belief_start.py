@@ -4,10 +4,10 @@
 """
 First equilibrium of a grip, from which the estimation of its state starts.
 
-It is the equilibrium near the measured pose. If there is none because the measured pose is outside
-of the grip, wrong roller offsets may be the reason. Then, if the client says that the object is
-gripped, an equilibrium with the desired squeeze is assumed instead, and the squeeze gets the large
-standard deviation of an unknown value.
+It is the equilibrium near the measured pose. If the measured pose is outside of the grip, there is
+no such equilibrium; wrong roller offsets may be the reason. Then, if the client says that the
+object is gripped, an equilibrium with the desired squeeze is assumed instead, and the squeeze gets
+the large standard deviation of an unknown value.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ class BeliefStart:
         zeros: Array | None,
     ) -> HoldStatus:
         """
-        Search the equilibrium near the measured pose or the assumed one; return its hold status.
+        Search an equilibrium near the measured pose, or assume one; return the hold status.
 
         :param config: configuration of the robot.
         :param grip: grip with the object at its measured pose.

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Decision of one cycle of the twist servo: a roller command, or a halt with its reason."""
+"""Decision of one cycle of the twist servo: a roller command, or a halt and its reason."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ INPUT_HALTS = {
     ('tube_pressures', InputFault.STALE): Status.HALT_STALE_TUBE_PRESSURES,
     ('tube_pressures', InputFault.INVALID): Status.HALT_INVALID_TUBE_PRESSURES,
 }
-#: Status of a halt for each class of errors of the solver; the last entry is for all other errors.
+#: Status of a halt for each class of solver errors; the last entry is for all other errors.
 HALT_STATUSES = (
     (GraspError, Status.HALT_NO_GRASP),
     (IsotrussError, Status.HALT_KINEMATICS),
@@ -40,7 +40,7 @@ class Decision:
     """
     Roller command or halt that is decided in one control cycle.
 
-    :ivar command: velocities of the rollers (zero in a halt), achieved twist, its ratio to the
+    :ivar command: velocities of the rollers (zero in a halt), achieved twist, scale of the
         commanded twist, and status.
     :ivar twist: (3,) commanded twist vx, vy [m/s], omega [rad/s] of the object or joint; zero
         without a command.

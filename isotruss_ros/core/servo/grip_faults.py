@@ -49,7 +49,7 @@ class SwingWatch:
         self.forget()
 
     def forget(self) -> None:
-        """Restart the detection without past errors."""
+        """Restart the detection of oscillations without past pose errors."""
         self._swings = tuple(_Swings(self._longest) for _ in range(3))
 
     def update(self, error: Array, noise: float, elapsed: float) -> bool:
@@ -81,7 +81,7 @@ class _Swings:
         self._sizes: list[float] = []
 
     def update(self, value: float, elapsed: float, least: float) -> bool:
-        """Add the value of a cycle; return whether the oscillation does not decay."""
+        """Add the signal's value in a cycle; return whether its oscillation does not decay."""
         if math.isnan(self._extreme):
             self._extreme = self._turned = value
         self._age += elapsed

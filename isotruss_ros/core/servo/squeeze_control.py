@@ -236,11 +236,12 @@ class SqueezeControl:
 
     def _desired_squeeze(self, belief: GripBelief) -> float:
         """
-        Return the desired squeeze [N].
+        Return the desired squeeze of the control law [N].
 
-        If the squeeze would be unknown at the setting, the first estimate's excess over the
-        setting is retained. Opening the grip could release the object, and the measured pose would
-        not show this until the object is moved.
+        It is the setting if the squeeze is known with sufficient accuracy there. Otherwise the
+        excess of the first estimate over the setting is added, because opening the grip could
+        release the object, and the measured pose would not show the loss until the object is
+        moved.
         """
         force = self.settings.force
         known = belief.squeeze_deviation <= MAX_KNOWN_DEVIATION * force
@@ -248,7 +249,7 @@ class SqueezeControl:
 
     def advance(self, twist: Array, command: RollerCommand, missing: Array | float = 0.0) -> None:
         """
-        Move the desired pose by the executed twist.
+        Move the desired pose of the object by the executed twist.
 
         :param twist: (3,) commanded twist [m/s, rad/s].
         :param command: executed command. If its direction differs from that of the twist, the
@@ -261,7 +262,7 @@ class SqueezeControl:
         self._velocity = command.scale * np.asarray(twist) - missing
 
     def _correction(self, belief: GripBelief, period: float) -> Array:
-        """Return the twist (3,) that corrects the pose error and the motion that (19) neglects."""
+        """Return the twist (3,) that corrects the pose error and the motion neglected by (19)."""
         here = belief.regulated_pose
         if self.reference is None:
             self.reference = here
@@ -270,7 +271,7 @@ class SqueezeControl:
         return gain * pose_difference(self.reference, here) - belief.drift[:3]
 
     def _begin(self, config: Configuration, grip: Grip, gripped: bool) -> HoldStatus:
-        """Start the estimate of the grip; return the hold status."""
+        """Start the belief of the grip; return the hold status of the object."""
         gripped = gripped and self.fault is None
         hold = self._start.search(
             config, grip, self.settings, gripped, self._pressures, self._zeros

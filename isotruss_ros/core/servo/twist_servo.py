@@ -82,12 +82,12 @@ class TwistServo:
 
     @property
     def settings(self) -> ServoSettings:
-        """Return the current settings."""
+        """Return the current settings of the servo."""
         return self._settings
 
     @property
     def inputs(self) -> ServoInputs:
-        """Return the latest inputs."""
+        """Return the latest inputs of the servo."""
         return self._inputs
 
     @property
@@ -107,7 +107,7 @@ class TwistServo:
 
     def apply(self, settings: ServoSettings) -> None:
         """
-        Replace the settings from the next cycle on.
+        Replace the settings of the servo from the next cycle on.
 
         If the joint changes, the last twist is discarded. If the failure time changes, the
         detection of failures restarts; failures detected before remain. The squeeze control goes
@@ -139,7 +139,7 @@ class TwistServo:
 
     def receive(self, **inputs: Any) -> None:
         """
-        Store new values of some inputs.
+        Store new values of some inputs of the servo.
 
         :param inputs: new values; the keywords are the fields of `ServoInputs`.
         :raises GraspError: a roller named as failed does not exist in the robot; then no input is
@@ -221,7 +221,7 @@ class TwistServo:
         self._detect()
 
     def _detect(self) -> None:
-        """Compare the commanded with the measured roller travel."""
+        """Detect failed rollers from commanded and measured travel."""
         rollers = self._inputs.rollers
         if not isinstance(rollers, StampedInput):
             return
@@ -279,7 +279,7 @@ class TwistServo:
 
     @property
     def _touching(self) -> Grip:
-        """Return the grip; if the object is modelled, with the contacts of its equilibrium."""
+        """Return the grip, with the contacts of the modelled equilibrium if there is one."""
         belief = None if self._squeeze is None else self._squeeze.belief
         return self._settings.grip if belief is None else belief.grip
 
@@ -299,7 +299,7 @@ class TwistServo:
         limits: Sequence[Limit],
         handling: LimitHandling,
     ) -> RollerCommand:
-        """Return the command for a velocity of the joint."""
+        """Return the roller command for a desired velocity of the joint."""
         if twist[2] != 0.0:
             raise HaltError(
                 Status.HALT_INVALID_TWIST,

@@ -95,7 +95,7 @@ class ElasticObject:
         return held_joints(self._grasp)
 
     def pose(self, config: Configuration) -> Pose:
-        """Return the pose after the last step; see `SimulatedObject.pose`."""
+        """Return the object's pose after the last step; see `SimulatedObject.pose`."""
         return self._body.pose if self._grasp is None else self._grasp.pose
 
     @single_threaded
@@ -142,7 +142,7 @@ class ElasticObject:
         return touch
 
     def _pressed(self, config: Configuration) -> bool:
-        """Return whether two members overlap the free object; one member would only push it."""
+        """Return whether two members overlap the free object; a single one would only push it."""
         return bool(np.sort(member_depths(config, self._body))[-2] > ROUNDING)
 
     def _roll(self, before: HeldGrip, config: Configuration) -> None:

@@ -24,9 +24,9 @@ class RigidObject:
 
     Each time the rollers stop, it is checked whether friction can hold the object. If so, the
     object moves to its equilibrium between the two or three members in contact, and rolls with
-    them afterwards. A free object is fixed to the ground; members do not push it. A held object
-    becomes free if a contact leaves its member, or if a member has no contact when the rollers
-    stop.
+    them afterwards. An object that is not held stands still on the ground, and members do not push
+    it. A held object is released if a contact leaves its member, or if a member has no contact
+    when the rollers stop.
 
     :param body: the object at its initial pose.
     :param friction: coefficient of friction, used if the object has none of its own.
@@ -36,14 +36,14 @@ class RigidObject:
         self._body = body
         self._friction = friction if body.friction is None else body.friction
         self._looks = True
-        self.rolling: RollingGrip | None = None  #: rolling grip; None for a free object
+        self.rolling: RollingGrip | None = None  #: rolling grip; None while not held
 
     @classmethod
     def in_grip(cls, rolling: RollingGrip) -> RigidObject:
         """
         Return an object that stays in a grip as long as all members are in contact.
 
-        Friction is not checked. After leaving the grip the object remains free.
+        Friction is not checked. After it has left the grip, the object is not held again.
 
         :param rolling: initial grip.
         """
@@ -53,12 +53,12 @@ class RigidObject:
 
     @property
     def members(self) -> tuple[str, ...]:
-        """Return the names of the grasping members; none for a free object."""
+        """Return the names of the grasping members; none while the object is not held."""
         return () if self.rolling is None else self.rolling.grip.members
 
     def pose(self, config: Configuration) -> Pose:
         """
-        Return the pose in a configuration; the angle is in (-pi, pi].
+        Return the object's pose in a configuration; the angle is in (-pi, pi].
 
         :param config: configuration of the robot.
         :raises GraspError: the object would leave its grip.

@@ -97,7 +97,7 @@ class SimulatedObject(Protocol):
 
     def pose(self, config: Configuration) -> Pose:
         """
-        Return the pose in a configuration.
+        Return the object's pose in a configuration of the robot.
 
         :param config: configuration of the robot.
         """
@@ -149,7 +149,7 @@ class SimulatedRobot(DrivenRollers):
 
     def replace_object(self, simulated: SimulatedObject) -> None:
         """
-        Replace the object without moving the robot.
+        Replace the robot's object without moving the robot.
 
         :param simulated: the object, which is a `RigidObject`, an `ElasticObject` or user-defined.
         """

@@ -148,7 +148,7 @@ def chord_stiffness(length: Array, forces: EndForces) -> Array:
     Return the stiffness (k, 4, 4) of bent members against the changes of `chord_motions`.
 
     :param length: (k,) lengths of the chords [m].
-    :param forces: forces of the members and their derivatives.
+    :param forces: forces of the members, with the derivatives of the forces.
     """
     core = np.zeros((len(length), 4, 4))
     core[:, :3, :3] = forces.stiffness

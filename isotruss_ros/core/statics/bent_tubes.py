@@ -4,10 +4,10 @@
 """
 Compliance of the tubes at k load points, linearised about a bent state.
 
-The frame has additional nodes at the load points: each load point cuts its member into parts. The
-place of a load point is its distance from its member's start. If it moves along the member, the
-part before it becomes longer and the part behind it shorter. The responses are the displacements
-and inclinations at the load points; they are affine functions of loads and places.
+The frame has additional nodes at the load points: each load point divides its member into parts.
+The place of a load point is its distance from its member's start. If the load point moves along
+the member, the part before it becomes longer and the part behind it shorter. The responses are the
+displacements and inclinations at the load points; they are affine functions of loads and places.
 """
 
 from __future__ import annotations
@@ -58,9 +58,8 @@ class PlaceChanges(NamedTuple):
     Each of the p columns is one motion of the load points.
 
     :ivar nodes: (n, 3, p) displacements of the nodes [m, rad].
-    :ivar inclined: (k, p) changes of the inclinations at the load points if the nodes were fixed
-        [rad].
-    :ivar forces: (c, 3, p) changes of the members' N [N], M1 and M2 [N m] if the nodes were fixed.
+    :ivar inclined: (k, p) changes of the inclinations at the load points with fixed nodes [rad].
+    :ivar forces: (c, 3, p) changes of the members' N [N], M1 and M2 [N m] with fixed nodes.
     """
 
     nodes: Array
@@ -125,7 +124,7 @@ class BentTubes:
 
     def bent_to(self, before: Displaced | None) -> BentTubes:
         """
-        Return these tubes, linearised about another state.
+        Return these tubes, linearised about another state of the frame.
 
         :param before: the other state; None: the state without loads.
         """
@@ -168,7 +167,7 @@ class BentTubes:
 
     @cached_property
     def frame(self) -> Frame:
-        """Return the frame with cuts at the load points."""
+        """Return the structure's frame with additional nodes at the load points."""
         return self._cut[0]
 
     def locate(self, members: Indices, places: Array) -> tuple[Indices, Array, Array]:
@@ -183,7 +182,11 @@ class BentTubes:
 
     @cached_property
     def share(self) -> float:
-        """Return the factor on all loads: 1, or almost 0 for the paper's linear model."""
+        """
+        Return the factor on the loads of the frame: 1, or almost 0 for the paper's model.
+
+        Under loads scaled by almost 0 the frame is linear. Results are divided by the factor.
+        """
         return NEGLIGIBLE_SHARE if self.linear else 1.0
 
     @cached_property
@@ -211,7 +214,11 @@ class BentTubes:
 
     @cached_property
     def _changes(self) -> tuple[Array, Array]:
-        """Return changes (n, 3, p) of nodes and (c, p) of multipliers by loads and places."""
+        """
+        Return the changes (n, 3, p) of nodes and (c, p) of multipliers by p unit changes.
+
+        These are unit loads, unit motions of the load points, and the step to equilibrium.
+        """
         units = self._units
         loads = np.column_stack([units, -self._place_rates[0]])
         applied = np.zeros(len(units))
@@ -261,17 +268,17 @@ class BentTubes:
 
     @cached_property
     def _slopes(self) -> Slopes:
-        """Return the inclinations before and behind each load point."""
+        """Return the tube's inclinations before and behind each load point."""
         return self.tangent.slopes(*self._parts)
 
     def _mean(self, sides: Array) -> Array:
-        """Return the mean (k, ...) of the values (2 k, ...) before and behind each load point."""
+        """Return the mean (k, ...) of values (2 k, ...) before and behind each load point."""
         count = len(self.members)
         return 0.5 * (sides[:count] + sides[count:])
 
     @cached_property
     def _rows(self) -> tuple[Array, Array]:
-        """Return the responses (k, 3) in this state, and their derivatives (k, 3, p)."""
+        """Return the responses (k, 3), and their changes (k, 3, p), see `_changes`."""
         frame, tangent, back = self.frame, self.tangent, self.axis.conj()
         moved, _ = self._changes
         own = tangent.displacements[frame.nodes]
@@ -287,14 +294,14 @@ class BentTubes:
 
     @cached_property
     def matrix(self) -> Array:
-        """Return the responses to unit loads, (k, 3, k, 3)."""
+        """Return the compliance (k, 3, k, 3): responses at the load points to unit loads."""
         count = len(self.members)
         return (self._rows[1][:, :, : 3 * count] / self.share).reshape(count, 3, count, 3)
 
     @cached_property
     def rates(self) -> Array:
         """
-        Return the derivatives (k, 3, k) of the responses with respect to `places`.
+        Return the derivatives (k, 3, k) of the responses with respect to the places.
 
         The responses are the displacements [m] and inclinations [rad] at the load points; `places`
         are in metres.
@@ -330,7 +337,7 @@ class BentTubes:
 
     def distance(self, loads: Array, places: Array) -> float:
         """
-        Return the largest distance of a node from its linearised position under loads [m].
+        Return the largest displacement of a node from the linearised state due to loads [m].
 
         :param loads: (k, 3) loads at the load points.
         :param places: (k,) distances of the load points from the members' starts [m].
@@ -342,7 +349,7 @@ class BentTubes:
         return float(max(moved, slid))
 
     def _displace(self, ways: Array) -> tuple[Array, Array]:
-        """Return the changes of the nodes' displacements (n, 3), and of the positions (n, 3)."""
+        """Return the changes of the nodes' displacements (n, 3), and of their positions (n, 3)."""
         nodes = self._changes[0] @ ways
         moved = nodes.copy()
         if self.before is not None:
@@ -352,7 +359,7 @@ class BentTubes:
         return moved, nodes
 
     def _ways(self, loads: Array, places: Array) -> Array:
-        """Return the amounts (p,) by which loads and places differ from those of this state."""
+        """Return the differences (p,) of loads and places from those of the linearised state."""
         known = 0.0 if self.before is None else self.before.loads
         return np.concatenate([(loads - known).ravel(), places - self._cut[2], [1.0]])
 
@@ -404,7 +411,7 @@ class BentTubes:
 
     def changes(self, loads: Array, places: Array) -> tuple[Array, PlaceChanges]:
         """
-        Return the changes of the frame due to additional loads and to motion of the load points.
+        Return the frame's changes due to additional loads and to motion of the load points.
 
         Each of the p columns is one change.
 
@@ -423,7 +430,7 @@ class BentTubes:
 
     def inclination_changes(self, moved: Array) -> Array:
         """
-        Return the changes (k, p) of inclinations at load points due to moved nodes [rad].
+        Return the changes (k, p) of the tubes' inclinations due to displaced nodes [rad].
 
         :param moved: (n, 3, p) displacements ux, uy [m], theta [rad].
         """
@@ -472,14 +479,13 @@ class BentTubes:
 
     def section_changes(self, changes: Array) -> tuple[Array, Array, Array]:
         """
-        Return the changes of the frame due to p changes of sections, at constant loads and places.
+        Return the frame's changes for p changes of sections; loads and load points are constant.
 
         In the paper's model, loads act with the factor `NEGLIGIBLE_SHARE`.
 
         :param changes: (4, c, p) changes of rest lengths [m], EA [N], EI [N m^2] and GA [N].
-        :return: (n, 3, p) displacements of the nodes; and, if the nodes were fixed, (k, p) changes
-            of the inclinations at the load points and (c, 3, p) changes of the members' N, M1 and
-            M2.
+        :return: (n, 3, p) displacements of the nodes; (k, p) changes of the inclinations at the
+            load points; and (c, 3, p) changes of the members' N, M1 and M2 with fixed nodes.
         """
         frame, tangent = self.frame, self.tangent
         every = np.arange(len(frame.length))

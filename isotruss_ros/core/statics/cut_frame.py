@@ -17,11 +17,12 @@ import numpy as np
 
 class CutFrame(Frame):
     """
-    Frame whose members are divided at points; these points are its last nodes.
+    Frame whose members are divided at points; its last nodes are at these points.
 
-    The first part of a cut member keeps the member's index; all other parts have the last indices.
+    The first part of a divided member has the member's index; the other parts have the last
+    indices.
 
-    :param frame: frame without these points, called uncut.
+    :param frame: frame without nodes at these points, called the uncut frame.
     :param piece: (c,) index of the uncut member that contains each point.
     :param within: (c,) distances of the points from the members' starts [m].
     """
@@ -58,9 +59,7 @@ class CutFrame(Frame):
 
     def locate(self, piece: Indices, within: Array) -> tuple[Indices, Array]:
         """
-        Return the part (c,) that contains each point, and the point's distance (c,) on it [m].
-
-        The distance is measured from the start of the part.
+        Return the parts (c,) of members at given points, and the distances (c,) from their starts.
 
         :param piece: (c,) index of the member of the uncut frame at each point.
         :param within: (c,) distances of the points from the members' starts [m].

@@ -180,7 +180,7 @@ def _load_tubes(structure: Structure, tube_loads: Mapping[str, ArrayLike]) -> tu
 
 
 def _bend(frame: Frame, loads: Array) -> FrameState:
-    """Return the equilibrium of the bent frame under loads."""
+    """Return the bent frame linearised about its equilibrium under loads."""
     with np.errstate(over='ignore', invalid='ignore'):
         found = frame.bend(loads)
     if found is None:

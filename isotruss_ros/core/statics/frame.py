@@ -23,7 +23,7 @@ from isotruss_ros.core.statics.tangent import end_forces, FactoredFrame, Tangent
 import numpy as np
 from scipy.sparse import csc_matrix
 
-#: Largest admissible ratio of the displacements to those of the linear model [-].
+#: Largest admissible ratio of the displacements to the linear model's displacements [-].
 MAX_GROWTH = 1.5
 
 
@@ -162,8 +162,8 @@ class Frame(FrameAssembly):
 
         :param loads: (n, 3) loads fx, fy [N], m [N m] on the nodes.
         :param start: frame linearised about the initial state; None: about the unloaded state.
-        :param growth: largest admissible ratio of the displacements to those of the linear model
-            [-].
+        :param growth: largest admissible ratio of the displacements to the linear model's
+            displacements [-].
         :return: the frame linearised about its equilibrium; None if none is found near the start.
         :raises StructureError: the frame is a mechanism.
         """
@@ -190,7 +190,7 @@ class Frame(FrameAssembly):
 
     def locate(self, piece: Indices, within: Array) -> tuple[Indices, Array]:
         """
-        Return the member (c,) that contains each point, and the distance (c,) from its start.
+        Return the members (c,) at given points, and the distances (c,) from the members' starts.
 
         :param piece: (c,) index of the member of the uncut frame at each point.
         :param within: (c,) distances of the points from the starts of these members [m].

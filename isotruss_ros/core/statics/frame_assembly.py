@@ -24,11 +24,11 @@ class FrameAssembly:
     :ivar length: (k,) lengths of the members [m].
     :ivar axis: (k,) unit vectors of the members from start to end, x + iy.
     :ivar rows: constraints on rotations, see `TurnRows`.
-    :ivar whole: (k,) index of the uncut member to which each member belongs as a part.
+    :ivar whole: (k,) index of the uncut member of which each member is a part.
     :ivar held: (n, 3) mask of the displacements ux, uy, theta that supports fix.
     :ivar pattern: sparsity pattern of the frame; in a cut frame, the pattern of the uncut frame.
     :ivar places: (k, 6) indices of the displacements of the members' ends among all displacements.
-    :ivar chains: groups of the uncut members that are divided.
+    :ivar chains: groups of the members that cuts divide.
     :ivar begins: (k,) distance of each member's start from the start of the uncut member [m].
     :ivar nodes: (c,) indices of the nodes at the cuts.
     :ivar before: (c,) indices of the members that end at the cuts.
@@ -67,14 +67,16 @@ class FrameAssembly:
 
     @cached_property
     def uncut(self) -> Flags:
-        """Return a mask over the uncut frame's members, true where no cut divides them."""
+        """Return a mask of the uncut frame's members, true for members without a cut."""
         return np.bincount(self.whole) == 1
 
     def assemble(
         self, matrices: Array, values: Array, pairs: Array
     ) -> tuple[Array | csc_matrix, Array]:
         """
-        Return the scaled matrix of (4), [[S, A^T], [A, 0]], and its scaling (f + c,).
+        Return the matrix [[S, A^T], [A, 0]] of (4), scaled, and the scaling (f + c,).
+
+        There are f unknown displacements and c constraints.
 
         :param matrices: (k, 6, 6) stiffness of the uncut members against (ux, uy, theta) at both
             ends.

@@ -15,23 +15,23 @@ import numpy as np
 
 class TurnRows(NamedTuple):
     """
-    Constraints on rotations of vectors; in each row the weighted sum of rotations is zero.
+    Constraints on rotations of vectors: in each row the weighted sum of rotations is zero.
 
-    A vector, called a span, is a combination of node positions: each position times its share,
-    where the shares of a span sum to zero.
+    A vector, called a span, is a linear combination of node positions. Its coefficients, called
+    shares, sum to zero.
 
     :ivar count: number of rows.
     :ivar owner: (s,) row of each span.
     :ivar weight: (s,) weight of each span's rotation in its row.
-    :ivar span: (e,) index of the span of each share, ascending.
-    :ivar share: (e,) factor of a node's position in the span.
-    :ivar node: (e,) index of the node.
-    :ivar row: (2 e,) row of each entry of the constraint matrix: first the derivatives by x, then
-        those by y.
-    :ivar column: (2 e,) index of the displacement of each entry.
+    :ivar span: (e,) index of the span to which each share belongs, ascending.
+    :ivar share: (e,) coefficient of a node's position in the span.
+    :ivar node: (e,) index of the node of each share.
+    :ivar row: (2 e,) row of each entry of the constraint matrix: first the derivatives by x of the
+        nodes, then the derivatives by y.
+    :ivar column: (2 e,) column of each entry, which is the index of a displacement.
     :ivar pairs: two arrays (4 h,) of displacements that the geometric stiffness couples: (x, x),
         (x, y), (y, x) and (y, y) of the two nodes of each pair of shares.
-    :ivar paired: two arrays (h,) with the indices of the two shares of each pair.
+    :ivar paired: two arrays (h,): first and second share of each pair in `pairs`.
     """
 
     count: int  # type: ignore[assignment]
@@ -54,9 +54,9 @@ class TurnRows(NamedTuple):
 
         :param row: (s,) row of each span.
         :param weight: (s,) weight of each span.
-        :param span: (e,) index of the span of each share, ascending.
-        :param share: (e,) factor of a node's position in the span.
-        :param node: (e,) index of the node.
+        :param span: (e,) index of the span to which each share belongs, ascending.
+        :param share: (e,) coefficient of a node's position in the span.
+        :param node: (e,) index of the node of each share.
         """
         one, other = np.nonzero(span[:, None] == span)
         x, count = 3 * node, int(row.max()) + 1
@@ -69,7 +69,7 @@ class TurnRows(NamedTuple):
 
     def linearize(self, points: Points, displacements: Array) -> tuple[Array, Array, Points]:
         """
-        Return the constraints linearised about displacements.
+        Return the constraints on rotations, linearised about displacements of the nodes.
 
         :param points: (n,) nodes without loads, x + iy [m].
         :param displacements: (n, 3) displacements ux, uy [m], theta [rad] of the nodes.
@@ -125,7 +125,7 @@ class Members(NamedTuple):
 
 class FramePattern:
     """
-    Sparsity pattern of all frames with the same connections and supports.
+    Sparsity pattern of all frames with equal connections and supports.
 
     :param members: members between the nodes; only their connections are used.
     :param held: (n, 3) mask of the displacements ux, uy, theta that supports fix.
@@ -181,7 +181,7 @@ class FramePattern:
 
 class Chains(NamedTuple):
     """
-    Group of b members with p cuts each, of which no two share an end node.
+    Group of b members, no two with a common end node; each has p cuts.
 
     :ivar parts: (b, p + 1) indices of the parts of each member, from start to end.
     :ivar inner: (b, 3 p) indices of the displacements at the cuts, in the order of the parts.
@@ -195,17 +195,17 @@ class Chains(NamedTuple):
 
 class CutPattern(NamedTuple):
     """
-    Data common to all frames with cuts in the same members and in the same order.
+    Data common to all frames whose k members are divided at c cuts in the same order.
 
     The nodes at the cuts are the last nodes. The first part of a cut member keeps the member's
     index; all other parts have the last indices.
 
-    :ivar whole: (k + c,) index of the member of which each member of the cut frame is a part.
-    :ivar members: members of the cut frame, each with the section of its uncut member.
+    :ivar whole: (k + c,) index of the uncut member to which each part belongs.
+    :ivar members: the k + c parts, each with the section of its uncut member.
     :ivar held: (n + c, 3) mask of the displacements ux, uy, theta that supports fix.
-    :ivar nodes: (c,) indices of the nodes at the points.
-    :ivar before: (c,) indices of the parts that end at the points.
-    :ivar behind: (c,) indices of the parts that begin at the points.
+    :ivar nodes: (c,) indices of the nodes at the cuts.
+    :ivar before: (c,) indices of the parts that end at the cuts.
+    :ivar behind: (c,) indices of the parts that begin at the cuts.
     :ivar chains: groups of the members that are cut.
     :ivar places: (k + c, 6) indices of the displacements of the parts' ends.
     """
@@ -222,13 +222,13 @@ class CutPattern(NamedTuple):
     @classmethod
     def of(cls, members: Members, held: Flags, piece: Indices, order: Indices) -> CutPattern:
         """
-        Return the data common to frames that are cut at given members in a given order.
+        Return the data common to all frames with given members and order of the cuts.
 
         :param members: members of the uncut frame.
         :param held: (n, 3) mask of the displacements ux, uy, theta of the uncut frame that
             supports fix.
-        :param piece: (c,) index of the member of each point.
-        :param order: (c,) indices that sort the points by member and along it.
+        :param piece: (c,) index of the member that each cut divides.
+        :param order: (c,) indices that sort the cuts by member and along each member.
         """
         parts, own = len(members.start), np.arange(len(piece))
         whole, nodes, behind = np.append(np.arange(parts), piece), len(held) + own, parts + own
@@ -262,11 +262,11 @@ class CutPattern(NamedTuple):
 @functools.lru_cache(maxsize=64)
 def cut_pattern(pattern: FramePattern, piece: bytes, order: bytes) -> CutPattern:
     """
-    Return the pattern of a frame whose members are cut at points, cached.
+    Return the data common to all frames with given members and order of the cuts, cached.
 
     :param pattern: pattern of the uncut frame.
-    :param piece: (c,) index of the member of each point, as bytes.
-    :param order: (c,) indices that sort the points by member and along it, as bytes.
+    :param piece: (c,) index of the member that each cut divides, as bytes.
+    :param order: (c,) indices that sort the cuts by member and along each member, as bytes.
     """
     both = (np.frombuffer(each, dtype=np.intp) for each in (piece, order))
     return CutPattern.of(pattern.members, pattern.held, *both)

@@ -5,8 +5,8 @@
 Equilibria of a frame under increasing loads, up to the limit load.
 
 At the limit load the stiffness is singular; at larger loads there is no stable equilibrium nearby.
-Newton's method may still converge to an unstable one, which is recognised by negative pivots of
-the factorised stiffness.
+Newton's method may still converge to an unstable equilibrium, which negative pivots of the
+factorised stiffness indicate.
 """
 
 from __future__ import annotations
@@ -70,6 +70,6 @@ def follow_loads(frame: Frame, loads: Array, most: float, farthest: float = np.i
 
 
 def _step(frame: Frame, tangent: Tangent, loads: Array) -> Tangent | None:
-    """Return the next stable equilibrium on a path; None if none exists nearby."""
+    """Return the next stable equilibrium on a load path; None if none exists nearby."""
     found = frame.bend(loads, tangent)
     return found if found is not None and found.is_stable else None

@@ -65,7 +65,7 @@ class TubeStiffness(Protocol):
     @classmethod
     def of_block(cls, block: Mapping[str, Any], description: RobotDescription) -> TubeStiffness:
         """
-        Return the model that a robot file describes.
+        Return the stiffness model that the block `stiffness` of a robot file describes.
 
         :param block: checked block `stiffness` of the robot file without the name of the model.
         :param description: description of the robot.
@@ -92,7 +92,7 @@ class InflatableBeam:
     :param radius: tube radius R [m].
     :param membrane_modulus: E t [N/m].
     :param membrane_shear_modulus: G t [N/m].
-    :param end_softening: c [-].
+    :param end_softening: factor c of the stiffness c p R of a pinched end [-].
     """
 
     radius: float
@@ -102,7 +102,7 @@ class InflatableBeam:
 
     @property
     def fabric(self) -> Fabric:
-        """Return E t and G t of the wall."""
+        """Return the elastic constants E t and G t of the tube's wall."""
         return Fabric(self.membrane_modulus, self.membrane_shear_modulus)
 
     def section_stiffness(self, length: ArrayLike, pressure: ArrayLike) -> SectionStiffness:
@@ -194,7 +194,7 @@ def tube_pressures(
 
 def as_floats(block: Mapping[str, Any]) -> dict[str, float]:
     """
-    Return a block with its numbers converted to floats.
+    Return a block of a robot file with its numbers converted to floats.
 
     Unlike integers, floats that overflow become infinite.
 

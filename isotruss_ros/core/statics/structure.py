@@ -60,7 +60,7 @@ class Structure:
 
     def node(self, name: str) -> int:
         """
-        Return the index of a node.
+        Return the index of a node among the frame's nodes.
 
         :param name: name of a joint, or t/j/B, t/j/C, t/j/D, t/j/E of a module.
         :raises StructureError: there is no such node.
@@ -74,7 +74,7 @@ class Structure:
 
     def locate(self, members: Indices, places: Array) -> tuple[Indices, Array, Array]:
         """
-        Return the pieces of tube that contain points, the positions on them and their directions.
+        Return the frame's tube pieces that contain given points, and the positions in the pieces.
 
         :param members: (c,) index of the member of each point.
         :param places: (c,) distances from the members' starts [m].

@@ -27,13 +27,13 @@ TUBE_CURVATURE = 15.0
 
 class CondensedChains(NamedTuple):
     """
-    Cut members of which the inner points are eliminated by static condensation.
+    Cut members; static condensation has eliminated the nodes at their p cuts.
 
     :ivar chains: the cut members.
-    :ivar inverse: (b, 3 p, 3 p) displacements of the inner points due to unit loads on them, while
-        the member ends are fixed.
-    :ivar spread: (b, 3 p, 6) displacements of the inner points for unit displacements of the ends.
-    :ivar stiffness: (b, 3 p, 3 p) stiffness of the inner points with fixed member ends.
+    :ivar inverse: (b, 3 p, 3 p) displacements of the nodes at the cuts due to unit loads on them,
+        with fixed member ends.
+    :ivar spread: (b, 3 p, 6) displacements of these nodes for unit displacements of the ends.
+    :ivar stiffness: (b, 3 p, 3 p) stiffness against displacements of these nodes.
     """
 
     chains: Chains
@@ -47,10 +47,10 @@ class Slopes(NamedTuple):
     Inclinations of the bent centre lines at p ends of members, and their derivatives.
 
     :ivar values: (p,) inclinations [rad].
-    :ivar by_ends: (p, 1, 6) derivatives with respect to (ux, uy, theta) at start and end.
-    :ivar by_forces: (p, 3) derivatives with respect to N, M1 and M2 while the nodes are fixed.
-    :ivar by_shear: (p,) derivatives with respect to the logarithm of GA while the nodes and N, M1
-        and M2 are fixed.
+    :ivar by_ends: (p, 1, 6) derivatives of the inclinations by (ux, uy, theta) at start and end.
+    :ivar by_forces: (p, 3) derivatives of the inclinations by N, M1 and M2 with fixed nodes.
+    :ivar by_shear: (p,) derivatives of the inclinations by the logarithm of GA at constant nodes,
+        N, M1 and M2.
     """
 
     values: Array
@@ -64,7 +64,7 @@ class FactoredFrame(NamedTuple):
     Factorised matrix of (4), which is also used in similar states.
 
     :ivar factor: factor of the scaled matrix.
-    :ivar scale: (f + c,) scaling of its rows and columns.
+    :ivar scale: (f + c,) scaling of its rows and columns: f unknown displacements, c constraints.
     :ivar points: (n,) displaced nodes, see `Tangent.points` [m].
     """
 
@@ -110,7 +110,7 @@ class Tangent:
 
     @cached_property
     def chains(self) -> list[CondensedChains]:
-        """Return the cut members, whose inner points were eliminated by static condensation."""
+        """Return the cut members after static condensation of the nodes at the cuts."""
         return self._condensed[1]
 
     @cached_property
@@ -118,7 +118,7 @@ class Tangent:
         """
         Return the scaled matrix of (4), and the scaling (f + c,) of its rows and columns.
 
-        If members are cut, the displacements of the points at the cuts are eliminated.
+        The displacements of nodes at cuts are eliminated.
         """
         values, _, spans = self._constraints
         curvature = self._frame.rows.curvature(spans, self.multipliers)
@@ -127,7 +127,7 @@ class Tangent:
     @cached_property
     def factored(self) -> FactoredFrame:
         """
-        Return the factorisation of the matrix of `system`.
+        Return the factorisation of the scaled matrix of (4), see `system`.
 
         :raises StructureError: the structure has no stiffness in its bent shape.
         """
@@ -139,10 +139,10 @@ class Tangent:
 
     def respond(self, loads: Array, gaps: Array | float = 0.0) -> tuple[Array, Array]:
         """
-        Return the changes of displacements (3 n, p) and multipliers (c, p) due to p loads.
+        Return the changes of displacements (3 n, p) and multipliers (c, p) due to p load cases.
 
         :param loads: (3 n, p) additional loads, one column each [N, N m].
-        :param gaps: (c, p) changes of the values that the constraints must have.
+        :param gaps: (c, p) changes of the right-hand sides of the constraints.
         """
         borne = loads
         if self.chains:
@@ -164,10 +164,10 @@ class Tangent:
 
     def balance(self, applied: Array, loads: Array | None = None) -> tuple[Array, Array]:
         """
-        Return the changes of the state by loads, and in the last column the step to equilibrium.
+        Return changes of displacements and multipliers: by loads, last the step to equilibrium.
 
         :param applied: (3 n,) loads in the equilibrium [N], [N m].
-        :param loads: (3 n, p) additional loads of the other columns; None: no other columns.
+        :param loads: (3 n, p) additional loads of the first p columns; None: no such columns.
         :return: changes (n, 3, p + 1) of displacements, and (c, p + 1) of multipliers.
         """
         left, gaps = applied - self.carried, self._constraints[1]
@@ -179,7 +179,7 @@ class Tangent:
 
     def borrow(self, other: Tangent) -> None:
         """
-        Use the factorised matrix of a similar state in place of this state's own.
+        Use the factorised matrix of a similar state for the responses of this state.
 
         It must be called before any matrix of this frame is computed.
 
@@ -202,7 +202,7 @@ class Tangent:
 
     def response_error(self, state: Tangent) -> float:
         """
-        Return the relative error of responses by the factorised matrix in another state [-].
+        Return the relative error of responses if another state uses this factorised matrix [-].
 
         :param state: frame linearised about the other state.
         """
@@ -215,7 +215,7 @@ class Tangent:
 
     @property
     def _linear(self) -> Tangent:
-        """Return the linearised frame whose matrix `respond` uses: this or the borrowed one."""
+        """Return the linearised frame whose factorised matrix `respond` uses, see `borrow`."""
         return self.__dict__.get('_lent', self)
 
     @cached_property
@@ -322,7 +322,7 @@ class Tangent:
 
     @property
     def is_stable(self) -> bool:
-        """Return whether the equilibrium is stable under the constraints."""
+        """Return whether the frame's equilibrium is stable under the constraints."""
         chains = itertools.chain.from_iterable(each.stiffness for each in self.chains)
         softened = sum(count_negative_pivots(each, 0) for each in chains)
         negative = count_negative_pivots(self.system[0], self._frame.rows.count)
@@ -343,7 +343,7 @@ def end_forces(forces: Array, length: Array) -> Array:
 
 def _condense(matrices: Array, chains: Chains) -> CondensedChains:
     """
-    Eliminate inner points of cut members; `matrices` of first parts become the condensed ones.
+    Eliminate the nodes at cuts; condensed stiffnesses replace those of the first parts.
 
     :param matrices: (k, 6, 6) stiffness of all parts against (ux, uy, theta) at both ends.
     :param chains: the cut members.

@@ -78,9 +78,9 @@ class Section:
     @classmethod
     def of_block(cls, block: Mapping[str, Any], description: RobotDescription) -> Section:
         """
-        Return the section with EA, EI and GA of a robot file; see `TubeStiffness.of_block`.
+        Return the section with the EA, EI and GA of a block; see `TubeStiffness.of_block`.
 
-        If the block has no pressure, these are the values at the pressure of the robot file.
+        If the block has no pressure, they are those at the first tube's pressure.
         """
         at = {'pressure': next(iter(description.pressures.values()))}
         return cls(**as_floats(at | dict(block)), radius=0.5 * description.tube_diameter)
@@ -172,7 +172,7 @@ class PowerLaw:
 
 @dataclass(frozen=True)
 class TubeSections:
-    """Section stiffness of a tube: that of a model times a measured factor."""
+    """Section stiffness of a tube: the stiffness of a model times a measured factor."""
 
     model: TubeStiffness  #: the stiffness model
     scale: float = 1.0  #: ratio of the tube's true stiffness to the modelled one [-]
@@ -195,7 +195,8 @@ class TubeSections:
 
         :param length: (k,) lengths, pinch point to pinch point [m].
         :param pressure: (k,) gauge pressures [Pa].
-        :return: derivatives with respect to length, and to gauge pressure, (3, k) each.
+        :return: derivatives of the three flexibilities with respect to length, and with respect to
+            gauge pressure, (3, k) each.
         """
         # The error, the square of the step plus rounding over the step, is least here.
         step = EPSILON ** (1.0 / 3.0)

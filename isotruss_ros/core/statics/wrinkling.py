@@ -67,7 +67,7 @@ def _use_pieces(
     structure: Structure, frame: Frame, end_forces: Array, pulls: Array
 ) -> tuple[Indices, Indices, Array, Array]:
     """
-    Return p pieces of tube, their members, |M| / M_w (3, p), and the positions (3, p) of these.
+    Return p tube pieces, their members, |M| / M_w (3, p), and its positions (3, p) [m].
 
     The values are those at the start, at the end and at the maximum inside the piece.
     """

@@ -49,7 +49,7 @@ class CheckRollers(StoppableNode):
     specs = SPECS
 
     def start(self) -> None:
-        """Create the subscriptions, and wait for the markers."""
+        """Create the subscriptions, and wait for the joint markers."""
         self._robot = load_robot(self.values.robot)
         self.right: list[str] = []
         self._commands = RollerCommands(self, len(self._robot.roller_names))
@@ -62,7 +62,7 @@ class CheckRollers(StoppableNode):
         self.create_steady_timer(1.0 / self.values.rate, self._cycle)
 
     def stop(self) -> None:
-        """Command zero velocities."""
+        """Command zero velocities to all rollers."""
         self._commands.stop()
 
     def _receive_stop(self, message: Bool) -> None:
@@ -83,7 +83,7 @@ class CheckRollers(StoppableNode):
         self._commands.publish(self._velocities)
 
     def _check_all(self) -> Generator[float, None, None]:
-        """Check the rollers one by one; yield pauses [s]."""
+        """Check the rollers one by one; yield the length of each pause [s]."""
         travel, speed = self.values.travel, self.values.speed
         rest = self.values.settle_time + WINDOW
         for number, name in enumerate(self._robot.roller_names):

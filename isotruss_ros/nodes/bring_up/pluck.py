@@ -56,7 +56,7 @@ class Pluck(StoppableNode):
     specs = SPECS
 
     def start(self) -> None:
-        """Create the subscriptions, and wait for the inputs."""
+        """Create the subscriptions, and wait for pose and status."""
         values = self.values
         self.found: Oscillation | None = None
         robot = load_robot(values.robot)
@@ -120,7 +120,7 @@ class Pluck(StoppableNode):
             raise MeasurementError(why)
 
     def _report(self) -> None:
-        """Fit the oscillation and end."""
+        """Fit an oscillation to the poses, print the result, and end the node."""
         times = np.array(self._times)
         after = times > self._pushed + PUSH_TIME
         self.found = fit_oscillation(times[after], np.array(self._poses)[after], self._arm)

@@ -46,7 +46,7 @@ class Preflight(StoppableNode):
     specs = SPECS
 
     def start(self) -> None:
-        """Create the subscriptions, and start to record."""
+        """Create the subscriptions, and start to record messages."""
         self._robot = load_robot(self.values.robot)
         self._markers = JointMarkers(self, self._robot)
         self._joint_states: list[JointState] = []

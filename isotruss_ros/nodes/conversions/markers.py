@@ -45,7 +45,7 @@ OPEN = ColorRGBA(r=0.85, g=0.2, b=0.2, a=0.8)
 
 def to_marker_array(report: GraspReport, frame: str, time: float) -> MarkerArray:
     """
-    Return RViz markers for a grasp report; the first one deletes all earlier markers.
+    Return RViz markers for a grasp report; the first marker deletes all earlier markers.
 
     :param report: report of the grasp monitor.
     :param frame: name of the robot frame.

@@ -39,7 +39,7 @@ def schema_text(kind: Any) -> str:
 
 
 def _collect(kind: Any, found: dict[str, str]) -> None:
-    """Add to `found` the definitions of a message type and of all message types of its fields."""
+    """Add to `found` the definitions of a message type and of its fields' message types."""
     package, folder, name = type_name(kind).split('/')
     short = f'{package}/{name}'
     if short in found:

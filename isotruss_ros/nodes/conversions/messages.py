@@ -31,7 +31,7 @@ class MessageError(IsotrussError, ValueError):
 
 def read_stamp(header: Header) -> float:
     """
-    Return the stamp of a header [s].
+    Return the time stamp of a message header [s].
 
     :param header: header of a message.
     """
@@ -40,7 +40,7 @@ def read_stamp(header: Header) -> float:
 
 def make_header(when: float, frame: str = '') -> Header:
     """
-    Return a header with a time and a frame.
+    Return a message header with a time stamp and a frame.
 
     :param when: time of the stamp [s]; a negative time is replaced by zero.
     :param frame: name of the frame.

@@ -101,8 +101,8 @@ def to_duration(seconds: float) -> Duration:
 
 def read_duration(duration: Duration) -> float:
     """
-    Return the duration of a message [s].
+    Return the value of a Duration message in seconds.
 
-    :param duration: message of the duration.
+    :param duration: the message.
     """
     return duration.sec + 1e-9 * duration.nanosec

@@ -45,7 +45,7 @@ def read_goal(
     :param goal: goal of the action.
     :param robot: the robot.
     :param described: object at any pose that is used if the goal describes no object; None: the
-        goal must describe one.
+        goal must describe an object.
     :raises MessageError: the goal has no pose, another frame, no object, two objects, or a number
         out of range.
     :raises GraspError: an object or requirement is invalid, or a module or member is unknown.
@@ -118,7 +118,7 @@ def _read_body(goal: PlanGrasp.Goal, described: ConvexObject | None) -> ConvexOb
 
 def to_result_message(answer: Answer, robot: Robot) -> PlanGrasp.Result:
     """
-    Convert the result of a search to a message.
+    Convert the result of a grasp search to a message.
 
     :param answer: result of the search.
     :param robot: the robot.

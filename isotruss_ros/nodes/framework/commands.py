@@ -19,7 +19,7 @@ import numpy as np
 from std_msgs.msg import Float64MultiArray
 
 TOPIC = 'roller_velocity_controller/commands'
-#: Time without commands of other nodes after which these nodes count as silent [s].
+#: Time without commands of other nodes after which the other nodes count as silent [s].
 QUIET_TIME = 1.0
 
 
@@ -59,7 +59,7 @@ class RollerCommands:
         self._sent += 1
 
     def stop(self) -> None:
-        """Publish zero velocities."""
+        """Publish zero velocities for all rollers."""
         self.publish(np.zeros(self._count))
 
     def wait_for_subscribers(self) -> bool:
@@ -67,7 +67,7 @@ class RollerCommands:
         return self._publisher.wait_for_all_acked(ACKNOWLEDGE_TIME)
 
     def find_others(self) -> str | None:
-        """Return a text that names other nodes that command the rollers; None without any."""
+        """Return a text that names other nodes commanding the rollers; None if there are none."""
         if time.monotonic() - self._heard > QUIET_TIME:
             return None
         return f'another node publishes on {TOPIC}: end or deactivate it, or this one'

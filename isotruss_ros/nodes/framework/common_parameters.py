@@ -59,9 +59,9 @@ REQUIRE_EMERGENCY_STOP = Spec(
 
 def read_described(values: Parameters) -> ConvexObject | None:
     """
-    Return the object that the parameter `object` describes; None if it is empty.
+    Return the object that the parameter `object` describes; None if the parameter is empty.
 
-    Then the parameter `object_diameter` defines a disc.
+    If it is empty, the parameter `object_diameter` defines a disc.
 
     :param values: parameters of a node.
     :raises IsotrussError: the description is invalid.

@@ -1,6 +1,6 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
-"""Control cycle that goes on when the clock jumps, and the executor that runs it."""
+"""Control cycle that continues when the clock jumps, and the executor of the cycle."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Cycle:
 
     :ivar is_steady: whether the cycles are timed by the steady clock and not by simulated time.
     :param node: node with the parameters `rate` [Hz] and `command_timeout` [s]. The clock is
-        regarded as stopped after the latter.
+        regarded as stopped if it does not advance for `command_timeout`.
     :param step: callback that is called in each cycle with the current time [s].
     :param jumped_back: callback that is called before the next step if the clock was set back.
     :param stopped: callback that is called repeatedly while simulated time does not advance.
@@ -63,7 +63,7 @@ class Cycle:
             node.create_steady_timer(WATCH_PERIOD, self._check)
 
     def apply(self) -> None:
-        """Apply the current values of the parameters."""
+        """Apply the current value of the node's parameter `rate` to the cycle."""
         self._timer.timer_period_ns = int(1e9 / self._values.rate)
         self._since = None
 
@@ -77,7 +77,7 @@ class Cycle:
         self._tick()
 
     def summary(self) -> dict[str, object]:
-        """Return number, computing times and overruns of the cycles since the last summary."""
+        """Return the number, computing times and overruns of the cycles since the last summary."""
         times, period = sorted(self._times), 1e-9 * self._timer.timer_period_ns
         self._times.clear()
         if not times:
@@ -163,7 +163,7 @@ class PacedExecutor(SingleThreadedExecutor):
             cycle.run()
 
     def _execute_waiting(self) -> None:
-        """Execute each ready callback once."""
+        """Execute each ready callback of the node once."""
         while True:
             try:
                 handler, _entity, _node = self.wait_for_ready_callbacks(timeout_sec=0.0)

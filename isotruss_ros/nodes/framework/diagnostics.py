@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Publication of a node's status on `/diagnostics`, and log of reasons without repetitions."""
+"""Publication of a node's status on `/diagnostics`, and log of warnings without repetitions."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from typing import Any, NamedTuple
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from isotruss_ros.nodes.framework.topics import EVENTS
 
-#: Time without a repetition after which a reason counts as ended [s].
+#: Time without a repetition after which the reason for a stop or warning has ended [s].
 QUIET_TIME = 2.0
 #: Shortest time between log entries if two reasons of one kind alternate [s].
 MIN_LOG_PERIOD = 1.0
-#: Numbers in the text of a reason, which are ignored when two reasons are compared.
+#: Numbers in a text, which are ignored when two texts are compared.
 NUMBERS = re.compile(r'[-+]?[\d.]+(e[-+]?\d+)?')
 #: Period of reports while the status does not change [s].
 REPORT_PERIOD = 1.0
@@ -37,9 +37,11 @@ class Reason(NamedTuple):
 
 class ReasonLog:
     """
-    Log of reasons that logs only changes; reasons that differ only in numbers are equal.
+    Log of the reasons for a node's stops and warnings, without repetitions.
 
-    :param log: function that logs a line.
+    A reason is logged if it differs from the last one of its kind in more than numbers.
+
+    :param log: function that writes a line to the node's log.
     """
 
     def __init__(self, log: Callable[[str], object]) -> None:
@@ -48,7 +50,7 @@ class ReasonLog:
 
     def note(self, kind: str, text: str) -> None:
         """
-        Log a reason, or only count it if it is a repetition.
+        Log the reason for a stop or a warning; only count it if it is a repetition.
 
         :param kind: kind of the reason. There is one current reason of each kind.
         :param text: sentence with the reason.
@@ -64,14 +66,14 @@ class ReasonLog:
         self._reasons[kind] = Reason(text, 1, now, now)
 
     def end(self) -> None:
-        """For each reason that no longer occurs, log how often it occurred."""
+        """Log the number of occurrences of each reason that no longer occurs."""
         now = time.monotonic()
         for kind, reason in list(self._reasons.items()):
             if now - reason.given >= QUIET_TIME:
                 self._end(kind)
 
     def _end(self, kind: str) -> None:
-        """Remove the reason of a kind; if the reason was repeated, log how often it occurred."""
+        """Remove the reason of a kind; if it was repeated, log the number of occurrences."""
         reason = self._reasons.pop(kind, None)
         if reason is not None and reason.count > 1:
             self._log(f'no longer, after {reason.count} times: {reason.text}')

@@ -51,13 +51,13 @@ class Topic(NamedTuple):
 
 class Gate:
     """
-    Gate that checks each message of a topic, and passes on its value or why it was rejected.
+    Gate that checks each message of a topic, and passes on its value or a rejection.
 
     A message whose transform has not arrived yet is queued until it exceeds the largest age.
 
     :ivar subscription: subscription of the topic.
     :ivar waiting: queued messages, each with the reason for waiting.
-    :ivar words: name of the input that texts for users contain.
+    :ivar words: name of the input in texts for users.
     :param node: subscribing node, whose clock is compared with the stamps. A message without a
         header is stamped at reception.
     :param topic: relative name of the topic.
@@ -88,7 +88,7 @@ class Gate:
 
     def receive(self, message: Any) -> None:
         """
-        Check a message; pass on its value or the reason of its rejection, or queue it.
+        Check a message; pass on its value or the reason of the rejection, or queue the message.
 
         :param message: message of the topic.
         """
@@ -96,7 +96,7 @@ class Gate:
         self.settle()
 
     def settle(self) -> None:
-        """Check the queued messages again."""
+        """Check the messages again that were queued for their transforms."""
         now = self._node.now()
         for _ in range(len(self.waiting)):
             message, why = self.waiting.popleft()
@@ -111,7 +111,7 @@ class Gate:
                 self._take(rejected, now)
 
     def _pass_on(self, message: Any, now: float) -> None:
-        """Pass on the value of a valid message."""
+        """Pass on the value of a valid message to the callback."""
         time = now
         if hasattr(message, 'header'):
             setting, stamp = self._setting, read_stamp(message.header)

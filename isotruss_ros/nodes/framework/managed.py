@@ -45,10 +45,10 @@ class ManagedNode(StoppableNode, LifecycleNode):
 
     :cvar awaited: topics and actions that the active node needs, mentioned in the log.
     :cvar idle: text of the diagnostics while the active node has no goal.
-    :ivar inputs: `Inputs` created by `configure`, of which the diagnostics report the ages; None
-        if the node has none.
+    :ivar inputs: `Inputs` created by `configure`, whose ages the diagnostics report; None if the
+        node has no inputs.
     :ivar configured: whether `configure` has succeeded and the entities that it created exist.
-    :ivar kept: entities that outlast the life-cycle state in which they were created.
+    :ivar kept: entities that are not destroyed at the end of the state of their creation.
     :ivar active: whether publishers are enabled, which they also are in transitions to and from
         the state `active`.
     :ivar diagnostics: diagnostic status of the node.
@@ -77,13 +77,13 @@ class ManagedNode(StoppableNode, LifecycleNode):
         """Raise IsotrussError for invalid parameter values, at `configure` and on changes."""
 
     def configure(self) -> None:
-        """Create publishers and subscriptions."""
+        """Create publishers and subscriptions; a step of the life cycle."""
 
     def _apply(self) -> None:
         """Apply the parameter values; called after `configure` and on changes."""
 
     def activate(self) -> None:
-        """Start the timers; the publishers are already enabled."""
+        """Start the timers; a step of the life cycle, with publishers already enabled."""
 
     def deactivate(self) -> None:
         """Bring the robot to a safe state; publishers are still enabled."""
@@ -179,7 +179,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
         return SUCCESS
 
     def on_shutdown(self, _state: LifecycleState) -> TransitionCallbackReturn:
-        """Stop the node in any state."""
+        """Stop the node in any state of the life cycle."""
         if self.active:
             self.on_deactivate(_state)
         self._try_step('clean up', self._release)
@@ -234,7 +234,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
         self.cleanup()
 
     def _check_change(self, parameters: list[Parameter]) -> SetParametersResult:
-        """Return whether parameters can be set; while the node is unconfigured, all can be."""
+        """Return whether parameters can be set; all can be set while the node is unconfigured."""
         new = {parameter.name: parameter.value for parameter in parameters}
         try:
             if 'configured' in self._before:

@@ -4,8 +4,8 @@
 """
 Parameters of nodes with type, range and description, checked at start and on each change.
 
-Each one is a parameter of rclpy with a descriptor. The package `generate_parameter_library` is not
-used, because it cannot be installed from PyPI on machines without ROS.
+Each parameter is a parameter of rclpy with a descriptor. The package `generate_parameter_library`
+is not used, because it cannot be installed from PyPI on machines without ROS.
 """
 
 from __future__ import annotations

@@ -96,12 +96,12 @@ class StoppableNode(Node):
         self._reasons.note(kind, message)
 
     def log_ended(self) -> None:
-        """For each logged warning that no longer occurs, log how often it occurred."""
+        """Log the number of occurrences of each warning that no longer occurs."""
         self._reasons.end()
 
     def offer(self, name: str, carry_out: Callable[[], str]) -> None:
         """
-        Offer a service that takes no arguments.
+        Offer a service that takes no arguments (std_srvs/Trigger).
 
         :param name: name of the service of type std_srvs/Trigger.
         :param carry_out: function that executes the request and returns a sentence with the

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Subscriptions that store the latest value of each input, or the reason why it was rejected."""
+"""Subscriptions that store the latest value of each input, or the reason for its rejection."""
 
 from __future__ import annotations
 
@@ -193,7 +193,7 @@ class Inputs:
         return StampedInput(tuple(each.value for each in known), time, reason)
 
     def settle(self) -> None:
-        """Process the queued messages whose transforms have arrived."""
+        """Process the queued messages of all inputs whose transforms have arrived."""
         for gate in self._gates.values():
             if gate.waiting:
                 gate.settle()
@@ -234,7 +234,7 @@ class Inputs:
 
     def configuration(self, now: float) -> Configuration:
         """
-        Return the configuration at the latest joint states.
+        Return the robot's configuration at the latest joint states.
 
         :param now: time on the clock of the inputs [s].
         :raises InputError: the joint states are missing, stale or invalid.

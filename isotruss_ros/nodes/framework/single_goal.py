@@ -103,7 +103,7 @@ class SingleGoal:
 
     @property
     def active(self) -> bool:
-        """Return whether a goal is active."""
+        """Return whether a goal of the action is active."""
         return self._handle is not None
 
     @property

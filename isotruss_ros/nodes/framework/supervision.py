@@ -18,7 +18,7 @@ from action_msgs.msg import GoalInfo
 from isotruss_ros.nodes.framework.topics import subscribe_newest
 from rclpy.lifecycle import LifecycleNode
 
-#: Topic on which a client names the goal that it supervises, before it sends the goal.
+#: Topic on which a client names a goal that it supervises, before it sends the goal.
 TOPIC = 'supervised_goal'
 #: Shortest period of feedback, which is the heartbeat of a server [s].
 FEEDBACK_PERIOD = 0.05
@@ -30,7 +30,7 @@ START_TIMEOUT = 1.0
 
 class ClientWatch:
     """
-    Detector for the loss of a goal's client, from the time of its last heartbeat.
+    Detector for the loss of a goal's client, from the time of the client's last heartbeat.
 
     :param node: node that subscribes until it is destroyed.
     """
@@ -75,7 +75,7 @@ class ServerWatch:
         self._heard = time.monotonic() + START_TIMEOUT
 
     def note(self) -> None:
-        """Record that feedback has arrived."""
+        """Record that feedback of the server has arrived."""
         self._heard = max(self._heard, time.monotonic())
 
     def find_loss(self) -> str | None:

@@ -29,8 +29,8 @@ NEWEST = QoSProfile(depth=2, reliability=ReliabilityPolicy.BEST_EFFORT)
 #: Profile for all messages of a short interval, such as joint states from ten publishers at 100 Hz
 #: for a loop at 100 Hz.
 EACH = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
-#: Setting without event callbacks. They are not needed, because these subscriptions match any
-#: publisher; with them each wait of `manipulation` would take a third longer.
+#: Setting without event callbacks. Event callbacks are not needed, because these subscriptions
+#: match any publisher. With them each wait of `manipulation` would take a third longer.
 NO_EVENTS = SubscriptionEventCallbacks(use_default_callbacks=False)
 RELIABLE = QoSProfile(depth=1)
 #: Longest wait until the subscribers acknowledge the last command.

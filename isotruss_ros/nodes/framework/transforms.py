@@ -64,7 +64,7 @@ class TransformBroadcaster:
         time: float,
     ) -> None:
         """
-        Publish the transforms from the robot frame.
+        Publish the transforms from the robot frame to object, contacts and modules.
 
         :param config: measured configuration of the robot.
         :param pose: pose of the object, robot frame.

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Grasp monitor, which analyses the grasp from the latest inputs or reports why it cannot.
+Grasp monitor, which analyses the grasp from the latest inputs or reports their fault.
 
 A result is valid only for the inputs from which it was computed. It is discarded when an input is
 stale, missing or rejected.
@@ -126,11 +126,11 @@ class GraspMonitor:
     @single_threaded
     def analyze_request(self, query: GraspQuery, now: float) -> GraspReport:
         """
-        Return the analysis of a request, independently of `report`.
+        Return the grasp analysis for a request, independently of `report`.
 
-        :param query: arguments of the request. If it has no roller positions, the measured ones
-            are used and must be fresh. If pressures have ever been received, they must be fresh
-            too.
+        :param query: arguments of the request. If it has no roller positions, the measured
+            positions are used and must be fresh. If pressures have ever been received, they must
+            be fresh too.
         :param now: time on the clock of the inputs [s].
         """
         try:

@@ -43,7 +43,7 @@ class GraspCode(enum.IntEnum):
         return self.name.lower().replace('_', ' ')
 
 
-#: Code of a report for each name of an input and kind of its fault.
+#: Code of a report for the name and the fault of an input.
 INPUT_CODES = {
     (name, fault): GraspCode[code]
     for name in ('joint_states', 'object_pose', 'external_wrench', 'tube_pressures')
@@ -80,7 +80,7 @@ class AnalyzedGrasp:
     @property
     def utilisation(self) -> dict[str, tuple[float, float]]:
         """
-        Return the largest utilisation of each member, and the place where it occurs.
+        Return the largest utilisation of each member, and its position along the member.
 
         :return: for each member, the larger of its utilisations with fixed and with free object
             [-], and the distance from the member's start at which it occurs [m].
@@ -98,8 +98,8 @@ class AnalyzedGrasp:
 class GraspReport:
     """Result of a grasp analysis, or the reason why there is none."""
 
-    #: OK for a valid result, WRINKLED for one for which the model does not hold, otherwise the
-    #: reason why there is no result
+    #: OK for a valid result, WRINKLED for a result for which the model does not hold, otherwise
+    #: the reason why there is no result
     code: GraspCode
     message: str  #: warnings, or the reason why there is no result; may be empty
     time: float  #: time of the oldest input, or time of the call if there is no result [s]

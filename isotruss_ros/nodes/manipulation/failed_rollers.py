@@ -64,7 +64,7 @@ class FailedRollers:
 
     def follow(self, detector: FailureDetector, robot: Robot) -> None:
         """
-        Copy detected failures from the previous servo's detector to that of a new servo.
+        Copy detected failures from the previous servo's detector to the new servo's detector.
 
         :param detector: failure detector of the new servo.
         :param robot: robot of the new servo.

@@ -109,7 +109,7 @@ class Manipulation(ManagedNode):
         self.cycle = Cycle(self, self._step, self._clear_inputs, self._halt_on_stopped_clock)
 
     def deactivate(self) -> None:
-        """Command zero velocities and wait for their acknowledgement."""
+        """Command zero velocities to all rollers, and wait for the acknowledgement."""
         self._trajectory.abort('the node was deactivated')
         self._commands.stop()
         if not self._wait_for_zero():
@@ -202,7 +202,7 @@ class Manipulation(ManagedNode):
             check_joint(self.robot, joint)
 
     def _apply(self) -> None:
-        """Use the new parameters from the next cycle on."""
+        """Use new parameter values from the next cycle on."""
         settings, before = self._make_settings(), self._servo.settings.joint
         self._servo.apply(settings)
         self._failed_rollers.follow(self._servo.detector, self.robot)

@@ -34,15 +34,15 @@ class SparseMessages:
     """
     Subscription that passes on messages and reports that a message may have been lost.
 
-    A publisher that publishes a message and exits at once may be gone before the subscription has
-    matched it. Then its message is lost without an error. So if a publisher ends and no message
-    was received since it was matched, a possible loss is reported.
+    A publisher that publishes a message and exits at once may have ended before the subscription
+    has matched it. Then the message is lost without an error. So a possible loss is reported if a
+    publisher ends and no message was received since this publisher was matched.
 
-    With `every`, messages that were latched earlier are received too, and lost messages and
-    best-effort publishers are reported. A transient-local subscription does not match a volatile
-    publisher, such as `ros2 topic pub` without options, so the first subscription is volatile. If
-    there is a latching publisher, a second, transient-local subscription is added; then the
-    messages of this publisher are received twice.
+    With `every`, messages that were latched earlier are received too. For this there are two
+    subscriptions: a volatile one, which matches every publisher, and as soon as a publisher
+    latches, a transient-local one, which matches only latching publishers. Then the messages of
+    the latching publisher are received twice. Lost messages and best-effort publishers, whose
+    messages may be lost, are reported.
 
     :param node: subscribing node; its subscription is reliable.
     :param kind: type of the messages.

@@ -45,9 +45,9 @@ class TrajectoryFollowing:
     """
     Execution of one roller trajectory at a time, after which twists move the object again.
 
-    A new trajectory replaces the current one. An empty trajectory or any stop of the rollers ends
-    the current one, which does not resume. The result of a trajectory remains the status of the
-    node until the next twist.
+    A new trajectory replaces the current trajectory. An empty trajectory or any stop of the
+    rollers ends the current trajectory, which does not resume. The result of a trajectory remains
+    the status of the node until the next twist.
 
     :ivar follower: servo that tracks the trajectory.
     :param node: node that subscribes while it is active.
@@ -61,7 +61,7 @@ class TrajectoryFollowing:
         self._goals = [self._offer(kind, name) for kind, name in _offered_actions()]
 
     def subscribe(self) -> None:
-        """Accept trajectories from now on."""
+        """Accept roller trajectories from now on."""
         self._outcome = None
         SparseMessages(self._node, JointTrajectory, TOPIC, self._receive, self._report_missing)
 
@@ -98,7 +98,7 @@ class TrajectoryFollowing:
 
     def abort(self, why: str) -> bool:
         """
-        Abort the active trajectory if there is one.
+        Abort the active roller trajectory, if any.
 
         :param why: reason of the abort.
         :return: whether a trajectory was active, in which case the rollers must be stopped.
@@ -144,7 +144,7 @@ class TrajectoryFollowing:
         return asked
 
     def _begin(self, asked: RollerGoal) -> None:
-        """Start a trajectory."""
+        """Start a roller trajectory."""
         now, (trajectory, start, _) = self._node.now(), asked
         self.follower.begin(trajectory, now, start, asked.tolerances)
         self._outcome = None
@@ -229,7 +229,7 @@ class TrajectoryFollowing:
         code: int = ABORTED_CODE,
         spared: SingleGoal | None = None,
     ) -> None:
-        """End the goal of a finished trajectory, if this came from an action."""
+        """End the goal of a finished trajectory, if the trajectory came from an action."""
         for goal in self._goals:
             if goal.active and goal is not spared:
                 goal.end(ending, goal.kind.Result(error_code=code, error_string=text))

@@ -148,7 +148,7 @@ class ActionStep:
             raise
 
     def _await_result(self, sent: Future, info: GoalInfo, progress: Callable[[], float]) -> Steps:
-        """Return the result of a sent goal."""
+        """Wait for the result of a sent goal, and return the result."""
         for _ in range(RETRY_TICKS):
             if sent.done():
                 break

@@ -102,7 +102,7 @@ class GraspSequences:
 
     @property
     def _timeout(self) -> float:
-        """Return the largest age of inputs [s]."""
+        """Return the largest admissible age of inputs [s]."""
         return self._node.values.command_timeout
 
     def close(self) -> None:
@@ -157,7 +157,7 @@ class GraspSequences:
         return wanted
 
     def measured_pose(self) -> PoseStamped | None:
-        """Return the last measured pose of the object as a message; None before the first one."""
+        """Return the last measured pose of the object as a message; None before the first pose."""
         if not isinstance(self._inputs.pose, StampedInput):
             return None
         header = make_header(self._inputs.pose.time, self._robot.frame)
@@ -185,7 +185,7 @@ class GraspSequences:
         """
         Plan a grasp, approach the object, close the grip, and confirm that the object is held.
 
-        If the closing grip has displaced the object, it is moved back.
+        An object that the closing grip has displaced is moved back.
 
         :param goal: goal of the action.
         :raises IsotrussError: the object is not held.

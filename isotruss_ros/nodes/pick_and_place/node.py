@@ -54,7 +54,7 @@ class PickAndPlace(ManagedNode):
         ]
 
     def activate(self) -> None:
-        """Accept goals from now on."""
+        """Accept goals of the three actions from now on."""
         self.create_steady_timer(TICK_PERIOD, self._tick)
 
     def deactivate(self) -> None:
@@ -64,12 +64,12 @@ class PickAndPlace(ManagedNode):
             self._end(StepError(StepOutcome.STOPPED, 'the node was deactivated'))
 
     def cleanup(self) -> None:
-        """Release the clients."""
+        """Release the clients of the other nodes."""
         if self._sequences is not None:
             self._sequences.close()
 
     def details(self) -> dict[str, object]:
-        """Return the active goal and its stage."""
+        """Return the active goal and its stage for the diagnostics."""
         return {'executing': 'nothing' if self._goal is None else self._goal.kind.__name__}
 
     @property

@@ -99,11 +99,11 @@ class Simulator(ManagedNode):
         self.cycle = Cycle(self, self._step, self._stop_on_clock_jump)
 
     def deactivate(self) -> None:
-        """Stop the rollers."""
+        """Stop the simulated rollers."""
         self._plant.stop()
 
     def cleanup(self) -> None:
-        """End the recording."""
+        """End the recording of the plant's states."""
         if self._recorder is not None:
             self._recorder.close()
             self._recorder = None

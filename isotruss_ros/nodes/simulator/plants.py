@@ -137,7 +137,7 @@ class StaticPlant(SimulatedRobot):
 
     @property
     def joints(self) -> Array:
-        """Return the joint positions, (j, 2) [m]."""
+        """Return the positions of the robot's joints, (j, 2) [m]."""
         if self.elastic is not None:
             return self.elastic.joints(self.config)
         return self.config.nodes[: len(self.config.robot.topology.joint_names)]

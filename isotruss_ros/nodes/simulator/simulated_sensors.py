@@ -76,21 +76,21 @@ class SensorChannel:
         noise: ArrayLike = 0.0,
     ) -> list[tuple[float, Array]]:
         """
-        Make a measurement if its time has come; return those that have arrived.
+        Make a measurement if its time has come; return the measurements that have arrived.
 
         If the time was set back, measurements that have not arrived yet are discarded.
 
         :param time: current time [s].
         :param read: function that returns the true values (k, n); it is called only when a
             measurement is made.
-        :param rate: rate of the measurements [Hz]; at most one is made per call. 0: one is made in
-            each call.
+        :param rate: rate of the measurements [Hz], at most one measurement per call; 0: one
+            measurement in each call.
         :param delay: time from a measurement to its arrival [s].
         :param dropouts: fraction of the rows that are lost, 0 to 1.
         :param noise: standard deviation, given as one number for all values or as one for each
             value of a row [unit of the values].
         :return: time [s] and values (k, n) of each measurement, the oldest first. Lost rows are
-            NaN; measurements of which all rows are lost are left out.
+            NaN; measurements whose rows are all lost are left out.
         """
         pending = self._pending
         if pending and pending[-1][0] > time:
@@ -135,7 +135,7 @@ class SimulatedSensors:
 
     def publish(self, now: float, plant: Plant) -> None:
         """
-        Make new measurements, and publish those that have arrived.
+        Make new measurements, and publish the measurements that have arrived.
 
         :param now: current time of the simulated robot [s].
         :param plant: simulated robot and object.

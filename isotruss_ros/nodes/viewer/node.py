@@ -112,7 +112,7 @@ class Viewer(StoppableNode):
 
     def begin(self) -> None:
         """
-        Start the server, and print its address.
+        Start the server of the view, and print its address.
 
         :raises ViewError: the server cannot be started at its address.
         :raises MissingPackageError: viser is not installed.

@@ -63,7 +63,7 @@ class ObjectGoals:
 
     def send(self, name: str, **values: float) -> None:
         """
-        Send a goal.
+        Send a goal to pick or place the object.
 
         :param name: `pick` or `place`.
         :param values: fields of the goal.
