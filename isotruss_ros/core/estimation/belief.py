@@ -29,8 +29,8 @@ class Expectation(NamedTuple):
 class Belief:
     """Gaussian belief of a state: mean and covariance."""
 
-    mean: Array  #: (n,) mean
-    covariance: Array  #: (n, n) covariance
+    mean: Array  #: (n,) mean of the state
+    covariance: Array  #: (n, n) covariance of the state
 
     def spread(self, rates: Array) -> Array:
         """

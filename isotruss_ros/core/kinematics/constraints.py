@@ -29,7 +29,7 @@ MAX_REUSE_CONTRACTION = 0.1
 
 @dataclass(frozen=True)
 class Targets:
-    """Prescribed values of the constraints."""
+    """Prescribed values of the kinematic constraints."""
 
     #: (4m,) lengths of the m members, then of the m sides AB, m sides AC and m sides BC [m]
     lengths: Array

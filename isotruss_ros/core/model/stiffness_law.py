@@ -22,7 +22,7 @@ import numpy as np
 class Law(NamedTuple):
     """Power law k = C p^a L^b of the stiffness at a member's end, in SI units."""
 
-    C: float  #: factor
+    C: float  #: factor C
     a: float  #: exponent of the gauge pressure
     b: float  #: exponent of the length
 
