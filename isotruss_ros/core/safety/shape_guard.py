@@ -149,7 +149,7 @@ class Watch:
 
     def keep(self, command: RollerCommand, velocities: Array, duration: float) -> RollerCommand:
         """
-        Return the command, scaled down if it would violate a discrete-time bound.
+        Return the command, scaled down if it would violate `BarrierLaw.discrete_bound`.
 
         :param command: command for the sample.
         :param velocities: (r,) roller velocities with which the configuration was predicted [m/s].

@@ -216,7 +216,7 @@ class TwistServo:
         return velocities
 
     def _prepare(self, now: float) -> None:
-        """Discard old commands, and compare the remaining ones with the measured travel."""
+        """Discard old commands, and compare the remaining commands with the measured travel."""
         self._history.discard_old(now, self._settings.timeout + 2.0 * self._settings.period)
         self._detect()
 
