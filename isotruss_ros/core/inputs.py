@@ -199,7 +199,7 @@ def find_fresh(now: float, timeout: float, given: Input) -> Any:
 
 def fresh_pressures(now: float, timeout: float, pressures: Input) -> tuple[float, ...] | None:
     """
-    Return the measured gauge pressures (t,) of the tubes [Pa]; None before the first ones.
+    Return the measured gauge pressures (t,) of the tubes [Pa]; None before the first input.
 
     :param now: current time on the clock of the input [s].
     :param timeout: largest age of the pressures [s].

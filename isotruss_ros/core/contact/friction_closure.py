@@ -84,7 +84,7 @@ def _balance(
 
 
 def _smallest(segments: Array, wanted: Array, friction: float) -> Array:
-    """Return the smallest friction factors (k,) in [-mu, mu] for a wrench or the closest one."""
+    """Return the smallest friction factors (k,) for a wrench, or for the closest wrench."""
     shares = solve_least_squares(segments.T, wanted)
     if np.abs(shares).max() <= friction:
         return shares

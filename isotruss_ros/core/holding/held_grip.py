@@ -41,7 +41,7 @@ LEFT_MARGIN = 0.01
 
 
 class HoldStatus(enum.Enum):
-    """Hold status: the object is held, or the violated condition for holding it."""
+    """Hold status: the object is held, or a condition for holding the object is violated."""
 
     HELD = 'held'
     NO_CONTACT = 'fewer than two members press on the object'

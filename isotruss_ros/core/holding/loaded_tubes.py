@@ -141,7 +141,7 @@ class LoadedTubes:
 
     def at(self, grip: HeldGrip) -> LoadedTubes:
         """
-        Return the derivatives at another equilibrium, along the p parameter changes of this one.
+        Return the derivatives at another equilibrium, along the p parameter changes `chosen`.
 
         :param grip: the other equilibrium, in the same configuration.
         """

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Measured stiffness laws k = C p^a L^b of a robot file, and a check whether a beam has them.
+Measured stiffness laws k = C p^a L^b of a robot file, and a check whether a beam has such laws.
 
 In the axial law, L is the length of a member from pinch point to pinch point. In the transverse
 and the rotary laws, L is the length of tube from guide ring to guide ring (section III-A of the

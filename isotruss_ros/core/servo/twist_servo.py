@@ -279,7 +279,7 @@ class TwistServo:
 
     @property
     def _touching(self) -> Grip:
-        """Return the grip, with the contacts of the modelled equilibrium if there is one."""
+        """Return the grip, with the contacts of the modelled equilibrium if available."""
         belief = None if self._squeeze is None else self._squeeze.belief
         return self._settings.grip if belief is None else belief.grip
 

@@ -189,7 +189,7 @@ class TubeSections:
 
     def flexibility_rates(self, length: Array, pressure: Array) -> tuple[Array, Array]:
         """
-        Return the derivatives of 1 / EA, 1 / EI and 1 / GA of whole members, (3, k) each.
+        Return the derivatives of 1 / EA, 1 / EI and 1 / GA by length and by pressure, (3, k) each.
 
         The derivatives are central differences.
 
