@@ -171,7 +171,7 @@ class Constraints:
         and d2t[a, b] = -Im(a b / v^2) with the direction angle t of v.
 
         :param points: (n,) nodes [m].
-        :param weights: (5m + g, p) factors of the rows; each of the p columns belongs to one
+        :param weights: (5m + g, p) factors of the rows of J; each of the p columns belongs to one
             scalar.
         :param motions: (2n, p) velocities of the nodes.
         :return: (2n, p) derivatives of the p scalars with respect to the node coordinates.
