@@ -27,7 +27,11 @@ FACET_BATCH = 4096
 
 @dataclass(frozen=True, eq=False)
 class FrictionClosure:
-    """Result of `balance_by_friction`; d is the mean width of the object."""
+    """
+    Closure of an object by friction (10), the result of `balance_by_friction`.
+
+    Moments are divided by d/2, where d is the mean width of the object.
+    """
 
     closed: bool  #: whether the residual is at most `tolerance`
     residual: float  #: norm of the unbalanced wrench (fx, fy, m / (d/2)) [N]
