@@ -119,7 +119,7 @@ def _without_outliers(group: Group, unused: dict[str, list[int]]) -> Group:
 def _without_outlying_groups(
     slopes: Mapping[str, list[Slope]], radius: float, unused: dict[str, list[int]]
 ) -> dict[str, list[Slope]]:
-    """Return the slopes without those far from the fitted beam; add their rows to `unused`."""
+    """Return the slopes close to the fitted beam; add the rows of other slopes to `unused`."""
     found = [slope for mode in MODES for slope in slopes[mode]]
     ratios = outlying_ratios(*_measured(found), radius)
     for slope, ratio in zip(found, ratios, strict=True):

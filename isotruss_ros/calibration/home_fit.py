@@ -35,7 +35,7 @@ class Posture:
 
 
 class HomeFit(NamedTuple):
-    """Result of `fit_home`."""
+    """Roller offsets and tracker frame fitted by `fit_home`, with the residuals."""
 
     #: (r,) roller travel since the home of the robot file at which the encoders read zero [m]
     zeros: Array

@@ -57,7 +57,7 @@ class Group:
 
     def only(self, chosen: Flags) -> Group:
         """
-        Return a subset of the group; its trials keep their indices.
+        Return the group with some of its points; the trials keep their indices.
 
         :param chosen: (n,) mask of the points.
         """

@@ -29,7 +29,7 @@ REPORTED_MISFIT = 0.05
 
 def unused_rows(unused: Mapping[str, Sequence[int]], rows: int) -> Iterator[str]:
     """
-    Yield a line of text for each reason, with the numbers of the lines unused for it.
+    Yield a line of text for each reason why rows are unused, with the rows' line numbers.
 
     :param unused: line numbers in the file for each reason.
     :param rows: number of rows in the file.
@@ -74,7 +74,7 @@ def beam_table(fitted: FittedBeam) -> Table:
 
 def local_line(analysis: Analysis) -> str:
     """
-    Return a sentence with the local stiffness or why it is missing; empty if not measured.
+    Return a sentence with the local stiffness or the reason of its absence; empty if unmeasured.
 
     :param analysis: results of the fits.
     """

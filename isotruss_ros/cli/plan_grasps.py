@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Executable `plan_grasps`, which searches for grasps of a free object and paths to them."""
+"""Executable `plan_grasps`, which searches for grasps of a free object and paths to the grasps."""
 
 from __future__ import annotations
 

@@ -138,7 +138,7 @@ def check_stamp(
 
 def keep_latest(kept: Input, received: StampedInput | RejectedInput, now: float) -> Input:
     """
-    Return the later of two inputs with checked stamps; the earlier if the later is rejected.
+    Return the later of two inputs with checked stamps, unless the later input is rejected.
 
     Messages may arrive in the wrong order; an earlier message is dropped. A rejected message does
     not replace a measurement, which stays valid until its timeout; the rejection is stored with
@@ -199,7 +199,7 @@ def find_fresh(now: float, timeout: float, given: Input) -> Any:
 
 def fresh_pressures(now: float, timeout: float, pressures: Input) -> tuple[float, ...] | None:
     """
-    Return the measured gauge pressures (t,) of the tubes [Pa]; None before the first ones.
+    Return the measured gauge pressures (t,) of the tubes [Pa]; None before the first input.
 
     :param now: current time on the clock of the input [s].
     :param timeout: largest age of the pressures [s].

@@ -69,7 +69,7 @@ class DemoClient(Node):
     :ivar rollers: (r,) last roller positions, including the estimated offsets if available [m].
     :param roller_names: names of the rollers, in the order of the robot.
     :param sim_time: whether the node uses the time of `/clock`, which plants with masses require.
-    :param truth: True to record the true states of robot and object in place of the measured ones,
+    :param truth: True to record the true states of robot and object in place of measured states,
         and in addition the state estimates.
     """
 

@@ -125,7 +125,7 @@ def describe_grasp(
 
 
 def _free_corner(config: Configuration, box: Box) -> tuple[float, ...]:
-    """Return a box (x, y, width, height) in the corner where it hides least of the robot."""
+    """Return the box (x, y, width, height) in a corner that hides the least of the robot."""
     share = np.linspace(0.0, 1.0, 20)
     begin, end = member_lines(config).T[..., None]
     line = (begin + share * (end - begin)).ravel()

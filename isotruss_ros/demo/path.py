@@ -23,7 +23,7 @@ class Phase:
     """Phase of the path, with the twist as a function of time."""
 
     name: str  #: name of the motion
-    duration: float  #: duration [s]
+    duration: float  #: duration of the phase [s]
     twist: Callable[[float], Twist]  #: twist as a function of the time since the start [s]
     pull: Wrench | None = None  #: external wrench in the middle of the phase; None: no wrench
 

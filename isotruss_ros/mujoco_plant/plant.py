@@ -29,7 +29,7 @@ UPDATE_INTERVAL = 10
 class ContactForce(NamedTuple):
     """Force of a member on an object."""
 
-    normal: float  #: normal force [N]
+    normal: float  #: normal force of the member [N]
     friction: float  #: friction force on the object, counter-clockwise positive [N]
     point: complex  #: centre of pressure, x + iy in the robot frame [m]
 

@@ -26,7 +26,7 @@ import numpy as np
 class Springs:
     """Stiffnesses of the elastic joints and length of the segments of each member."""
 
-    segment: Array  #: (m,) length of a segment [m]
+    segment: Array  #: (m,) length of a segment of each member [m]
     middle_slide: Array  #: (m,) axial stiffness of the inner joints [N/m]
     end_slide: Array  #: (m,) axial stiffness of the first and last joint [N/m]
     shear: Array  #: (m,) transverse stiffness of each joint [N/m]

@@ -160,7 +160,7 @@ class PathFollower(ManagedNode):
         return _to_result(_find_outcome(error), str(error))
 
     def _end(self, outcome: PathOutcome, message: str) -> None:
-        """Publish a zero twist, and end the goal with its result if there is one."""
+        """Publish a zero twist, and end the active goal, if any, with a result."""
         if not self._goal.active:
             return
         self._waiting = None

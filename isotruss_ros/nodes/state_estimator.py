@@ -154,7 +154,7 @@ class StateEstimatorNode(ManagedNode):
         self._waiting.append(partial(estimator.take_markers, given.time, given.value, deviation))
 
     def _take_waiting(self) -> None:
-        """Update the estimate with new poses and markers; reject and log invalid ones."""
+        """Update the estimate with new poses and markers; reject and log invalid input."""
         waiting, self._waiting = self._waiting, []
         for take in waiting:
             try:

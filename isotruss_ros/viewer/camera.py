@@ -36,7 +36,7 @@ Place = tuple[float, float, float]
 
 def place_camera(points: Points, aspect: float) -> tuple[Place, Place]:
     """
-    Return position and target of a camera above a robot that shows all of it [m].
+    Return position and target of a camera above a robot that shows the whole robot [m].
 
     :param points: (k,) points of the robot in its plane, x + iy [m].
     :param aspect: width of the picture divided by its height.

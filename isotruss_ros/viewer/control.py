@@ -18,7 +18,7 @@ class Control:
     """Control of the robot by at most one browser, with the commands of this browser."""
 
     browser: int | None = None  #: index of the browser in control; None without one
-    drag: Drag | None = None  #: active drag; None without one
+    drag: Drag | None = None  #: active drag; None without a drag
     wrench: tuple[float, float, float] = ZERO  #: (fx, fy, m) on the object [N, N m]
     stopped: bool = False  #: whether an emergency stop is latched; then drags are ignored
 

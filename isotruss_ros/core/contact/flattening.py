@@ -149,7 +149,7 @@ def flattening(
     :param pressure: (t,) gauge pressure p in each tube [Pa].
     :param fabric: E t and G t of the wall; None: f_n = 0, so the fabric has no influence.
     :param modes: number n of the highest ring mode whose deformation spreads along the tube.
-    :param local_stiffness: ratio of a tube's measured local stiffness to that of this theory [-].
+    :param local_stiffness: ratio of a tube's measured local stiffness to the theoretical one [-].
     """
     n = np.arange(2, modes + 1)
     pressure = np.atleast_1d(np.asarray(pressure, dtype=float))[:, None]

@@ -27,7 +27,11 @@ FACET_BATCH = 4096
 
 @dataclass(frozen=True, eq=False)
 class FrictionClosure:
-    """Result of `balance_by_friction`; d is the mean width of the object."""
+    """
+    Closure of an object by friction (10), the result of `balance_by_friction`.
+
+    Moments are divided by d/2, where d is the mean width of the object.
+    """
 
     closed: bool  #: whether the residual is at most `tolerance`
     residual: float  #: norm of the unbalanced wrench (fx, fy, m / (d/2)) [N]
@@ -84,7 +88,7 @@ def _balance(
 
 
 def _smallest(segments: Array, wanted: Array, friction: float) -> Array:
-    """Return the smallest friction factors (k,) in [-mu, mu] for a wrench or the closest one."""
+    """Return the smallest friction factors (k,) for a wrench, or for the closest wrench."""
     shares = solve_least_squares(segments.T, wanted)
     if np.abs(shares).max() <= friction:
         return shares
@@ -118,7 +122,7 @@ def _extremes(
 
 
 def _facets(segments: Array) -> tuple[Array, Array]:
-    """Return unit normals (f, 3) of a zonotope's facets, and its extents (f,) along them."""
+    """Return unit normals (f, 3) of a zonotope's facets, and extents (f,) along the normals."""
     first, second = _pairs(len(segments))
     normals = np.cross(segments[first], segments[second])
     sizes, reach = np.linalg.norm(normals, axis=1), np.linalg.norm(segments, axis=1)

@@ -29,8 +29,8 @@ class Expectation(NamedTuple):
 class Belief:
     """Gaussian belief of a state: mean and covariance."""
 
-    mean: Array  #: (n,) mean
-    covariance: Array  #: (n, n) covariance
+    mean: Array  #: (n,) mean of the state
+    covariance: Array  #: (n, n) covariance of the state
 
     def spread(self, rates: Array) -> Array:
         """
@@ -51,8 +51,8 @@ def update_belief(
     """
     Return the belief after a measurement; its mean is found by Gauss-Newton steps.
 
-    One element of the state may be considered: its mean and variance are not updated, but its
-    uncertainty is included in that of the other elements (Schmidt-Kalman filter).
+    One element of the state may be considered: its mean and variance are not updated, but the
+    covariance of the other elements includes its uncertainty (Schmidt-Kalman filter).
 
     :param prior: belief before the measurement.
     :param measured: (m,) measurement.

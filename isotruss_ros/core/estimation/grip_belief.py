@@ -308,7 +308,7 @@ class GripBelief:
 
     def attach(self, config: Configuration, pressures: Pressures) -> bool:
         """
-        Search the equilibrium near the estimated pose, and place the contacts accordingly.
+        Search the equilibrium near the estimated pose, and initialise the contacts' shifts there.
 
         :param config: configuration of the robot.
         :param pressures: (t,) gauge pressure of each tube [Pa]; None: as in the robot file.

@@ -32,7 +32,7 @@ def judge_markers(
     innovation: Array, covariance: Array, by_rollers: Array, reach: Array
 ) -> tuple[Flags, Array]:
     """
-    Return the consistent markers, and the slip of at most one roller that explains them.
+    Return the consistent markers, and the slip of at most one roller that makes them consistent.
 
     If some markers are inconsistent, two hypotheses are compared: one roller has slipped by at
     most its travel, or some markers are wrong. For each, the worst marker is rejected repeatedly

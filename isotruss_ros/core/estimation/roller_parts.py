@@ -33,7 +33,7 @@ class RollerParts:
 
     def take(self, part: Mapping[int, tuple[float, float]], time: float, now: float) -> None:
         """
-        Store the readings of a message that are newer than the stored ones.
+        Store the readings of a message that are newer than the stored readings.
 
         :param part: position [m] and speed [m/s] for the index of each roller in the message.
         :param time: time of the readings, not later than `now` [s].

@@ -85,7 +85,7 @@ class StateEstimator:
 
     def take_encoders(self, time: float, readings: Array) -> None:
         """
-        Advance the estimate to an encoder reading; ignore a reading not later than the last one.
+        Advance the estimate to an encoder reading; ignore readings not later than the last.
 
         :param time: time of the reading [s].
         :param readings: (r,) roller travel since home [m].

@@ -41,7 +41,7 @@ LEFT_MARGIN = 0.01
 
 
 class HoldStatus(enum.Enum):
-    """Hold status: the object is held, or the violated condition for holding it."""
+    """Hold status: the object is held, or a condition for holding the object is violated."""
 
     HELD = 'held'
     NO_CONTACT = 'fewer than two members press on the object'
@@ -232,9 +232,9 @@ class HeldGrip:
 
         The first rows are `slip_conditions` with all contacts. The next rows are, for each end of
         a face, the slip conditions after this end has opened. Such a condition is relevant only
-        for wrenches that also open the end. Of the plane of opening and the plane of slip, the one
-        farther from the origin is used; its distance is a lower bound of the distance to their
-        intersection.
+        for wrenches that also open the end. The used plane is the plane of opening or the plane of
+        slip, whichever is farther from the origin. Its distance is a lower bound of the distance
+        to the intersection of both planes.
 
         :param friction: coefficient of friction between tube and object.
         """

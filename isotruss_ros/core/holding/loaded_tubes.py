@@ -141,7 +141,7 @@ class LoadedTubes:
 
     def at(self, grip: HeldGrip) -> LoadedTubes:
         """
-        Return the derivatives at another equilibrium, along the p parameter changes of this one.
+        Return the derivatives at another equilibrium, along the p parameter changes `chosen`.
 
         :param grip: the other equilibrium, in the same configuration.
         """
@@ -244,7 +244,7 @@ class LoadedTubes:
 
     def utilisation(self, rates: TubeRates) -> tuple[Array, Array]:
         """
-        Return the utilisation (m,) of the members, and its derivatives (m, p) by the parameters.
+        Return the members' utilisations, (m,), and their derivatives (m, p) by the parameters.
 
         :param rates: derivatives of the tubes' displacements and forces.
         """

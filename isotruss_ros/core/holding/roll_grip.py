@@ -141,11 +141,13 @@ def stick(
     statics: ContactStatics, anchors: Array, travel: Array, angles: Array, free: Indices
 ) -> ContactConditions:
     """
-    Return the conditions of rolling without slip: constant invariants A_i, the integral of (17).
+    Return the conditions of rolling without slip, which are the integral of (17) over time.
+
+    The conditions state that the rolling invariants A_i are constant:
 
         kappa_i (s_i - phi_i) - arc(arg nu_i - theta) = A_i
 
-    Symbols as in `ContactStatics.anchors`. A new contact has no friction instead.
+    The symbols are explained in `ContactStatics.anchors`. New contacts have no friction instead.
 
     :param statics: equations of equilibrium.
     :param anchors: (k,) rolling invariants A_i [m].
@@ -246,7 +248,7 @@ def _add(
     others: PressedContacts,
     angles: Array,
 ) -> HeldGrip | None:
-    """Return the equilibrium after the contacts of another member were added."""
+    """Return the equilibrium with the contacts of another member added."""
     order = np.argsort(np.append(contacts.members, others.members), kind='stable')
     pairs = (
         (contacts.members, others.members),

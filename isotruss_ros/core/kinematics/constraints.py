@@ -29,7 +29,7 @@ MAX_REUSE_CONTRACTION = 0.1
 
 @dataclass(frozen=True)
 class Targets:
-    """Prescribed values of the constraints."""
+    """Prescribed values of the kinematic constraints."""
 
     #: (4m,) lengths of the m members, then of the m sides AB, m sides AC and m sides BC [m]
     lengths: Array
@@ -68,7 +68,7 @@ class Constraints:
         self._sparse = self._sparse_structure() if self.n_columns > MAX_DENSE_COORDINATES else None
 
     def _sparse_structure(self) -> csc_matrix:
-        """Return the sparsity pattern, whose data are indices into the values."""
+        """Return the Jacobian's sparsity pattern with indices of its nonzero entries as data."""
         rows = np.concatenate([np.repeat(self._rows, 2), self._ground_rows])
         columns = np.concatenate(
             [
@@ -165,14 +165,14 @@ class Constraints:
 
     def second_derivative(self, points: Points, weights: Array, motions: Array) -> Array:
         """
-        Return the gradient of weights^T matrix motion with respect to the node coordinates.
+        Return the gradients of p scalars weights^T J motion with respect to node coordinates.
 
         The second derivatives are d2|v|[a, b] = (n . a) (n . b) / |v| with the unit normal n of v,
         and d2t[a, b] = -Im(a b / v^2) with the direction angle t of v.
 
         :param points: (n,) nodes [m].
-        :param weights: (5m + g, p) factors of the rows; each of the p columns belongs to one
-            scalar.
+        :param weights: (5m + g, p) factors of the rows of the Jacobian J, see `matrix`; one column
+            for each scalar.
         :param motions: (2n, p) velocities of the nodes.
         :return: (2n, p) derivatives of the p scalars with respect to the node coordinates.
         """

@@ -31,7 +31,7 @@ def place_between(
     Return the grip of an object that is placed with equal penetration of all given members.
 
     If several such poses exist, the pose nearest to the middle of the members is used. For three
-    members, or parallel ones, the penetrations are as equal as possible.
+    members, or parallel members, the penetrations are as equal as possible.
 
     :param config: configuration of the robot.
     :param members: names `t/j-k` of two or three members.

@@ -30,8 +30,8 @@ class Rows(NamedTuple):
     """Limits as rows lower <= matrix @ phidot <= upper, with lower <= 0 <= upper."""
 
     matrix: Array  #: (k, r) coefficients of the roller speeds [-]
-    lower: Array  #: (k,) lower bounds [m/s]
-    upper: Array  #: (k,) upper bounds [m/s]
+    lower: Array  #: (k,) lower bounds of the rows [m/s]
+    upper: Array  #: (k,) upper bounds of the rows [m/s]
 
     def slack(self, speeds: Array) -> Array:
         """

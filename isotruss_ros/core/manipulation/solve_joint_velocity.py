@@ -48,8 +48,8 @@ def solve_joint_velocity(
     """
     Return the least-cost (11) roller velocities for given velocities of joints.
 
-    Unreachable velocities are replaced by the closest reachable ones. At binding limits they are
-    scaled or projected, as in `solve_twist`.
+    Unreachable velocities are replaced by the closest reachable velocities. At binding limits,
+    velocities are scaled or projected, as in `solve_twist`.
 
     :param config: configuration of the robot.
     :param velocities: velocity (vx, vy) for the name of each commanded joint, robot frame [m/s];

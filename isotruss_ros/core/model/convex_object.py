@@ -125,7 +125,7 @@ class ConvexObject:
 
     def smoothed(self, length: float) -> ConvexObject:
         """
-        Return the object with the smooth outline that it approximates, see `Shape.smoothed`.
+        Return the object with the smooth outline of its samples, see `Shape.smoothed`.
 
         :param length: only faces shorter than this are regarded as chords of a smooth outline [m].
         """

@@ -247,8 +247,9 @@ class Polygon(Shape):
         Return the polygon with corners rounded to the resolution of contact points.
 
         A contact point represents a segment of tube. If the segment is centred on a corner, the
-        mean height of the surface along it is less than the corner's height by a quarter of its
-        length times the slope of the sides. The arc removes the same height.
+        mean height of the surface along the segment is less than the height of the corner. The
+        difference is a quarter of the segment's length times the slope of the sides; the arc
+        removes this height.
 
         :param length: length of tube that each contact point represents [m].
         """

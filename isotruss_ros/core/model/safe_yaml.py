@@ -25,8 +25,7 @@ def read_text(path: Path, kind: str, error: type[IsotrussError]) -> str:
     Return the text of a file.
 
     :param path: path of the file.
-    :param kind: what the file should be, with an article, for error messages (such as 'a robot
-        file').
+    :param kind: noun with an article for such a file, for error messages (such as 'a robot file').
     :param error: class of the exception to raise.
     :raises IsotrussError: the file is missing, too long or not UTF-8; its class is `error`.
     """
@@ -50,7 +49,7 @@ def parse_yaml(source: object, text: str, kind: str, refusal: type[IsotrussError
 
     :param source: origin of the text, for error messages.
     :param text: YAML text.
-    :param kind: what such texts are, in the plural, for error messages (such as 'robot files').
+    :param kind: noun in the plural for such texts, for error messages (such as 'robot files').
     :param refusal: class of the exception to raise.
     :raises IsotrussError: the text is not YAML 1.2, is nested too deeply, or has anchors or values
         that are too long; its class is `refusal`.

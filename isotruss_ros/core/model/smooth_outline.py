@@ -71,7 +71,7 @@ class SmoothOutline(Shape):
 
     @cached_property
     def _angles(self) -> Array:
-        """Return the angles (n + 1,) of normals at all corners, and again at the first."""
+        """Return the angles (n + 1,) of the normals at all corners and at the first again."""
         tangents = _conic_tangents(self.corners)
         turns = np.angle(np.roll(tangents, -1) / tangents)
         return float(np.angle(-1j * tangents[0])) + np.append(0.0, np.cumsum(turns))

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Measured stiffness laws k = C p^a L^b of a robot file, and a check whether a beam has them.
+Measured stiffness laws k = C p^a L^b of a robot file, and a check whether a beam has such laws.
 
 In the axial law, L is the length of a member from pinch point to pinch point. In the transverse
 and the rotary laws, L is the length of tube from guide ring to guide ring (section III-A of the
@@ -22,7 +22,7 @@ import numpy as np
 class Law(NamedTuple):
     """Power law k = C p^a L^b of the stiffness at a member's end, in SI units."""
 
-    C: float  #: factor
+    C: float  #: factor C
     a: float  #: exponent of the gauge pressure
     b: float  #: exponent of the length
 

@@ -17,7 +17,7 @@ from scipy.sparse.linalg import LinearOperator, onenormest, splu
 
 class DenseFactor:
     """
-    LU factorisation of a dense matrix, faster than a sparse one up to some hundred rows.
+    LU factorisation of a dense matrix, faster than `SparseFactor` up to some hundred rows.
 
     :param matrix: (n, n) matrix; it is overwritten.
     """

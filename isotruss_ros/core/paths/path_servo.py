@@ -55,7 +55,7 @@ class Step(NamedTuple):
 
     twist: Array  #: (3,) twist of the object, robot frame [m/s, rad/s]
     outcome: PathOutcome | None  #: result of path following; None while it goes on
-    message: str  #: sentence with the result
+    message: str  #: sentence with the result of path following
     tracking: Tracking | None  #: state of the tracking; None if unknown
 
 

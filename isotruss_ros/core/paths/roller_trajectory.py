@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Roller trajectories, piecewise linear with parabolic blends, and a servo that tracks them.
+Roller trajectories, piecewise linear with parabolic blends, and a servo that tracks trajectories.
 
 The servo starts at the measured roller positions and controls them by feedback. Trajectory time
 stops while a roller lags behind. A missing, stale or rejected input ends the trajectory; a

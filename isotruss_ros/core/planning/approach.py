@@ -61,7 +61,7 @@ def approach(config: Configuration, closing: Closing) -> Iterator[Configuration]
 
 def _find_turn(config: Configuration, closing: Closing) -> tuple[float, Closing]:
     """
-    Return the rotation that force closure requires [rad], and the closing motion with it.
+    Return the rotation [rad] that force closure requires, and the closing motion including it.
 
     The rotation is zero if the members' directions admit force closure. Otherwise two members are
     to be rotated to the nearest directions that admit force closure.

@@ -20,7 +20,7 @@ from isotruss_ros.core.planning.violations import Violation
 
 class ClosedGrip(NamedTuple):
     """
-    Grip with contact forces on the object, reached by closing.
+    Grip reached by closing, with the contact forces on the object.
 
     Its slip margin (see `SettledGrasp`) is zero if the free object is not held, and None if the
     grip violates requirements.

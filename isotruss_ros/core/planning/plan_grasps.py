@@ -7,8 +7,8 @@ Search for grasps: kinematic approach of the members, then closing by statics.
 The search runs in rounds. Each round has several candidates. A candidate starts from a seed, which
 consists of grasping members, their directions toward the object, and a nominal posture for the
 remaining degrees of freedom. By kinematics, each candidate reaches an open grip or is rejected;
-then the grip is closed by statics. The seeds of the first round are the most promising ones; the
-following rounds have random postures.
+then the grip is closed by statics. The first round has the most promising seeds; the following
+rounds have random postures.
 """
 
 from __future__ import annotations

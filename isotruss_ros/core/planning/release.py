@@ -43,7 +43,7 @@ FIRST_OPENING = 0.015
 @dataclass(frozen=True, eq=False)
 class Release:
     """
-    Path that releases an object, or the requirement that prevents it.
+    Path that releases an object, or the requirement that prevents the release.
 
     :ivar path: (k, r) roller positions, beginning at the current positions [m]; empty if there is
         a violation.

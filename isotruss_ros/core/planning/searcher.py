@@ -38,7 +38,7 @@ class SearchOutcome(enum.IntEnum):
 
 
 class Answer(NamedTuple):
-    """Result of a search in the background."""
+    """Result of a grasp search in the background."""
 
     outcome: SearchOutcome  #: code of the outcome
     message: str  #: sentence with the result

@@ -49,8 +49,8 @@ class Violation:
     """Requirement that a grasp candidate violates."""
 
     requirement: str  #: name of the requirement
-    value: float  #: value of the candidate
-    bound: float  #: bound of the requirement
+    value: float  #: value of the bounded quantity for the candidate
+    bound: float  #: bound of the requirement on this quantity
 
     @property
     def distance(self) -> float:

@@ -44,7 +44,7 @@ SECOND_ORDER_LENGTH = 0.05
 class BarrierLaw:
     """Lower bound of a barrier's values, and bound of the rate at which the values approach it."""
 
-    bound: float  #: smallest allowed value
+    bound: float  #: smallest allowed value of the barrier function
     band: float  #: margin above which its rate is not bounded, in the unit of the value
     rate: float = 5.0  #: largest decay rate of a small margin [1/s]
 
@@ -105,8 +105,8 @@ ALL_VALUES = slice(None)
 class ActiveValues(NamedTuple):
     """Values of a barrier that are so close to its bound that their rate is limited."""
 
-    indices: Indices  #: (k,) indices of the values
-    values: Array  #: (k,) values
+    indices: Indices  #: (k,) indices of the values among the barrier's values
+    values: Array  #: (k,) values of the barrier function
     node_rows: Array  #: (k, 2n) derivatives of the values by node coordinates
     #: (k, r) derivatives of the values with respect to roller travel with fixed nodes; None: zero
     roller_rows: Array | None = None

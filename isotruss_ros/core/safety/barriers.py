@@ -188,8 +188,8 @@ class RigidityBarrier:
     """
     Barrier on the rigidity index of the configuration, see `rigidity_index`.
 
-    Each small singular value is one value of the barrier, because their order may change in a
-    step.
+    Each small singular value is one value of the barrier, because the order of singular values may
+    change in a step.
 
     :param robot: the robot.
     :param law: law of the rigidity index [-].

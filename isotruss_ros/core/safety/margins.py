@@ -81,7 +81,7 @@ def object_distances(
     :param members: names of the grasping members; empty if the object is not grasped. These
         members, a module at which two of them meet, and the rods at the joint of this module are
         excluded.
-    :param far: for distances above this one, a lower bound may be returned instead [m].
+    :param far: distance above which a lower bound may be returned instead [m].
     :param parts: indices of parts; by default, all parts. Parts are numbered: first the m members,
         then the m modules, then the m rods.
     :return: (k,) distances; infinite for excluded parts.

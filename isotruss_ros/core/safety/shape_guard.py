@@ -149,7 +149,7 @@ class Watch:
 
     def keep(self, command: RollerCommand, velocities: Array, duration: float) -> RollerCommand:
         """
-        Return the command, scaled down if it would violate a discrete-time bound.
+        Return the command, scaled down if it would violate `BarrierLaw.discrete_bound`.
 
         :param command: command for the sample.
         :param velocities: (r,) roller velocities with which the configuration was predicted [m/s].
@@ -194,7 +194,7 @@ class Watch:
     def _jumped(
         self, barrier: Barrier, end: Configuration, grip: Grip | None
     ) -> BarrierViolation | None:
-        """Return the violation by values that crossed their bound without having been near it."""
+        """Return the violation by values that crossed their bound without being watched before."""
         left = barrier.values(end, grip, ALL_VALUES) - barrier.law.bound
         for limit in self.limits:
             if limit.barrier is barrier:

@@ -48,8 +48,8 @@ class ServoSettings:
     """
     Settings of the twist servo.
 
-    :ivar grip: grasping members, object and friction; the pose of this object is replaced by the
-        input.
+    :ivar grip: grasping members, object and friction; the measured pose replaces the pose of this
+        object.
     :ivar period: time from cycle to cycle [s].
     :ivar timeout: largest age of inputs [s]; older inputs stop the rollers.
     :ivar joint: name of the joint that twists move; None: twists move the object.
@@ -59,7 +59,7 @@ class ServoSettings:
     :ivar barriers: user-defined barriers.
     :ivar limits: user-defined limits in addition to those of the robot file.
     :ivar slide_along_limits: True if motion continues along limits of lengths and shapes;
-        otherwise it is slowed until it stops at them.
+        otherwise motion is slowed until it stops at the limits.
     :ivar max_acceleration: largest acceleration of a roller, except in halts [m/s^2]; None: the
         value of the robot file.
     :ivar failure_time: a commanded roller that does not move for this time has failed [s].

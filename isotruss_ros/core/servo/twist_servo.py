@@ -216,7 +216,7 @@ class TwistServo:
         return velocities
 
     def _prepare(self, now: float) -> None:
-        """Discard old commands, and compare the remaining ones with the measured travel."""
+        """Discard old commands, and compare the remaining commands with the measured travel."""
         self._history.discard_old(now, self._settings.timeout + 2.0 * self._settings.period)
         self._detect()
 
@@ -279,7 +279,7 @@ class TwistServo:
 
     @property
     def _touching(self) -> Grip:
-        """Return the grip, with the contacts of the modelled equilibrium if there is one."""
+        """Return the grip, with the contacts of the modelled equilibrium if available."""
         belief = None if self._squeeze is None else self._squeeze.belief
         return self._settings.grip if belief is None else belief.grip
 

@@ -142,7 +142,7 @@ class ElasticObject:
         return touch
 
     def _pressed(self, config: Configuration) -> bool:
-        """Return whether two members overlap the free object; a single one would only push it."""
+        """Return whether two members overlap the free object; one member only pushes it."""
         return bool(np.sort(member_depths(config, self._body))[-2] > ROUNDING)
 
     def _roll(self, before: HeldGrip, config: Configuration) -> None:

@@ -92,7 +92,7 @@ class RigidObject:
     def _try_to_hold(
         self, config: Configuration, body: ConvexObject, names: tuple[str, ...]
     ) -> None:
-        """If friction is sufficient, hold the object between the members that press on it."""
+        """Hold the object between the members that press on it, if friction is sufficient."""
         try:
             settled = settle_grasp(config, body, self._friction, members=names)
             if settled.hold.at_rest:

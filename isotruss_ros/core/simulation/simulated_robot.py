@@ -25,8 +25,8 @@ class RollerFaults:
 
     With slip, the tube moves less than the surface of the roller by a fraction of the travel, in
     both directions. The encoders are on the rollers and do not measure slip, so the true
-    configuration drifts away from the measured one. The fraction of each roller is drawn once,
-    uniformly between 0.5 and 1.5 times `slip`.
+    configuration drifts away from the measured configuration. The fraction of each roller is drawn
+    once, uniformly between 0.5 and 1.5 times `slip`.
 
     :ivar speed_limit: largest roller speed; commands beyond it are clipped [m/s].
     :ivar noise: standard deviation of the speed of a moving roller, drawn in each step [m/s].

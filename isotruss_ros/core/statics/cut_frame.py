@@ -23,7 +23,7 @@ class CutFrame(Frame):
     indices.
 
     :param frame: frame without nodes at these points, called the uncut frame.
-    :param piece: (c,) index of the uncut member that contains each point.
+    :param piece: (c,) index of the member of the uncut frame that contains each point.
     :param within: (c,) distances of the points from the members' starts [m].
     """
 

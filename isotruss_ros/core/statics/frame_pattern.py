@@ -197,8 +197,8 @@ class CutPattern(NamedTuple):
     """
     Data common to all frames whose k members are divided at c cuts in the same order.
 
-    The nodes at the cuts are the last nodes. The first part of a cut member keeps the member's
-    index; all other parts have the last indices.
+    The nodes at the cuts are the last nodes. The first part of a divided member has the member's
+    index; the other parts have the last indices.
 
     :ivar whole: (k + c,) index of the uncut member to which each part belongs.
     :ivar members: the k + c parts, each with the section of its uncut member.

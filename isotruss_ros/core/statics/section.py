@@ -40,7 +40,7 @@ class SectionStiffness(NamedTuple):
 
 
 class Fabric(NamedTuple):
-    """Elastic constants of the tube's wall times its thickness."""
+    """Elastic constants E t and G t of the tube's wall of thickness t."""
 
     membrane_modulus: float  #: E t [N/m]
     membrane_shear_modulus: float  #: G t [N/m]

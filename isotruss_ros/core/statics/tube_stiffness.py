@@ -78,9 +78,9 @@ class Section:
     @classmethod
     def of_block(cls, block: Mapping[str, Any], description: RobotDescription) -> Section:
         """
-        Return the section with the EA, EI and GA of a block; see `TubeStiffness.of_block`.
+        Return a section with EA, EI and GA from a robot file; see `TubeStiffness.of_block`.
 
-        If the block has no pressure, they are those at the first tube's pressure.
+        If the block has no pressure, these values are valid at the pressure of the first tube.
         """
         at = {'pressure': next(iter(description.pressures.values()))}
         return cls(**as_floats(at | dict(block)), radius=0.5 * description.tube_diameter)
@@ -189,7 +189,7 @@ class TubeSections:
 
     def flexibility_rates(self, length: Array, pressure: Array) -> tuple[Array, Array]:
         """
-        Return the derivatives of 1 / EA, 1 / EI and 1 / GA of whole members, (3, k) each.
+        Return the derivatives of 1 / EA, 1 / EI and 1 / GA by length and by pressure, (3, k) each.
 
         The derivatives are central differences.
 

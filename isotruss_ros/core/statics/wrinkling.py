@@ -119,8 +119,8 @@ def use_sections(
         amplifies the moment [N].
     :param sections: (3, ...) length [m], EI [N m^2] and GA [N] of the pieces.
     :param radius: tube radius [m].
-    :return: |M| / M_w (3, ...) at start, end and inner maximum, the last zero if there is none;
-        and the distance (...) of the inner maximum from the start [m].
+    :return: |M| / M_w (3, ...) at start, end and inner maximum, zero without an inner maximum; and
+        the distance (...) of the inner maximum from the start [m].
     """
     begin, end, left, pull = loads
     length, flexural, shear = sections

@@ -64,7 +64,7 @@ class Gate:
     :param take: callback that receives a `StampedInput`, whose time is not in the future, or a
         `RejectedInput`, and the current time [s].
     :param oldest: largest age of a message [s]; None: the value of the topic's parameter.
-    :param every: True to process all messages and not only the newest ones.
+    :param every: True to process all messages; otherwise only the newest messages are processed.
     """
 
     def __init__(

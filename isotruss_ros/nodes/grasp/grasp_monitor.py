@@ -204,7 +204,7 @@ def _alike(record: GripRecord | None, other: GripRecord | None) -> bool:
 
 
 def _judge(grasp: AnalyzedGrasp) -> tuple[GraspCode, str]:
-    """Return the code of a result, and a text with its warnings."""
+    """Return the report code of a grasp analysis, and a text with its warnings."""
     if not grasp.analysis.contact_lengths:
         return GraspCode.OK, NO_CONTACT
     member, (used, place) = max(grasp.utilisation.items(), key=lambda item: item[1])

@@ -103,7 +103,7 @@ class GraspReport:
     code: GraspCode
     message: str  #: warnings, or the reason why there is no result; may be empty
     time: float  #: time of the oldest input, or time of the call if there is no result [s]
-    grasp: AnalyzedGrasp | None = None  #: the result, if there is one
+    grasp: AnalyzedGrasp | None = None  #: result of the analysis, if there is one
 
     @property
     def held(self) -> bool:

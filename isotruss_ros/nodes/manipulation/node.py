@@ -88,9 +88,9 @@ class Manipulation(ManagedNode):
 
     def prepare(self, settings: ServoSettings) -> ServoSettings:
         """
-        Return the settings of the servo; subclasses override it to add limits and barriers.
+        Return the servo's settings; subclasses override this method to add limits and barriers.
 
-        It is called after each change of a parameter.
+        The method is called after each change of a parameter.
 
         :param settings: settings that the parameters specify.
         """
