@@ -52,9 +52,9 @@ def test_files_that_are_no_recordings_are_refused(tmp_path):
     path = tmp_path / 'states'
     for content in (b'', b'no recording'):
         path.write_bytes(content)
-        with pytest.raises(PlantError, match='states is not a recording|contains no state'):
+        with pytest.raises(PlantError, match='states is not a recording'):
             read_recording(path)
-    with pytest.raises(PlantError, match='is no recording'):
+    with pytest.raises(PlantError, match='is not a recording'):
         read_recording(tmp_path / 'nowhere')
 
 
