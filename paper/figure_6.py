@@ -125,11 +125,12 @@ def report(result: Interference) -> Report:
         'Computed with membrane finite elements, the stiffness increases by '
         f'{number(membrane, 2)} % and as '
         f'p^{number(reference.min(), 2)} to p^{number(reference.max(), 2)}.',
-        difference='The increase of stiffness with the diameter is reproduced. The agreement of '
-        'measurements and the model with round sections for small cylinders is not: flattening '
-        'halves the stiffness for these. The gas does not explain the increase: the tube loses '
-        f'{number(1e6 * DISPLACED[0])} to {number(1e6 * DISPLACED[1])} cm³ of '
-        f'{number(1e6 * VOLUME, 4)} at {1e3 * DEPTH:g} mm, which raises the pressure by '
+        difference='Our model reproduces the increase of stiffness with the diameter. For small '
+        'cylinders, measurements agree with a model with round sections; our model does not '
+        'reproduce this, because flattening halves the stiffness. The gas does not explain the '
+        f'increase: at an indentation of {1e3 * DEPTH:g} mm the tube loses '
+        f'{number(1e6 * DISPLACED[0])} to {number(1e6 * DISPLACED[1])} of its '
+        f'{number(1e6 * VOLUME, 4)} cm³, which raises the pressure by '
         f'{number(100 * raised.min(), 1)} %.',
         assumption='The ends are clamped; with hinged ends, the stiffness for the smallest '
         f'cylinder at the middle is {number(result.pinned, 2)} instead of '

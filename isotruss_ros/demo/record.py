@@ -61,7 +61,7 @@ class PhaseRecord:
 
     @property
     def position_error(self) -> float:
-        """Return the distance between measured and executed displacement of the object [m]."""
+        """Return the distance between measured displacement and integrated executed twists [m]."""
         return float(np.linalg.norm((self.measured - self.accepted)[:2]))
 
     @property

@@ -112,8 +112,9 @@ class GraspGradient(
         """
         Return the names of the members that slip or lose contact first; none without equilibrium.
 
-        If there are several, as in a symmetric grasp, the slip margin is not differentiable; a
-        step changes it by the smallest change among `slip_margins`.
+        If there are several, as in a symmetric grasp, the slip margin is not differentiable: a
+        small step of the parameters changes the slip margin by the smallest of the changes that
+        `slip_margins` predicts for these members.
         """
         return self._margins[1]
 

@@ -302,7 +302,11 @@ class HeldGrip:
 
     @property
     def pulling(self) -> int | None:
-        """Return the index of the face end or third member's contact with the largest tension."""
+        """
+        Return the index of the contact with the largest tension; None without tension.
+
+        Only contacts at the ends of a face, and the contact of a third member, are considered.
+        """
         owners = self.contacts.owners
         return self._most_pulling((np.bincount(owners)[owners] > 1) | (owners[-1] > 1))
 

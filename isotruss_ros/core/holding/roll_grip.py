@@ -280,8 +280,9 @@ def with_pressures(grip: HeldGrip, pressures: Pressure | None) -> HeldGrip:
     """
     Return a held grip with other tube pressures; its equilibrium must be found by `roll_grip`.
 
-    The new tables of dents take longer than a control cycle to compute, so a control loop ignores
-    small changes of pressure, see `steady_pressures`.
+    The forces that flatten the tubes are tabulated for each pressure. Computing new tables takes
+    longer than a control cycle, so a control loop ignores small changes of pressure, see
+    `steady_pressures`.
 
     :param grip: the grip.
     :param pressures: gauge pressures [Pa], see `tube_pressures`; None: the pressures of the robot

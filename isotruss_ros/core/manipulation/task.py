@@ -115,19 +115,22 @@ class Reach(NamedTuple):
     """
     Reachable twists: twists that the working rollers can produce without breaking contacts.
 
-    Rotations are multiplied by d/2, so that translation and rotation have the same unit.
+    Rotations are multiplied by d/2, so that translation and rotation have the same unit. If the
+    task moves joints instead of an object, the k velocity components of the joints replace the
+    twist, and there are no contacts.
     """
 
     working: WorkingRollers  #: the working rollers
-    #: (3, r) Jacobian of the twist with respect to the speeds of all rollers; for joints, (k, r)
-    #: Jacobian of their velocities
+    #: (3, r) Jacobian of the twist, or (k, r) of the joint velocities, with respect to the speeds
+    #: of all rollers
     motion: Array
     #: (k + g, w) rows of (20) on the speeds of the working rollers [-]: components of the twist
-    #: along the directions, then the contact constraints that the rollers can violate
+    #: along `directions`, then contact constraints, except those that all roller speeds fulfil
     rows: Array
     directions: Array  #: (k, 3) orthonormal basis of the reachable twists
     weights: Array  #: (3,) factors from vx, vy, omega to surface speeds: 1, 1, d/2 [m]
-    opening: Array  #: (g,) right-hand sides of the contact rows for an opening rate of 1 m/s [-]
+    #: (g,) right-hand sides of the contact rows if the grip opens at 1 m/s [-]
+    opening: Array
 
     @property
     def contact_rows(self) -> Array:
@@ -142,12 +145,12 @@ class Reach(NamedTuple):
     @classmethod
     def of(cls, jacobian: Array, working: WorkingRollers, weights: Array) -> Reach:
         """
-        Return the twists that the working rollers can produce, from the Jacobian of a grip.
+        Return the motions of a gripped object, or of joints, that the working rollers can produce.
 
-        :param jacobian: (3 + g, r) grip Jacobian, see `grip_jacobian`; for joints, the (k, r)
-            Jacobian of their velocities.
+        :param jacobian: (3 + g, r) grip Jacobian of an object, see `grip_jacobian`, or the (k, r)
+            Jacobian of the velocity components of joints.
         :param working: the working rollers.
-        :param weights: (3,) factors, see `Reach`; for joints, (k,) ones.
+        :param weights: (3,) factors, see `Reach`, or (k,) ones if joints are moved.
         """
         count, rows = len(weights), working.take(jacobian)
         rows[:count] *= weights[:, None]

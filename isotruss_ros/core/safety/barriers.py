@@ -174,7 +174,11 @@ class ObjectBarrier:
         return ActiveValues(parts, distances, *grip_gradients(config, grip, parts))
 
     def values(self, config: Configuration, grip: Grip, indices: Selection) -> Array:
-        """Return the object's distances to parts, infinite for the grip; see `Barrier.values`."""
+        """
+        Return the distances from the object to parts of the robot, see `Barrier.values`.
+
+        The distances to the grasping members, which may touch the object, are infinite.
+        """
         far = self._neighbors.listed_below
         return object_distances(config, grip.body, grip.members, far, indices)
 
