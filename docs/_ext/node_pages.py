@@ -26,10 +26,10 @@ name `t/j` belongs to a module, `t/j-k` to a member ([names](robot_file.md))."""
 #: Notes on topics, for pages that have no other note on them.
 COMMON_NOTES = {
     'joint_states': 'roller travel since home [m] by roller name',
-    'state_estimate': 'roller offsets estimated by [state_estimator](state_estimator.md), if that node runs',
+    'state_estimate': 'roller offsets by [state_estimator](state_estimator.md), if that node runs',
     'object_pose': 'measured pose of the object, in a frame that [tf2 connects](index.md#frames)',
-    'joint_markers': 'measured positions of joints, in a frame that [tf2 connects](index.md#frames)',
-    'tube_pressures': 'pressure of one tube [Pa], whose name is the `frame_id`; see `ambient_pressure`',
+    'joint_markers': 'measured joints, in a frame that [tf2 connects](index.md#frames)',
+    'tube_pressures': 'pressure of the tube named by `frame_id` [Pa]; see `ambient_pressure`',
 }
 
 #: Headings of sections, and the attributes of an interface in each.
