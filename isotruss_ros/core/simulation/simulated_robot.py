@@ -17,6 +17,9 @@ from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 from numpy.typing import ArrayLike
 
+#: Largest mean slip [-]; the slip of a roller may be 1.5 times as large, and must be less than 1.
+MAX_SLIP = 0.5
+
 
 @dataclass(frozen=True)
 class RollerFaults:
@@ -31,7 +34,7 @@ class RollerFaults:
     :ivar speed_limit: largest roller speed; commands beyond it are clipped [m/s].
     :ivar noise: standard deviation of the speed of a moving roller, drawn in each step [m/s].
     :ivar stuck: names of stuck rollers.
-    :ivar slip: mean slip as a fraction of the travel, 0 to 0.5 [-].
+    :ivar slip: mean slip as a fraction of the travel, 0 to `MAX_SLIP` [-].
     """
 
     speed_limit: float = float('inf')
@@ -56,14 +59,14 @@ class DrivenRollers:
     def __init__(self, robot: Mechanism, faults: RollerFaults, seed: int = 0) -> None:
         names = robot.roller_names
         check_roller_names('stuck rollers', faults.stuck, names)
-        if not 0.0 <= faults.slip < 1.0:
-            raise ConfigurationError(f'slip {faults.slip!r}: must be from 0 to less than 1')
+        if not 0.0 <= faults.slip <= MAX_SLIP:
+            raise ConfigurationError(f'slip {faults.slip!r}: must be from 0 to {MAX_SLIP}')
         self._robot, self._faults = robot, faults
         self._free = np.array([name not in faults.stuck for name in names])
         self._random = np.random.default_rng(seed)
         # Separate random stream: the noise of a seed is independent of slip.
         shares = np.random.default_rng([seed, 1]).uniform(0.5, 1.5, len(names))
-        # Share of each roller's travel followed by its tube [-].
+        # Ratio of the tube's travel to the roller's travel [-].
         self._grips = 1.0 - faults.slip * shares
         self._command, self.roller_positions, self.roller_velocities = np.zeros((3, len(names)))
 
