@@ -25,8 +25,8 @@ CLOCK_SKEW = 0.01
 PRESSURE_TIMEOUT = 2.0
 #: Largest age of a measurement from which the state is predicted by commands [s].
 HISTORY_DURATION = 1.0
-#: Smallest relative change of a pressure that is not regarded as noise [-]; noise changes the
-#: squeeze by 0.1 %.
+#: Smallest relative change of a pressure that is not regarded as noise [-]. The noise of pressure
+#: sensors changes the estimated squeeze by 0.1 %.
 PRESSURE_CHANGE = 0.02
 
 
@@ -70,7 +70,7 @@ class RollerState(NamedTuple):
 
     :ivar positions: (r,) roller travel since home [m].
     :ivar velocities: (r,) roller speeds [m/s]; zero for rollers without measured speed.
-    :ivar offsets: (r,) estimated roller offsets that the positions include [m].
+    :ivar offsets: (r,) estimated roller offsets, which were added to the encoder readings [m].
     """
 
     positions: Array
@@ -270,7 +270,7 @@ class Timeline:
 
     def discard_before(self, time: float) -> None:
         """
-        Remove the values that the interpolation at and after a time does not need.
+        Remove old values that are not needed to interpolate at a time or later.
 
         :param time: the time [s].
         """
@@ -344,8 +344,8 @@ class CommandHistory:
         """
         Return the roller travel due to the commands between two times, (r,) [m].
 
-        :param begin: begin of the interval [s].
-        :param end: end of the interval [s]; if it is before the begin, the travel is negated.
+        :param begin: start of the interval [s].
+        :param end: end of the interval [s]; if it is before the start, the travel is negated.
         :param before: (r,) speeds before the first command of the history [m/s].
         """
         if self.last is None or begin == end:
@@ -356,19 +356,19 @@ class CommandHistory:
         self, rollers: StampedInput, then: float, now: float, ahead: float, still: Array
     ) -> tuple[Array, Array, Array]:
         """
-        Predict the roller travel since a measurement, up to a moment slightly in the future.
+        Predict the roller travel from a measurement to a moment slightly in the future.
 
         This moment, called horizon, is `ahead` after `now`. The rollers are assumed to follow the
         commands. Before the first command the measured speeds are used, because another client may
         have moved the rollers.
 
         :param rollers: measured `RollerState`.
-        :param then: time between the measurement and the horizon [s].
+        :param then: a time between the measurement and the horizon, for the first result [s].
         :param now: current time on the clock of the commands [s].
         :param ahead: time from now to the horizon [s].
         :param still: (r,) mask of the rollers that do not follow commands.
-        :return: three arrays (r,): travel until `then` [m], travel until the horizon [m], and mean
-            speeds from now to the horizon [m/s].
+        :return: three arrays (r,): travel from the measurement to `then` [m], travel from the
+            measurement to the horizon [m], and mean speeds from now to the horizon [m/s].
         """
         measured = rollers.value.velocities
         last = np.where(still, 0.0, measured if self.last is None else self.last)
@@ -378,7 +378,7 @@ class CommandHistory:
         return before, travel + ahead * last, last
 
     def _until(self, time: float, before: Array) -> Array:
-        """Return the travel (r,) by the commands until a time, given earlier speeds [m]."""
+        """Return the travel (r,) up to a time; `before` are the speeds before the commands [m]."""
         (first, _), (last, travel) = self._travel.first, self._travel.last
         if time > last:
             return travel + (time - last) * self.last

@@ -38,7 +38,9 @@ class Targets:
 
 class Constraints:
     """
-    Residuals and matrix of (12), with the rows tube, module, bisection, ground, as in (12).
+    Residuals of the kinematic constraints, and their Jacobian, the matrix of (12).
+
+    The rows are those of tubes, modules, bisections and ground, in this order.
 
     :param topology: the robot's connections.
     """
@@ -129,9 +131,9 @@ class Constraints:
         Each entry is the gradient of one constraint with respect to one node, x + iy.
 
         :param points: (n,) nodes [m].
-        :return: (13m,) entries: first the gradients of the 4m lengths (see `Targets`) by the end
-            nodes [-], then those by the start nodes, which are their negatives, and last the 5m
-            gradients of the bisection rows [1/m].
+        :return: (13m,) entries: first the gradients of the 4m lengths (see `Targets`) with respect
+            to the end nodes [-], then with respect to the start nodes (the negatives of the
+            first), and last the 5m gradients of the bisection rows [1/m].
         """
         m = self._topology.n_modules
         spans = self.spans(points).reshape(4, m)
@@ -242,7 +244,7 @@ def follow_branch(
         if error > MAX_REUSE_CONTRACTION * previous:
             factor = None
         elif error * error < MAX_REUSE_CONTRACTION**2 * tolerance * previous:
-            # Steps with one factor contract alike: the residual after the next step is
-            # predictable.
+            # Steps with the same factor reduce the residual by the same ratio, so the next step
+            # is the last.
             return points - factor.solve(residual).view(np.complex128)
     return points if error <= tolerance else None

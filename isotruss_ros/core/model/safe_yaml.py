@@ -83,6 +83,6 @@ def parse_yaml(source: object, text: str, kind: str, refusal: type[IsotrussError
         raise refusal(f'{source}: {where}not YAML 1.2: {problem}') from error
     except refusal:
         raise
-    # The reader's own constructors: dates, very long integers, tags on what does not fit them.
+    # Constructors of ruamel.yaml raise these for invalid dates, long integers and wrong tags.
     except (ValueError, LookupError, TypeError, AttributeError) as error:
         raise refusal(f'{source}: not YAML 1.2: {error}') from error

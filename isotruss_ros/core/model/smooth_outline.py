@@ -165,7 +165,7 @@ def _conic_tangents(points: Points) -> Points:
     Pascal's theorem in homogeneous coordinates.
     """
     size = np.abs(points - points.mean()).max()
-    # A hexagon on the conic, two of whose corners are the point: that side is the tangent.
+    # Two corners of Pascal's hexagon coincide at the point; the side between them is the tangent.
     hexagon = []
     for step in (0, 0, 1, -2, 2, -1):
         away = (np.roll(points, -step) - points) / size

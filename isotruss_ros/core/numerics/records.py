@@ -36,7 +36,7 @@ class Record:
     def __init_subclass__(
         cls, headline: tuple[str, ...] = (), data: tuple[str, ...] = (), **rest: Any
     ) -> None:
-        """Store the names of the data; use the methods of this class in place of a dataclass's."""
+        """Store the names of the data, and replace methods that a dataclass generates."""
         super().__init_subclass__(**rest)
         cls.headline, cls.data = headline or cls.headline, data or cls.data
 
@@ -113,7 +113,7 @@ def as_plain(value: Any) -> Any:
     if dataclasses.is_dataclass(value):
         fields = [field.name for field in dataclasses.fields(value) if field.repr]
         return {name: as_plain(getattr(value, name)) for name in fields}
-    raise TypeError(f'{type(value).__name__}: must be numbers, texts, or made of them')
+    raise TypeError(f'{type(value).__name__}: must consist of numbers and texts')
 
 
 def is_equal(value: Any, other: Any) -> bool:

@@ -164,7 +164,7 @@ class Watch:
             found = self._violation(share * rollers, velocities, duration)
             if found is None:
                 break
-            # The share is exact to first order.
+            # The share is accurate to first order.
             share, violation = 0.8 * share * found.share, found
         else:
             share = 0.0
@@ -194,7 +194,7 @@ class Watch:
     def _jumped(
         self, barrier: Barrier, end: Configuration, grip: Grip | None
     ) -> BarrierViolation | None:
-        """Return the violation by values that crossed their bound without being watched before."""
+        """Return the violation by values that crossed the bound from above the band."""
         left = barrier.values(end, grip, ALL_VALUES) - barrier.law.bound
         for limit in self.limits:
             if limit.barrier is barrier:
