@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections import deque
+from dataclasses import dataclass
 import enum
 from operator import itemgetter
 from typing import Any, NamedTuple
@@ -80,6 +81,27 @@ class RollerState(NamedTuple):
 
 #: Latest value of an input; None before the first value.
 Input = StampedInput | RejectedInput | None
+
+
+@dataclass(eq=False, slots=True)
+class LatestInputs:
+    """Latest value of each input; an input is None before its first value."""
+
+    twist: Input = None  #: commanded twist (vx, vy, omega) in the robot frame [m/s, rad/s]
+    rollers: Input = None  #: measured `RollerState`
+    estimate: Input = None  #: `EstimatedTravel` with the roller offsets
+    pose: Input = None  #: measured `Pose` of the object in the robot frame
+    markers: Input = None  #: measured joint positions {name: (x, y)} [m]
+    #: gauge pressures (t,) of the tubes in the order of the robot file [Pa]; None: the pressures
+    #: of the robot file are used
+    pressures: Input = None
+    wrench: Input = None  #: external wrench (fx, fy, m) on the object [N, N m]; None: zero
+    held_grip: Input = None  #: `GripRecord` of the control loop that holds the object
+    grasp: Input = None  #: message `GraspState` of the node `grasp_analysis`
+    servo_feedback: Input = None  #: `ServoFeedback` of the manipulation
+    failed: frozenset[str] = frozenset()  #: names of rollers that the client declares failed
+    #: status and reason of a halt by the client; None if the client does not halt
+    halt: tuple[Any, str] | None = None
 
 
 class InputError(IsotrussError):

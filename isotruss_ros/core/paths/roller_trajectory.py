@@ -14,7 +14,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from isotruss_ros.core.errors import ConfigurationError, IsotrussError
-from isotruss_ros.core.inputs import Input, require_fresh, RollerState
+from isotruss_ros.core.inputs import LatestInputs, require_fresh, RollerState
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.numerics.arrays import Array, finite_array
 from isotruss_ros.core.paths.object_path import MAX_DURATION
@@ -142,12 +142,11 @@ class RollerTrajectoryServo:
 
     :param robot: the robot.
     :param timeout: largest age of measurements [s].
+    :param inputs: latest inputs, which the client replaces; the roller state is used.
     """
 
-    def __init__(self, robot: Robot, timeout: float) -> None:
-        self._robot = robot
-        self.timeout = timeout
-        self.rollers: Input = None  #: input of the measured `RollerState`
+    def __init__(self, robot: Robot, timeout: float, inputs: LatestInputs) -> None:
+        self._robot, self.timeout, self.inputs = robot, timeout, inputs
         self.time = 0.0  #: trajectory time [s]
         self._trajectory: RollerTrajectory | None = None
         self._tolerances = TrajectoryTolerances()
@@ -197,7 +196,7 @@ class RollerTrajectoryServo:
         :raises InputError: the joint states are missing, stale or rejected.
         :raises ConfigurationError: the trajectory does not begin at the measured positions.
         """
-        state = require_fresh(now, self.timeout, joint_states=self.rollers)[0].value
+        state = require_fresh(now, self.timeout, joint_states=self.inputs.rollers)[0].value
         away = np.abs(trajectory.at(0.0).positions - state.positions)
         worst = int(away.argmax())
         if away[worst] > START_TOLERANCE:
@@ -222,7 +221,7 @@ class RollerTrajectoryServo:
         if trajectory is None:
             return self._finish('the servo has no trajectory; start one first')
         try:
-            (measured,) = require_fresh(now, self.timeout, joint_states=self.rollers)
+            (measured,) = require_fresh(now, self.timeout, joint_states=self.inputs.rollers)
         except IsotrussError as error:
             return self._finish(str(error))
         if now < self._start:

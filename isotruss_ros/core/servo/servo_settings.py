@@ -1,18 +1,16 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Settings and inputs of the twist servo."""
+"""Settings of the twist servo."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 import math
-from typing import NamedTuple
 
-from isotruss_ros.core.inputs import Input, PRESSURE_TIMEOUT
+from isotruss_ros.core.inputs import PRESSURE_TIMEOUT
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.limits import Limit
-from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.safety.barrier_law import Barrier
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
 
@@ -79,18 +77,3 @@ class ServoSettings:
     max_acceleration: float | None = None
     failure_time: float = math.inf
     pressure_timeout: float = PRESSURE_TIMEOUT
-
-
-class ServoInputs(NamedTuple):
-    """Latest values of all inputs of the twist servo; an input is None before its first value."""
-
-    twist: Input = None  #: commanded twist (vx, vy, omega) in the robot frame [m/s, rad/s]
-    rollers: Input = None  #: measured `RollerState`
-    pose: Input = None  #: measured `Pose` of the object in the robot frame
-    #: gauge pressures (t,) of the tubes for the squeeze control [Pa]; None: the pressures of the
-    #: robot file
-    pressures: Input = None
-    estimate: Input = None  #: `EstimatedTravel` with the roller offsets
-    failed: frozenset[str] = frozenset()  #: names of rollers that the client declares failed
-    #: status and reason of a halt by the client; None if the client does not halt
-    halt: tuple[Status, str] | None = None
