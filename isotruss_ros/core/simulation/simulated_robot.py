@@ -17,9 +17,6 @@ from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 from numpy.typing import ArrayLike
 
-#: Largest mean slip [-]; the slip of a roller may be 1.5 times as large, and must be less than 1.
-MAX_SLIP = 0.5
-
 
 @dataclass(frozen=True)
 class RollerFaults:
@@ -34,7 +31,7 @@ class RollerFaults:
     :ivar speed_limit: largest roller speed; commands beyond it are clipped [m/s].
     :ivar noise: standard deviation of the speed of a moving roller, drawn in each step [m/s].
     :ivar stuck: names of stuck rollers.
-    :ivar slip: mean slip as a fraction of the travel, 0 to `MAX_SLIP` [-].
+    :ivar slip: mean slip as a fraction of the travel, 0 to 0.5 [-].
     """
 
     speed_limit: float = float('inf')
@@ -59,8 +56,8 @@ class DrivenRollers:
     def __init__(self, robot: Mechanism, faults: RollerFaults, seed: int = 0) -> None:
         names = robot.roller_names
         check_roller_names('stuck rollers', faults.stuck, names)
-        if not 0.0 <= faults.slip <= MAX_SLIP:
-            raise ConfigurationError(f'slip {faults.slip!r}: must be from 0 to {MAX_SLIP}')
+        if not 0.0 <= faults.slip <= 0.5:
+            raise ConfigurationError(f'slip {faults.slip!r}: must be from 0 to 0.5')
         self._robot, self._faults = robot, faults
         self._free = np.array([name not in faults.stuck for name in names])
         self._random = np.random.default_rng(seed)
