@@ -98,7 +98,7 @@ class LatestInputs:
     wrench: Input = None  #: external wrench (fx, fy, m) on the object [N, N m]; None: zero
     held_grip: Input = None  #: `GripRecord` of the control loop that holds the object
     grasp: Input = None  #: message `GraspState` of the node `grasp_analysis`
-    servo_feedback: Input = None  #: `ServoFeedback` of the manipulation
+    servo_feedback: Input = None  #: `ServoFeedback` of the manipulation node
     failed: frozenset[str] = frozenset()  #: names of rollers that the client declares failed
     #: status and reason of a halt by the client; None if the client does not halt
     halt: tuple[Any, str] | None = None
@@ -182,7 +182,7 @@ def require_fresh(
     now: float, timeout: float, setting: str = 'command_timeout', **inputs: Input
 ) -> tuple[StampedInput, ...]:
     """
-    Return the values of inputs; raise InputError unless all are valid and fresh.
+    Return the given inputs; raise InputError unless all are valid and fresh.
 
     :param now: current time on the clock of the inputs [s].
     :param timeout: largest age of an input [s].
@@ -238,7 +238,9 @@ def steady_pressures(
     kept: tuple[float, ...] | None, pressures: tuple[float, ...] | None
 ) -> tuple[float, ...] | None:
     """
-    Return measured pressures if they changed by more than `PRESSURE_CHANGE`, else `kept`.
+    Return the measured pressures, or `kept` if all differ from it by noise only.
+
+    Noise is a relative change by at most `PRESSURE_CHANGE`.
 
     :param kept: (t,) gauge pressure of each tube in the model so far [Pa]; None: as in the robot
         file.
@@ -277,7 +279,7 @@ class Timeline:
 
     def add(self, time: float, value: float | Array) -> None:
         """
-        Add the function's value at a time; remove its values at this time or later.
+        Add a value at a time; remove earlier added values at this time or later.
 
         :param time: time of the value [s].
         :param value: value at this time.
@@ -292,7 +294,7 @@ class Timeline:
 
     def discard_before(self, time: float) -> None:
         """
-        Remove old values that are not needed to interpolate at a time or later.
+        Remove old values that are not needed to interpolate at the given time or later.
 
         :param time: the time [s].
         """
@@ -400,7 +402,7 @@ class CommandHistory:
         return before, travel + ahead * last, last
 
     def _until(self, time: float, before: Array) -> Array:
-        """Return the travel (r,) up to a time; `before` are the speeds before the commands [m]."""
+        """Return the integral (r,) of speeds [m], which are `before` until the first command."""
         (first, _), (last, travel) = self._travel.first, self._travel.last
         if time > last:
             return travel + (time - last) * self.last

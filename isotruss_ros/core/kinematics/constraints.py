@@ -107,7 +107,7 @@ class Constraints:
 
     def spans(self, points: Points) -> Points:
         """
-        Return the vectors (4m,) along the m members, and from A to B, A to C, B to C [m].
+        Return vectors (4m,) along the members, then AB, AC and BC of the modules [m].
 
         :param points: (n,) nodes [m].
         """
@@ -169,8 +169,8 @@ class Constraints:
         """
         Return the gradients of p scalars weights^T J motion with respect to node coordinates.
 
-        The second derivatives are d2|v|[a, b] = (n . a) (n . b) / |v| with the unit normal n of v,
-        and d2t[a, b] = -Im(a b / v^2) with the direction angle t of v.
+        For a vector v between two nodes, its unit normal n and its direction angle t, the second
+        derivatives are d2|v|[a, b] = (n . a) (n . b) / |v| and d2t[a, b] = -Im(a b / v^2).
 
         :param points: (n,) nodes [m].
         :param weights: (5m + g, p) factors of the rows of the Jacobian J, see `matrix`; one column

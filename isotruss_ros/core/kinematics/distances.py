@@ -203,7 +203,7 @@ class CollisionModel:
 
 
 def _measured(robot: Mechanism) -> Array:
-    """Return a mask of the unconnected pairs, (modules and joints, parts)."""
+    """Return a mask (m + j, 3m) of unconnected pairs: modules and joints with all parts."""
     topology = robot.topology
     m = topology.n_modules
     joint = np.concatenate([topology.joint, np.arange(len(topology.joint_names))])

@@ -96,7 +96,7 @@ def _points(topology: Topology, joints: Points, angles: Array, b_arm: Points) ->
 def _bisection(
     topology: Topology, constraints: Constraints, points: Points
 ) -> tuple[Array, csc_matrix]:
-    """Return the bisection residual (m,), and its Jacobian (m, m) with respect to the angles."""
+    """Return the bisection residual (m,), and its Jacobian (m, m) by the modules' angles."""
     m, own = topology.n_modules, np.arange(topology.n_modules)
     targets = Targets(np.abs(constraints.spans(points)), np.zeros(len(topology.grounded)))
     bisection = np.split(constraints.residual(points, targets), [4 * m, 5 * m])[1]

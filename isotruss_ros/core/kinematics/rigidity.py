@@ -43,7 +43,7 @@ class Modes(NamedTuple):
 
 class RigidityIndex:
     """
-    Rigidity index of a robot's configurations.
+    Function that computes the rigidity index of a robot's configurations, with its gradients.
 
     :ivar weights: (13m,) weights for `Constraints.gradients`. The weighted norm of a change of the
         gradients is an upper bound of the change of the index (Weyl's inequality).

@@ -90,7 +90,7 @@ def member_rows(config: Configuration, names: tuple[str, ...]) -> Array:
 
 def contact_rows(config: Configuration, grip: Grip) -> tuple[Array, Array]:
     """
-    Return both sides of the grasp constraint J_h(q) qdot = G^T nu.
+    Return the matrices of both sides of the grasp constraint J_h(q) qdot = G^T nu.
 
     :param config: configuration of the robot.
     :param grip: the grip.

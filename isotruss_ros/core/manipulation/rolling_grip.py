@@ -45,7 +45,8 @@ class RollingGrip:
     :ivar owners: (k,) grasping member of each contact, numbered within the grip; a member has one
         contact, or two if a face touches it.
     :ivar corners: (k,) index of the polygon's corner at each contact.
-    :ivar invariants: (2, k) gaps from the centre lines, and anchors along the tubes [m].
+    :ivar invariants: (2, k) gaps from the centre lines, and anchors along the tubes, as defined at
+        the top of this module [m].
     :ivar sides: (m,) +1 for an object on the left of the member, -1 on the right.
     :ivar shape: shape of the object that is used for the contacts, see `Shape.smoothed`.
     :ivar misfit: largest deviation from the invariants [m]. It is not zero if the rollers moved
@@ -65,7 +66,7 @@ class RollingGrip:
     @classmethod
     def attach(cls, config: Configuration, grip: Grip) -> RollingGrip:
         """
-        Return the rolling grip of an object at its present pose, with its rolling invariants.
+        Return a rolling grip that starts at a given configuration and pose of the object.
 
         :param config: configuration of the robot.
         :param grip: the grip, with the object at its pose.

@@ -34,7 +34,7 @@ class Tube:
 @dataclass(frozen=True)
 class RobotDescription:
     """
-    Content of a robot file after a check of its form, but not yet of the mechanics.
+    Content of a robot file with a valid form; the mechanics are checked later.
 
     :ivar source: path of the robot file, for error messages.
     :ivar name: name of the robot.
@@ -81,5 +81,5 @@ class RobotDescription:
 
     @property
     def braking_rate(self) -> float:
-        """Return the decay rate at which a roller at its largest speed decelerates most [1/s]."""
+        """Return the ratio of the rollers' largest acceleration to their largest speed [1/s]."""
         return self.max_acceleration / self.max_speed

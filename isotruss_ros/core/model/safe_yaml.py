@@ -51,8 +51,8 @@ def parse_yaml(source: object, text: str, kind: str, refusal: type[IsotrussError
     :param text: YAML text.
     :param kind: noun in the plural for such texts, for error messages (such as 'robot files').
     :param refusal: class of the exception to raise.
-    :raises IsotrussError: the text is not YAML 1.2, is nested too deeply, or has anchors or values
-        that are too long; its class is `refusal`.
+    :raises IsotrussError: the text is not YAML 1.2, is nested too deeply, has anchors, or has
+        values that are too long; its class is `refusal`.
     """
     try:
         depth = 0

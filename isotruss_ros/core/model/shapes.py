@@ -70,7 +70,7 @@ class Shape(ABC):
 
     @property
     def bounding_normals(self) -> Points:
-        """Return outward unit normals (k,) of tangents that enclose the shape tightly."""
+        """Return outward unit normals (k,) whose tangents form a polygon around the shape."""
         return np.exp(2j * np.pi * np.arange(16) / 16)
 
     @property

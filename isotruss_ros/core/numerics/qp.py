@@ -218,7 +218,7 @@ def solve_complementarity(compliance: Array, gaps: Array, active: Flags) -> tupl
 
 
 def _by_least_squares(compliance: Array, gaps: Array) -> tuple[Array, Flags]:
-    """Solve the LCP by nonnegative least squares on the Cholesky factor W = R^T R."""
+    """Solve the LCP by nonnegative least squares on the Cholesky factor of the compliance."""
     try:
         root = cholesky(compliance)
         target = solve_triangular(root, -gaps, trans='T')

@@ -45,8 +45,8 @@ class RollerTrajectory:
     Waypoints of the rollers with times, with constant velocity between waypoints.
 
     At each waypoint the velocity changes with the largest acceleration (parabolic blend), for a
-    time centred on the waypoint. So the trajectory begins half of the first blend earlier, and its
-    duration includes this time.
+    time centred on the waypoint. So the trajectory begins half of the first blend before the first
+    waypoint, and its duration includes this time.
 
     :ivar duration: duration of the trajectory [s].
     :param robot: the robot.

@@ -44,7 +44,7 @@ class Tolerance(NamedTuple):
 
 
 class TrajectoryTolerances(NamedTuple):
-    """Tolerances of the goal of a trajectory action."""
+    """Tolerances that the goal of a trajectory action prescribes."""
 
     #: tolerance along the trajectory; None: no bound, and trajectory time stops while a roller
     #: lags behind

@@ -50,7 +50,7 @@ class BarrierLaw:
 
     @cached_property
     def active_below(self) -> float:
-        """Return the barrier value below which its rate of decrease is bounded."""
+        """Return the barrier value below which the rate of decrease is bounded."""
         return self.bound + self.band
 
     @cached_property

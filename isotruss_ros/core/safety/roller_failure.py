@@ -110,7 +110,7 @@ class FailureDetector:
         self._judge(time, positions)
 
     def _judge(self, time: float, positions: Array) -> None:
-        """Detect failed rollers, and restart the timing of working rollers."""
+        """Detect failed rollers, and restart the comparison for working rollers."""
         sent, moved = self._sent_range.size, self._moved_range.size
         timed = (sent >= EVIDENT_TRAVEL) & (moved >= MIN_SHARE * sent)
         long = self._commanded >= self.failure_time - SETTLING_TIME

@@ -45,8 +45,8 @@ class ShapeBounds:
     :ivar min_rigidity: smallest rigidity index, 1 at home; see `rigidity_index`.
     :ivar min_clearance: smallest distance between parts of the robot [m].
     :ivar min_object_clearance: smallest distance between object and robot [m].
-    :ivar rigidity_band: margin of the rigidity index below which the robot is slowed.
-    :ivar clearance_band: margin of the distances below which the robot is slowed [m].
+    :ivar rigidity_band: margin above `min_rigidity` below which the robot is slowed.
+    :ivar clearance_band: margin above the smallest distances below which the robot is slowed [m].
     :ivar rate: largest decay rate of a small margin [1/s].
     :raises ConfigurationError: a value is out of its range.
     """
@@ -173,7 +173,7 @@ class Watch:
     def _violation(
         self, rollers: Array, velocities: Array, duration: float
     ) -> BarrierViolation | None:
-        """Return the violation of a barrier by a motion; None if there is none."""
+        """Return the worst violation of a barrier by a motion; None if there is none."""
         start, grip = self._config, self._grasp
         travel = duration * rollers
         try:
@@ -194,7 +194,7 @@ class Watch:
     def _jumped(
         self, barrier: Barrier, end: Configuration, grip: Grip | None
     ) -> BarrierViolation | None:
-        """Return the violation by values that crossed the bound from above the band."""
+        """Return the violation by values that fell from outside of the band to below the bound."""
         left = barrier.values(end, grip, ALL_VALUES) - barrier.law.bound
         for limit in self.limits:
             if limit.barrier is barrier:

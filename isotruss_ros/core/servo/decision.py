@@ -65,7 +65,9 @@ class Decision:
 
 def describe_squeeze(squeeze: float, deviation: float) -> str:
     """
-    Return a text with the squeeze; 'unknown' if its deviation exceeds `MAX_KNOWN_DEVIATION`.
+    Return a text with the squeeze, and whether the squeeze is unknown.
+
+    The squeeze is unknown if its deviation exceeds `MAX_KNOWN_DEVIATION` times the squeeze.
 
     :param squeeze: mean normal force of the members [N].
     :param deviation: standard deviation of the squeeze [N].

@@ -48,8 +48,8 @@ class SqueezeControl:
     Control of squeeze and pose of a held object.
 
     :ivar belief: estimated state of the grip; None before the first `follow`.
-    :ivar reference: desired pose (x, y, angle) of the object [m, rad]. It is the initial pose plus
-        the integral of the executed twists; None before the first twist.
+    :ivar reference: desired pose (x, y, angle) of the object [m, rad]. It is the pose at the
+        start of a motion plus the integral of the executed twists; None before the first twist.
     :ivar frequency: lowest natural frequency of the held object [rad/s]; None if unknown.
     :ivar gains: gains for this frequency; before the first `follow`, gains for an unknown
         frequency.
@@ -262,7 +262,7 @@ class SqueezeControl:
         self._velocity = command.scale * np.asarray(twist) - missing
 
     def _correction(self, belief: GripBelief, period: float) -> Array:
-        """Return the twist (3,) that corrects the pose error and the motion neglected by (19)."""
+        """Return the twist (3,) that corrects the pose error and the motion that (19) neglects."""
         here = belief.regulated_pose
         if self.reference is None:
             self.reference = here
@@ -316,7 +316,7 @@ class SqueezeControl:
         self.gains = gains_of(self._softening * gain)
 
     def _look_for_swings(self, belief: GripBelief, elapsed: float) -> None:
-        """Latch an oscillation and halve the gain; clear it after `REST_TIME`."""
+        """Latch a fault and halve the gain at an oscillation; clear it after `REST_TIME`."""
         error, even = np.zeros(3), np.array([1.0, 1.0, belief.grasp.arm])
         if self.reference is not None:
             error = even * pose_difference(self.reference, belief.pose)

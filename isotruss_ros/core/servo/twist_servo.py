@@ -59,7 +59,7 @@ DETECTION_PERIOD = 0.02
 
 class TwistServo:
     """
-    Twist servo: settings, latest inputs and state of the control loop.
+    Control loop from twists to roller commands: settings, latest inputs and state.
 
     :ivar settings: current settings, replaced by `apply`.
     :ivar inputs: latest inputs, replaced by `receive`.
