@@ -87,7 +87,7 @@ class BeliefStart:
         return hold
 
     def _place(self, config: Configuration, grip: Grip, first_depth: float) -> Grip:
-        """Return the grip with the object moved until all members are indented by the same depth."""
+        """Return the grip with the object moved until all members have the same indentation."""
         angle, depth = grip.body.pose.angle, self._depth or first_depth
         placed = place_between(config, grip.members, grip.body.shape, angle, depth)
         return grip.moved_to(placed.body.pose)
