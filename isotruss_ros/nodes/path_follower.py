@@ -80,14 +80,14 @@ class PathFollower(ManagedNode):
     def configure(self) -> None:
         """Create publishers and subscriptions, and offer the action."""
         values = self.values
-        self._servo = PathServo(1.0 / values.rate, values.command_timeout)
+        inputs = self.inputs = Inputs(self, self.robot)
+        self._servo = PathServo(1.0 / values.rate, values.command_timeout, inputs)
         self._publish_twist = create_twist_publisher(
             self, values.use_stamped_twist, self.robot.frame
         )
-        self.inputs = Inputs(self, self.robot, self._servo)
-        self.inputs.keep('pose', 'rollers', 'estimate', 'held_grip')
+        inputs.keep('pose', 'rollers', 'estimate', 'held_grip')
         statuses = Topic(ManipulationStatus, 'manipulation/status', _read_status, 'status')
-        self.inputs.keep_topic('servo_feedback', statuses)
+        inputs.keep_topic('servo_feedback', statuses)
         # Exists while the node is inactive as well, so that a goal that ends then gets its result.
         self._goal = SingleGoal(
             self,
@@ -237,10 +237,10 @@ def _check_path(
     roller positions are missing, or if the object is not held at the start of the path, because an
     object that is only pushed has no slip margin.
     """
-    state = find_fresh(now, servo.timeout, servo.rollers)
+    state = find_fresh(now, servo.timeout, servo.inputs.rollers)
     if state is None:
         return
-    record = find_fresh(now, servo.timeout, servo.held_grip)
+    record = find_fresh(now, servo.timeout, servo.inputs.held_grip)
     body = common.read_body(values)
     friction = values.friction if body.friction is None else body.friction
     config = robot.configuration(state.positions)

@@ -18,7 +18,7 @@ from isotruss_ros.core.errors import PathError
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.grip_record import GripRecord
 from isotruss_ros.core.holding.roll_grip import roll_grip
-from isotruss_ros.core.inputs import RollerState, StampedInput
+from isotruss_ros.core.inputs import LatestInputs, RollerState, StampedInput
 from isotruss_ros.core.paths.path_servo import PathServo
 from isotruss_ros.core.planning.foresee_path import foresee_path
 from isotruss_ros.nodes import path_follower
@@ -369,9 +369,9 @@ VALUES = SimpleNamespace(
 def check(displacement, time=NOW, begin=BODY.pose, record=None):
     """Check a straight path, with rollers at home measured at a time."""
     path = ObjectPath([begin, np.add(begin, displacement)], 0.02, 0.1)
-    servo = PathServo(0.02, 0.2)
-    servo.rollers = StampedInput(RollerState(STILL, STILL), time)
-    servo.held_grip = record and StampedInput(record, NOW)
+    servo = PathServo(0.02, 0.2, LatestInputs())
+    servo.inputs.rollers = StampedInput(RollerState(STILL, STILL), time)
+    servo.inputs.held_grip = record and StampedInput(record, NOW)
     _check_path(ROBOT, VALUES, servo, path, NOW)
 
 

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Settings and inputs of the twist servo, and publication of the servo's decisions."""
+"""Settings of the twist servo, and publication of the servo's decisions."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ from isotruss_msgs.msg import HeldGrip, ManipulationStatus
 from isotruss_ros.core import ConvexObject, Disc, Grip, Robot, Status
 from isotruss_ros.core.holding.grip_record import GripRecord
 from isotruss_ros.core.holding.held_grip import HeldGrip as HeldEquilibrium
-from isotruss_ros.core.inputs import Input
 from isotruss_ros.core.safety.roller_failure import FAILURE_TIME
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
 from isotruss_ros.core.servo.decision import Decision
@@ -23,7 +22,6 @@ from isotruss_ros.nodes.conversions.state_messages import to_grip_message
 from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import Parameters, Spec
-from isotruss_ros.nodes.framework.sensors import Inputs
 
 #: Statuses that cause no warning.
 NORMAL_STATUSES = frozenset(
@@ -152,16 +150,6 @@ def make_settings(
         failure_time=values.failure_time or math.inf,  # 0 means never
         pressure_timeout=values.pressure_timeout,
     )
-
-
-class ServoSubscriptions(Inputs):
-    """`Inputs` that are passed to the method `receive` of a `TwistServo`."""
-
-    def _latest(self, name: str) -> Input:
-        return getattr(self._holder.inputs, name)
-
-    def _store(self, name: str, given: Input) -> None:
-        self._holder.receive(**{name: given})
 
 
 class StatusReport:
