@@ -22,7 +22,7 @@ SENTENCES_BY_REQUIREMENT = {
     'opposed': 'no near directions of the members balance within their friction cones',
     'facing': 'the members stay {value:.3g} rad from directions with force closure',
     'reach': 'a member stays {value:.4g} m short of the object',
-    'rigidity': 'the rigidity index on the path falls to {value:.3g}; must be at least {bound:.3g}',
+    'rigidity': 'the rigidity index on the path is {value:.3g}; must be at least {bound:.3g}',
     'self_clearance': 'along the path the clearance of the robot from itself is {value:.4g} m',
     'object_clearance': 'a part outside of the grip comes within {value:.4g} m of the object',
     'in_place': 'closing displaces the object by {value:.4g} m; must be at most {bound:.4g} m',
