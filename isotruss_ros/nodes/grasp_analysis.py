@@ -50,7 +50,7 @@ SPECS = (
     Spec(
         'paper_model',
         False,
-        "Whether (5) to (10) are those of the paper's model: the structure linear, tubes round",
+        "Whether the paper's model is used: linear structure, and tubes with round sections",
     ),
 )
 #: Shortest period of markers, equal to the frame period of RViz [s].

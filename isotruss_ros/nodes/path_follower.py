@@ -40,7 +40,11 @@ SPECS = (
         'Time without progress after which a goal is aborted [s]',
         (0.5, 600.0),
     ),
-    Spec('smooth_path', False, 'Spline through the poses; straight from pose to pose if false'),
+    Spec(
+        'smooth_path',
+        False,
+        'Whether the path is a spline through the poses; if false, it has straight segments',
+    ),
     *common.OBJECT_SPECS,
 )
 #: Fields of a result with errors of the last cycle (`LAST_ERRORS`) and of the whole path
@@ -93,7 +97,7 @@ class PathFollower(ManagedNode):
             self._refuse,
             self._begin,
             cancelled=lambda: self._end(PathOutcome.CANCELLED, 'cancelled by the client'),
-            preempted=lambda: self._end(PathOutcome.PREEMPTED, 'a newer goal took over'),
+            preempted=lambda: self._end(PathOutcome.PREEMPTED, 'replaced by a newer goal'),
             supervised=True,
         )
 
@@ -137,7 +141,7 @@ class PathFollower(ManagedNode):
         """Start the feasibility check of a path."""
         self._last, (path, settings) = None, asked
         if path is None:
-            self._end(PathOutcome.REACHED, 'the object is there already')
+            self._end(PathOutcome.REACHED, 'the object is already at the only pose of the path')
             return
         foreseen = self._thread.submit(
             _check_path, self.robot, self.values, self._servo, path, self.now()
@@ -248,6 +252,6 @@ def _check_path(
     if found is not None and found.why:
         x, y, angle = (round(number, 4) for number in found.pose)
         raise PathError(
-            f'the path would end {100.0 * found.share:.0f} % of the way, at ({x:g}, {y:g}) m, '
-            f'{angle:g} rad: {found.why}'
+            f'the object would be carried over only {100.0 * found.share:.0f} % of the path, to '
+            f'({x:g}, {y:g}) m, {angle:g} rad: {found.why}'
         )

@@ -172,7 +172,7 @@ def test_tubes_bear_the_friction_of_an_object_that_is_held(friction, larger):
     wrinkled = report.code is GraspCode.WRINKLED
     assert wrinkled == (expected[worst][0] > 1.0) == (friction == 0.8)
     if wrinkled:
-        assert f'{worst} bears {expected[worst][0]:.2f}' in report.message
+        assert f'{worst}: bending moment of {expected[worst][0]:.2f}' in report.message
         assert not report.held
 
 

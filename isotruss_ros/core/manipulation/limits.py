@@ -86,7 +86,7 @@ def _speed_rows(count: int, max_speed: float) -> Rows:
 
 @dataclass(frozen=True)
 class RollerSpeedLimit:
-    """Upper bound of the roller speeds."""
+    """Upper bound of the magnitudes of the roller speeds."""
 
     max_speed: float  #: largest roller speed, positive [m/s]
     status: ClassVar[Status] = Status.SLOWED_ROLLER_SPEED

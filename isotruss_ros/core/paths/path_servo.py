@@ -4,8 +4,8 @@
 """
 Path servo, which decides in each control cycle whether a path is followed, paused or aborted.
 
-A missing, stale or rejected pose ends the path. While the manipulation is stopped or its feedback
-is stale, path time does not advance and the twist is zero.
+A missing, stale or rejected pose ends the path. While the manipulation node has stopped the robot,
+or its feedback is stale, path time does not advance and the twist is zero.
 """
 
 from __future__ import annotations
@@ -51,10 +51,10 @@ class ServoFeedback(NamedTuple):
 
 
 class Step(NamedTuple):
-    """Twist and phase of path following, the output of the path servo in one control cycle."""
+    """Output of the path servo in one control cycle: twist, or result of a path that has ended."""
 
     twist: Array  #: (3,) twist of the object, robot frame [m/s, rad/s]
-    outcome: PathOutcome | None  #: result of path following; None while it goes on
+    outcome: PathOutcome | None  #: result of path following; None while the path is followed
     message: str  #: sentence with the result of path following
     tracking: Tracking | None  #: state of the tracking; None if unknown
 
@@ -116,7 +116,7 @@ class PathServo:
 
     def decide(self, now: float) -> Step:
         """
-        Return the twist and phase of the current cycle; an invalid input ends the path.
+        Return the twist of the current cycle, or the result; an invalid input ends the path.
 
         :param now: current time on the clock of the inputs [s].
         """

@@ -29,7 +29,7 @@ class SqueezeSettings:
         computed from the masses.
     :ivar max_utilisation: upper bound on the utilisation of the tubes [-]. Motion toward the bound
         is slowed; beyond the bound, only motion that decreases the utilisation is executed.
-    :ivar load: standard deviation of loads on the object [N]; 0: the value of `EstimatorSettings`.
+    :ivar load: standard deviation of loads on the object [N]; 0: that of `EstimatorSettings`.
     :ivar zeros: standard deviation of the roller offsets [m], used if no estimator provides it.
     """
 
@@ -56,8 +56,8 @@ class ServoSettings:
     :ivar bounds: bounds on the configuration, enforced by barriers; None: no barriers.
     :ivar barriers: user-defined barriers.
     :ivar limits: user-defined limits in addition to those of the robot file.
-    :ivar slide_along_limits: True if motion continues along limits of lengths and shapes;
-        otherwise motion is slowed until it stops at the limits.
+    :ivar slide_along_limits: True if motion continues along limits of member lengths and of the
+        configuration; otherwise motion is slowed until it stops at the limits.
     :ivar max_acceleration: largest acceleration of a roller, except in halts [m/s^2]; None: the
         value of the robot file.
     :ivar failure_time: a commanded roller that does not move for this time has failed [s].

@@ -59,7 +59,7 @@ DETECTION_PERIOD = 0.02
 
 class TwistServo:
     """
-    Twist servo: settings, latest inputs and state of the control loop.
+    Control loop from twists to roller commands: settings, latest inputs and state.
 
     :ivar settings: current settings, replaced by `apply`.
     :ivar inputs: latest inputs, replaced by `receive`.
@@ -79,11 +79,11 @@ class TwistServo:
         self.squeeze: SqueezeControl | None = None
         self._history = CommandHistory(len(robot.roller_names))
         self._regulated: float | None = None  # time of the last cycle of the squeeze control
-        self._detected: float | None = None  # time of the rollers compared last
+        self._detected: float | None = None  # time of the roller state that was compared last
         self._tracker = ConfigurationTracker(robot.home)
         self.settings = settings
         self.apply(settings)
-        # SciPy loads its parts when they are first used: not in a cycle.
+        # SciPy loads these parts at their first use, which must not be in a cycle.
         for part in ('scipy.interpolate', 'scipy.optimize'):
             importlib.import_module(part)
 
@@ -163,7 +163,9 @@ class TwistServo:
             message = '; '.join(filter(None, (told, squeeze and squeeze.note())))
         except IsotrussError as error:
             status, message = halt_for(error), str(error)
-            if isinstance(error, InputError) and error.name != 'twist':  # which comes first
+            if (
+                isinstance(error, InputError) and error.name != 'twist'
+            ):  # the twist is checked first
                 twist = np.asarray(received.twist.value)  # type: ignore[union-attr]
             if squeeze is not None and status is Status.HALT_NO_GRASP:
                 squeeze.lose()
@@ -221,7 +223,7 @@ class TwistServo:
         if before is not None and time > before:
             commanded = self._history.travel(before, time, commanded) / (time - before)
         self._detected = time
-        # Corrections of the offsets are no travel.
+        # A correction of an offset is not travel of a roller.
         self.detector.update(state.positions - state.offsets, time, commanded)
 
     def _solve(
@@ -276,7 +278,7 @@ class TwistServo:
         largest = self.settings.max_acceleration
         if largest is None:
             largest = self.robot.description.max_acceleration
-        # Timers are early now and then; late cycles have held their command for longer.
+        # A cycle may be early; a late cycle may change its command by more.
         return largest * max(self._history.elapsed(now, 0.0), self.settings.period)
 
     def _solve_joint(
@@ -312,7 +314,7 @@ class TwistServo:
         measured, config = self._tracker.predict(rollers.value.positions, travel)
         if not pose:
             return config, None, last
-        # From where it was measured on, the object rolls in its contacts.
+        # The object rolls from its measured pose, at the configuration of that time.
         start = measured.predict(before) if before.any() else measured
         grip = roll_object(self._touching.moved_to(pose[0].value), start, config)
         return config, grip, last
@@ -336,7 +338,9 @@ class TwistServo:
             config, grip, _ = self._predict(rollers, [pose], now, self.failed)
             self._regulated, known = before, squeeze.fault
             self._follow(squeeze, config, grip, (rollers, pose), now)
-            if known is None and squeeze.fault is not None:  # somebody took it away
+            if (
+                known is None and squeeze.fault is not None
+            ):  # the object was removed while it was at rest
                 squeeze.acknowledge()
             squeeze.rest()
         except IsotrussError:
@@ -357,7 +361,7 @@ class TwistServo:
         squeeze.take_offsets(rollers.value.offsets, covariance)
         pressures = self.inputs.pressures
         squeeze.take_pressures(fresh_pressures(now, settings.pressure_timeout, pressures))
-        # A loop that is late holds its commands for longer than its period.
+        # In a late loop, commands are valid for longer than the period.
         before, self._regulated = self._regulated, now
         elapsed = 0.0 if before is None else min(now - before, settings.timeout)
         sample = pose.value, now + 0.5 * settings.period - pose.time

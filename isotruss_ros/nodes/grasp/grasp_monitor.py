@@ -54,7 +54,7 @@ ERRORS = (
     (IsotrussError, GraspCode.INVALID_REQUEST),
 )
 #: Smallest change of an unknown of the held grip that causes a new analysis [m, rad, N].
-SMALL = 1e-5
+MIN_GRIP_CHANGE = 1e-5
 NO_CONTACT = 'the object touches nothing'
 
 
@@ -186,12 +186,12 @@ def _analyze(
 
 
 def _alike(record: GripRecord | None, other: GripRecord | None) -> bool:
-    """Return whether the unknowns of two held grips differ by less than `SMALL`."""
+    """Return whether the unknowns of two held grips differ by less than `MIN_GRIP_CHANGE`."""
     if record is None or other is None:
         return record is other
     if len(record.unknowns) != len(other.unknowns):
         return False
-    return bool((np.abs(record.unknowns - other.unknowns) < SMALL).all())
+    return bool((np.abs(record.unknowns - other.unknowns) < MIN_GRIP_CHANGE).all())
 
 
 def _judge(grasp: AnalyzedGrasp) -> tuple[GraspCode, str]:
@@ -201,10 +201,16 @@ def _judge(grasp: AnalyzedGrasp) -> tuple[GraspCode, str]:
     member, (used, place) = max(grasp.utilisation.items(), key=lambda item: item[1])
     if used <= MAX_UTILISATION:
         flat = ', '.join(grasp.analysis.flattened)
-        return GraspCode.OK, f'{flat}: the section is flat under the object' if flat else ''
+        return (
+            GraspCode.OK,
+            f'{flat}: the section is flat at the contact; the forces are too large'
+            if flat
+            else '',
+        )
     message = (
-        f'member {member} bears {used:.2f} of its wrinkling moment, {place:.3g} m from its start'
+        f'member {member}: bending moment of {used:.2f} times its wrinkling moment, {place:.3g} m '
+        'from its start'
     )
     if used <= 1.0:
         return GraspCode.OK, message
-    return GraspCode.WRINKLED, f'{message}: it wrinkles, and the numbers are outside of the model'
+    return GraspCode.WRINKLED, f'{message}; the tube wrinkles, so the model is invalid'

@@ -36,9 +36,9 @@ SPECS = (
     Spec(
         'mode',
         'object',
-        "Motion by cmd_vel: of the held 'object', or of a 'joint' without an object",
+        "Part that cmd_vel moves: the held 'object', or a 'joint' of the robot without an object",
     ),
-    Spec('joint', '', "In the mode 'joint': name of the joint"),
+    Spec('joint', '', "Name of the joint that cmd_vel moves in the mode 'joint'"),
     common.USE_STAMPED_TWIST,
     common.REQUIRE_EMERGENCY_STOP,
     common.OBJECT,
@@ -204,7 +204,7 @@ class Manipulation(ManagedNode):
         self._servo.apply(settings)
         self._failed_rollers.follow(self._servo.detector, self.robot)
         if settings.joint != before:
-            self._trajectory.abort('the mode of twists was changed')
+            self._trajectory.abort('the parameter mode was changed')
             if self.active:
                 self._commands.stop()
         self._apply_failures()

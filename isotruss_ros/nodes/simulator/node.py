@@ -32,30 +32,31 @@ SPECS = (
     FixedSpec(
         'plant',
         KINEMATIC,
-        'kinematic: the object is at rest in the grasp frame but for rolling; '
-        'elastic: it is where the equilibrium with the elastic tubes puts it, and can slip; '
-        'mujoco: a dynamics engine moves robot and object',
+        'kinematic: the object rolls on the grasping members without slip; '
+        'elastic: the object is in equilibrium with the elastic tubes, and can slip; '
+        'mujoco: MuJoCo simulates the dynamics of robot and object',
     ),
     common.RATE,
     common.COMMAND_TIMEOUT,
-    FixedSpec('stuck_roller', '', 'Roller t/j that does not move; none if empty'),
+    FixedSpec('stuck_roller', '', 'Name t/j of a roller that does not move; empty: none'),
     FixedSpec(
         'roller_slip',
         0.0,
-        'Mean slip of the tube as a share of the roller travel, not measured by encoders [-]',
+        'Mean slip of the tube relative to the roller travel, which encoders do not measure [-]',
         (0.0, 0.5),
     ),
-    FixedSpec('seed', 0, 'Seed of the noise and the slip', (0, 2**31 - 1)),
+    FixedSpec(
+        'seed', 0, 'Random seed of noise, dropouts, slip and roller offsets', (0, 2**31 - 1)
+    ),
     FixedSpec(
         'zero_deviation',
         0.0,
-        "How far from the robot file's home the encoders read zero, drawn by `seed`: standard "
-        'deviation of the travel [m]',
+        'Standard deviation of the initial roller offsets, which are drawn with `seed` [m]',
         (0.0, 0.1),
     ),
     CLOCK_SPEED,
     *SENSOR_SPECS,
-    FixedSpec('recording', '', 'File of the states of MuJoCo for later rendering; none if empty'),
+    FixedSpec('recording', '', 'File for the states of MuJoCo, for later rendering; empty: none'),
 )
 
 

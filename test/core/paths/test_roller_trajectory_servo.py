@@ -378,7 +378,7 @@ def test_ends_at_rest_without_joint_states(how):
     # It does not go on by itself.
     run.measure()
     step = run.servo.decide(run.now)
-    assert (step.ended, step.failure) == (True, 'there is no trajectory to follow')
+    assert (step.ended, step.failure) == (True, 'the servo has no trajectory; start one first')
     assert not step.speeds.any()
 
 
