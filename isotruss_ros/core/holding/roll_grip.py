@@ -296,5 +296,5 @@ def with_pressures(grip: HeldGrip, pressures: Pressure | None) -> HeldGrip:
     structure, state = structure_of(grip.config, pressures), grip.state
     bent = grip.statics.bent.update(state.loads, state.feet, structure)
     dents = find_dents(structure, grip.body, grip.contacts, tubes, state.normals)
-    statics = replace(grip.statics, bent=bent, indentation=dents)
+    statics = replace(grip.statics, bent=bent, dents=dents)
     return replace(grip, tubes=tubes, statics=statics)
