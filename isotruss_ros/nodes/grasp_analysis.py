@@ -143,7 +143,7 @@ class GraspAnalysisNode(ManagedNode):
             sound = used <= MAX_UTILISATION and not grasp.analysis.flattened
             level = DiagnosticStatus.OK if sound else DiagnosticStatus.WARN
         if report.code is not GraspCode.OK:
-            self.warn(report.code.name, words)
+            self.reasons.note(report.code.name, words)
         status = words if report.grasp is None else report.message or 'analysing'
         self.diagnostics.set_status(status, level)
         self._draw(report)

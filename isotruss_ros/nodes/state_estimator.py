@@ -165,7 +165,7 @@ class StateEstimatorNode(ManagedNode):
             try:
                 take()
             except IsotrussError as error:
-                self.warn('measurement', str(error))
+                self.reasons.note('measurement', str(error))
 
     def _take_pressures(self, now: float) -> str:
         """Use measured pressures in the model; return a warning if they are not fresh, else ''."""
@@ -203,7 +203,7 @@ class StateEstimatorNode(ManagedNode):
         found = stale, *rejected, _describe_doubts(estimate), self._find_sag(now, estimate)
         doubts = '; '.join(filter(None, found))
         if doubts:
-            self.warn('doubts', doubts)
+            self.reasons.note('doubts', doubts)
         level = DiagnosticStatus.WARN if doubts else DiagnosticStatus.OK
         self.diagnostics.set_status(doubts or 'estimating', level)
 

@@ -32,7 +32,6 @@ from isotruss_ros.core.holding.face_ends import (
     is_short,
     open_faces,
     with_far_end,
-    with_turned_corner,
 )
 from isotruss_ros.core.holding.held_grip import (
     HeldGrip,
@@ -235,7 +234,9 @@ def _lay(grip: HeldGrip, k: int, face: Face) -> HeldGrip | None:
     """Return the equilibrium with contact at a face's far end; at a short face, only there."""
     anchors, angles, wrench = grip.anchors, grip.angles, grip.wrench
     if is_short(grip.statics, face):
-        turned = with_turned_corner(grip.contacts, k, face)
+        corners = grip.contacts.corners.copy()
+        corners[k] = face.corner
+        turned = replace(grip.contacts, corners=corners)
         return roll_contacts(grip, grip.config, turned, anchors, angles, wrench)
     laid, new = with_far_end(grip.contacts, k, face)
     anchors, angles = np.insert(anchors, new, 0.0), np.insert(angles, new, angles[k])

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.manipulation.limits import Limit, name_binding_rows, Rows
+from isotruss_ros.core.manipulation.limits import Limit, Rows
 from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.manipulation.task import Task
 from isotruss_ros.core.manipulation.twist_qp import maximize_progress, PENALTIES, project_target
@@ -121,10 +121,13 @@ def apply_limits(
         return velocities, 1.0, task.status, ()
     # A row binds if a step toward the free solution would violate it.
     binding = (slack < NEGLIGIBLE_SHARE) & (rows.slack(task.velocities) < 0.0)
-    slowed, limiting = name_binding_rows(config, limits, binding)
-    if task.status is Status.OK:
-        return velocities, scale, Status.SLIDING if slid else slowed, limiting
-    return velocities, scale, task.status, limiting
+    named = [(limit.status, name) for limit in limits for name in limit.row_names(config)]
+    bound = [named[place] for place in np.flatnonzero(binding)]
+    status = task.status
+    if status is Status.OK:
+        slowed = bound[0][0] if bound else Status.SLOWED_ROLLER_SPEED
+        status = Status.SLIDING if slid else slowed
+    return velocities, scale, status, tuple(name for _, name in bound)
 
 
 def _solve(task: Task, solve: Solver, rows: Rows, guess: Array | None) -> tuple[Array, float]:

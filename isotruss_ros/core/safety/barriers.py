@@ -18,6 +18,7 @@ from isotruss_ros.core.kinematics.distances import collision_model
 from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.kinematics.rigidity import Modes, rigidity_index
 from isotruss_ros.core.manipulation.grip import Grip
+from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.safety.barrier_law import (
@@ -27,7 +28,7 @@ from isotruss_ros.core.safety.barrier_law import (
     NO_ACTIVE_VALUES,
     Selection,
 )
-from isotruss_ros.core.safety.margins import grip_gradients, object_distances
+from isotruss_ros.core.safety.margins import object_distances
 import numpy as np
 
 NO_PAIRS = np.zeros(0, dtype=np.intp)
@@ -42,7 +43,7 @@ class EvaluatedState(NamedTuple):
 
     def holds(self, config: Configuration, grip: Grip | None) -> bool:
         """
-        Return whether no distance can have decreased by `spare` in another configuration.
+        Return whether all distances decrease by less than `spare` to another configuration.
 
         :param config: the other configuration.
         :param grip: grip in the other configuration; None if there is none.
@@ -171,7 +172,10 @@ class ObjectBarrier:
         )
         if not len(parts):
             return NO_ACTIVE_VALUES
-        return ActiveValues(parts, distances, *grip_gradients(config, grip, parts))
+        # By the nodes for a fixed object, and by roller travel for an object that rolls.
+        _, by_nodes, by_twist = self._model.body_distances(config, grip.body, parts)
+        by_travel = by_twist @ grip_jacobian(config, grip)[:3]
+        return ActiveValues(parts, distances, by_nodes, by_travel)
 
     def values(self, config: Configuration, grip: Grip, indices: Selection) -> Array:
         """

@@ -79,9 +79,8 @@ class ShapeGuard:
     """
     Barriers of a robot, which limit commands near singular and colliding configurations.
 
-    :ivar bounds: bounds on the configuration.
-    :ivar own: user-defined barriers.
     :param robot: the robot.
+    :param bounds: bounds on the configuration; None: the defaults of `ShapeBounds`.
     :param barriers: user-defined barriers in addition to those of rigidity and clearances.
     """
 
@@ -89,7 +88,6 @@ class ShapeGuard:
         self, robot: Mechanism, bounds: ShapeBounds | None = None, barriers: Sequence[Barrier] = ()
     ) -> None:
         bounds = ShapeBounds() if bounds is None else bounds
-        self.bounds, self.own = bounds, tuple(barriers)
         rigidity, clearance = bounds.rigidity_band, bounds.clearance_band
         rate = min(bounds.rate, robot.description.braking_rate)
         self._barriers: tuple[Barrier, ...] = (

@@ -214,4 +214,4 @@ class StatusReport:
             text = f'failed rollers: {", ".join(decision.failed)}; {text}'
         self._node.diagnostics.set_status(text, level)
         if level != DiagnosticStatus.OK:
-            self._node.warn(status.name, f'{status}: {text}')
+            self._node.reasons.note(status.name, f'{status}: {text}')

@@ -129,7 +129,7 @@ class Simulator(ManagedNode):
             self._plant.command(message.data)
         except ConfigurationError as error:
             self._plant.stop()
-            self.warn('command', f'rollers stopped: {error}')
+            self.reasons.note('command', f'rollers stopped: {error}')
         self._commanded = self._time
 
     def _set_object_pose(self, message: PoseStamped) -> None:
@@ -138,7 +138,7 @@ class Simulator(ManagedNode):
             check_frame('set_object_pose', message.header, self.robot.frame)
             pose = read_pose('set_object_pose', message.pose)
         except MessageError as error:
-            self.warn('set_object_pose', str(error))
+            self.reasons.note('set_object_pose', str(error))
             return
         self._plant.place_object(pose)
 
@@ -147,7 +147,7 @@ class Simulator(ManagedNode):
         try:
             self._plant.pull(read_external_wrench(message, self.robot.frame, angle))
         except MessageError as error:
-            self.warn('external_wrench', str(error))
+            self.reasons.note('external_wrench', str(error))
 
     def _advance(self, now: float) -> None:
         """Simulate the motion up to a time; a command is valid for `command_timeout`."""
@@ -158,7 +158,7 @@ class Simulator(ManagedNode):
                 self._plant.advance(elapsed)
         except ConfigurationError as error:
             self._plant.stop()
-            self.warn('blocked', f'rollers blocked: {error}')
+            self.reasons.note('blocked', f'rollers blocked: {error}')
         if now > expiry:
             self._plant.stop()
             # Each interval is integrated exactly once.

@@ -30,7 +30,7 @@ from isotruss_ros.nodes.framework.runner import StoppableNode
 from isotruss_ros.nodes.framework.topics import LATCHED, RELIABLE, subscribe_newest
 from isotruss_ros.nodes.viewer.view_requests import Calls, make_calls, NodeRestart, ObjectGoals
 from isotruss_ros.viewer.control import ZERO
-from isotruss_ros.viewer.drag import LEVER_LENGTH, PATIENCE, place_on_circle
+from isotruss_ros.viewer.drag import LEVER_LENGTH, place_on_circle, PROGRESS_TIME
 from isotruss_ros.viewer.message_checks import PictureError
 from isotruss_ros.viewer.names import (
     DRAGGED,
@@ -166,7 +166,7 @@ class Viewer(StoppableNode):
         try:
             receive(message, time.monotonic())
         except (PictureError, MessageError, ConfigurationError) as error:
-            self.warn(topic, str(error))
+            self.reasons.note(topic, str(error))
 
     def _receive_object_pose(self, message: PoseStamped, now: float) -> None:
         self.picture.take_pose(self._frame.read_pose(message), now)
@@ -215,8 +215,8 @@ class Viewer(StoppableNode):
             if control.drag.turns:
                 left = f'{math.degrees(way / LEVER_LENGTH):.0f}° left'
         control.drag = None
-        words = f'{self._controls.dragged}: no progress for {PATIENCE:.0f} s, {left}'
-        why = self.picture.describe_hindrance(now, PATIENCE)
+        words = f'{self._controls.dragged}: no progress for {PROGRESS_TIME:.0f} s, {left}'
+        why = self.picture.describe_hindrance(now, PROGRESS_TIME)
         self._report_goal(f'drag aborted: {words}; {why}')
         self.get_logger().warning(self.picture.goal_report)
 
@@ -279,7 +279,7 @@ class Viewer(StoppableNode):
 
     def _report_refusal(self, words: str) -> None:
         self.picture.goal_report = words
-        self.warn('browser', words)
+        self.reasons.note('browser', words)
 
     def _report_goal(self, words: str) -> None:
         self.picture.goal_report = words
@@ -292,13 +292,13 @@ class Viewer(StoppableNode):
             if response.success or time.monotonic() > end:
                 self.get_logger().info(f'release: {response.message}')
                 return
-        self.warn('release', 'no node offers release_emergency_stop')
+        self.reasons.note('release', 'no node offers release_emergency_stop')
 
     def _send_parameters(self, node: str, values: dict[str, float | str]) -> None:
         """Set parameters of another node, and log the parameters that it rejects."""
         client = self._set[node]
         if not client.service_is_ready():
-            self.warn(node, f'node {node} does not exist: its parameters are not set')
+            self.reasons.note(node, f'node {node} does not exist: its parameters are not set')
             return
 
         def report(future: Future) -> None:
