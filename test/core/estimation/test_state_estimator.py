@@ -60,7 +60,7 @@ class DrawnRobot:
         """
         self.rng = rng = np.random.default_rng(seed)
         self.settings, self.random_slip = settings, random_slip
-        self.offsets, self.readings = settings.zeros * rng.normal(size=6), np.zeros(6)
+        self.offsets, self.readings = settings.zero_deviation * rng.normal(size=6), np.zeros(6)
         self.config, self.grip, self.time = ROBOT.home.moved_to(self.offsets), None, 0.0
         self.speeds, self.wrench = speed * rng.uniform(-1.0, 1.0, 6), np.zeros(3)
         self.estimator, self.away = StateEstimator(ROBOT, settings), np.zeros(2)
