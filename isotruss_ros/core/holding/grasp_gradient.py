@@ -25,7 +25,6 @@ from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.records import Record
 import numpy as np
 
-#: Motion of the object in the finite differences along a response [m]. At thrice of it some
 #: Motion of the object in the finite differences along a response [m]. Derivatives of the
 #: stiffness err by up to 1e-6; at thrice of it by up to 2e-6, and at a third of it by rounding.
 STEP = 6e-6
