@@ -204,10 +204,10 @@ class DemoClient(Node):
             now = self._seconds()
             if now != before:
                 before, changed = now, time.monotonic()
-            # A clock may be slow on a busy machine; one that stands still is none.
+            # A slow clock is normal on a busy machine; a clock that stands still is a fault.
             if now > end or time.monotonic() - changed > DEADLINE:
                 last = self._last_status.message if self._last_status else 'no status'
-                raise DemoError(f'{what}: did not happen in {deadline} s; last status: {last}')
+                raise DemoError(f'{what}: not reached in {deadline:g} s; last status: {last}')
             check()
             if meanwhile is not None:
                 meanwhile()

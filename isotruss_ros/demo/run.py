@@ -221,16 +221,20 @@ def _verdict(records: Sequence[PhaseRecord], real: bool, console: Console) -> in
     code, limit = 0, MAX_REAL_ERROR if real else MAX_POSITION_ERROR
     for record in records:
         if not real:
-            _tell_odd(record, console)
+            _print_anomalies(record, console)
         if record.refused > limit + record.delay:
-            refused = f'{1e3 * record.refused:.1f} mm of what was commanded'
-            console.print(f'{record.name}: limits left out {refused}', style='yellow')
+            refused = f'{1e3 * record.refused:.1f} mm'
+            console.print(
+                f'{record.name}: limits shortened the motion by {refused}', style='yellow'
+            )
         faults = []
         if real and min(record.squeezes) <= 0.0:
             faults.append('the object was not held')
         if not real and record.held < 1.0:
-            faults.append(f'held in {100.0 * record.held:.1f} % of the analyses only')
-        # A command that is held longer than it should moves the object for longer.
+            faults.append(
+                f'the object was held in only {100.0 * record.held:.1f} % of the analyses'
+            )
+        # A command that is executed for longer than one cycle moves the object too far.
         turned = not real and record.angle_error > MAX_ANGLE_ERROR + record.delay / ARM
         if turned or record.position_error > limit + record.delay:
             angle = '' if real else ' or 0.25 degrees'
@@ -242,7 +246,7 @@ def _verdict(records: Sequence[PhaseRecord], real: bool, console: Console) -> in
     return code
 
 
-def _tell_odd(record: PhaseRecord, console: Console) -> None:
+def _print_anomalies(record: PhaseRecord, console: Console) -> None:
     """Print unusual statuses, and the effect of an external force."""
     odd = {
         str(status) for status in record.statuses - {Status.OK, Status.IDLE, Status.ACCELERATING}
@@ -255,6 +259,6 @@ def _tell_odd(record: PhaseRecord, console: Console) -> None:
         size = float(np.hypot(*record.pull[:2]))
         console.print(
             f'{record.name}: a pull of {size:g} N moved the object by up to '
-            f'{1e3 * record.max_shift:.1f} mm, and it came back to '
+            f'{1e3 * record.max_shift:.1f} mm; afterwards its error was '
             f'{1e3 * record.position_error:.2f} mm'
         )

@@ -31,9 +31,7 @@ from visualization_msgs.msg import MarkerArray
 if TYPE_CHECKING:
     from mcap.writer import Writer
 
-SPECS = (
-    FixedSpec('file', '', 'MCAP file to be written, never overwritten; empty: by date and time'),
-)
+SPECS = (FixedSpec('file', '', 'New MCAP file; empty: a file named by date and time'),)
 TOPICS = {
     'joint_states': JointState,
     'object_pose': PoseStamped,
@@ -93,7 +91,9 @@ class Record(StoppableNode):
         try:
             self._stream = Path(name).open('xb')  # noqa: SIM115 - open until `stop`
         except OSError as error:
-            raise ParameterError(f'parameter file: {name}: {error.strerror}') from error
+            raise ParameterError(
+                f'parameter file: {name}: {error.strerror}; must be a new file that can be written'
+            ) from error
         self._writer = Writer(self._stream)
         self._writer.start(profile='ros2', library='isotruss_ros')
         print(f'record: {name}', flush=True)

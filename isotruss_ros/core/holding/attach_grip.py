@@ -197,7 +197,7 @@ def _find_rest(
         statics, state = found
         turned = body.moved_to(state.unknowns[:3])
         dents = find_dents(statics.bent.structure, turned, contacts, tubes, state.normals)
-        statics = replace(statics, indentation=dents)
+        statics = replace(statics, dents=dents)
         found = statics.settle(state.unknowns, wrench, conditions, steps)
     if found is None:
         return None

@@ -14,9 +14,9 @@ import math
 
 from isotruss_ros.core.contact.dents import (
     corner_dents,
-    Indentation,
-    skin_indentation,
-    SkinIndentation,
+    Dents,
+    DentTable,
+    disc_dents,
 )
 from isotruss_ros.core.holding.contact_forces import PressedContacts
 from isotruss_ros.core.holding.contact_statics import ContactStatics, TubeModel
@@ -112,7 +112,7 @@ def build_statics(
         contacts=contacts,
         tube_radius=0.5 * config.robot.description.tube_diameter,
         sides=sides,
-        indentation=find_dents(
+        dents=find_dents(
             structure, body, contacts, tubes, straight if normals is None else normals
         ),
     )
@@ -135,7 +135,7 @@ def start_at(statics: ContactStatics, body: ConvexObject) -> Array:
     depths = statics.tube_radius + statics.sides * across
     depths = np.maximum(depths, PLANNED_DEPTH * statics.tube_radius)
     own = np.einsum('iaia->ia', bent.matrix)[:, 1]
-    _, dent = statics.indentation(depths / own)
+    _, dent = statics.dents(depths / own)
     start[places.normal] = depths / (own + dent)
     return start
 
@@ -146,7 +146,7 @@ def find_dents(
     contacts: PressedContacts,
     tubes: TubeModel,
     normals: Points,
-) -> Indentation:
+) -> Dents:
     """
     Return the depths of the dents at all contacts as functions of the normal forces.
 
@@ -157,10 +157,10 @@ def find_dents(
     :param normals: (k,) normals of the tubes at the contacts, away from the object, x + iy.
     """
     if tubes.paper_model:
-        return Indentation()
+        return Dents()
     pressures = None if tubes.pressure is None else structure.pressures
     tables = _dents(structure.config, body, contacts, normals, pressures)
-    return Indentation(tables, tubes.stiffness_scale)
+    return Dents(tables, tubes.stiffness_scale)
 
 
 def _dents(
@@ -169,12 +169,12 @@ def _dents(
     contacts: PressedContacts,
     normals: Points,
     pressures: tuple[float, ...] | None,
-) -> list[SkinIndentation]:
+) -> list[DentTable]:
     """Return the table of dent depth over normal force at each contact."""
     tubes = config.robot.topology.tube[contacts.members]
     if body.shape.is_round:
         radius = body.shape.reach
-        return [skin_indentation(config.robot, int(tube), radius, pressures) for tube in tubes]
+        return [disc_dents(config.robot, int(tube), radius, pressures) for tube in tubes]
     facing = normals * body.turn.conjugate()
     return [
         corner_dents(

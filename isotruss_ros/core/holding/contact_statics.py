@@ -27,7 +27,7 @@ import functools
 import math
 from typing import NamedTuple
 
-from isotruss_ros.core.contact.dents import Indentation
+from isotruss_ros.core.contact.dents import Dents
 from isotruss_ros.core.holding.contact_forces import (
     ANGLE,
     CENTER,
@@ -95,7 +95,7 @@ class ContactStatics:
     contacts: PressedContacts  #: the k contacts
     tube_radius: float  #: radius of the tubes [m]
     sides: Array  #: (k,) +1 if the object is on the right of the member, else -1
-    indentation: Indentation  #: depths of the dents in the skin as functions of the normal forces
+    dents: Dents  #: depths of the dents in the skin as functions of the normal forces
     #: (k, 3) constants added to the equations of touch along and across [m] and of inclination
     #: [rad]; or one number for all of them
     given: Array | float = 0.0
@@ -139,7 +139,7 @@ class ContactStatics:
         begin = self.places.inclinations.start
         turned, normal, friction = unknowns[begin:].reshape(3, -1)
         local = self._aside * np.exp(1j * turned)
-        depths, softs = self.indentation(normal)
+        depths, softs = self.dents(normal)
         # Friction acts at the skin of a tube, so that it turns the tube as well.
         skin = self.tube_radius - depths
         force = (normal + 1j * friction) * local

@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import cmath
-from dataclasses import replace
 
 from isotruss_ros.core.holding.contact_forces import ANGLE, ContactForces, PressedContacts
 from isotruss_ros.core.holding.contact_statics import ContactStatics
@@ -98,16 +97,3 @@ def with_far_end(contacts: PressedContacts, k: int, face: Face) -> tuple[Pressed
     members = np.insert(contacts.members, new, contacts.members[k])
     corners = np.insert(contacts.corners, new, face.corner)
     return PressedContacts(members, corners, np.insert(cuts, new, cut, axis=0)), new
-
-
-def with_turned_corner(contacts: PressedContacts, k: int, face: Face) -> PressedContacts:
-    """
-    Return the contacts with the near end of a short face replaced by its far end.
-
-    :param contacts: contacts of the object.
-    :param k: index of the contact at the near end.
-    :param face: the face.
-    """
-    corners = contacts.corners.copy()
-    corners[k] = face.corner
-    return replace(contacts, corners=corners)

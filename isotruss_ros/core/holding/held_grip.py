@@ -169,7 +169,7 @@ class HeldGrip:
             return HoldStatus.OFF_MEMBER
         return HoldStatus.SLIPS if self.required_friction > friction else HoldStatus.HELD
 
-    def slip_margin(self, friction: float, more: Array | None = None) -> float:
+    def slip_margin(self, friction: float) -> float:
         """
         Return the smallest additional wrench at which a member slips [N].
 
@@ -179,15 +179,11 @@ class HeldGrip:
         one end of a face opens first, the other forces change, see `slip_rows`.
 
         :param friction: coefficient of friction between tube and object.
-        :param more: (3,) wrench (fx, fy, m / arm) that acts in addition to `wrench` [N]; the
-            margin is what remains beyond it.
         :return: the margin; negative after slip, zero in a neutral equilibrium.
         """
         if self.response is None:
             return 0.0
-        reserve, slope, size = self.slip_reserves(friction)
-        if more is not None:
-            reserve = reserve + slope @ more
+        reserve, _, size = self.slip_reserves(friction)
         return float((reserve / size).min())
 
     def weakest_direction(self, friction: float) -> Array:

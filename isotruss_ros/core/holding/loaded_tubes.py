@@ -132,9 +132,9 @@ class LoadedTubes:
         self.sections = section_rates(bent, moved, inflated) if sections is None else sections
         normal = state.normal_forces
         self._push = (normal + 1j * state.friction_forces) * state.normals
-        depths, self._soft = statics.indentation(normal)
+        depths, self._soft = statics.dents(normal)
         self._skin = statics.tube_radius - depths
-        _, dents, _ = statics.indentation.second_rates(normal)
+        _, dents, _ = statics.dents.second_rates(normal)
         blown = inflated[topology.tube[members]]
         self._stiffer = stiffer = chosen[parameters.stiffness] / grip.tubes.stiffness_scale
         self.dents = dents[:, None] * blown - np.outer(self._soft * normal, stiffer)

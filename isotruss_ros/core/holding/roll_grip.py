@@ -32,7 +32,6 @@ from isotruss_ros.core.holding.face_ends import (
     is_short,
     open_faces,
     with_far_end,
-    with_turned_corner,
 )
 from isotruss_ros.core.holding.held_grip import (
     HeldGrip,
@@ -235,7 +234,9 @@ def _lay(grip: HeldGrip, k: int, face: Face) -> HeldGrip | None:
     """Return the equilibrium with contact at a face's far end; at a short face only there."""
     anchors, angles, wrench = grip.anchors, grip.angles, grip.wrench
     if is_short(grip.statics, face):
-        turned = with_turned_corner(grip.contacts, k, face)
+        corners = grip.contacts.corners.copy()
+        corners[k] = face.corner
+        turned = replace(grip.contacts, corners=corners)
         return roll_contacts(grip, grip.config, turned, anchors, angles, wrench)
     laid, new = with_far_end(grip.contacts, k, face)
     anchors, angles = np.insert(anchors, new, 0.0), np.insert(angles, new, angles[k])
@@ -295,5 +296,5 @@ def with_pressures(grip: HeldGrip, pressures: Pressure | None) -> HeldGrip:
     structure, state = structure_of(grip.config, pressures), grip.state
     bent = grip.statics.bent.update(state.loads, state.feet, structure)
     dents = find_dents(structure, grip.body, grip.contacts, tubes, state.normals)
-    statics = replace(grip.statics, bent=bent, indentation=dents)
+    statics = replace(grip.statics, bent=bent, dents=dents)
     return replace(grip, tubes=tubes, statics=statics)

@@ -28,7 +28,7 @@ import numpy as np
 
 def roll_off_faces(config: Configuration, grip: Grip, reach: Reach, twist: Array) -> Reach:
     """
-    Return the reachable twists with the subset of contacts that comes closest to a twist.
+    Return the reachable twists of that subset of contacts which can best produce a twist.
 
     :param config: configuration of the robot.
     :param grip: the grip.

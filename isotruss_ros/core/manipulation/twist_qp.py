@@ -47,7 +47,7 @@ def maximize_progress(
 
     :param cost: (r, r) matrix C^T C, positive definite.
     :param equality: (k, r) matrix J of full row rank.
-    :param direction: (k,) value of J u at s = 1.
+    :param direction: (k,) direction in J u = s * direction.
     :param reach: upper bound of s, positive.
     :param limited: (l, r) rows G with their bounds, which u = 0 fulfils.
     :param penalty: weight rho of missing progress relative to the cost.

@@ -43,7 +43,7 @@ class ObjectPath:
     :param speed: speed of the centre along the path [m/s].
     :param turn_rate: largest angular velocity [rad/s].
     :param smooth: True for a spline through the poses in place of straight segments.
-    :param first: number by which error messages call the first pose.
+    :param first: number of the first pose in error messages.
     :raises PathError: a value is invalid; the message names it and its valid range.
     """
 

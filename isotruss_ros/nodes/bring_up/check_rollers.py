@@ -32,9 +32,16 @@ SPECS = (
     common.RATE,
     Spec('travel', 0.02, 'Travel of each roller [m]', (0.005, 0.05)),
     Spec('speed', 0.01, 'Speed of each roller [m/s]', (0.001, 0.05)),
-    Spec('settle_time', 1.0, 'Time in which the robot comes to rest [s]', (0.0, 30.0)),
+    Spec(
+        'settle_time',
+        1.0,
+        'Pause after each motion, in which the robot comes to rest [s]',
+        (0.0, 30.0),
+    ),
     DEVIATION,
-    FixedSpec('output', '', 'Robot file for the mark of checked rollers; none if empty'),
+    FixedSpec(
+        'output', '', 'Robot file to which the names of checked rollers are written; empty: none'
+    ),
 )
 
 
@@ -42,7 +49,7 @@ class CheckRollers(StoppableNode):
     """
     Node that moves each roller of a robot without an object forth and back.
 
-    :ivar right: names of the rollers that were checked and have no fault.
+    :ivar faultless: names of the rollers that were checked and have no fault.
     """
 
     node_name = 'check_rollers'
@@ -51,7 +58,7 @@ class CheckRollers(StoppableNode):
     def start(self) -> None:
         """Create the subscriptions, and wait for the joint markers."""
         self._robot = load_robot(self.values.robot)
-        self.right: list[str] = []
+        self.faultless: list[str] = []
         self._commands = RollerCommands(self, len(self._robot.roller_names))
         self._commands.subscribe()
         self._markers = JointMarkers(self, self._robot)
@@ -106,13 +113,13 @@ class CheckRollers(StoppableNode):
             why = why or _judge_encoders(self._robot.roller_names, number, travel, turned)
             if why:
                 raise MeasurementError(f'roller {name}: {why}')
-            self.get_logger().info(f'roller {name}: right')
-            self.right.append(name)
+            self.get_logger().info(f'roller {name}: no fault')
+            self.faultless.append(name)
 
     def _finish(self) -> None:
         """Write the names of the checked rollers to the robot file, and end the node."""
         if self.values.output:
-            write_checked_rollers(self._robot, Path(self.values.output), self.right)
+            write_checked_rollers(self._robot, Path(self.values.output), self.faultless)
         self.done = True
 
 

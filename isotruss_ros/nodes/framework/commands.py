@@ -70,7 +70,7 @@ class RollerCommands:
         """Return a text that names other nodes commanding the rollers; None if there are none."""
         if time.monotonic() - self._heard > QUIET_TIME:
             return None
-        return f'another node publishes on {TOPIC}: end or deactivate it, or this one'
+        return f'another node publishes on {TOPIC}: end or deactivate one of the two nodes'
 
     def note(self, _message: bytes, info: dict[str, Any]) -> None:
         """

@@ -118,8 +118,8 @@ class Diagnostics:
         cycle, level, message = self._node.cycle, self._level, self._message
         if cycle is not None and cycle.slowness:
             level, message = max(level, DiagnosticStatus.WARN), f'{message}; {cycle.slowness}'
-            self._node.warn('rate', cycle.slowness)
-        self._node.log_ended()
+            self._node.reasons.note('rate', cycle.slowness)
+        self._node.reasons.end()
         status = DiagnosticStatus(
             level=level,
             name=self._node.get_fully_qualified_name().lstrip('/'),

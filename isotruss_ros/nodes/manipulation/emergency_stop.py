@@ -63,12 +63,12 @@ class EmergencyStop:
             last = 'true' if self._last else 'false'
             return (
                 f'stopped by the topic {NAME}; its last message is {last}; '
-                f'released by the service {self._release_service} only'
+                f'only the service {self._release_service} releases the stop'
             )
         if self._cause is not None:
-            return f'{self._cause}; released by the service {self._release_service} only'
+            return f'{self._cause}; only the service {self._release_service} releases the stop'
         if self._last is None and self._required():
-            return f'no message of {NAME} received yet, and require_emergency_stop is set'
+            return f'no message of {NAME} yet, which require_emergency_stop demands: publish false'
         return None
 
     def _receive(self, messages: list[Bool]) -> None:

@@ -69,7 +69,7 @@ class SparseMessages:
         #: Number of messages that each subscription received since its queue was empty.
         self._backlogs = [0, 0]
         if every:
-            # It matches all publishers of the other one, which needs no such events.
+            # The first subscription matches all publishers, so only it needs these events.
             unheard = (
                 f'a publisher of {topic} is best-effort, and its messages are not received: it '
                 'must publish with the reliability RELIABLE'
@@ -95,7 +95,7 @@ class SparseMessages:
         )
         self._subscriptions.append(subscription)
         if self._every:
-            self._node.kept.add(subscription)
+            self._node.permanent.add(subscription)
 
     def _subscribe_to_latched(self) -> None:
         """Subscribe to the earlier messages of latching publishers, once."""

@@ -134,7 +134,7 @@ class NodeRestart:
         if not (
             self._change[SIMULATOR].service_is_ready() and self._set[SIMULATOR].service_is_ready()
         ):
-            self._report(f'{what}: there is no simulator')
+            self._report(f'{what}: the node simulator is not running')
             return
         self._calls.close()
         self._report(f'{what}: sent')
@@ -168,7 +168,7 @@ class NodeRestart:
         self._report(f'{what}: {rejected or "active"}')
 
     def _restore_grip(self, squeeze: float) -> Generator[Callable[[], Future], Any, str]:
-        """Set the grip of `manipulation` to the simulator's; a pick may have changed it before."""
+        """Set the grip of `manipulation` to that of the simulator; a pick may have changed it."""
         names = [IS_FREE, *GRIP]
         answer = yield partial(self._get.call_async, GetParameters.Request(names=names))
         is_free, *grip = answer.values
