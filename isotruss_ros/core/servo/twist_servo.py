@@ -7,8 +7,8 @@ Twist servo, which computes a roller command or a halt from the latest inputs in
 The twist is the desired velocity of the held object or, without an object, of a joint.
 
 Each cycle starts from the last measured state. The rollers have followed the commands since this
-measurement, so the servo predicts the current state from these commands. Earlier commands have no
-influence, so motion can resume from any state of robot and object.
+measurement, so the servo predicts the current state from these commands. Commands before the
+measurement have no influence, so motion can resume from any state of robot and object.
 """
 
 from __future__ import annotations
