@@ -169,8 +169,9 @@ class Constraints:
         """
         Return the gradients of p scalars weights^T J motion with respect to node coordinates.
 
-        For a vector v between two nodes, its unit normal n and its direction angle t, the second
-        derivatives are d2|v|[a, b] = (n . a) (n . b) / |v| and d2t[a, b] = -Im(a b / v^2).
+        For changes a and b of a vector v between two nodes, the second derivatives are
+        d2|v|[a, b] = (n . a) (n . b) / |v| and d2t[a, b] = -Im(a b / v^2), with the unit normal n
+        and the direction angle t of v.
 
         :param points: (n,) nodes [m].
         :param weights: (5m + g, p) factors of the rows of the Jacobian J, see `matrix`; one column

@@ -59,7 +59,9 @@ def grip_jacobian(config: Configuration, grip: Grip) -> Array:
 
 def _require_apart(distance: float) -> None:
     if distance < MIN_DIAMETER:
-        raise GraspError('the members touch the object in one point: it cannot be held there')
+        raise GraspError(
+            'all members touch the object at one point; the contacts must be apart to hold it'
+        )
 
 
 def member_rows(config: Configuration, names: tuple[str, ...]) -> Array:

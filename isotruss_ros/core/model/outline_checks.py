@@ -134,6 +134,6 @@ def _check_fit(corners: Points, radii: Array) -> None:
     if left[i] < -ROUNDING * abs(sides[i]):  # arcs may take all of a side, up to rounding
         raise GraspError(
             f'corner_radius {radii[i]:g} m does not fit: the side of {abs(sides[i]):g} m that '
-            f'begins at {_name(corners[i], i)} is shorter than its two arcs take '
-            f'({taken[i]:g} and {np.roll(taken, -1)[i]:g} m)'
+            f'begins at {_name(corners[i], i)} must be at least '
+            f'{taken[i] + np.roll(taken, -1)[i]:g} m long for its two arcs; use a smaller radius'
         )

@@ -143,7 +143,7 @@ def _cross_check(
                 yield f'tube.pressure: unknown tube {name!r}; known are {", ".join(names)}'
         for name in names:
             if name not in pressure:
-                yield f'tube.pressure: tube {name} is missing; give one number, or one for each'
+                yield f'tube.pressure: tube {name} is missing; give one number, or one per tube'
     places: dict[tuple[float, float], str] = {}
     for joint, place in joints.items():
         other = places.setdefault(place, joint)

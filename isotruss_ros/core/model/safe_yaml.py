@@ -61,7 +61,8 @@ def parse_yaml(source: object, text: str, kind: str, refusal: type[IsotrussError
             depth -= isinstance(event, CollectionEndEvent)
             if depth > MAX_NESTING_DEPTH:
                 raise refusal(
-                    f'{source}: line {event.start_mark.line + 1}: nested too deeply for {kind}'
+                    f'{source}: line {event.start_mark.line + 1}: nested too deeply; {kind} '
+                    f'have at most {MAX_NESTING_DEPTH} levels'
                 )
             if isinstance(event, ScalarEvent) and len(event.value) > MAX_ENTRIES:
                 raise refusal(

@@ -168,7 +168,7 @@ class Shape(ABC):
                 if height < least or at == corner or (short_face and abs(along) >= short):
                     break
                 (near if short_face else far).append(PatchEnd(at, point, height, along))
-        # Of corners of equal depth the nearest to the middle counts first.
+        # Among corners of equal depth, the one nearest to the middle counts first.
         tie, middle = NEGLIGIBLE_SHARE * depth, (self.centroid * back).imag
         ends = near + far
         highest = max(each.height for each in ends) - tie

@@ -66,7 +66,7 @@ class ObjectPath:
         """Return the durations (n - 1,) of the segments [s]."""
         steps = np.diff(self.poses, axis=0)
         length = np.hypot(steps[:, 0], steps[:, 1])
-        with np.errstate(over='ignore'):  # of all but no speed; refused below
+        with np.errstate(over='ignore'):  # infinite at a very low speed; refused below
             durations = np.maximum(length / self.speed, np.abs(steps[:, 2]) / self.turn_rate)
             total = float(durations.sum())
         if total > MAX_DURATION:

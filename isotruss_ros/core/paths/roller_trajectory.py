@@ -73,7 +73,7 @@ class RollerTrajectory:
                 f'time {self._times[place]:.9g} s of point {place} of the trajectory: must be '
                 f'later than that of the point before, from 0 to {MAX_DURATION:g} s'
             )
-        with np.errstate(over='ignore'):  # too quick is too quick
+        with np.errstate(over='ignore'):  # infinite speeds are refused below
             slopes = np.diff(self._positions, axis=0) / steps[:, None]
         quickest = float(np.abs(slopes).max(initial=0.0))
         fastest = robot.description.max_speed
@@ -160,7 +160,7 @@ class RollerTrajectoryServo:
         return self._trajectory is not None
 
     @property
-    def wanted(self) -> RollerState | None:
+    def desired_state(self) -> RollerState | None:
         """Return the desired state of the rollers; None without a trajectory."""
         return None if self._trajectory is None else self._trajectory.at(self.time)
 

@@ -43,7 +43,7 @@ class EvaluatedState(NamedTuple):
 
     def holds(self, config: Configuration, grip: Grip | None) -> bool:
         """
-        Return whether no distance can have decreased by `spare` in another configuration.
+        Return whether all distances decrease by less than `spare` to another configuration.
 
         :param config: the other configuration.
         :param grip: grip in the other configuration; None if there is none.

@@ -80,7 +80,7 @@ class ShapeGuard:
     Barriers of a robot, which limit commands near singular and colliding configurations.
 
     :param robot: the robot.
-    :param bounds: bounds on the configuration; None: `ShapeBounds()`.
+    :param bounds: bounds on the configuration; None: the defaults of `ShapeBounds`.
     :param barriers: user-defined barriers in addition to those of rigidity and clearances.
     """
 

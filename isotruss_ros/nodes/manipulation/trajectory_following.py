@@ -183,7 +183,7 @@ class TrajectoryFollowing:
     def _publish_feedback(self) -> None:
         """Publish desired and measured states of the rollers to the goal's client."""
         goal = next((goal for goal in self._goals if goal.active), None)
-        wanted, measured = self.follower.wanted, self._servo.inputs.rollers
+        wanted, measured = self.follower.desired_state, self._servo.inputs.rollers
         if goal is None or wanted is None or not isinstance(measured, StampedInput):
             return
         actual, robot = measured.value.positions, self._servo.robot

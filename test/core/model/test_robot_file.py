@@ -372,7 +372,7 @@ def test_laws_require_members_longer_than_their_guide_rings():
     [
         (0.0, 'tube.pressure: 0.0: must be gauge pressure, a positive number [Pa], or one for'),
         ('high', "tube.pressure: 'high': must be gauge pressure"),
-        ({}, 'tube.pressure: tube south is missing; give one number, or one for each'),
+        ({}, 'tube.pressure: tube south is missing; give one number, or one per tube'),
         ({'south': 0}, 'tube.pressure.south: 0: must be gauge pressure of this tube'),
         ({'south': 2e4, 'west': 2e4}, "tube.pressure: unknown tube 'west'; known are south"),
     ],
