@@ -140,7 +140,7 @@ def lay_faces(found: HeldGrip, friction: float, gap: float) -> HeldGrip:
         contacts, _ = with_far_end(found.contacts, k, face)
         statics = build_statics(found.config, found.statics.body, contacts, found.tubes)
         laid = _find_rest(found.config, statics, found.wrench, found.tubes, None, MAX_SEARCH_STEPS)
-        if laid is not None and laid.pulling_end is None and laid.required_friction <= friction:
+        if laid is not None and laid.most_pulling() is None and laid.required_friction <= friction:
             return laid
     return found
 
@@ -156,7 +156,7 @@ def _find_pressing(
         found = find(contacts)
         if found is None:
             break
-        pulling = found.pulling_end
+        pulling = found.most_pulling()
         if pulling is None:
             return found
         contacts = contacts.without(pulling)
@@ -165,7 +165,7 @@ def _find_pressing(
     # Not found with both ends of some face: the nearest one with as few ends less as may be.
     for _, alike in itertools.groupby(_choices(contacts)[1:], lambda each: len(each.owners)):
         others = [each for each in map(find, alike) if each is not None]
-        pressing = [each for each in others if each.pulling_end is None]
+        pressing = [each for each in others if each.most_pulling() is None]
         if pressing:
             return min(pressing, key=lambda each: abs(each.body.middle - middle))
     return None
