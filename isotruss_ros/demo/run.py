@@ -13,7 +13,7 @@ import signal
 from isotruss_msgs.action import PlanGrasp
 from isotruss_ros.core import IsotrussError, load_robot, Status
 from isotruss_ros.core.model.presets import find_robot_file
-from isotruss_ros.demo.client import ARM, DemoClient
+from isotruss_ros.demo.client import DemoClient, LEVER_ARM
 from isotruss_ros.demo.figures import animate, draw_panels
 from isotruss_ros.demo.film import film
 from isotruss_ros.demo.gripping import Gripping, slow_down
@@ -47,7 +47,7 @@ FRICTION = 0.5
 SQUEEZE = 22.0
 #: Factor by which the path to the grasp is slowed for a robot with masses [-]. At full speed one
 #: member would hit the object before the other one.
-SLOWER = 2.0
+SLOWDOWN_FACTOR = 2.0
 #: Friction force of the ground on the free object in the plant mujoco [N].
 GROUND_FRICTION = 0.5
 #: Name of the file with the recorded states of MuJoCo, from which the animation is drawn.
@@ -192,7 +192,7 @@ def _play(
                 )
                 grasp, plan = gripper.plan(goal, bar('plan a grasp'))
                 if simulated:
-                    slow_down(grasp, SLOWER)
+                    slow_down(grasp, SLOWDOWN_FACTOR)
                 records += gripper.approach(grasp, bar('approach and grip'))
                 client.wait_for_rest(check, 'a manipulation that is ready')
                 records += [client.play(phase, check, bar(phase.name)) for phase in figure_9(pull)]
@@ -235,7 +235,7 @@ def _verdict(records: Sequence[PhaseRecord], real: bool, console: Console) -> in
                 f'the object was held in only {100.0 * record.held:.1f} % of the analyses'
             )
         # A command that is executed for longer than one cycle moves the object too far.
-        turned = not real and record.angle_error > MAX_ANGLE_ERROR + record.delay / ARM
+        turned = not real and record.angle_error > MAX_ANGLE_ERROR + record.delay / LEVER_ARM
         if turned or record.position_error > limit + record.delay:
             angle = '' if real else ' or 0.25 degrees'
             cycles = f'with cycles of up to {1e3 * record.longest_cycle:.0f} ms'

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 #: Indices of the rows for end slides, middle slides and ring hinges in the table of stiffnesses.
-END, MIDDLE, RING = 0, 1, 4
+END_ROW, MIDDLE_ROW, RING_ROW = 0, 1, 4
 TRANSVERSE_ROWS = (('y', 2), ('bend', 3))
 #: Number of time steps after which stiffness and geometry are adapted to the member lengths [-].
 UPDATE_INTERVAL = 10
@@ -238,14 +238,14 @@ class MujocoPlant:
         # Rows (joint, member, row of the table of stiffnesses), (geom, member, length, position).
         springs, pieces = [], []
         for i, (name, count) in enumerate(zip(names, self._counts.tolist(), strict=True)):
-            along = [END, *[MIDDLE] * (count - 1), END]
+            along = [END_ROW, *[MIDDLE_ROW] * (count - 1), END_ROW]
             kinds = [(f'x{k}', place) for k, place in enumerate(along, 1)]
             kinds += [
                 (f'{kind}{k}', place)
                 for k in range(1, count + 1)
                 for kind, place in TRANSVERSE_ROWS
             ]
-            kinds += [('ring', RING), ('end', RING)]
+            kinds += [('ring', RING_ROW), ('end', RING_ROW)]
             springs += [(model.joint(f'{name}:{joint}').id, i, place) for joint, place in kinds]
             # The origin of a segment moves by its share of the member's change of length.
             whole = [*[1.0] * (count - 1), 0.5]
@@ -254,10 +254,10 @@ class MujocoPlant:
             pieces += [(model.geom(f'{name}#{part}').id, i, *shares) for part, *shares in parts]
         self._spring_joint, self._spring_member, self._spring_kind = np.array(springs).T
         self._spring_dof = model.jnt_dofadr[self._spring_joint]
-        along = self._spring_kind <= MIDDLE
+        along = self._spring_kind <= MIDDLE_ROW
         self._slide_qpos = model.jnt_qposadr[self._spring_joint[along]]
         self._slide_member = self._spring_member[along]
-        self._slide_rest = np.where(self._spring_kind[along] == END, 0.5, 1.0)
+        self._slide_rest = np.where(self._spring_kind[along] == END_ROW, 0.5, 1.0)
         self._first_joint = np.array([model.joint(f'{name}:x1').id for name in names])
         self._first_slide = model.jnt_qposadr[self._first_joint]
         geoms, members, self._piece_whole, self._piece_share = np.array(pieces).T
@@ -319,7 +319,7 @@ class MujocoPlant:
         self.model.jnt_stiffness[self._spring_joint] = stiffness
         armature = ARMATURE_FACTOR * stiffness * self.options.time_step**2
         self.model.dof_armature[self._spring_dof] = armature
-        along = self._spring_kind <= MIDDLE
+        along = self._spring_kind <= MIDDLE_ROW
         damping = spring_damping(stiffness, along, self.options)
         self.model.dof_damping[self._spring_dof] = damping
         tube = self._piece_whole > 0.0

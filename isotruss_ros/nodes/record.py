@@ -19,7 +19,7 @@ from isotruss_ros.core import IsotrussError
 from isotruss_ros.nodes.conversions.message_text import schema_text, type_name
 from isotruss_ros.nodes.framework.parameters import FixedSpec, ParameterError
 from isotruss_ros.nodes.framework.runner import StoppableNode
-from isotruss_ros.nodes.framework.topics import EVENTS, NEWEST
+from isotruss_ros.nodes.framework.topics import EVENTS, NEWEST_MESSAGES
 from isotruss_ros.nodes.framework.transforms import TFMessage
 from isotruss_ros.viewer.names import MissingPackageError
 from rclpy.duration import Duration
@@ -71,7 +71,7 @@ class Record(StoppableNode):
                 kind,
                 topic,
                 lambda message, name=topic: self._write(name, message),
-                EVENTS if topic == 'emergency_stop' else NEWEST,
+                EVENTS if topic == 'emergency_stop' else NEWEST_MESSAGES,
                 raw=True,
             )
         self.create_steady_timer(WRITING_PERIOD, self._flush)

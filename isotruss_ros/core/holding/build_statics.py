@@ -93,7 +93,7 @@ def build_statics(
     structure = structure_of(config, tubes.pressure)
     starts, straight = facing_lines(config, body, contacts.members)
     points, _ = body.shape.surface_at(contacts.corners, straight * body.turn.conjugate())
-    # On the right of a member the object is on the side of its normals.
+    # The normals point away from the object: left of the member if the object is on its right.
     starting, ending = member_lines(config)[contacts.members].T
     axis = (ending - starting) / np.abs(ending - starting)
     sides = np.sign((straight * axis.conj()).imag)
@@ -177,7 +177,7 @@ def find_dents(
 
 
 def _tabulated(shape: Shape, corner: int, normal: complex) -> float:
-    """Return the angle nearest to a normal for which dents are tabulated [rad]."""
+    """Return the angle with tabulated dents that is nearest to the angle of a normal [rad]."""
     faces = shape.faces_at(corner)
     if not faces:
         return ANGLE_STEP * round(cmath.phase(normal) / ANGLE_STEP)

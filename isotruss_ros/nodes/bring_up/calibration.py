@@ -16,8 +16,8 @@ from isotruss_ros.calibration.robot_files import write_robot_file
 from isotruss_ros.calibration.stiffness_scale import calibrate_stiffness, StiffnessCalibration
 from isotruss_ros.core import IsotrussError, load_robot
 from isotruss_ros.nodes.bring_up.joint_markers import (
-    DEVIATION,
     JointMarkers,
+    MARKER_DEVIATION,
     MeasuredJoints,
     REST_TOLERANCE,
 )
@@ -32,7 +32,7 @@ SPECS = (
         'calibrated_robot.yaml',
         'Robot file to be written; may be the file of the parameter `robot`',
     ),
-    DEVIATION,
+    MARKER_DEVIATION,
 )
 
 

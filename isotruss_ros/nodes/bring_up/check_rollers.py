@@ -18,7 +18,11 @@ from isotruss_ros.calibration.robot_files import write_checked_rollers
 from isotruss_ros.calibration.roller_check import judge_roller, MAX_TRAVEL_ERROR
 from isotruss_ros.core import load_robot
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.nodes.bring_up.joint_markers import DEVIATION, JointMarkers, WINDOW
+from isotruss_ros.nodes.bring_up.joint_markers import (
+    AVERAGING_TIME,
+    JointMarkers,
+    MARKER_DEVIATION,
+)
 from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.commands import RollerCommands
 from isotruss_ros.nodes.framework.parameters import FixedSpec, ROBOT, Spec
@@ -38,7 +42,7 @@ SPECS = (
         'Pause after each motion, in which the robot comes to rest [s]',
         (0.0, 30.0),
     ),
-    DEVIATION,
+    MARKER_DEVIATION,
     FixedSpec(
         'output', '', 'Robot file to which the names of checked rollers are written; empty: none'
     ),
@@ -65,7 +69,7 @@ class CheckRollers(StoppableNode):
         self.create_subscription(Bool, 'emergency_stop', self._receive_stop, LATCHED)
         self._velocities = np.zeros(len(self._robot.roller_names))
         self._course = self._check_all()
-        self._due = self.now() + WINDOW + self.values.settle_time
+        self._due = self.now() + AVERAGING_TIME + self.values.settle_time
         self.create_steady_timer(1.0 / self.values.rate, self._cycle)
 
     def stop(self) -> None:
@@ -92,7 +96,7 @@ class CheckRollers(StoppableNode):
     def _check_all(self) -> Generator[float, None, None]:
         """Check the rollers one by one; yield the length of each pause [s]."""
         travel, speed = self.values.travel, self.values.speed
-        rest = self.values.settle_time + WINDOW
+        rest = self.values.settle_time + AVERAGING_TIME
         for number, name in enumerate(self._robot.roller_names):
             before = self._markers.measure(self.now()).posture
             for direction in (1.0, -1.0):

@@ -19,8 +19,8 @@ import numpy as np
 
 #: Averaging time of markers [s]. With it, marker noise of 1 mm causes an error of 5 % in the
 #: stiffness scale.
-WINDOW = 1.0
-DEVIATION = Spec(
+AVERAGING_TIME = 1.0
+MARKER_DEVIATION = Spec(
     'marker_deviation',
     0.001,
     'Standard deviation of a coordinate of a marker [m]',
@@ -73,8 +73,8 @@ class JointMarkers:
         change = float(np.ptp(readings, axis=0).max())
         if change > REST_TOLERANCE:
             raise MeasurementError(
-                f'a roller moved by {1e3 * change:.2g} mm in {WINDOW:g} s: must move by at most '
-                f'{1e3 * REST_TOLERANCE:g} mm while joints are measured'
+                f'a roller moved by {1e3 * change:.2g} mm in {AVERAGING_TIME:g} s; must move by '
+                f'at most {1e3 * REST_TOLERANCE:g} mm while joints are measured'
             )
         seen: dict[str, list[tuple[float, float]]] = {}
         for joints in self._markers.values:
@@ -86,4 +86,4 @@ class JointMarkers:
 
     def _take(self, timeline: Timeline, given: StampedInput) -> None:
         timeline.add(given.time, given.value)
-        timeline.discard_before(timeline.last[0] - WINDOW)
+        timeline.discard_before(timeline.last[0] - AVERAGING_TIME)

@@ -23,7 +23,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
 #: Smallest accepted rates of joint_states and object_pose [Hz].
-LEAST_JOINT_RATE, LEAST_POSE_RATE = 50.0, 10.0
+MIN_JOINT_RATE, MIN_POSE_RATE = 50.0, 10.0
 #: Largest accepted distance between a joint's measured position and the position computed from the
 #: encoders [m].
 MAX_ZERO_ERROR = 0.01
@@ -157,8 +157,8 @@ class Preflight(StoppableNode):
         return f'{limits}; all members are within; compare these limits with those of the drives'
 
     def _check_rates(self) -> str:
-        joints = self._check_rate('joint_states', self._joint_states, LEAST_JOINT_RATE)
-        return f'{joints}, {self._check_rate("object_pose", self._poses, LEAST_POSE_RATE)}'
+        joints = self._check_rate('joint_states', self._joint_states, MIN_JOINT_RATE)
+        return f'{joints}, {self._check_rate("object_pose", self._poses, MIN_POSE_RATE)}'
 
     def _check_signs(self) -> str:
         checked = self._robot.description.calibration.get('checked_rollers', ())

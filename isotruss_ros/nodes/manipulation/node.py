@@ -19,7 +19,7 @@ from isotruss_ros.nodes.framework.gate import Topic
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import ParameterError, Spec, Value
 from isotruss_ros.nodes.framework.sensors import Inputs
-from isotruss_ros.nodes.framework.topics import NEWEST, take_waiting
+from isotruss_ros.nodes.framework.topics import NEWEST_MESSAGES, take_waiting
 from isotruss_ros.nodes.manipulation.emergency_stop import EmergencyStop
 from isotruss_ros.nodes.manipulation.failed_rollers import describe_reachable_twists, FailedRollers
 from isotruss_ros.nodes.manipulation.servo_settings import make_settings, StatusReport
@@ -162,7 +162,7 @@ class Manipulation(ManagedNode):
 
     def _discard_twist(self) -> None:
         """Discard the last twist and queued twists, so that only a new twist moves the object."""
-        take_waiting([], self._twists, NEWEST.depth)
+        take_waiting([], self._twists, NEWEST_MESSAGES.depth)
         self._servo.receive(twist=None)
 
     def _clear_inputs(self) -> None:

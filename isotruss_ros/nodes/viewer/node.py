@@ -30,7 +30,7 @@ from isotruss_ros.nodes.framework.runner import StoppableNode
 from isotruss_ros.nodes.framework.topics import LATCHED, RELIABLE, subscribe_newest
 from isotruss_ros.nodes.viewer.view_requests import Calls, make_calls, NodeRestart, ObjectGoals
 from isotruss_ros.viewer.control import ZERO
-from isotruss_ros.viewer.drag import LEVER_LENGTH, PATIENCE, place_on_circle
+from isotruss_ros.viewer.drag import LEVER_LENGTH, place_on_circle, PROGRESS_TIME
 from isotruss_ros.viewer.message_checks import PictureError
 from isotruss_ros.viewer.names import (
     DRAGGED,
@@ -215,8 +215,8 @@ class Viewer(StoppableNode):
             if control.drag.turns:
                 left = f'{math.degrees(way / LEVER_LENGTH):.0f}° left'
         control.drag = None
-        words = f'{self._controls.dragged}: no progress for {PATIENCE:.0f} s, {left}'
-        why = self.picture.describe_hindrance(now, PATIENCE)
+        words = f'{self._controls.dragged}: no progress for {PROGRESS_TIME:.0f} s, {left}'
+        why = self.picture.describe_hindrance(now, PROGRESS_TIME)
         self._report_goal(f'drag aborted: {words}; {why}')
         self.get_logger().warning(self.picture.goal_report)
 

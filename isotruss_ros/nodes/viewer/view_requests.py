@@ -27,7 +27,7 @@ SIMULATOR, MANIPULATION = 'simulator', 'manipulation'
 #: Names of the simulator's parameters that define whether its object is free, and its grip.
 IS_FREE, *GRIP = ('object_is_free', 'grip', 'grip_module')
 #: Nodes other than the simulator that read the parameter `object` when they are configured.
-OTHERS = ('grasp_analysis', MANIPULATION, 'path_follower', 'grasp_planner', 'pick_and_place')
+OTHER_NODES = ('grasp_analysis', MANIPULATION, 'path_follower', 'grasp_planner', 'pick_and_place')
 
 #: Generator that yields service calls and receives their responses.
 Calls = Generator[Callable[[], Future], Any, None]
@@ -99,7 +99,10 @@ class NodeRestart:
     def __init__(self, node: Node, report: Callable[[str], None]) -> None:
         self._report = report
         self._change, self._set = (
-            {name: node.create_client(kind, f'{name}/{service}') for name in (SIMULATOR, *OTHERS)}
+            {
+                name: node.create_client(kind, f'{name}/{service}')
+                for name in (SIMULATOR, *OTHER_NODES)
+            }
             for kind, service in ((ChangeState, 'change_state'), (SetParameters, 'set_parameters'))
         )
         self._get = node.create_client(GetParameters, f'{SIMULATOR}/get_parameters')
@@ -127,7 +130,7 @@ class NodeRestart:
         :param kind: word for the kind of the object.
         :param description: value of the parameter `object` of the nodes.
         """
-        others = [name for name in OTHERS if self._change[name].service_is_ready()]
+        others = [name for name in OTHER_NODES if self._change[name].service_is_ready()]
         self._begin(f'object {kind}', squeeze, [SIMULATOR, *others], {'object': description})
 
     def _begin(self, what: str, squeeze: float, names: list[str], values: dict[str, str]) -> None:
