@@ -275,10 +275,8 @@ class TwistServo:
 
     def _largest_change(self, now: float) -> float:
         """Return the largest change of a roller's velocity since the last command [m/s]."""
-        largest = self.settings.max_acceleration
-        if largest is None:
-            largest = self.robot.description.max_acceleration
         # A cycle may be early; a late cycle may change its command by more.
+        largest = self.robot.description.max_acceleration
         return largest * max(self._history.elapsed(now, 0.0), self.settings.period)
 
     def _solve_joint(
