@@ -15,7 +15,6 @@ import math
 from isotruss_ros.core.contact.dents import (
     corner_dents,
     Dents,
-    DentTable,
     disc_dents,
 )
 from isotruss_ros.core.holding.contact_forces import PressedContacts
@@ -94,7 +93,7 @@ def build_statics(
     structure = structure_of(config, tubes.pressure)
     starts, straight = facing_lines(config, body, contacts.members)
     points, _ = body.shape.surface_at(contacts.corners, straight * body.turn.conjugate())
-    # On the right of a member the object is on the side of its normals.
+    # The normals point away from the object: left of the member if the object is on its right.
     starting, ending = member_lines(config)[contacts.members].T
     axis = (ending - starting) / np.abs(ending - starting)
     sides = np.sign((straight * axis.conj()).imag)
@@ -158,46 +157,27 @@ def find_dents(
     """
     if tubes.paper_model:
         return Dents()
+    robot, shape = structure.config.robot, body.shape
     pressures = None if tubes.pressure is None else structure.pressures
-    tables = _dents(structure.config, body, contacts, normals, pressures)
+    numbers = robot.topology.tube[contacts.members].tolist()
+    if shape.is_round:
+        tables = [disc_dents(robot, number, shape.reach, pressures) for number in numbers]
+    else:
+        facing = (normals * body.turn.conjugate()).tolist()
+        cuts = map(tuple, contacts.cuts.tolist())
+        tables = [
+            corner_dents(
+                robot, tube, shape, _tabulated(shape, corner, normal), corner, cut, pressures
+            )
+            for tube, normal, corner, cut in zip(
+                numbers, facing, contacts.corners.tolist(), cuts, strict=True
+            )
+        ]
     return Dents(tables, tubes.stiffness_scale)
 
 
-def _dents(
-    config: Configuration,
-    body: ConvexObject,
-    contacts: PressedContacts,
-    normals: Points,
-    pressures: tuple[float, ...] | None,
-) -> list[DentTable]:
-    """Return the table of dent depth over normal force at each contact."""
-    tubes = config.robot.topology.tube[contacts.members]
-    if body.shape.is_round:
-        radius = body.shape.reach
-        return [disc_dents(config.robot, int(tube), radius, pressures) for tube in tubes]
-    facing = normals * body.turn.conjugate()
-    return [
-        corner_dents(
-            config.robot,
-            tube,
-            body.shape,
-            _tabulated(body.shape, corner, normal),
-            corner,
-            (before, behind),
-            pressures,
-        )
-        for tube, normal, corner, (before, behind) in zip(
-            tubes.tolist(),
-            facing.tolist(),
-            contacts.corners.tolist(),
-            contacts.cuts.tolist(),
-            strict=True,
-        )
-    ]
-
-
 def _tabulated(shape: Shape, corner: int, normal: complex) -> float:
-    """Return the angle nearest to a normal for which dents are tabulated [rad]."""
+    """Return the angle with tabulated dents that is nearest to the angle of a normal [rad]."""
     faces = shape.faces_at(corner)
     if not faces:
         return ANGLE_STEP * round(cmath.phase(normal) / ANGLE_STEP)

@@ -78,7 +78,7 @@ def displacement_at(
     bent = statics.bent
     members, feet = np.append(bent.members, number), np.append(state.feet, foot)
     cut = BentTubes(bent.structure, members, feet, bent.stiffness)
-    # The linear response to the loads is enough to tell whether the place is in contact.
+    # The linear response to the loads suffices to find whether the point is in contact.
     along, across, _ = cut.respond(np.vstack([state.loads, np.zeros(3)]), feet)[-1].tolist()
     return float((normal.conjugate() * complex(along, across) * cut.axis[-1]).real)
 

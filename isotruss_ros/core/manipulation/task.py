@@ -181,7 +181,7 @@ class Task(NamedTuple):
     #: (k + g,) unit vector of the closest reachable twist, in the basis of `Reach.rows`
     direction: Array
     speed: float  #: norm of the closest reachable twist [m/s]
-    status: Status  #: `OK` if the desired twist is reachable, else `UNREACHABLE`; `IDLE` for zero
+    status: Status  #: `OK` if the desired twist is reachable, `IDLE` if zero, else `UNREACHABLE`
     free: Array  #: (w,) least-cost speeds for 1 m/s along `direction`, without limits
     #: (r,) least-cost speeds of all rollers for the closest reachable twist [m/s]
     velocities: Array

@@ -4,7 +4,7 @@
 """
 Quadratic programs (QP) for the largest progress along a twist under limits, at least cost (11).
 
-    minimize   1/2 |C u|^2 - rho (s - s^2 / 4 reach)
+    minimize   1/2 |C u|^2 - rho (s - s^2 / (4 reach))
     subject to J u = s * direction,  0 <= s <= reach,  lower <= G u <= upper
 
 The second term is an exact penalty: its slope is at least rho / 2, which is larger than any

@@ -55,8 +55,8 @@ class RobotDescription:
     :ivar stiffness_scale: ratio of the tubes' true stiffness to the modelled one [-].
     :ivar tube_mass: mass of the tubes per length [kg/m].
     :ivar damping_ratio: damping ratio of the vibration mode with the lowest frequency [-].
-    :ivar calibration: block `calibration` of the file, with the standard deviations of home and
-        stiffness.
+    :ivar calibration: block `calibration` of the file, with the standard deviations of roller
+        offsets and stiffness.
     """
 
     source: str

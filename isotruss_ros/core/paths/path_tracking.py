@@ -62,8 +62,8 @@ class TrackingSettings:
     """
     Settings of path tracking.
 
-    :ivar position_tolerance: largest error of position [m].
-    :ivar angle_tolerance: largest error of orientation [rad].
+    :ivar position_tolerance: error of position at which the path is aborted [m].
+    :ivar angle_tolerance: error of orientation at which the path is aborted [rad].
     :ivar position_gain: decay rate of the position error [1/s].
     :ivar angle_gain: decay rate of the orientation error [1/s].
     :ivar ramp_time: time in which the speed rises from zero to the speed of the path, or falls

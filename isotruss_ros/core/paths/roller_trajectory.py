@@ -5,8 +5,8 @@
 Roller trajectories, piecewise linear with parabolic blends, and a servo that tracks trajectories.
 
 The servo starts at the measured roller positions and controls them by feedback. Trajectory time
-stops while a roller lags behind. A missing, stale or rejected input ends the trajectory; a
-violated tolerance of the goal ends it too.
+stops while a roller lags behind. A missing, stale or rejected input ends the trajectory, and
+so does a violated tolerance of the action goal.
 """
 
 from __future__ import annotations

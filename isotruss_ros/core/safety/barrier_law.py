@@ -4,15 +4,15 @@
 """
 Barriers, and the control barrier function that bounds the rate of their margins.
 
-A margin h is the difference between a value of the barrier and the lower bound. Its rate is
-bounded by
+A margin is the difference between a value of the barrier and the lower bound. Let h be a margin
+minus a small safety margin. The rate of h is bounded from below:
 
-    dh/dt >= -rate h / (1 - h / band),
+    dh/dt >= -rate h / (1 - h / band)
 
-with h reduced by a small safety margin. The right-hand side is a class-K function of the reduced
-h: at h = 0 no decrease is allowed, and from h = band on the rate is not bounded. A
-command is constant during a sample, so a discrete-time bound applies as well: a fraction of the
-margin must remain at the end of the sample, including effects of second order.
+The right-hand side is a class-K function of h: at h = 0 no decrease is allowed, and from h = band
+on the rate is not bounded. A command is constant during a sample, so a discrete-time bound applies
+as well: a fraction of the margin must remain at the end of the sample, including effects of second
+order.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class BarrierLaw:
     """Lower bound of a barrier's values, and bound of the rate at which the values approach it."""
 
     bound: float  #: smallest allowed value of the barrier function
-    band: float  #: margin above which its rate is not bounded, in the unit of the value
+    band: float  #: margin above which the rate is not bounded, in the unit of the value
     rate: float = 5.0  #: largest decay rate of a small margin [1/s]
 
     @cached_property

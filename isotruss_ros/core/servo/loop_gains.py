@@ -34,7 +34,7 @@ class LoopGains(NamedTuple):
     pose: float  #: gain of the error of the modelled pose [1/s]
     squeeze: float  #: gain of the squeeze error [1/s]
     bias: float  #: inverse time constant of the estimated unexplained pose [1/s]
-    filter_time: float  #: time constant of each of the two low-pass filters on the load [s]
+    filter_time: float  #: time constant of each of the two low-pass filters [s]
 
 
 def gains_of(gain: float) -> LoopGains:

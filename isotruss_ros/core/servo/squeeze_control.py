@@ -18,7 +18,7 @@ from dataclasses import replace
 from isotruss_ros.core.estimation.contact_walk import JUMP_LENGTH
 from isotruss_ros.core.estimation.grip_belief import GripBelief
 from isotruss_ros.core.estimation.state_estimate import MAX_KNOWN_DEVIATION
-from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, LEFT_MARGIN
+from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, MIN_RELATIVE_MARGIN
 from isotruss_ros.core.holding.loaded_frame import lowest_frequency
 from isotruss_ros.core.inputs import steady_pressures
 from isotruss_ros.core.kinematics.configuration import Configuration
@@ -222,7 +222,7 @@ class SqueezeControl:
             return replace(held, scale=0.0, status=self.fault.value)
         twist, correction = np.asarray(twist), self._correction(belief, period)
         command = _solve_within_limits(twist + correction, opening, solve)
-        free = belief.slip_margin - LEFT_MARGIN * belief.regulated_squeeze
+        free = belief.slip_margin - MIN_RELATIVE_MARGIN * belief.regulated_squeeze
         share = belief.usage.margin_share(command, period, free) if twist.any() else 1.0
         if share < 1.0:
             slowed = _solve_within_limits(share * twist + correction, opening, solve)
