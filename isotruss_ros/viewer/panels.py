@@ -110,7 +110,7 @@ def _describe_grasp(picture: Picture, now: float) -> list[str]:
     used = max(state.utilisation, default=0.0)
     return [
         *parts,
-        f'bending moment {used:.2f} of the wrinkling moment',
+        f'utilisation {used:.2f} of the wrinkling moment',
         escape(state.message),
     ]
 

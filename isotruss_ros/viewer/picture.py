@@ -215,7 +215,7 @@ class Picture:
         if not self.is_fresh('status', now):
             return 'manipulation: no status'
         if self.status.code == Status.HALT_NO_TWIST and self.goal is None:
-            return 'manipulation: at rest, no command'
+            return 'manipulation: at rest, nothing is commanded'
         return _describe_status(self.status)
 
     def describe_squeeze(self, now: float) -> str:

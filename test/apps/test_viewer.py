@@ -157,7 +157,7 @@ def tell(picture, code, now=0.0, **values):
 def test_an_idle_robot_is_described_as_at_rest():
     picture = Picture(ROBOT, 0.3)
     tell(picture, Status.HALT_NO_TWIST, message='twist: 203.6 s old; set it higher')
-    assert picture.describe_manipulation(0.0) == 'manipulation: at rest, no command'
+    assert picture.describe_manipulation(0.0) == 'manipulation: at rest, nothing is commanded'
 
 
 def test_a_late_twist_during_a_drag_is_reported():
