@@ -141,7 +141,7 @@ def lay_faces(found: HeldGrip, friction: float, gap: float) -> HeldGrip:
         contacts, _ = with_far_end(found.contacts, k, face)
         statics = build_statics(found.config, found.statics.body, contacts, found.tubes)
         laid = _find_rest(found.config, statics, found.wrench, found.tubes, None, MAX_SEARCH_STEPS)
-        if laid is not None and laid.pulling_end is None and laid.required_friction <= friction:
+        if laid is not None and laid.most_pulling() is None and laid.required_friction <= friction:
             return laid
     return found
 
@@ -157,7 +157,7 @@ def _find_pressing(
         found = find(contacts)
         if found is None:
             break
-        pulling = found.pulling_end
+        pulling = found.most_pulling()
         if pulling is None:
             return found
         contacts = contacts.without(pulling)
@@ -166,7 +166,7 @@ def _find_pressing(
     # Try all hypotheses with one open face end, then with two, ...; take the nearest equilibrium.
     for _, alike in itertools.groupby(_choices(contacts)[1:], lambda each: len(each.owners)):
         others = [each for each in map(find, alike) if each is not None]
-        pressing = [each for each in others if each.pulling_end is None]
+        pressing = [each for each in others if each.most_pulling() is None]
         if pressing:
             return min(pressing, key=lambda each: abs(each.body.middle - middle))
     return None

@@ -15,7 +15,6 @@ import math
 from isotruss_ros.core.contact.dents import (
     corner_dents,
     Dents,
-    DentTable,
     disc_dents,
 )
 from isotruss_ros.core.holding.contact_forces import PressedContacts
@@ -158,42 +157,23 @@ def find_dents(
     """
     if tubes.paper_model:
         return Dents()
+    robot, shape = structure.config.robot, body.shape
     pressures = None if tubes.pressure is None else structure.pressures
-    tables = _dents(structure.config, body, contacts, normals, pressures)
+    numbers = robot.topology.tube[contacts.members].tolist()
+    if shape.is_round:
+        tables = [disc_dents(robot, number, shape.reach, pressures) for number in numbers]
+    else:
+        facing = (normals * body.turn.conjugate()).tolist()
+        cuts = map(tuple, contacts.cuts.tolist())
+        tables = [
+            corner_dents(
+                robot, tube, shape, _tabulated(shape, corner, normal), corner, cut, pressures
+            )
+            for tube, normal, corner, cut in zip(
+                numbers, facing, contacts.corners.tolist(), cuts, strict=True
+            )
+        ]
     return Dents(tables, tubes.stiffness_scale)
-
-
-def _dents(
-    config: Configuration,
-    body: ConvexObject,
-    contacts: PressedContacts,
-    normals: Points,
-    pressures: tuple[float, ...] | None,
-) -> list[DentTable]:
-    """Return the table of dent depth over normal force at each contact."""
-    tubes = config.robot.topology.tube[contacts.members]
-    if body.shape.is_round:
-        radius = body.shape.reach
-        return [disc_dents(config.robot, int(tube), radius, pressures) for tube in tubes]
-    facing = normals * body.turn.conjugate()
-    return [
-        corner_dents(
-            config.robot,
-            tube,
-            body.shape,
-            _tabulated(body.shape, corner, normal),
-            corner,
-            (before, behind),
-            pressures,
-        )
-        for tube, normal, corner, (before, behind) in zip(
-            tubes.tolist(),
-            facing.tolist(),
-            contacts.corners.tolist(),
-            contacts.cuts.tolist(),
-            strict=True,
-        )
-    ]
 
 
 def _tabulated(shape: Shape, corner: int, normal: complex) -> float:

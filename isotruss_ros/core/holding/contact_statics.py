@@ -40,7 +40,7 @@ from isotruss_ros.core.holding.contact_forces import (
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.core.numerics.tolerances import MAX_NEWTON_ITERATIONS, MAX_SEARCH_STEPS, ROUNDING
-from isotruss_ros.core.statics.bent_tubes import BentTubes
+from isotruss_ros.core.statics.bent_tubes import BentTubes, SETTLED_MOTION
 from isotruss_ros.core.statics.section import Pressure
 import numpy as np
 from scipy.linalg import lapack
@@ -307,7 +307,7 @@ class ContactStatics:
         wrench: Array,
         conditions: ContactConditions,
         steps: int = MAX_NEWTON_ITERATIONS,
-        reach: float = ROUNDING,
+        reach: float = SETTLED_MOTION,
     ) -> tuple[ContactStatics, ContactForces] | None:
         """
         Solve for the equilibrium with tubes that are linearised about this equilibrium.
@@ -320,13 +320,16 @@ class ContactStatics:
         :param reach: the tubes are linearised again if a node has moved by more than this [m].
         :return: the equations with these tubes, and the equilibrium; None if it is not found.
         """
-        statics, unknowns = self, start
+        statics, unknowns, close = self, start, False
         for _ in range(MAX_SEARCH_STEPS):
             state = statics.solve(unknowns, wrench, conditions, steps, reach)
             if state is None:
                 return None
-            if statics.bent.distance(state.loads, state.feet) <= reach:
+            moved = statics.bent.distance(state.loads, state.feet)
+            if moved <= reach or close:
                 return statics, state
+            # In soft structures and the paper's model, nodes move by rounding.
+            close = moved <= ROUNDING
             bent = statics.bent.update(state.loads, state.feet)
             statics, unknowns = replace(statics, bent=bent), state.unknowns
         return None

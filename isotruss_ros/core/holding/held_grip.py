@@ -22,7 +22,7 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import Pose
-from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
+from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.statics.bent_tubes import BentTubes
 from isotruss_ros.core.statics.wrinkling import find_utilisation, Utilisation
 import numpy as np
@@ -290,24 +290,16 @@ class HeldGrip:
         more = float(change[self.state.places.normal].sum())
         return 0.0 if singular else -more / float(self.state.normal_forces.sum())
 
-    @property
-    def pulling_end(self) -> int | None:
-        """Return the index of the face end with the largest tension; None without tension."""
-        owners = self.contacts.owners
-        return self._most_pulling(np.bincount(owners)[owners] > 1)
-
-    @property
-    def pulling(self) -> int | None:
+    def most_pulling(self, third: bool = False) -> int | None:
         """
         Return the index of the contact with the largest tension; None without tension.
 
-        Only contacts at the ends of a face, and the contact of a third member, are considered.
+        Only contacts at the ends of a face are considered.
+
+        :param third: whether the contact of a third member is considered as well.
         """
         owners = self.contacts.owners
-        return self._most_pulling((np.bincount(owners)[owners] > 1) | (owners[-1] > 1))
-
-    def _most_pulling(self, chosen: Flags) -> int | None:
-        """Return the index of the contact in a mask (k,) with the largest tension, or None."""
+        chosen = (np.bincount(owners)[owners] > 1) | (third and owners[-1] > 1)
         normal = np.where(chosen, self.state.normal_forces, np.inf)
         least = int(normal.argmin())
         return least if normal[least] < 0.0 else None

@@ -174,7 +174,7 @@ def _lift_ends(grip: HeldGrip, changes: Iterator[int]) -> HeldGrip | None:
     """Return the grip after removal of all contacts in tension at face ends and third members."""
     found: HeldGrip | None = grip
     while found is not None:
-        lifted = found.pulling
+        lifted = found.most_pulling(third=True)
         if lifted is None or next(changes, None) is None:
             break
         kept = np.delete(np.arange(len(found.anchors)), lifted)

@@ -82,7 +82,9 @@ class RollingGrip:
         shape = grip.body.shape.smoothed(0.5 * config.robot.description.tube_diameter)
         none = np.zeros((2, len(owners)))
         rolling = cls(config, grip, angles, owners, corners, none, sides, shape)
-        return replace(rolling, invariants=rolling._touch(rolling._lines(config)).values)
+        body, lines = grip.body, rolling._lines(config)
+        touch = rolling._touch(lines, body.center, body.pose.angle, corners)
+        return replace(rolling, invariants=touch.values)
 
     @property
     def pose(self) -> Pose:
@@ -124,7 +126,7 @@ class RollingGrip:
     def _clears(self, rolled: RollingGrip) -> bool:
         """Return whether no corner of a face in contact penetrates a member after rolling."""
         body, lines = rolled.grip.body, rolled._lines(rolled.config)
-        touch = self._touch_there(lines, body.center, body.pose.angle, self.corners)
+        touch = self._touch(lines, body.center, body.pose.angle, self.corners)
         return bool((touch.values[0] >= self.invariants[0] - rolled.misfit - ROUNDING).all())
 
     def _rolled(self, config: Configuration) -> RollingGrip:
@@ -134,7 +136,7 @@ class RollingGrip:
         for step in range(MAX_NEWTON_ITERATIONS):
             if step < 10:  # later the corners are fixed, against cycling by rounding
                 corners = self._lowest(lines.normals * cmath.rect(1.0, -angle))
-            touch = self._touch_there(lines, center, angle, corners)
+            touch = self._touch(lines, center, angle, corners)
             off = (touch.values - self.invariants).ravel()
             rows = touch.rows * (1.0, 1.0, 1.0 / body.arm)
             x, y, turn = change = np.linalg.lstsq(rows, -off, rcond=ROUNDING)[0]
@@ -182,14 +184,7 @@ class RollingGrip:
         travel[nodes.driven] = config.roller_positions[nodes.rollers]
         return _Lines(starts, axes, axes * (-1j * self.sides), travel)
 
-    def _touch(self, lines: _Lines) -> _Touch:
-        """Return gaps and anchors of the contacts (see `_Touch`) at the pose of the object."""
-        body = self.grip.body
-        return self._touch_there(lines, body.center, body.pose.angle, self.corners)
-
-    def _touch_there(
-        self, lines: _Lines, center: complex, angle: float, corners: Indices
-    ) -> _Touch:
+    def _touch(self, lines: _Lines, center: complex, angle: float, corners: Indices) -> _Touch:
         """Return the contacts' gaps and anchors (see `_Touch`) at a pose with given corners."""
         shape, turn, owners = self.shape, cmath.rect(1.0, angle), self.owners
         own = lines.normals * turn.conjugate()

@@ -69,13 +69,13 @@ def _moved(grip: Grip, then: Grip) -> float:
 
 class NeighborList:
     """
-    Verlet neighbour list of pairs of parts, by which few distances are evaluated.
+    Verlet neighbour list of pairs of parts, which reduces the number of evaluated distances.
 
     A pair is close if the law limits the rate of its distance; the list contains all pairs up to a
-    larger distance. The distance of two parts changes at most by the displacements of both. So the
-    list is renewed from all pairs only if a pair outside of it may have entered this larger
-    distance; the pairs of the list are evaluated only if one of them may have become close. The
-    results are exact.
+    larger distance. The distance of two parts changes at most by the sum of their displacements.
+    So all pairs are evaluated only if a pair outside of the list may have come within the larger
+    distance, and the pairs of the list are evaluated only if one of them may have become close.
+    The results are exact.
 
     :ivar listed_below: distance below which pairs are in the list [m]; it exceeds
         `BarrierLaw.active_below` by half of `BarrierLaw.band`.

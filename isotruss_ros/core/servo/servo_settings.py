@@ -59,8 +59,6 @@ class ServoSettings:
     :ivar limits: user-defined limits in addition to those of the robot file.
     :ivar slide_along_limits: True if motion continues along limits of member lengths and of the
         configuration; otherwise motion is slowed until it stops at the limits.
-    :ivar max_acceleration: largest acceleration of a roller, except in halts [m/s^2]; None: the
-        value of the robot file.
     :ivar failure_time: a commanded roller that does not move for this time has failed [s].
     :ivar pressure_timeout: largest age of measured pressures [s]; older pressures stop the
         rollers.
@@ -75,6 +73,5 @@ class ServoSettings:
     barriers: tuple[Barrier, ...] = ()
     limits: tuple[Limit, ...] = ()
     slide_along_limits: bool = True
-    max_acceleration: float | None = None
     failure_time: float = math.inf
     pressure_timeout: float = PRESSURE_TIMEOUT

@@ -7,8 +7,8 @@ Twist servo, which computes a roller command or a halt from the latest inputs in
 The twist is the desired velocity of the held object or, without an object, of a joint.
 
 Each cycle starts from the last measured state. The rollers have followed the commands since this
-measurement, so the servo predicts the current state from these commands. Earlier commands have no
-influence, so motion can resume from any state of robot and object.
+measurement, so the servo predicts the current state from these commands. Commands before the
+measurement have no influence, so motion can resume from any state of robot and object.
 """
 
 from __future__ import annotations
@@ -275,10 +275,8 @@ class TwistServo:
 
     def _largest_change(self, now: float) -> float:
         """Return the largest change of a roller's velocity since the last command [m/s]."""
-        largest = self.settings.max_acceleration
-        if largest is None:
-            largest = self.robot.description.max_acceleration
         # A cycle may be early; a late cycle may change its command by more.
+        largest = self.robot.description.max_acceleration
         return largest * max(self._history.elapsed(now, 0.0), self.settings.period)
 
     def _solve_joint(

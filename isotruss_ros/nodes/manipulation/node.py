@@ -58,12 +58,7 @@ class Manipulation(ManagedNode):
 
     def create(self) -> None:
         """Create the subscriptions that can stop the rollers, which exist in every state."""
-        self._stop = EmergencyStop(
-            self,
-            lambda: self.values.require_emergency_stop,
-            self._apply_stop,
-            self._wait_for_zero,
-        )
+        self._stop = EmergencyStop(self, self._apply_stop, self._wait_for_zero)
         self._failed_rollers = FailedRollers(self, self._apply_failures)
         self.create_service(SetBool, 'set_joint_mode', self._set_joint_mode)
 

@@ -110,15 +110,6 @@ SPECS = (
 )
 
 
-def _make_grip(robot: Robot, values: Parameters, described: ConvexObject | None) -> Grip:
-    """Return the grip that the parameters specify, with the object at an arbitrary pose."""
-    body = described or ConvexObject(Disc(values.object_diameter))
-    if values.object_mass:
-        body = replace(body, mass=values.object_mass)
-    members = common.select_grip(robot, values)
-    return Grip(members, body, values.friction if body.friction is None else body.friction)
-
-
 def make_settings(
     robot: Robot, values: Parameters, described: ConvexObject | None, joint: str | None
 ) -> ServoSettings:
@@ -131,6 +122,10 @@ def make_settings(
         `object_diameter`.
     :param joint: joint that is moved by twists; None: twists move the object.
     """
+    body = described or ConvexObject(Disc(values.object_diameter))
+    if values.object_mass:
+        body = replace(body, mass=values.object_mass)
+    friction = values.friction if body.friction is None else body.friction
     squeeze = None
     if values.squeeze_force != 0.0:
         squeeze = SqueezeSettings(
@@ -140,7 +135,7 @@ def make_settings(
             zero_deviation=values.zero_deviation,
         )
     return ServoSettings(
-        _make_grip(robot, values, described),
+        Grip(common.select_grip(robot, values), body, friction),
         period=1.0 / values.rate,
         timeout=values.command_timeout,
         joint=joint,
