@@ -26,7 +26,7 @@ from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped
 import isotruss_ros
 from isotruss_ros import core
-from isotruss_ros.core.inputs import RollerState, StampedInput
+from isotruss_ros.core.inputs import LatestInputs, RollerState, StampedInput
 from isotruss_ros.core.safety.roller_failure import FAILURE_TIME
 from isotruss_ros.core.servo.servo_settings import ServoSettings
 from isotruss_ros.nodes.conversions import messages
@@ -153,13 +153,14 @@ def closure() -> tuple[list[str], int]:
 
 def analysis_cycle() -> tuple[list[str], int]:
     """Trace one analysis of the grasp monitor, after some cycles that are not traced."""
-    monitor = GraspMonitor(ROBOT, GraspQuery((), PRESSED, 0.5, (0.0, 0.0, 0.0), 0.005), 0.5)
+    query = GraspQuery((), PRESSED, 0.5, (0.0, 0.0, 0.0), 0.005)
+    monitor = GraspMonitor(ROBOT, query, 0.5, LatestInputs())
     for step in range(5):
         positions = np.full(len(ROBOT.roller_names), 1e-5 * step)
         rollers = RollerState(positions, np.zeros(len(positions)))
-        monitor.rollers = StampedInput(rollers, float(step))
+        monitor.inputs.rollers = StampedInput(rollers, float(step))
         pose = PRESSED.pose._replace(y=PRESSED.pose.y - 1e-5 * step)
-        monitor.pose = StampedInput(pose, float(step))
+        monitor.inputs.pose = StampedInput(pose, float(step))
         traced = trace(lambda step=step: monitor.report(float(step)))
     assert monitor.report(4.0).code is GraspCode.OK
     return traced

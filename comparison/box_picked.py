@@ -99,7 +99,7 @@ def pick(phases: Sequence[Phase] = PHASES) -> Picked:
     lying = place_between(robot.home, SIDES, BOX, ANGLE, -GAP).body
     grip = Grip(SIDES, lying, FRICTION)
     options = PlantOptions(friction=FRICTION, ground_friction=GROUND)
-    plant = MujocoPlant(robot, [lying], options, mesh(robot, SIDES))
+    plant = MujocoPlant(robot, lying, options, mesh(robot, SIDES))
     plant.settle()
     picked = Picked()
 

@@ -202,7 +202,7 @@ def _tables(found: Sequence[Compared]) -> tuple[Table, ...]:
         Table(
             'grasps_free',
             'Released object, held by friction; the give is the displacement of its centre on '
-            'release, and stiffnesses are compared by their inverses, the compliances',
+            'release, and stiffness matrices are compared by their inverses, the compliances',
             (
                 *wedge,
                 'give MuJoCo [mm]',

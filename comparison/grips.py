@@ -132,7 +132,7 @@ def press_on(
     :param options: options of the plant.
     :param segments: number of segments of the members in contact.
     """
-    plant = MujocoPlant(config.robot, [held], options, mesh(config.robot, members, segments))
+    plant = MujocoPlant(config.robot, held, options, mesh(config.robot, members, segments))
     plant.set_friction(0.0)
     plant.hold_object(AWAY)
     move_to(plant, config.roller_positions)
@@ -152,7 +152,7 @@ def hold_at_home(
     :param members: names of the members that hold it.
     :param options: options of the plant.
     """
-    plant = MujocoPlant(robot, [body], options, mesh(robot, members))
+    plant = MujocoPlant(robot, body, options, mesh(robot, members))
     plant.hold_object(body.pose)
     plant.settle(REST)
     plant.release_object()

@@ -33,7 +33,7 @@ def compare(soft: int = 2) -> Section:
     free = [name for node, name in enumerate(topology.joint_names) if node not in held]
     rows, worst = [], 0.0
     for label, config in [('home', robot.home), *_soft_shapes(soft)]:
-        plant = MujocoPlant(robot, [], STILL, mesh(robot, []))
+        plant = MujocoPlant(robot, None, STILL, mesh(robot, []))
         if config is not robot.home:
             move_to(plant, config.roller_positions)
             plant.settle(REST)

@@ -136,9 +136,9 @@ def compare(wanted: Sequence[Wanted] = WANTED) -> Section:
                     'module',
                     'squeeze planned [N]',
                     'open loop: squeeze [N]',
-                    'off [mm]',
+                    'object displaced [mm]',
                     'brought back: squeeze [N]',
-                    'off [mm]',
+                    'object displaced [mm]',
                 ),
                 rows,
             ),
@@ -187,7 +187,7 @@ def follow(wanted: Wanted, grasp: PlannedGrasp) -> MujocoPlant:
     robot, exported = round_robot(), export_path(grasp)
     cylinder = ConvexObject.disc(wanted.center, wanted.diameter)
     options = PlantOptions(friction=FRICTION, ground_friction=GROUND)
-    plant = MujocoPlant(robot, [cylinder], options, mesh(robot, grasp.members))
+    plant = MujocoPlant(robot, cylinder, options, mesh(robot, grasp.members))
     path, times = np.array(exported['path']), SLOWER * np.array(exported['times'])
     for k in range(int(np.ceil(times[-1] * RATE))):
         goal = [np.interp((k + 1) / RATE, times, column) for column in path.T]

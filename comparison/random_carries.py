@@ -104,9 +104,9 @@ def compare_discs(count: int = 20) -> Section:
         'model of the loop predicts that the object will be lost. “Halted, held” means that the '
         'servo stopped while the object was held; “lost, reported” means that the object was lost '
         'and the servo reported it, “lost, not reported” that the servo did not report it. “Off” '
-        'is the final deviation of the position from the executed twists, or of the squeeze from '
-        'its desired value. An object that leaves the grip before the control starts is replaced '
-        'by another random object.'
+        'is the final distance of the object from the position to which the executed twists '
+        'lead, or the final deviation of the squeeze from its desired value. An object that '
+        'leaves the grip before the control starts is replaced by another random object.'
     )
     return _compare(DISC, count, words)
 

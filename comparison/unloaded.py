@@ -47,8 +47,8 @@ def compare(shapes: int = 3) -> Section:
     )
     return Section(
         'Unloaded nodes',
-        f'Rollers travel at random, up to {TRAVEL:g} m. MuJoCo moves the robot there; '
-        '`core.Configuration` computes it at once.',
+        f'Rollers travel at random, up to {TRAVEL:g} m. MuJoCo moves the robot to each '
+        'configuration; `Robot.configuration` computes it directly.',
         (check,),
         (
             Table(

@@ -21,7 +21,7 @@ from isotruss_ros.core import (
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.inputs import RollerState, StampedInput
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.core.safety.margins import shape_margins
+from isotruss_ros.core.safety.margins import object_distances, shape_margins
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
 from isotruss_ros.core.servo.servo_settings import ServoSettings
 import numpy as np
@@ -63,8 +63,9 @@ def rolled(rolling: RollingGrip, travel: Array) -> RollingGrip:
 
 def margins(held: RollingGrip) -> Array:
     """Return the margins of rigidity, clearance and object clearance to their bounds."""
-    found = shape_margins(held.config, held.grip.body, held.grip.members)
-    return np.array(found[:3]) - LEAST
+    found = shape_margins(held.config)
+    away = object_distances(held.config, held.grip.body, held.grip.members)
+    return np.array([found.rigidity, found.clearance, away.min()]) - LEAST
 
 
 def begin(rng: np.random.Generator, module: str) -> RollingGrip:

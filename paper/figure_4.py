@@ -104,18 +104,18 @@ def report(result: TubeFit) -> Report:
         'mode; Table I lists C, b and R².',
         computed='The figure shows the theory of the default tube at the nine combinations, and '
         'the nearest power laws. Five trials of each combination were computed from the theory '
-        f'with random errors (stiffness {100 * SCATTER:g} %, load {100 * NOISE:g} % of its '
-        'largest, '
-        'an offset). '
+        f'with random errors: {100 * SCATTER:g} % of the stiffness, {100 * NOISE:g} % of the '
+        'largest load, and an offset of the load. '
         '`fit_tube_stiffness` fitted one beam to all modes: '
-        f'{sum(held)} of its {len(held)} constants are inside their 95 % intervals.',
+        f'the true values of {sum(held)} of its {len(held)} constants are inside the fitted 95 % '
+        'intervals.',
         difference='None can be stated without the measured values. Power laws of single modes '
         f'deviate from the theory by up to {number(100 * _misfit(result), 2)} %. The transverse '
         f'and the rotary law contradict each other {_limit(result)} at '
         f'{number(1e-3 * PRESSURES[1])} kPa: no beam has both stiffnesses. '
         'Therefore a robot file contains the constants of a beam. In '
-        f'{REPEATS} further fits {number(100 * result.held)} % of the constants were inside their '
-        '95 % intervals.',
+        f'{REPEATS} further fits, {number(100 * result.held)} % of the 95 % intervals contained '
+        'the true value.',
         assumption='The fabric is assumed, so the exponents are not those of the paper. The '
         'points end where the tube wrinkles; axial points end at a tenth of the pressure force.',
         tables=(_laws(result), _fits(result)),

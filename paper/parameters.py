@@ -48,9 +48,8 @@ def report(robot: Robot) -> Report:
         'combination five times.',
         computed='All parameters of the items below have the rounded values of the paper.',
         difference='None. Pressures are multiples of 2.5 psi and lengths multiples of 10 in. The '
-        'discs of Fig. 6 have diameters of 5, 8 and 12 in. The sum of the diameters of cylinder '
-        'and tube agrees '
-        'only to 1 mm.',
+        'discs of Fig. 6 have diameters of 5, 8 and 12 in; these are the sums of the diameters of '
+        'cylinder and tube, to within 1 mm.',
         assumption='The paper does not state sizes and rigidity of the modules.',
         tables=(_stated(), _assumed(robot)),
     )

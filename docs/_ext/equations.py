@@ -24,8 +24,9 @@ HEAD = """\
 <!-- Written by `make docs` from docs/_ext/paper_equations.yaml and the tags in the sources. -->
 # Equations and functions
 
-The equations of the paper, and the functions that compute each, by tags in the sources. Some are
-solved in another form than they are printed: [derivation](derivation.md)."""
+This page lists the equations of the paper. Below each equation are the functions whose docstring
+or comments contain its number. The package computes some equations in a form that differs from the
+printed one ([derivation](derivation.md))."""
 #: Tag of an equation; a number after a name or a bracket is a call, not a tag.
 TAG = re.compile(r'(?<![\w\])}])\((\d{1,2})\)')
 

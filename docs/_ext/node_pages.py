@@ -18,17 +18,18 @@ INTERFACES_HEAD = """\
 <!-- Written by `make docs` from msg_defs/. -->
 # Messages, services and actions
 
-The interface package `isotruss_msgs`, as in `msg_defs/`. `message` is in words: what is wrong and
-what would be right. An action succeeds with its code 0 only. Everything is planar: only x, y and
-the rotation about z count. `t/j` is a module, `t/j-k` a member ([names](robot_file.md))."""
+These are the files of the interface package `isotruss_msgs`, in `msg_defs/`. A field `message`
+contains a sentence that says what is wrong and what would be right. An action has succeeded only
+if its code is 0. Everything is planar: of a pose only x, y and the rotation about z are used. The
+name `t/j` belongs to a module, `t/j-k` to a member ([names](robot_file.md))."""
 
 #: Notes on topics, for pages that have no other note on them.
 COMMON_NOTES = {
     'joint_states': 'roller travel since home [m] by roller name',
-    'state_estimate': 'of [state_estimator](state_estimator.md), where it runs',
+    'state_estimate': 'roller offsets by [state_estimator](state_estimator.md), if that node runs',
     'object_pose': 'measured pose of the object, in a frame that [tf2 connects](index.md#frames)',
-    'joint_markers': 'places of joints, in a frame that [tf2 connects](index.md#frames)',
-    'tube_pressures': 'pressure of a tube [Pa], its name as `frame_id`; see `ambient_pressure`',
+    'joint_markers': 'measured joints, in a frame that [tf2 connects](index.md#frames)',
+    'tube_pressures': 'pressure of the tube named by `frame_id` [Pa]; see `ambient_pressure`',
 }
 
 #: Headings of sections, and the attributes of an interface in each.

@@ -5,9 +5,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-from isotruss_ros.calibration.beams import Beams
 from isotruss_ros.core.contact.contact import solve_contact
 from isotruss_ros.core.contact.contact_points import ContactPoints
 from isotruss_ros.core.contact.flattening import flattening
@@ -74,16 +74,47 @@ def press(
     return Pressed(force / depth, float(measure_contact(points, contact, 1).length[0]))
 
 
+def _clamped_points(
+    length: float, section: Sequence[float], places: Array
+) -> tuple[Array, Array, Array]:
+    """
+    Return the shape functions and the compliance of points on a clamped beam.
+
+    :param section: EA [N], EI [N m^2] and GA [N].
+    :param places: (c,) increasing distances of the points from the start of the beam [m].
+    :return: (c, 3, 6) derivatives of the displacements (ux, uy, theta) of each point with respect
+        to those of start and end; and the compliances (c, c) along and across the beam [m/N].
+    """
+    # Each point divides the beam into two members with the stiffness (2).
+    before, behind = (
+        local_stiffness(part, *np.full((3, len(part)), np.reshape(section, (3, 1))))
+        for part in (places, length - places)
+    )
+    own = np.linalg.inv(before[:, 3:, 3:] + behind[:, :3, :3])
+    shapes = -own @ np.concatenate([before[:, 3:, :3], behind[:, :3, 3:]], axis=2)
+    # The start bears N, V and M of a load, from which the displacements up to the load follow.
+    pull, shear, moment = -(before[:, :3, 3:] @ own).transpose(1, 2, 0)
+    axial, flexural, sheared = section
+    x = places[:, None]
+    along = x / axial * pull[0]
+    across = (x / sheared - x**3 / (6.0 * flexural)) * shear[1] + x**2 / (2.0 * flexural) * moment[
+        1
+    ]
+    nearer = x <= places
+    return shapes, np.where(nearer, along, along.T), np.where(nearer, across, across.T)
+
+
 def _contact_points(
     tube: ClampedTube, pressure: float, places: Array, flattens: bool
 ) -> ContactPoints:
     """Return contact points inside one member with hinged or fixed ends."""
     only, length = np.zeros(len(places), dtype=np.intp), np.array([tube.length])
     section = tube.stiffness.section_stiffness(length, pressure)
-    beam = Beams(length, *section, pinned=np.array([False]))
-    shapes, own = beam.points(only, places)
+    shapes, along, across = _clamped_points(
+        tube.length, [float(each[0]) for each in section], places
+    )
     inside = np.zeros((2, len(places), 2, len(places)))
-    inside[0, :, 0], inside[1, :, 1] = own
+    inside[0, :, 0], inside[1, :, 1] = along, across
     ends = np.zeros((6, 6))
     if tube.pinned:
         turns: tuple[Indices, ...] = np.ix_([2, 5], [2, 5])

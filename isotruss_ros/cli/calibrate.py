@@ -44,11 +44,11 @@ def stiffness(arguments: Sequence[str] | None = None) -> int:
     :return: exit code, 1 if the joints do not determine the result.
     """
     parser = _parser('calibrate_stiffness', 'Find how stiff the tubes are, from a known pull.')
-    parser.add_argument('before', type=Path, help=f'without the pull: {_FILE}')
-    parser.add_argument('under', type=Path, help='the same joints under the pull')
-    parser.add_argument('--joint', required=True, help='at which it pulls')
+    parser.add_argument('before', type=Path, help=f'joints without the force: {_FILE}')
+    parser.add_argument('under', type=Path, help='the same joints under the force')
+    parser.add_argument('--joint', required=True, help='joint on which the force acts')
     parser.add_argument(
-        '--force', required=True, nargs=2, type=float, metavar=('FX', 'FY'), help='of the pull [N]'
+        '--force', required=True, nargs=2, type=float, metavar=('FX', 'FY'), help='force [N]'
     )
     return _run(parser, arguments, _calibrate_stiffness)
 
@@ -58,8 +58,8 @@ _FILE = f'CSV file with the columns {",".join(COLUMNS)} and one for each roller 
 
 def _parser(name: str, description: str) -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog=f'isotruss {name}', description=description)
-    parser.add_argument('--robot', default='nine_member', help='preset or robot file')
-    parser.add_argument('--output', type=Path, help='robot file to be written')
+    parser.add_argument('--robot', default='nine_member', help='name of a preset, or path')
+    parser.add_argument('--output', type=Path, help='robot file to write')
     parser.add_argument(
         '--deviation',
         type=float,
@@ -87,13 +87,14 @@ def _run(
 def _calibrate_home(options: argparse.Namespace) -> None:
     robot = load_robot(options.robot)
     found = calibrate_home(robot, read_postures(options.joints, robot), options.deviation)
-    print('roller      zero [mm]')
+    print('roller    offset [mm]')
     for name, zero, sure in zip(robot.roller_names, found.zeros, found.deviations, strict=True):
         print(f'{name:10s} {1e3 * zero:+7.2f} +- {1e3 * sure:.2f}')
-    print(f'left of the joints: {1e3 * np.sqrt((found.residuals**2).mean()):.2f} mm (RMS)')
+    rms = float(np.sqrt((found.residuals**2).mean()))
+    print(f'residual of the joint positions: {1e3 * rms:.2f} mm (RMS)')
     if options.output:
         write_robot_file(robot, options.output, home=found)
-        print(f'{options.output}: home is where the encoders read zero')
+        print(f'{options.output}: written; at home all encoders read zero')
 
 
 def _calibrate_stiffness(options: argparse.Namespace) -> None:
@@ -102,7 +103,9 @@ def _calibrate_stiffness(options: argparse.Namespace) -> None:
         _only_posture(path, read_postures(path, robot)) for path in (options.before, options.under)
     )
     if not np.array_equal(before.roller_positions, under.roller_positions):
-        raise MeasurementError(f'{options.under}: the rollers turned since {options.before}')
+        raise MeasurementError(
+            f'{options.under}: encoder readings must be equal to those of {options.before}'
+        )
     found = calibrate_stiffness(
         robot.configuration(before.roller_positions),
         {options.joint: tuple(options.force)},
@@ -110,10 +113,10 @@ def _calibrate_stiffness(options: argparse.Namespace) -> None:
         under.joints,
         options.deviation,
     )
-    print(f'stiffness of the tubes against the model: {found.scale:.3f} +- {found.deviation:.3f}')
+    print(f'stiffness relative to the model: {found.scale:.3f} +- {found.deviation:.3f}')
     if options.output:
         write_robot_file(robot, options.output, stiffness=found)
-        print(f'{options.output}: tube.stiffness_scale is {found.scale:.4g}')
+        print(f'{options.output}: written; tube.stiffness_scale is {found.scale:.4g}')
 
 
 def _only_posture(path: Path, postures: Sequence[Posture]) -> Posture:

@@ -13,7 +13,7 @@ class RobotFileError(IsotrussError, ValueError):
 
 
 class ConfigurationError(IsotrussError, ValueError):
-    """No configuration of the robot fulfils the constraints."""
+    """No configuration exists, or roller travel, a trajectory or a bound is invalid."""
 
 
 class GraspError(IsotrussError, ValueError):

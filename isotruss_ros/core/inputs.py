@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections import deque
+from dataclasses import dataclass
 import enum
 from operator import itemgetter
 from typing import Any, NamedTuple
@@ -25,8 +26,8 @@ CLOCK_SKEW = 0.01
 PRESSURE_TIMEOUT = 2.0
 #: Largest age of a measurement from which the state is predicted by commands [s].
 HISTORY_DURATION = 1.0
-#: Smallest relative change of a pressure that is not regarded as noise [-]; noise changes the
-#: squeeze by 0.1 %.
+#: Smallest relative change of a pressure that is not regarded as noise [-]. The noise of pressure
+#: sensors changes the estimated squeeze by 0.1 %.
 PRESSURE_CHANGE = 0.02
 
 
@@ -70,7 +71,7 @@ class RollerState(NamedTuple):
 
     :ivar positions: (r,) roller travel since home [m].
     :ivar velocities: (r,) roller speeds [m/s]; zero for rollers without measured speed.
-    :ivar offsets: (r,) estimated roller offsets that the positions include [m].
+    :ivar offsets: (r,) estimated roller offsets, which were added to the encoder readings [m].
     """
 
     positions: Array
@@ -80,6 +81,27 @@ class RollerState(NamedTuple):
 
 #: Latest value of an input; None before the first value.
 Input = StampedInput | RejectedInput | None
+
+
+@dataclass(eq=False, slots=True)
+class LatestInputs:
+    """Latest value of each input; an input is None before its first value."""
+
+    twist: Input = None  #: commanded twist (vx, vy, omega) in the robot frame [m/s, rad/s]
+    rollers: Input = None  #: measured `RollerState`
+    estimate: Input = None  #: `EstimatedTravel` with the roller offsets
+    pose: Input = None  #: measured `Pose` of the object in the robot frame
+    markers: Input = None  #: measured joint positions {name: (x, y)} [m]
+    #: gauge pressures (t,) of the tubes in the order of the robot file [Pa]; None: the pressures
+    #: of the robot file are used
+    pressures: Input = None
+    wrench: Input = None  #: external wrench (fx, fy, m) on the object [N, N m]; None: zero
+    held_grip: Input = None  #: `GripRecord` of the control loop that holds the object
+    grasp: Input = None  #: message `GraspState` of the node `grasp_analysis`
+    servo_feedback: Input = None  #: `ServoFeedback` of the manipulation node
+    failed: frozenset[str] = frozenset()  #: names of rollers that the client declares failed
+    #: status and reason of a halt by the client; None if the client does not halt
+    halt: tuple[Any, str] | None = None
 
 
 class InputError(IsotrussError):
@@ -160,7 +182,7 @@ def require_fresh(
     now: float, timeout: float, setting: str = 'command_timeout', **inputs: Input
 ) -> tuple[StampedInput, ...]:
     """
-    Return the values of inputs; raise InputError unless all are valid and fresh.
+    Return the given inputs; raise InputError unless all are valid and fresh.
 
     :param now: current time on the clock of the inputs [s].
     :param timeout: largest age of an input [s].
@@ -216,7 +238,9 @@ def steady_pressures(
     kept: tuple[float, ...] | None, pressures: tuple[float, ...] | None
 ) -> tuple[float, ...] | None:
     """
-    Return measured pressures if they changed by more than `PRESSURE_CHANGE`, else `kept`.
+    Return the measured pressures, or `kept` if all differ from it by noise only.
+
+    Noise is a relative change by at most `PRESSURE_CHANGE`.
 
     :param kept: (t,) gauge pressure of each tube in the model so far [Pa]; None: as in the robot
         file.
@@ -259,7 +283,7 @@ class Timeline:
 
     def add(self, time: float, value: Any) -> None:
         """
-        Add the function's value at a time; remove its values at this time or later.
+        Add a value at a time; remove earlier added values at this time or later.
 
         :param time: time of the value [s].
         :param value: value at this time.
@@ -274,7 +298,7 @@ class Timeline:
 
     def discard_before(self, time: float) -> None:
         """
-        Remove the values that the interpolation at and after a time does not need.
+        Remove old values that are not needed to interpolate at the given time or later.
 
         :param time: the time [s].
         """
@@ -348,8 +372,8 @@ class CommandHistory:
         """
         Return the roller travel due to the commands between two times, (r,) [m].
 
-        :param begin: begin of the interval [s].
-        :param end: end of the interval [s]; if it is before the begin, the travel is negated.
+        :param begin: start of the interval [s].
+        :param end: end of the interval [s]; if it is before the start, the travel is negated.
         :param before: (r,) speeds before the first command of the history [m/s].
         """
         if self.last is None or begin == end:
@@ -360,19 +384,19 @@ class CommandHistory:
         self, rollers: StampedInput, then: float, now: float, ahead: float, still: Array
     ) -> tuple[Array, Array, Array]:
         """
-        Predict the roller travel since a measurement, up to a moment slightly in the future.
+        Predict the roller travel from a measurement to a moment slightly in the future.
 
         This moment, called horizon, is `ahead` after `now`. The rollers are assumed to follow the
         commands. Before the first command the measured speeds are used, because another client may
         have moved the rollers.
 
         :param rollers: measured `RollerState`.
-        :param then: time between the measurement and the horizon [s].
+        :param then: a time between the measurement and the horizon, for the first result [s].
         :param now: current time on the clock of the commands [s].
         :param ahead: time from now to the horizon [s].
         :param still: (r,) mask of the rollers that do not follow commands.
-        :return: three arrays (r,): travel until `then` [m], travel until the horizon [m], and mean
-            speeds from now to the horizon [m/s].
+        :return: three arrays (r,): travel from the measurement to `then` [m], travel from the
+            measurement to the horizon [m], and mean speeds from now to the horizon [m/s].
         """
         measured = rollers.value.velocities
         last = np.where(still, 0.0, measured if self.last is None else self.last)
@@ -382,7 +406,7 @@ class CommandHistory:
         return before, travel + ahead * last, last
 
     def _until(self, time: float, before: Array) -> Array:
-        """Return the travel (r,) by the commands until a time, given earlier speeds [m]."""
+        """Return the integral (r,) of speeds [m], which are `before` until the first command."""
         (first, _), (last, travel) = self._travel.first, self._travel.last
         if time > last:
             return travel + (time - last) * self.last

@@ -38,7 +38,7 @@ PERIOD = 0.01
 #: Longest wait for a message [s]. It is constant, because rclpy's executor begins again with the
 #: first subscription whenever the timeout changes, and a busy first subscription would then block
 #: the others.
-WAIT = 2e-3
+MAX_SPIN_TIME = 2e-3
 #: Longest wait for events that occur at once unless the machine is busy [s].
 DEADLINE = 240.0
 #: Object and rollers count as at rest if they move by less than this distance [m, rad] within this
@@ -46,13 +46,13 @@ DEADLINE = 240.0
 REST_DISTANCE, REST_TIME = 2e-6, 0.1
 #: Value in place of `REST_DISTANCE` for a plant in which friction creeps and objects oscillate [m,
 #: rad].
-SWINGING = 1e-4
+OSCILLATING_REST_DISTANCE = 1e-4
 #: Value in place of `REST_DISTANCE` with sensor noise, which the control loop follows [m, rad].
-TREMBLING = 5e-3
+NOISY_REST_DISTANCE = 5e-3
 #: Lever arm that converts rotations of the object to distances [m].
-ARM = 0.1
+LEVER_ARM = 0.1
 #: Topics that have a single publisher unless two robots share a ROS domain.
-ALONE = ('joint_states', 'object_pose')
+SINGLE_PUBLISHER_TOPICS = ('joint_states', 'object_pose')
 
 
 class DemoError(IsotrussError, RuntimeError):
@@ -78,9 +78,9 @@ class DemoClient(Node):
     ) -> None:
         super().__init__('demo', parameter_overrides=[Parameter('use_sim_time', value=sim_time)])
         self._sim_time = sim_time
-        self._rest_distance = SWINGING if sim_time else REST_DISTANCE
+        self._rest_distance = OSCILLATING_REST_DISTANCE if sim_time else REST_DISTANCE
         if truth:
-            self._rest_distance = TREMBLING
+            self._rest_distance = NOISY_REST_DISTANCE
         self._twists = self.create_publisher(Twist, 'cmd_vel', RELIABLE)
         self._wrenches = self.create_publisher(WrenchStamped, 'external_wrench', RELIABLE)
         self._pulls = False
@@ -204,16 +204,16 @@ class DemoClient(Node):
             now = self._seconds()
             if now != before:
                 before, changed = now, time.monotonic()
-            # A clock may be slow on a busy machine; one that stands still is none.
+            # A slow clock is normal on a busy machine; a clock that stands still is a fault.
             if now > end or time.monotonic() - changed > DEADLINE:
                 last = self._last_status.message if self._last_status else 'no status'
-                raise DemoError(f'{what}: did not happen in {deadline} s; last status: {last}')
+                raise DemoError(f'{what}: not reached in {deadline:g} s; last status: {last}')
             check()
             if meanwhile is not None:
                 meanwhile()
             until = time.monotonic() + PERIOD
             while time.monotonic() < until:
-                self._own_executor.spin_once(timeout_sec=WAIT)
+                self._own_executor.spin_once(timeout_sec=MAX_SPIN_TIME)
 
     def _seconds(self) -> float:
         """Return the time on the clock of the phases: `/clock`, or the machine's clock [s]."""
@@ -238,9 +238,9 @@ class DemoClient(Node):
         """
         Raise DemoError if there is another robot in this ROS domain.
 
-        :raises DemoError: a topic of `ALONE` has two publishers.
+        :raises DemoError: a topic of `SINGLE_PUBLISHER_TOPICS` has two publishers.
         """
-        for topic in ALONE:
+        for topic in SINGLE_PUBLISHER_TOPICS:
             if (count := self.count_publishers(topic)) > 1:
                 raise DemoError(
                     f'{count} nodes publish {topic} in ROS domain {os.environ["ROS_DOMAIN_ID"]}: '
@@ -273,11 +273,11 @@ class DemoClient(Node):
             self._twists.publish(to_twist_message(twist))
             self._pull(phase.wrench(now - start))
             record.max_speed = max(
-                record.max_speed, math.hypot(twist[0], twist[1]) + ARM * abs(twist[2])
+                record.max_speed, math.hypot(twist[0], twist[1]) + LEVER_ARM * abs(twist[2])
             )
             tick += 1
             while self._seconds() < start + tick * PERIOD:
-                self._own_executor.spin_once(timeout_sec=WAIT)
+                self._own_executor.spin_once(timeout_sec=MAX_SPIN_TIME)
             sent, now = now, self._seconds()
             record.commanded += np.array(twist) * (now - sent)
             record.longest_cycle = max(record.longest_cycle, now - sent)

@@ -17,13 +17,13 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 #: Width and height of a frame, height of the letters, and margin of the text [pixels].
-WIDTH, HEIGHT, LETTERS, EDGE = 560, 500, 18, 10
-INK = (40, 40, 40)
+WIDTH, HEIGHT, LETTER_HEIGHT, TEXT_MARGIN = 560, 500, 18, 10
+TEXT_COLOR = (40, 40, 40)
 #: Number of colours of the animation, and number of frames from which they are chosen [-].
 COLORS, SAMPLES = 128, 12
 SHADES = (0.4, 0.55, 0.7, 0.85, 1.0)
 #: Smallest distance between the measured positions that are connected to draw the path [m].
-SPARSE = 0.005
+MIN_PATH_SPACING = 0.005
 
 
 def film(recording: Path, records: Sequence[PhaseRecord], path: Path) -> None:
@@ -44,7 +44,7 @@ def film(recording: Path, records: Sequence[PhaseRecord], path: Path) -> None:
             step = max(1, round(SPEED_UP / FRAMES_PER_SECOND / _period(times)))
             for snap in record.snapshots[::step]:
                 here, arrow = np.array(snap.pose[:2]), None
-                if not passed or np.hypot(*(here - passed[-1])) > SPARSE:
+                if not passed or np.hypot(*(here - passed[-1])) > MIN_PATH_SPACING:
                     passed.append(snap.pose[:2])
                 if record.pull is not None and record.pulled[0] <= snap.time <= record.pulled[1]:
                     tip = here + PULL_SCALE * np.array(record.pull[:2])
@@ -79,11 +79,11 @@ def _period(times: NDArray[np.float64]) -> float:
 def _label(picture: NDArray[np.uint8], record: PhaseRecord, pulled: bool) -> Image.Image:
     """Return a frame with the name of the phase, and a text while an external force acts."""
     frame = Image.fromarray(picture)
-    draw, font = ImageDraw.Draw(frame), ImageFont.load_default(LETTERS)
+    draw, font = ImageDraw.Draw(frame), ImageFont.load_default(LETTER_HEIGHT)
     words = record.name
     if pulled and record.pull is not None:
         words += f', pulled with {np.hypot(*record.pull[:2]):g} N'
-    draw.text((EDGE, EDGE), words, INK, font)
+    draw.text((TEXT_MARGIN, TEXT_MARGIN), words, TEXT_COLOR, font)
     speed = f'MuJoCo, {SPEED_UP:g} times as fast'
-    draw.text((WIDTH - EDGE, EDGE), speed, INK, font, anchor='ra')
+    draw.text((WIDTH - TEXT_MARGIN, TEXT_MARGIN), speed, TEXT_COLOR, font, anchor='ra')
     return frame

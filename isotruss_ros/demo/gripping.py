@@ -28,12 +28,12 @@ Check = Callable[[], None]
 #: Timeout of a search [s]; a search takes some seconds, and longer on a busy machine.
 PLANNING_DEADLINE = 120.0
 #: Largest distance of a roller from the end of its path at which the roller counts as arrived [m].
-ARRIVED = 1e-4
-#: Value in place of `ARRIVED` for estimated roller positions, which change with each marker
-#: message [m].
-NEARLY_ARRIVED = 2e-3
+ARRIVAL_TOLERANCE = 1e-4
+#: Value in place of `ARRIVAL_TOLERANCE` for estimated roller positions, which change with each
+#: marker message [m].
+ESTIMATED_ARRIVAL_TOLERANCE = 2e-3
 #: Largest standard deviation of a roller offset at which a grasp is planned [m].
-SURE = 1e-3
+MAX_OFFSET_DEVIATION = 1e-3
 
 
 def slow_down(grasp: PlannedGrasp, factor: float) -> None:
@@ -48,16 +48,16 @@ def slow_down(grasp: PlannedGrasp, factor: float) -> None:
     grasp.touch = to_duration(factor * read_duration(grasp.touch))
 
 
-def is_sure(estimates: Sequence[StateEstimate]) -> bool:
+def offsets_are_known(estimates: Sequence[StateEstimate]) -> bool:
     """
-    Return whether all roller offsets are known with a standard deviation of at most `SURE`.
+    Return whether the deviations of all roller offsets are below `MAX_OFFSET_DEVIATION`.
 
     :param estimates: estimates of the state, in time order.
     """
     if not estimates:
         return False
     covariance = np.reshape(estimates[-1].offset_covariance, 2 * [len(estimates[-1].offsets)])
-    return bool(np.diag(covariance).max() < SURE**2)
+    return bool(np.diag(covariance).max() < MAX_OFFSET_DEVIATION**2)
 
 
 class Gripping:
@@ -90,7 +90,7 @@ class Gripping:
                 and bool(record.snapshots)
                 and client.measured is not None
                 and client.last_grasp() is not None
-                and (not estimated or is_sure(record.estimates))
+                and (not estimated or offsets_are_known(record.estimates))
                 and self._planner.server_is_ready()
                 and self._trajectories.get_subscription_count() > 0
             ),
@@ -115,7 +115,7 @@ class Gripping:
         goal.object_pose.header.frame_id = self._client.frame_id
         result = self._search(goal, progress)
         end = time.monotonic() + DEADLINE
-        # The planner has not discovered the joint states yet, or what estimates their zeros.
+        # The planner has not discovered the joint states or the state estimates yet.
         while self._planned_blindly(result) and time.monotonic() < end:
             result = self._search(goal, progress)
         if result.code != PlanGrasp.Result.FOUND:
@@ -137,7 +137,9 @@ class Gripping:
         )
         handle = self._answer(sent, 'an answer of the planner')
         if not handle.accepted:
-            raise DemoError('the planner rejected the goal')
+            raise DemoError(
+                'grasp_planner rejected the goal: it must be active, without another goal'
+            )
         return self._answer(handle.get_result_async(), 'a planned grasp', PLANNING_DEADLINE).result
 
     def approach(
@@ -156,17 +158,18 @@ class Gripping:
         record = client.begin('approach')
         self._trajectories.publish(grasp.path)
         end = np.array(grasp.path.points[-1].positions)
-        travel = max(float(np.abs(end - client.rollers).max()), ARRIVED)
+        tolerance = ESTIMATED_ARRIVAL_TOLERANCE if record.estimates else ARRIVAL_TOLERANCE
+        travel = max(float(np.abs(end - client.rollers).max()), ARRIVAL_TOLERANCE)
 
         def arrived() -> bool:
             left = float(np.abs(end - client.rollers).max())
             progress(1.0 - min(1.0, left / travel))
-            return left <= (NEARLY_ARRIVED if record.estimates else ARRIVED) and client.at_rest()
+            return left <= tolerance and client.at_rest()
 
         deadline = 3.0 * read_duration(grasp.path.points[-1].time_from_start) + DEADLINE
         client.wait(arrived, self._check, 'arrival at the grasp', deadline)
         count = len(record.grasps)
-        # One that was computed when all was at rest already.
+        # This analysis was computed after the robot had come to rest.
         client.wait(lambda: len(record.grasps) > count + 1, self._check, 'an analysis at rest')
         progress(1.0)
         if record.squeezes:

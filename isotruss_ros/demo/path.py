@@ -15,7 +15,7 @@ Twist = tuple[float, float, float]
 Wrench = tuple[float, float, float]
 
 #: Times at which the external wrench begins and ends, relative to the duration of the phase [-].
-PULLED = (0.4, 0.6)
+PULL_INTERVAL = (0.4, 0.6)
 
 
 @dataclass(frozen=True)
@@ -29,11 +29,11 @@ class Phase:
 
     def wrench(self, time: float) -> Wrench:
         """
-        Return the external wrench at a time: `pull` in the interval `PULLED`, otherwise zero.
+        Return the external wrench at a time: `pull` during `PULL_INTERVAL`, otherwise zero.
 
         :param time: time since the start of the phase [s].
         """
-        begin, end = PULLED
+        begin, end = PULL_INTERVAL
         pulled = self.pull is not None and begin <= time / self.duration < end
         return self.pull if pulled else (0.0, 0.0, 0.0)
 

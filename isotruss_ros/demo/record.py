@@ -61,17 +61,17 @@ class PhaseRecord:
 
     @property
     def position_error(self) -> float:
-        """Return the distance between measured displacement and integrated executed twists [m]."""
+        """Return the distance of the measured displacement from that by executed twists [m]."""
         return float(np.linalg.norm((self.measured - self.accepted)[:2]))
 
     @property
     def angle_error(self) -> float:
-        """Return the difference between measured and executed rotation of the object [rad]."""
+        """Return the difference of the measured rotation from that by executed twists [rad]."""
         return abs(float((self.measured - self.accepted)[2]))
 
     @property
     def refused(self) -> float:
-        """Return the distance between commanded and executed displacement of the object [m]."""
+        """Return the distance between the displacements by commanded and executed twists [m]."""
         return float(np.linalg.norm((self.accepted - self.commanded)[:2]))
 
     @property

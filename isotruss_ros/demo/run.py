@@ -13,7 +13,7 @@ import signal
 from isotruss_msgs.action import PlanGrasp
 from isotruss_ros.core import IsotrussError, load_robot, Status
 from isotruss_ros.core.model.presets import find_robot_file
-from isotruss_ros.demo.client import ARM, DemoClient
+from isotruss_ros.demo.client import DemoClient, LEVER_ARM
 from isotruss_ros.demo.figures import animate, draw_panels
 from isotruss_ros.demo.film import film
 from isotruss_ros.demo.gripping import Gripping, slow_down
@@ -47,7 +47,7 @@ FRICTION = 0.5
 SQUEEZE = 22.0
 #: Factor by which the path to the grasp is slowed for a robot with masses [-]. At full speed one
 #: member would hit the object before the other one.
-SLOWER = 2.0
+SLOWDOWN_FACTOR = 2.0
 #: Friction force of the ground on the free object in the plant mujoco [N].
 GROUND_FRICTION = 0.5
 #: Name of the file with the recorded states of MuJoCo, from which the animation is drawn.
@@ -79,21 +79,21 @@ def run(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument(
         '--output', type=Path, default=Path('demo_output'), help='folder for pictures and logs'
     )
-    parser.add_argument('--rate', type=float, default=100.0, help='of the nodes [Hz]')
-    parser.add_argument('--plant', choices=PLANTS, default=ELASTIC, help='of the simulator')
+    parser.add_argument('--rate', type=float, default=100.0, help='rate of the nodes [Hz]')
+    parser.add_argument('--plant', choices=PLANTS, default=ELASTIC, help='simulated plant')
     parser.add_argument(
         '--sensors',
         choices=(PERFECT, REAL),
         default=PERFECT,
-        help='real: with noise, delay, dropouts and what else the sensors of a laboratory have',
+        help='real: with noise, delay, dropouts, roller offsets and slip',
     )
     parser.add_argument(
         '--clock-speed',
         type=float,
         default=1.0,
-        help='of the time that MuJoCo simulates, against that of the clock on the wall',
+        help='ratio of simulated time to real time, with the plant mujoco',
     )
-    # ros2 launch and friends append arguments of their own.
+    # Programs such as ros2 launch append arguments of their own.
     options, _ = parser.parse_known_args(arguments)
     options.output.mkdir(parents=True, exist_ok=True)
     console, round_tubes = Console(), options.plant == MUJOCO
@@ -192,7 +192,7 @@ def _play(
                 )
                 grasp, plan = gripper.plan(goal, bar('plan a grasp'))
                 if simulated:
-                    slow_down(grasp, SLOWER)
+                    slow_down(grasp, SLOWDOWN_FACTOR)
                 records += gripper.approach(grasp, bar('approach and grip'))
                 client.wait_for_rest(check, 'a manipulation that is ready')
                 records += [client.play(phase, check, bar(phase.name)) for phase in figure_9(pull)]
@@ -221,17 +221,21 @@ def _verdict(records: Sequence[PhaseRecord], real: bool, console: Console) -> in
     code, limit = 0, MAX_REAL_ERROR if real else MAX_POSITION_ERROR
     for record in records:
         if not real:
-            _tell_odd(record, console)
+            _print_anomalies(record, console)
         if record.refused > limit + record.delay:
-            refused = f'{1e3 * record.refused:.1f} mm of what was commanded'
-            console.print(f'{record.name}: limits left out {refused}', style='yellow')
+            refused = f'{1e3 * record.refused:.1f} mm'
+            console.print(
+                f'{record.name}: limits shortened the motion by {refused}', style='yellow'
+            )
         faults = []
         if real and min(record.squeezes) <= 0.0:
             faults.append('the object was not held')
         if not real and record.held < 1.0:
-            faults.append(f'held in {100.0 * record.held:.1f} % of the analyses only')
-        # A command that is held longer than it should moves the object for longer.
-        turned = not real and record.angle_error > MAX_ANGLE_ERROR + record.delay / ARM
+            faults.append(
+                f'the object was held in only {100.0 * record.held:.1f} % of the analyses'
+            )
+        # A command that is executed for longer than one cycle moves the object too far.
+        turned = not real and record.angle_error > MAX_ANGLE_ERROR + record.delay / LEVER_ARM
         if turned or record.position_error > limit + record.delay:
             angle = '' if real else ' or 0.25 degrees'
             cycles = f'with cycles of up to {1e3 * record.longest_cycle:.0f} ms'
@@ -242,7 +246,7 @@ def _verdict(records: Sequence[PhaseRecord], real: bool, console: Console) -> in
     return code
 
 
-def _tell_odd(record: PhaseRecord, console: Console) -> None:
+def _print_anomalies(record: PhaseRecord, console: Console) -> None:
     """Print unusual statuses, and the effect of an external force."""
     odd = {
         str(status) for status in record.statuses - {Status.OK, Status.IDLE, Status.ACCELERATING}
@@ -255,6 +259,6 @@ def _tell_odd(record: PhaseRecord, console: Console) -> None:
         size = float(np.hypot(*record.pull[:2]))
         console.print(
             f'{record.name}: a pull of {size:g} N moved the object by up to '
-            f'{1e3 * record.max_shift:.1f} mm, and it came back to '
+            f'{1e3 * record.max_shift:.1f} mm; afterwards its error was '
             f'{1e3 * record.position_error:.2f} mm'
         )

@@ -54,7 +54,7 @@ class DrivenRobot(DrivenRollers):
     ) -> None:
         super().__init__(robot, faults, seed)
         self.dropped = None
-        self.plant = MujocoPlant(robot, [body], options)
+        self.plant = MujocoPlant(robot, body, options)
         self._config = robot.home
         self.lag = 0.0
         self._longest_step = longest_step

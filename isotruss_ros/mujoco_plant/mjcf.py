@@ -26,8 +26,8 @@ from isotruss_ros.mujoco_plant.options import PlantOptions
 from isotruss_ros.mujoco_plant.scenery import (
     add_look,
     add_scenery,
-    BALL,
-    HIDDEN,
+    BALL_RADIUS,
+    COLLISION_GROUP,
     MODULE_COLOR,
     OBJECT_COLOR,
     TUBE_COLOR,
@@ -135,7 +135,7 @@ def _add_joints(world: ET.Element, robot: Robot, options: PlantOptions) -> list[
     for node, name in enumerate(topology.joint_names):
         body = ET.SubElement(world, 'body', name=name, pos=_place(points[node]))
         _inertial(body, JOINT_MASS)
-        ET.SubElement(body, 'geom', type='sphere', size=f'{BALL:g}', rgba=MODULE_COLOR)
+        ET.SubElement(body, 'geom', type='sphere', size=f'{BALL_RADIUS:g}', rgba=MODULE_COLOR)
         for axis, letter in enumerate('xy'):
             if 2 * node + axis not in held:
                 _slide(body, f'{name}:{letter}', axis, **rubs)
@@ -242,7 +242,7 @@ def _add_object(
     for letter in ('x', 'y', 'turn'):
         hold = {'name': f'{name}:hold_{letter}', 'joint1': f'{name}:{letter}', 'active': 'false'}
         ET.SubElement(equality, 'joint', hold)
-    touched = {'contype': '1', 'conaffinity': '1', 'rgba': OBJECT_COLOR, 'group': HIDDEN}
+    touched = {'contype': '1', 'conaffinity': '1', 'rgba': OBJECT_COLOR, 'group': COLLISION_GROUP}
     if held.friction is not None:
         # The geom of higher priority determines the friction of a contact.
         touched |= {'friction': f'{held.friction:g} 0 0', 'priority': '1'}

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Simulation of a robot with driven rollers and of objects in MuJoCo."""
+"""Simulation of a robot with driven rollers and of an object in MuJoCo."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 #: Indices of the rows for end slides, middle slides and ring hinges in the table of stiffnesses.
-END, MIDDLE, RING = 0, 1, 4
+END_ROW, MIDDLE_ROW, RING_ROW = 0, 1, 4
 TRANSVERSE_ROWS = (('y', 2), ('bend', 3))
 #: Number of time steps after which stiffness and geometry are adapted to the member lengths [-].
 UPDATE_INTERVAL = 10
@@ -36,7 +36,7 @@ class ContactForce(NamedTuple):
 
 class MujocoPlant:
     """
-    Robot with objects that is simulated in MuJoCo.
+    Robot that is simulated in MuJoCo, with or without an object.
 
     The rollers follow the commanded speeds with a lag, and exert at most a largest force.
 
@@ -45,7 +45,7 @@ class MujocoPlant:
     :ivar model: MuJoCo's model (`MjModel`).
     :ivar data: MuJoCo's state (`MjData`).
     :param robot: the robot, initially at home.
-    :param objects: discs or convex objects, free from the start.
+    :param body: the object at its initial pose, free from the start; None: no object.
     :param options: masses, mesh and contact parameters; None: defaults.
     :param segments: (m,) number of segments of each member; None: `options.segments`.
     :raises PlantError: MuJoCo is not installed.
@@ -55,15 +55,16 @@ class MujocoPlant:
     def __init__(
         self,
         robot: Robot,
-        objects: Sequence[ConvexObject] = (),
+        body: ConvexObject | None = None,
         options: PlantOptions | None = None,
         segments: Indices | None = None,
     ) -> None:
         self._mj = load_mujoco()
         self.robot, self.options = robot, options or PlantOptions()
-        self._objects = tuple(objects)
+        self._body = body
         every = np.full(len(robot.member_names), self.options.segments)
         self._counts = every if segments is None else segments
+        objects = () if body is None else (body,)
         self.text = export_mjcf(robot, objects, self.options, self._counts)
         self.model = self._mj.MjModel.from_xml_string(self.text)
         self.data = self._mj.MjData(self.model)
@@ -95,49 +96,38 @@ class MujocoPlant:
         nodes[topology.c] = self.data.site_xpos[self._c_sites, :2]
         return nodes
 
-    def object_pose(self, number: int = 0) -> Pose:
-        """
-        Return the pose of an object, with an angle that is not wrapped to one turn.
+    def object_pose(self) -> Pose:
+        """Return the pose of the object, with an angle that is not wrapped to one turn."""
+        return Pose(*(self.data.qpos[self._object_qpos] + self._body.pose).tolist())
 
-        :param number: index of the object.
+    def hold_object(self, pose: ArrayLike) -> None:
         """
-        moved = self.data.qpos[self._object_qpos[number]]
-        return Pose(*(moved + self._objects[number].pose).tolist())
-
-    def hold_object(self, pose: ArrayLike, number: int = 0) -> None:
-        """
-        Fix an object at a pose until it is released.
+        Fix the object at a pose until it is released.
 
         :param pose: pose (x, y, angle) in the robot frame [m, rad].
-        :param number: index of the object.
         :raises PlantError: the pose is not three finite numbers.
         """
         place = finite_array(pose, 3, 'the pose (x, y, angle) of the object', PlantError)
-        place -= self._objects[number].pose
-        self.data.qpos[self._object_qpos[number]] = place
-        self.data.qvel[self._object_dofs[number]] = 0.0
-        self.model.eq_data[self._object_holds[number], 0] = place
-        self.data.eq_active[self._object_holds[number]] = 1
+        place -= self._body.pose
+        self.data.qpos[self._object_qpos] = place
+        self.data.qvel[self._object_dofs] = 0.0
+        self.model.eq_data[self._object_holds, 0] = place
+        self.data.eq_active[self._object_holds] = 1
         self._mj.mj_forward(self.model, self.data)
 
-    def release_object(self, number: int = 0) -> None:
-        """
-        Release an object that `hold_object` has fixed.
+    def release_object(self) -> None:
+        """Release the object that `hold_object` has fixed."""
+        self.data.eq_active[self._object_holds] = 0
 
-        :param number: index of the object.
+    def pull(self, wrench: ArrayLike) -> None:
         """
-        self.data.eq_active[self._object_holds[number]] = 0
-
-    def pull(self, wrench: ArrayLike, number: int = 0) -> None:
-        """
-        Apply an external wrench to an object from now on.
+        Apply an external wrench to the object from now on.
 
         :param wrench: wrench (fx, fy, m) about the object's centre, robot frame [N, N m].
-        :param number: index of the object.
         :raises PlantError: the wrench is not three finite numbers.
         """
         pulling = finite_array(wrench, 3, 'the wrench (fx, fy, m)', PlantError)
-        self.data.qfrc_applied[self._object_dofs[number]] = pulling
+        self.data.qfrc_applied[self._object_dofs] = pulling
 
     def load_joint(self, joint: str, force: ArrayLike) -> None:
         """
@@ -147,7 +137,7 @@ class MujocoPlant:
         :param force: force (fx, fy) in the robot frame [N].
         :raises PlantError: the force is not two finite numbers.
         """
-        body = self._body(joint)
+        body = self._find_body(joint)
         self.data.xfrc_applied[body, :2] = finite_array(force, 2, 'the load (fx, fy)', PlantError)
 
     def set_friction(self, friction: float) -> None:
@@ -217,13 +207,9 @@ class MujocoPlant:
         self._mj.mj_setState(self.model, self.data, state, kind)
         self._mj.mj_forward(self.model, self.data)
 
-    def contact_forces(self, number: int = 0) -> dict[str, ContactForce]:
-        """
-        Return the force on an object for the name of each member in contact.
-
-        :param number: index of the object.
-        """
-        mine = self._object_geoms[number]
+    def contact_forces(self) -> dict[str, ContactForce]:
+        """Return the force on the object for the name of each member in contact."""
+        mine = self._object_geoms
         found: dict[str, list[tuple[complex, complex, complex]]] = {}
         wrench = np.zeros(6)
         for index, contact in enumerate(self.data.contact):
@@ -246,20 +232,20 @@ class MujocoPlant:
         names, warning = topology.module_names, self._mj.mjtWarning
         bad = warning.mjWARN_BADQPOS, warning.mjWARN_BADQVEL, warning.mjWARN_BADQACC
         self._bad = [int(number) for number in bad]
-        self._joint_bodies = [self._body(name) for name in topology.joint_names]
-        self._b_bodies = [self._body(f'{name}/B') for name in names]
+        self._joint_bodies = [self._find_body(name) for name in topology.joint_names]
+        self._b_bodies = [self._find_body(f'{name}/B') for name in names]
         self._c_sites = [model.site(f'{name}/C').id for name in names]
         # Rows (joint, member, row of the table of stiffnesses), (geom, member, length, position).
         springs, pieces = [], []
         for i, (name, count) in enumerate(zip(names, self._counts.tolist(), strict=True)):
-            along = [END, *[MIDDLE] * (count - 1), END]
+            along = [END_ROW, *[MIDDLE_ROW] * (count - 1), END_ROW]
             kinds = [(f'x{k}', place) for k, place in enumerate(along, 1)]
             kinds += [
                 (f'{kind}{k}', place)
                 for k in range(1, count + 1)
                 for kind, place in TRANSVERSE_ROWS
             ]
-            kinds += [('ring', RING), ('end', RING)]
+            kinds += [('ring', RING_ROW), ('end', RING_ROW)]
             springs += [(model.joint(f'{name}:{joint}').id, i, place) for joint, place in kinds]
             # The origin of a segment moves by its share of the member's change of length.
             whole = [*[1.0] * (count - 1), 0.5]
@@ -268,28 +254,27 @@ class MujocoPlant:
             pieces += [(model.geom(f'{name}#{part}').id, i, *shares) for part, *shares in parts]
         self._spring_joint, self._spring_member, self._spring_kind = np.array(springs).T
         self._spring_dof = model.jnt_dofadr[self._spring_joint]
-        along = self._spring_kind <= MIDDLE
+        along = self._spring_kind <= MIDDLE_ROW
         self._slide_qpos = model.jnt_qposadr[self._spring_joint[along]]
         self._slide_member = self._spring_member[along]
-        self._slide_rest = np.where(self._spring_kind[along] == END, 0.5, 1.0)
+        self._slide_rest = np.where(self._spring_kind[along] == END_ROW, 0.5, 1.0)
         self._first_joint = np.array([model.joint(f'{name}:x1').id for name in names])
         self._first_slide = model.jnt_qposadr[self._first_joint]
         geoms, members, self._piece_whole, self._piece_share = np.array(pieces).T
         self._piece_geom, self._piece_member = geoms.astype(int), members.astype(int)
         self._member_of_geom = np.full(model.ngeom, -1)
         self._member_of_geom[self._piece_geom] = self._piece_member
-        objects = [f'object{number}' for number in range(len(self._objects))]
-        self._object_geoms = [
-            set(np.flatnonzero(model.geom_bodyid == self._body(name)).tolist()) for name in objects
-        ]
-        # The three joints of an object and their equalities are consecutive.
-        first = [model.joint(f'{name}:x') for name in objects]
-        holds = [model.equality(f'{name}:hold_x').id for name in objects]
-        self._object_qpos = [slice(j.qposadr[0], j.qposadr[0] + 3) for j in first]
-        self._object_dofs = [slice(j.dofadr[0], j.dofadr[0] + 3) for j in first]
-        self._object_holds = [slice(hold, hold + 3) for hold in holds]
+        if self._body is None:
+            return
+        # The three joints of the object and their equalities are consecutive.
+        body, first = self._find_body('object0'), model.joint('object0:x')
+        hold = model.equality('object0:hold_x').id
+        self._object_geoms = set(np.flatnonzero(model.geom_bodyid == body).tolist())
+        self._object_qpos = slice(first.qposadr[0], first.qposadr[0] + 3)
+        self._object_dofs = slice(first.dofadr[0], first.dofadr[0] + 3)
+        self._object_holds = slice(hold, hold + 3)
 
-    def _body(self, name: str) -> int:
+    def _find_body(self, name: str) -> int:
         return int(self.model.body(name).id)
 
     def _driven_speeds(self, commanded: Array) -> Array:
@@ -334,7 +319,7 @@ class MujocoPlant:
         self.model.jnt_stiffness[self._spring_joint] = stiffness
         armature = ARMATURE_FACTOR * stiffness * self.options.time_step**2
         self.model.dof_armature[self._spring_dof] = armature
-        along = self._spring_kind <= MIDDLE
+        along = self._spring_kind <= MIDDLE_ROW
         damping = spring_damping(stiffness, along, self.options)
         self.model.dof_damping[self._spring_dof] = damping
         tube = self._piece_whole > 0.0

@@ -20,9 +20,9 @@ TOLERANCE, ROUNDS = 0.02, 10
 #: Pose of the object outside of the robot while the rollers move: x, y [m] and angle [rad].
 PARKING_POSE = (5.0, 5.0, 0.0)
 #: Duration of a motion of the rollers, and of the wait until the robot is at rest [s].
-MOTION, REST = 2.0, 2.0
+MOTION_TIME, REST_TIME = 2.0, 2.0
 #: Size of the measuring forces relative to the planned slip margin [-], and their duration [s].
-SHARE, PULL = 0.1, 0.5
+PULL_RATIO, PULL_TIME = 0.1, 0.5
 #: Largest correction of a roller in an iteration [m].
 MAX_CORRECTION = 0.03
 
@@ -83,24 +83,24 @@ def _press(plant: MujocoPlant, grasp: PlannedGrasp, travel: Array) -> None:
     """Let the tubes rest on the object, fixed at its planned pose, and release the object."""
     plant.set_friction(0.0)
     plant.hold_object(PARKING_POSE)
-    plant.advance(MOTION, (travel - plant.travel) / MOTION)
+    plant.advance(MOTION_TIME, (travel - plant.travel) / MOTION_TIME)
     plant.hold_object(grasp.grip.body.pose)
-    plant.settle(REST)
+    plant.settle(REST_TIME)
     plant.set_friction(grasp.grip.friction)
     plant.release_object()
-    plant.settle(REST)
+    plant.settle(REST_TIME)
 
 
 def _measure(plant: MujocoPlant, grasp: PlannedGrasp) -> Array:
     """Return squeeze and slip margin (2,), measured by small wrenches on the object [N]."""
-    arm, state, pull = grasp.grip.body.arm, plant.save(), SHARE * grasp.slip_margin
+    arm, state, pull = grasp.grip.body.arm, plant.save(), PULL_RATIO * grasp.slip_margin
     forces, changes = _forces(plant, grasp), []
     for wrench in pull * np.diag([1.0, 1.0, arm]):
         ends = []
         for sign in (1.0, -1.0):
             plant.restore(state)
             plant.pull(sign * wrench)
-            plant.settle(PULL)
+            plant.settle(PULL_TIME)
             ends.append(_forces(plant, grasp))
         changes.append((ends[0] - ends[1]) / (2.0 * pull))
     plant.restore(state)

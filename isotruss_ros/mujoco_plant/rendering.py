@@ -23,7 +23,7 @@ VIEW_MARGIN = 0.06
 #: Number of recorded states from which the extent of the moving parts is computed [-].
 EXTENT_SAMPLES = 60
 #: Height of lines and arrows above the tubes' plane, and radius of lines and of arrows [m].
-ABOVE, LINE, ARROW = 0.08, 0.008, 0.016
+OVERLAY_HEIGHT, LINE_RADIUS, ARROW_RADIUS = 0.08, 0.008, 0.016
 #: Colours of lines and arrows: red, green, blue, opacity.
 LINE_COLOR, ARROW_COLOR = (0.17, 0.545, 0.243, 1.0), (0.851, 0.282, 0.059, 1.0)
 #: Largest number of lines and arrows in a picture [-].
@@ -117,9 +117,9 @@ class PlantRenderer:
             scene,
         )
         for begin, end in pairwise(line):
-            self._connect(mj.mjtGeom.mjGEOM_CAPSULE, LINE, begin, end, LINE_COLOR)
+            self._connect(mj.mjtGeom.mjGEOM_CAPSULE, LINE_RADIUS, begin, end, LINE_COLOR)
         if arrow is not None:
-            self._connect(mj.mjtGeom.mjGEOM_ARROW, ARROW, *arrow, ARROW_COLOR)
+            self._connect(mj.mjtGeom.mjGEOM_ARROW, ARROW_RADIUS, *arrow, ARROW_COLOR)
         box = mj.MjrRect(0, 0, self._width, self._height)
         mj.mjr_render(box, scene, self._drawing)
         picture = np.empty((self._height, self._width, 3), dtype=np.uint8)
@@ -168,6 +168,6 @@ class PlantRenderer:
         geom = scene.geoms[scene.ngeom]
         shade = np.array(color, dtype=np.float32)
         mj.mjv_initGeom(geom, kind, np.zeros(3), np.zeros(3), np.eye(3).ravel(), shade)
-        ends = np.array([(*begin, ABOVE), (*end, ABOVE)])
+        ends = np.array([(*begin, OVERLAY_HEIGHT), (*end, OVERLAY_HEIGHT)])
         mj.mjv_connector(geom, kind, radius, *ends)
         scene.ngeom += 1

@@ -16,14 +16,14 @@ TUBE_COLOR, MODULE_COLOR, OBJECT_COLOR = '0.25 0.5 0.75 1', '0.2 0.2 0.2 1', '0.
 MARK_COLOR = '1 1 1 1'
 #: Radius of the ball drawn at a joint [m]; and group of the colliding geoms, which viewers hide by
 #: default.
-BALL, HIDDEN = 0.03, '3'
+BALL_RADIUS, COLLISION_GROUP = 0.03, '3'
 #: Depth of the ground below the tubes, and its half width [m].
-BELOW, GROUND = 0.01, 10.0
+GROUND_DEPTH, GROUND_HALF_WIDTH = 0.01, 10.0
 #: Spacing of an object's outline points relative to its characteristic radius [-].
 OUTLINE_SPACING = 0.05
 #: Mark of an object's orientation: length relative to the characteristic radius [-], and radius
 #: [m].
-MARK, MARK_RADIUS = 0.9, 0.008
+MARK_LENGTH, MARK_RADIUS = 0.9, 0.008
 
 
 def add_scenery(root: ET.Element, world: ET.Element, robot: Robot) -> None:
@@ -52,8 +52,12 @@ def add_scenery(root: ET.Element, world: ET.Element, robot: Robot) -> None:
     )
     lamp = {'pos': f'{middle.real - 2.0:.6g} {middle.imag + 2.0:.6g} 8', 'dir': '0.25 -0.25 -1'}
     ET.SubElement(world, 'light', lamp, cutoff='40', exponent='0', diffuse='0.45 0.45 0.45')
-    height = 0.5 * robot.description.tube_diameter + BELOW
-    plane = {'type': 'plane', 'pos': f'0 0 {-height:.6g}', 'size': f'{GROUND:g} {GROUND:g} 0.1'}
+    height = 0.5 * robot.description.tube_diameter + GROUND_DEPTH
+    plane = {
+        'type': 'plane',
+        'pos': f'0 0 {-height:.6g}',
+        'size': f'{GROUND_HALF_WIDTH:g} {GROUND_HALF_WIDTH:g} 0.1',
+    }
     ET.SubElement(world, 'geom', plane, name='ground', material='ground')
 
 
@@ -73,7 +77,7 @@ def add_look(root: ET.Element, body: ET.Element, held: ConvexObject, thickness: 
     ET.SubElement(asset, 'mesh', name=name, vertex='  '.join(corners))
     ET.SubElement(body, 'geom', type='mesh', mesh=name, rgba=OBJECT_COLOR)
     middle = held.middle - held.center
-    tip = middle + MARK * held.arm * held.turn
+    tip = middle + MARK_LENGTH * held.arm * held.turn
     ends = np.array([[middle.real, middle.imag, half], [tip.real, tip.imag, half]])
     mark = ' '.join(f'{value:.6g}' for value in ends.ravel())
     ET.SubElement(

@@ -50,7 +50,7 @@ SPECS = (
     Spec(
         'paper_model',
         False,
-        "Whether (5) to (10) are those of the paper's model: the structure linear, tubes round",
+        "Whether the paper's model is used: linear structure, and tubes with round sections",
     ),
 )
 #: Shortest period of markers, equal to the frame period of RViz [s].
@@ -70,7 +70,9 @@ class GraspAnalysisNode(ManagedNode):
         """Create publishers and subscriptions."""
         values = self.values
         self._described = common.read_described(values)
-        self._monitor = GraspMonitor(self.robot, self._make_query(), values.command_timeout)
+        inputs = self.inputs = Inputs(self, self.robot)
+        timeout = values.command_timeout
+        self._monitor = GraspMonitor(self.robot, self._make_query(), timeout, inputs)
         self._states = self.advertise(GraspState, 'grasp/state')
         self._held = self.advertise(Bool, 'grasp/held')
         self._closures = self.advertise(Bool, 'grasp/force_closure')
@@ -78,14 +80,13 @@ class GraspAnalysisNode(ManagedNode):
         self._forces = self.advertise(WrenchStamped, 'grasp/contact_forces', EVENTS)
         self._arrays = self.advertise(MarkerArray, 'grasp/markers')
         self._transforms = TransformBroadcaster(self, self.robot)
-        self.inputs = Inputs(self, self.robot, self._monitor)
-        self.inputs.keep('rollers', 'estimate', 'pose', 'pressures', 'held_grip')
+        inputs.keep('rollers', 'estimate', 'pose', 'pressures', 'held_grip')
         wrenches = Topic(WrenchStamped, 'external_wrench', self._read_wrench)
-        self.inputs.keep_topic('wrench', wrenches)
+        inputs.keep_topic('wrench', wrenches)
 
     def _read_wrench(self, message: WrenchStamped) -> tuple[float, float, float]:
         """Return the external wrench in a message, given in the aligned or the object's frame."""
-        pose = self._monitor.pose
+        pose = self.inputs.pose
         known = isinstance(pose, StampedInput)
         return read_external_wrench(message, self.robot.frame, pose.value.angle if known else None)
 
@@ -142,7 +143,7 @@ class GraspAnalysisNode(ManagedNode):
             sound = used <= MAX_UTILISATION and not grasp.analysis.flattened
             level = DiagnosticStatus.OK if sound else DiagnosticStatus.WARN
         if report.code is not GraspCode.OK:
-            self.warn(report.code.name, words)
+            self.reasons.note(report.code.name, words)
         status = words if report.grasp is None else report.message or 'analysing'
         self.diagnostics.set_status(status, level)
         self._draw(report)

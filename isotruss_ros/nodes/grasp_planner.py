@@ -24,9 +24,7 @@ from isotruss_ros.nodes.framework.single_goal import BusyError, SingleGoal
 SPECS = (
     common.OBJECT,
     common.COMMAND_TIMEOUT,
-    FixedSpec(
-        'workers', 0, 'Number of search processes, one for each core if 0', (0, MAX_WORKERS)
-    ),
+    FixedSpec('workers', 0, 'Number of search processes; 0: one for each core', (0, MAX_WORKERS)),
 )
 #: Period at which the node checks whether a search has finished [s].
 POLLING_PERIOD = 0.02

@@ -40,7 +40,11 @@ SPECS = (
         'Time without progress after which a goal is aborted [s]',
         (0.5, 600.0),
     ),
-    Spec('smooth_path', False, 'Spline through the poses; straight from pose to pose if false'),
+    Spec(
+        'smooth_path',
+        False,
+        'Whether the path is a spline through the poses; if false, it has straight segments',
+    ),
     *common.OBJECT_SPECS,
 )
 #: Fields of a result with errors of the last cycle (`LAST_ERRORS`) and of the whole path
@@ -76,14 +80,14 @@ class PathFollower(ManagedNode):
     def configure(self) -> None:
         """Create publishers and subscriptions, and offer the action."""
         values = self.values
-        self._servo = PathServo(1.0 / values.rate, values.command_timeout)
+        inputs = self.inputs = Inputs(self, self.robot)
+        self._servo = PathServo(1.0 / values.rate, values.command_timeout, inputs)
         self._publish_twist = create_twist_publisher(
             self, values.use_stamped_twist, self.robot.frame
         )
-        self.inputs = Inputs(self, self.robot, self._servo)
-        self.inputs.keep('pose', 'rollers', 'estimate', 'held_grip')
+        inputs.keep('pose', 'rollers', 'estimate', 'held_grip')
         statuses = Topic(ManipulationStatus, 'manipulation/status', _read_status, 'status')
-        self.inputs.keep_topic('servo_feedback', statuses)
+        inputs.keep_topic('servo_feedback', statuses)
         # Exists while the node is inactive as well, so that a goal that ends then gets its result.
         self._goal = SingleGoal(
             self,
@@ -93,7 +97,7 @@ class PathFollower(ManagedNode):
             self._refuse,
             self._begin,
             cancelled=lambda: self._end(PathOutcome.CANCELLED, 'cancelled by the client'),
-            preempted=lambda: self._end(PathOutcome.PREEMPTED, 'a newer goal took over'),
+            preempted=lambda: self._end(PathOutcome.PREEMPTED, 'replaced by a newer goal'),
             supervised=True,
         )
 
@@ -137,7 +141,7 @@ class PathFollower(ManagedNode):
         """Start the feasibility check of a path."""
         self._last, (path, settings) = None, asked
         if path is None:
-            self._end(PathOutcome.REACHED, 'the object is there already')
+            self._end(PathOutcome.REACHED, 'the object is already at the only pose of the path')
             return
         foreseen = self._thread.submit(
             _check_path, self.robot, self.values, self._servo, path, self.now()
@@ -233,10 +237,10 @@ def _check_path(
     roller positions are missing, or if the object is not held at the start of the path, because an
     object that is only pushed has no slip margin.
     """
-    state = find_fresh(now, servo.timeout, servo.rollers)
+    state = find_fresh(now, servo.timeout, servo.inputs.rollers)
     if state is None:
         return
-    record = find_fresh(now, servo.timeout, servo.held_grip)
+    record = find_fresh(now, servo.timeout, servo.inputs.held_grip)
     body = common.read_body(values)
     friction = values.friction if body.friction is None else body.friction
     config = robot.configuration(state.positions)
@@ -248,6 +252,6 @@ def _check_path(
     if found is not None and found.why:
         x, y, angle = (round(number, 4) for number in found.pose)
         raise PathError(
-            f'the path would end {100.0 * found.share:.0f} % of the way, at ({x:g}, {y:g}) m, '
-            f'{angle:g} rad: {found.why}'
+            f'the object would be carried over only {100.0 * found.share:.0f} % of the path, to '
+            f'({x:g}, {y:g}) m, {angle:g} rad: {found.why}'
         )

@@ -19,7 +19,7 @@ from isotruss_ros.core import IsotrussError
 from isotruss_ros.nodes.conversions.message_text import schema_text, type_name
 from isotruss_ros.nodes.framework.parameters import FixedSpec, ParameterError
 from isotruss_ros.nodes.framework.runner import StoppableNode
-from isotruss_ros.nodes.framework.topics import EVENTS, NEWEST
+from isotruss_ros.nodes.framework.topics import EVENTS, NEWEST_MESSAGES
 from isotruss_ros.nodes.framework.transforms import TFMessage
 from isotruss_ros.viewer.names import MissingPackageError
 from rclpy.duration import Duration
@@ -31,9 +31,7 @@ from visualization_msgs.msg import MarkerArray
 if TYPE_CHECKING:
     from mcap.writer import Writer
 
-SPECS = (
-    FixedSpec('file', '', 'MCAP file to be written, never overwritten; empty: by date and time'),
-)
+SPECS = (FixedSpec('file', '', 'New MCAP file; empty: a file named by date and time'),)
 TOPICS = {
     'joint_states': JointState,
     'object_pose': PoseStamped,
@@ -73,7 +71,7 @@ class Record(StoppableNode):
                 kind,
                 topic,
                 lambda message, name=topic: self._write(name, message),
-                EVENTS if topic == 'emergency_stop' else NEWEST,
+                EVENTS if topic == 'emergency_stop' else NEWEST_MESSAGES,
                 raw=True,
             )
         self.create_steady_timer(WRITING_PERIOD, self._flush)
@@ -93,7 +91,9 @@ class Record(StoppableNode):
         try:
             self._stream = Path(name).open('xb')  # noqa: SIM115 - open until `stop`
         except OSError as error:
-            raise ParameterError(f'parameter file: {name}: {error.strerror}') from error
+            raise ParameterError(
+                f'parameter file: {name}: {error.strerror}; must be a new file that can be written'
+            ) from error
         self._writer = Writer(self._stream)
         self._writer.start(profile='ros2', library='isotruss_ros')
         print(f'record: {name}', flush=True)

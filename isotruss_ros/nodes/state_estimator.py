@@ -48,18 +48,23 @@ SPECS = (
     common.PRESSURE_TIMEOUT,
     common.AMBIENT_PRESSURE,
     Spec('pose_deviation', 1e-3, 'Standard deviation of x and y of object_pose [m]', (1e-6, 1.0)),
-    Spec('angle_deviation', 0.009, 'Standard deviation of its angle [rad]', (1e-6, 1.0)),
+    Spec(
+        'angle_deviation',
+        0.009,
+        'Standard deviation of the angle of object_pose [rad]',
+        (1e-6, 1.0),
+    ),
     Spec(
         'marker_deviation', 1e-3, 'Standard deviation of x and y of joint_markers [m]', (1e-6, 1.0)
     ),
     FixedSpec(
         'zero_deviation',
         PRIOR.zeros,
-        'Standard deviation of the roller offsets; 0.001 after calibrate_home [m]',
+        'Prior standard deviation of the roller offsets [m]; after calibrate_home, set 0.001',
         (1e-6, 1.0),
     ),
     FixedSpec(
-        'slip', PRIOR.slip, 'Expected slip of a roller as a share of its travel [-]', (0.0, 1.0)
+        'slip', PRIOR.slip, 'Expected slip of a roller relative to its travel [-]', (0.0, 1.0)
     ),
     FixedSpec(
         'stiffness_deviation',
@@ -172,10 +177,10 @@ class StateEstimatorNode(ManagedNode):
             try:
                 take()
             except IsotrussError as error:
-                self.warn('measurement', str(error))
+                self.reasons.note('measurement', str(error))
 
     def _take_pressures(self, now: float) -> str:
-        """Use measured pressures in the model if they are fresh; otherwise return the reason."""
+        """Use measured pressures in the model; return a warning if they are not fresh, else ''."""
         try:
             found = fresh_pressures(now, self.values.pressure_timeout, self.inputs.pressures)
         except InputError as error:
@@ -210,7 +215,7 @@ class StateEstimatorNode(ManagedNode):
         found = stale, *rejected, _describe_doubts(estimate), self._find_sag(now, estimate)
         doubts = '; '.join(filter(None, found))
         if doubts:
-            self.warn('doubts', doubts)
+            self.reasons.note('doubts', doubts)
         level = DiagnosticStatus.WARN if doubts else DiagnosticStatus.OK
         self.diagnostics.set_status(doubts or 'estimating', level)
 

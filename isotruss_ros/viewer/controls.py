@@ -134,7 +134,7 @@ class Controls:
         if self._heartbeats.is_silent(holder, self._timeout):
             alive[holder] = False
             self._report(
-                f'control ended: browser {holder} gave no sign of life for {self._timeout:g} s'
+                f'control ended: browser {holder} sent no heartbeat for {self._timeout:g} s'
             )
         self.control.pass_on(alive)
         if self.control.browser not in (holder, None):

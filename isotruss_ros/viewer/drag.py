@@ -11,10 +11,10 @@ import math
 LEVER_LENGTH = 0.35
 #: Ratio of the speed to the distance from the target [1/s], and distance from the target at which
 #: the motion ends [m].
-GAIN, REACHED = 2.0, 0.001
+GAIN, ARRIVAL_DISTANCE = 2.0, 0.001
 #: Smallest ratio of the executed to the commanded motion [-], and time over which the ratio is
 #: averaged [s].
-PROGRESS, PATIENCE = 0.1, 2.0
+MIN_PROGRESS_RATIO, PROGRESS_TIME = 0.1, 2.0
 
 
 class Drag:
@@ -50,21 +50,21 @@ class Drag:
             self._way += ((position[0] - x) * vx + (position[1] - y) * vy) / speed
         dx, dy = self.target[0] - position[0], self.target[1] - position[1]
         distance = math.hypot(dx, dy)
-        gain = 0.0 if distance < REACHED else min(GAIN, max_speed / distance)
+        gain = 0.0 if distance < ARRIVAL_DISTANCE else min(GAIN, max_speed / distance)
         velocity = gain * dx, gain * dy
-        asked = PATIENCE * math.hypot(*velocity)
-        if asked == 0.0 or self._way >= PROGRESS * asked:
+        asked = PROGRESS_TIME * math.hypot(*velocity)
+        if asked == 0.0 or self._way >= MIN_PROGRESS_RATIO * asked:
             self._since, self._way = now, 0.0
         self._position, self._velocity = position, velocity
         return velocity
 
     def is_stuck(self, now: float) -> bool:
         """
-        Return whether the part has not approached the target for `PATIENCE` seconds.
+        Return whether the part has not approached the target for `PROGRESS_TIME` seconds.
 
         :param now: current time [s].
         """
-        return abs(now - self._since) >= PATIENCE
+        return abs(now - self._since) >= PROGRESS_TIME
 
 
 def place_on_circle(angle: float, near: float = 0.0) -> tuple[float, float]:

@@ -68,7 +68,9 @@ def check_pose(pose: Pose) -> None:
     :raises PictureError: a number is not finite or out of range.
     """
     if not all(abs(value) <= MAX_DISTANCE for value in pose):  # excludes NaN
-        raise PictureError(f'object pose {tuple(pose)}: must be finite, at most {MAX_DISTANCE:g}')
+        raise PictureError(
+            f'object pose {tuple(pose)}: must be finite, at most {MAX_DISTANCE:g} m'
+        )
 
 
 def check_state(message: Any, members: int) -> None:
@@ -97,7 +99,9 @@ def check_status(message: Any) -> None:
     :raises PictureError: the status code is unknown.
     """
     if message.code not in tuple(Status):
-        raise PictureError(f'manipulation status: code {message.code} is unknown')
+        raise PictureError(
+            f'manipulation status: code {message.code}: must be one of ManipulationStatus'
+        )
 
 
 def read_line(marker: Any) -> Array:
@@ -113,7 +117,9 @@ def read_line(marker: Any) -> Array:
     if not (np.abs(points) <= MAX_DISTANCE).all():
         raise PictureError(f'{what}: points must be finite, at most {MAX_DISTANCE:g} m away')
     if len(points) % GROUPS[marker.ns]:
-        raise PictureError(f'{what}: {len(points)} points: must be groups of {GROUPS[marker.ns]}')
+        raise PictureError(
+            f'{what}: {len(points)} points: must be a multiple of {GROUPS[marker.ns]}'
+        )
     if marker.ns == DEFORMED and not np.linalg.norm(np.diff(points, axis=0), axis=1).any():
-        raise PictureError(f'{what}: the line has no length')
+        raise PictureError(f'{what}: all points are equal; must be a line with a length')
     return points

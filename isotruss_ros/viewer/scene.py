@@ -19,7 +19,7 @@ import viser
 
 #: Number of cross sections of a tube [-].
 TUBE_SECTIONS = 28
-HELD, NOT_HELD, UNKNOWN = (51, 179, 77), (217, 51, 51), (190, 190, 190)
+HELD_COLOR, NOT_HELD_COLOR, UNKNOWN_COLOR = (51, 179, 77), (217, 51, 51), (190, 190, 190)
 MODULE, REGION, FORCE, MARK = (59, 59, 59), (242, 191, 26), (31, 79, 217), (20, 20, 20)
 SUPPORT_COLOR = (122, 82, 48)
 #: Spacing of points along curved outlines [m].
@@ -105,7 +105,9 @@ class Scene:
                 support.position = (*picture.config.nodes[node], 0.0)
         held = picture.is_held(now)
         if self._has_changed('held', held):
-            self._object.color = UNKNOWN if held is None else HELD if held else NOT_HELD
+            self._object.color = (
+                UNKNOWN_COLOR if held is None else HELD_COLOR if held else NOT_HELD_COLOR
+            )
         if self._has_changed('pose', picture.pose) and picture.pose is not None:
             x, y, angle = picture.pose
             self._frame.position = (x, y, 0.0)
@@ -154,12 +156,16 @@ class Scene:
         self._frame = self._scene.add_frame('/object', show_axes=False, visible=False)
         if picture.shape is None:
             self._object = self._scene.add_cylinder(
-                '/object/body', 0.5 * diameter, self._diameter, color=UNKNOWN
+                '/object/body', 0.5 * diameter, self._diameter, color=UNKNOWN_COLOR
             )
         else:
             vertices, faces = prism(picture.shape.outline(OUTLINE_SPACING), self._diameter)
             self._object = self._scene.add_mesh_simple(
-                '/object/body', vertices.astype(np.float32), faces, color=UNKNOWN, side='double'
+                '/object/body',
+                vertices.astype(np.float32),
+                faces,
+                color=UNKNOWN_COLOR,
+                side='double',
             )
         # A mark shows the orientation of the object.
         length = 0.45 * diameter

@@ -147,7 +147,9 @@ def open_server(host: str, port: int) -> tuple[viser.ViserServer, str]:
     if not served:
         server.stop()
         bound.close()
-        raise ViewError(f'viser {viser.__version__} serves without our gate: install viser 1.1.1')
+        raise ViewError(
+            f'viser {viser.__version__} does not check connections: install viser 1.1.1'
+        )
     return server, gate.address
 
 

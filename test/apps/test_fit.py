@@ -224,8 +224,16 @@ NO_MODES = 'no block for the robot file'
 @pytest.mark.parametrize(
     ('rows', 'reason', 'block'),
     [
-        (changed(1, 1e-3), "pressure '34.5': must be from 1000 to 300000 Pa; in kPa it", False),
-        (changed(2, 1e3), "length '254.0': must be from 0.02 to 10 m; in cm it would", False),
+        (
+            changed(1, 1e-3),
+            "pressure '34.5': must be from 1000 to 300000 Pa; if it is in kPa, it is",
+            False,
+        ),
+        (
+            changed(2, 1e3),
+            "length '254.0': must be from 0.02 to 10 m; if it is in cm, it is 2.54 m",
+            False,
+        ),
         (changed(3, 1e3), 'more than the length of the tube: must be in m', False),
         (changed(3, 57.3, modes=('rotary',)), 'more than half a turn: must be in rad', None),
         (changed(4, 1e-3), NO_MODES, False),

@@ -83,7 +83,7 @@ def frozen():
 def test_a_browser_that_freezes_during_a_drag_loses_control_and_target(frozen):
     assert frozen.control == Control()
     (words,) = frozen.refused
-    assert words.endswith('gave no sign of life for 2 s')
+    assert words.endswith('sent no heartbeat for 2 s')
 
 
 def test_a_late_drag_of_a_frozen_browser_is_ignored(frozen):

@@ -163,12 +163,12 @@ def far_pose():
         (
             'markers',
             MarkerArray(markers=[Marker(ns='contact_regions', points=[Point()] * 7)]),
-            '7 points: must be groups of 6',
+            '7 points: must be a multiple of 6',
         ),
         (
             'markers',
             MarkerArray(markers=[Marker(ns='deformed', points=[Point()] * 4)]),
-            'the line has no length',
+            'all points are equal; must be a line',
         ),
     ],
 )

@@ -137,7 +137,7 @@ def test_an_incompatible_version_of_viser_is_refused(monkeypatch):
     parts = {'exceptions': websockets.exceptions, 'datastructures': websockets.datastructures}
     own = SimpleNamespace(asyncio=SimpleNamespace(server=server), **parts)
     monkeypatch.setattr('viser.infra._infra.websockets', own)
-    with pytest.raises(ViewError, match=r'without our gate: install viser 1\.1\.1'):
+    with pytest.raises(ViewError, match=r'does not check connections: install viser 1\.1\.1'):
         View(Picture(ROBOT, 0.3), '127.0.0.1', 0)
 
 

@@ -11,12 +11,12 @@ from isotruss_ros.core import load_robot, Polygon, Status
 from isotruss_ros.viewer.camera import FIELD_OF_VIEW, PANEL_SHARE, PHONE_ASPECT, place_camera
 from isotruss_ros.viewer.control import Control, ZERO
 from isotruss_ros.viewer.drag import (
+    ARRIVAL_DISTANCE,
     Drag,
     LEVER_LENGTH,
-    PATIENCE,
+    MIN_PROGRESS_RATIO,
     place_on_circle,
-    PROGRESS,
-    REACHED,
+    PROGRESS_TIME,
 )
 from isotruss_ros.viewer.meshes import prism
 from isotruss_ros.viewer.picture import MESSAGE_TIMEOUT, Picture
@@ -47,7 +47,7 @@ def test_a_drag_is_straight_and_within_the_speed_limit():
         assert math.hypot(vx, vy) <= 0.05 + 1e-12
         assert 0.4 * vx == pytest.approx(0.3 * vy)
         x, y = x + 0.01 * vx, y + 0.01 * vy
-    assert math.dist((x, y), (0.3, 0.4)) <= REACHED
+    assert math.dist((x, y), (0.3, 0.4)) <= ARRIVAL_DISTANCE
     assert (vx, vy) == (0.0, 0.0)
 
 
@@ -61,13 +61,15 @@ def drag_along(drag, share, speed=0.05, duration=10.0, step=0.05):
 
 
 def test_a_drag_with_little_progress_is_stuck_after_the_timeout():
-    assert drag_along(Drag((3.0, 4.0), 0.0), 0.5 * PROGRESS) == pytest.approx(PATIENCE, abs=0.06)
+    assert drag_along(Drag((3.0, 4.0), 0.0), 0.5 * MIN_PROGRESS_RATIO) == pytest.approx(
+        PROGRESS_TIME, abs=0.06
+    )
 
 
 def test_a_drag_without_measured_pose_is_stuck_after_the_timeout():
     drag = Drag((1.0, 0.0), 5.0)
-    assert not drag.is_stuck(5.0 + 0.9 * PATIENCE)
-    assert drag.is_stuck(5.0 + PATIENCE)
+    assert not drag.is_stuck(5.0 + 0.9 * PROGRESS_TIME)
+    assert drag.is_stuck(5.0 + PROGRESS_TIME)
 
 
 def test_a_drag_is_stuck_after_a_jump_of_the_clock():
@@ -84,7 +86,7 @@ def test_a_rotation_is_the_shorter_one_and_within_the_speed_limit(begin, end):
         assert across == 0.0
         angle += 0.05 * way / LEVER_LENGTH
     assert math.remainder(angle - end, 2.0 * math.pi) == pytest.approx(
-        0.0, abs=REACHED / LEVER_LENGTH
+        0.0, abs=ARRIVAL_DISTANCE / LEVER_LENGTH
     )
     assert abs(angle - begin) <= math.pi
 

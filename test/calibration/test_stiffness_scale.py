@@ -62,7 +62,7 @@ def test_fitted_scale_includes_that_of_the_robot_file():
 @needs_mujoco
 @pytest.mark.parametrize('scale', [0.6, 1.5])
 def test_ten_newtons_at_the_top_determine_the_scale_in_mujoco_within_five_percent(scale):
-    plant = MujocoPlant(make_robot(stiffness=scale), [], PlantOptions())
+    plant = MujocoPlant(make_robot(stiffness=scale), None, PlantOptions())
     plant.settle(2.0)
     before = joints(plant.nodes, DEVIATION, 1)
     plant.load_joint('Z', PULL['Z'])

@@ -116,7 +116,7 @@ def test_values_of_all_kinds_are_plain():
         {'one': 1, 'other': [0.0, 1.0]},
         [0, 3],
     ]
-    with pytest.raises(TypeError, match='object: must be numbers, texts, or made of them'):
+    with pytest.raises(TypeError, match='object: must consist of numbers and texts'):
         as_plain(object())
 
 

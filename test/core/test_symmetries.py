@@ -21,7 +21,7 @@ from isotruss_ros.core import (
 from isotruss_ros.core.errors import GraspError, IsotrussError
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.model.robot_file import describe_robot
-from isotruss_ros.core.safety.margins import shape_margins
+from isotruss_ros.core.safety.margins import object_distances, shape_margins
 import numpy as np
 import pytest
 import random_grips
@@ -381,8 +381,8 @@ def driven(case):
 def margins(case):
     """Return how far a robot and an object are from singular and colliding shapes."""
     config, body, _ = case.build()
-    found = shape_margins(config, body, case.members)
-    apart = np.array([found.clearance, found.object_clearance]) / case.length
+    found, away = shape_margins(config), object_distances(config, body, case.members)
+    apart = np.array([found.clearance, away.min()]) / case.length
     return {'verdict': '', 'rigidity': found.rigidity, 'clearance': np.minimum(apart, 10.0)}
 
 

@@ -33,7 +33,7 @@ def needs_egl(test):
 
 def record(path, speeds=(0.05, 0.0), seconds=1.0, rate=25.0):
     """Record a robot whose rollers turn; return the plant."""
-    plant = MujocoPlant(ROBOT, [ConvexObject.disc((CENTER.real, CENTER.imag), DIAMETER)])
+    plant = MujocoPlant(ROBOT, ConvexObject.disc((CENTER.real, CENTER.imag), DIAMETER))
     recorder = PlantRecorder(plant, path, rate)
     for _ in range(round(100 * seconds)):
         recorder.record(plant.time)

@@ -31,7 +31,7 @@ def test_the_surface_is_that_of_the_object(shape):
     import mujoco
 
     held = ConvexObject(shape, (3.0, 4.0, 0.7))
-    plant = MujocoPlant(load_robot('triangle'), [held])
+    plant = MujocoPlant(load_robot('triangle'), held)
     geom = np.zeros(1, dtype=np.int32)
     for angle in np.linspace(0.0, 6.0, 25):
         away = complex(np.exp(1j * angle))
@@ -60,7 +60,7 @@ def test_contact_forces_agree_with_statics(name):
 @needs_mujoco
 def test_mass_and_friction_are_those_of_the_object():
     held = ConvexObject(SHAPES['box'], (3.0, 4.0, 0.7), mass=2.0, friction=0.3)
-    plant = MujocoPlant(load_robot('triangle'), [held])
+    plant = MujocoPlant(load_robot('triangle'), held)
     body = plant.model.body('object0')
     assert body.mass[0] == pytest.approx(2.0)
     assert body.inertia[2] == pytest.approx(2.0 * (0.24**2 + 0.18**2) / 12.0)

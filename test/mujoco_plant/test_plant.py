@@ -113,7 +113,7 @@ def test_an_object_between_two_pieces_of_a_coarse_mesh_does_not_chatter():
     # By this posture an object crept away by 0.7 mm/s, while the robot shook.
     options = PlantOptions(ground_friction=0.5)
     robot, disc = round_robot(), ConvexObject.disc((0.6, 0.3), 0.2)
-    plant = MujocoPlant(robot, [disc], options, mesh(robot, []))
+    plant = MujocoPlant(robot, disc, options, mesh(robot, []))
     plant.hold_object(AWAY)
     move_to(plant, [-0.2123, 0.1743, -0.1239, -0.3132, -0.2625, 0.1499])
     plant.set_friction(0.0)
@@ -153,18 +153,6 @@ def test_a_carried_object_follows_and_is_lost_if_friction_is_too_low():
     plant.set_friction(0.9 * needed)
     plant.settle(6.0)
     assert np.linalg.norm(np.array(plant.object_pose())[:2] - found[:2]) > 0.01
-
-
-@needs_mujoco
-def test_several_objects_in_one_world():
-    robot = load_robot('nine_member')
-    plant = MujocoPlant(
-        robot, [ConvexObject.disc((4.0, 4.0), 0.3), ConvexObject.disc((5.0, 4.0), 0.1)]
-    )
-    plant.pull((1.0, 0.0, 0.0), number=0)
-    plant.settle(0.5)
-    assert plant.object_pose(0).x > 4.01
-    assert plant.object_pose(1)[:2] == pytest.approx((5.0, 4.0))
 
 
 def test_without_mujoco_a_sentence_says_what_to_install(monkeypatch):

@@ -38,7 +38,7 @@ def test_squeeze_and_slip_margin_become_those_that_were_planned(number):
     robot, options = grasp.config.robot, replace(STILL, friction=FRICTION)
     # As fine as what presses on the object has to be.
     segments = mesh(robot, grasp.grip.members)
-    plant = MujocoPlant(robot, [grasp.grip.body], options, segments)
+    plant = MujocoPlant(robot, grasp.grip.body, options, segments)
     refined = refine_grasp(grasp, plant)
     first, *_, last = refined.measured / (grasp.squeeze, grasp.slip_margin)
     assert refined.agrees

@@ -167,7 +167,7 @@ def test_an_oscillation_that_grows_is_stopped_before_the_object_is_lost(grasp, g
     carry.push(PUSH)
     carry.run(5.0)
     assert Status.HALT_OSCILLATES in carry.statuses
-    assert f'the gain is softened to {0.5 * gain:g} 1/s' in ' '.join(carry.messages)
+    assert f'the pose gain is reduced to {0.5 * gain:g} 1/s' in ' '.join(carry.messages)
     assert carry.statuses[-1] is Status.OK
     assert np.abs(carry.errors[-1]).max() < 2e-3
 

@@ -155,7 +155,7 @@ def test_a_goal_is_sent_only_once_the_server_answers(server):
 def test_a_server_that_was_started_again_ends_the_steps(server, accepted):
     steps = begun(server, accepted)
     server.start_again()
-    with pytest.raises(StepError, match='work does not know the goal') as error:
+    with pytest.raises(StepError, match='work was restarted and has lost the goal') as error:
         last_of(steps)
     assert error.value.outcome is StepOutcome.STOPPED
     assert server.asked_for == server.goal_id

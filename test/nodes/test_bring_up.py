@@ -34,7 +34,7 @@ def test_a_faultless_robot_passes_the_check(kind, tmp_path):
     with world(plant(plant=kind), checking(output=str(output))) as w:
         w.spin(15.0)
         w.until(lambda: w.nodes[2].done)
-        assert w.nodes[2].right == list(ROBOT.roller_names)
+        assert w.nodes[2].faultless == list(ROBOT.roller_names)
         assert abs(w.nodes[1]._plant.roller_positions).max() < 2e-3
     assert load_robot(output).description.calibration['checked_rollers'] == list(
         ROBOT.roller_names
@@ -122,7 +122,7 @@ def test_a_robot_that_is_ready_passes(tmp_path, capsys):
     assert [line.split(':')[0] for line in said.splitlines()] == [
         f'ok    {name}' for name in LINES
     ]
-    assert 'ok    zeros: measured to 1.0 mm; joint' in said
+    assert 'ok    zeros: standard deviation up to 1.0 mm; marker' in said
 
 
 def test_a_robot_of_a_preset_is_not_ready(tmp_path, capsys):
@@ -135,7 +135,11 @@ def test_a_robot_of_a_preset_is_not_ready(tmp_path, capsys):
     ('faulty', 'name', 'words'),
     [
         ({'encoder_delay': 0.8}, 'encoders', r'joint states: 0\.8\d* s old'),
-        ({'zero_deviation': 0.03, 'seed': 2}, 'zeros', 'mm off the encoders; at most 10 mm'),
+        (
+            {'zero_deviation': 0.03, 'seed': 2},
+            'zeros',
+            'mm from the joint by the encoders; must be at most 10 mm',
+        ),
         ({'tracker_delay': 0.8}, 'object pose', r'object pose: 0\.8\d* s old'),
         ({'rate': 20.0}, 'rates', r'joint_states has \d+ Hz: must be at least 50'),
         ({'tracker_rate': 8.0}, 'rates', r'object_pose has [\d.]+ Hz'),

@@ -42,7 +42,7 @@ def test_written_home_agrees_with_the_simulated_robot(tmp_path, kind):
         answer = w.call('calibrate_home', Trigger.Request())
         truth = w.nodes[1].robot.home
     assert answer.success, answer.message
-    assert 'zeros [mm]: south/P' in answer.message
+    assert 'roller offsets [mm]: south/P' in answer.message
     found = load_robot(tmp_path / 'mine.yaml').home
     off = (found.nodes - truth.nodes)[: len(NAMES)]
     assert np.hypot.reduce(off, axis=1).max() < 1.5e-3
@@ -70,7 +70,7 @@ def test_a_force_in_another_posture_is_refused(tmp_path):
         w.spin(1.5)
         answer = w.call('calibrate_stiffness', CalibrateStiffness.Request(joint='Z'))
     assert not answer.success
-    assert answer.message.endswith('call calibrate_home first')
+    assert answer.message.endswith('first call calibrate_home')
 
 
 def test_missing_markers_are_reported(tmp_path):
@@ -87,4 +87,4 @@ def test_moving_rollers_are_refused(tmp_path):
         w.spin(1.0)
         w.spin(1.0, lambda: w.probe.send_command([0.01] * 6))
         answer = w.call('calibrate_home', Trigger.Request())
-    assert answer.message.startswith('the rollers move')
+    assert answer.message.startswith('a roller moved by')

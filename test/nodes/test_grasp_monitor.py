@@ -10,7 +10,13 @@ from isotruss_ros.core import ConvexObject, errors, load_robot, Pose, tangent_ce
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.grip_record import GripRecord
 from isotruss_ros.core.holding.roll_grip import roll_grip
-from isotruss_ros.core.inputs import PRESSURE_TIMEOUT, RejectedInput, RollerState, StampedInput
+from isotruss_ros.core.inputs import (
+    LatestInputs,
+    PRESSURE_TIMEOUT,
+    RejectedInput,
+    RollerState,
+    StampedInput,
+)
 from isotruss_ros.nodes.grasp.grasp_monitor import _judge, GraspMonitor
 from isotruss_ros.nodes.grasp.grasp_report import GraspCode, GraspQuery
 import numpy as np
@@ -38,12 +44,12 @@ def question(**changes):
 
 def monitor(robot=ROBOT, **given):
     """Return a monitor with good inputs at NOW, or those given."""
-    made = GraspMonitor(robot, question(), TIMEOUT)
-    made.rollers = StampedInput(at(HOME), NOW)
-    made.pose = StampedInput(POSE, NOW)
-    made.wrench = StampedInput(WRENCH, NOW)
+    made = GraspMonitor(robot, question(), TIMEOUT, LatestInputs())
+    made.inputs.rollers = StampedInput(at(HOME), NOW)
+    made.inputs.pose = StampedInput(POSE, NOW)
+    made.inputs.wrench = StampedInput(WRENCH, NOW)
     for name, value in given.items():
-        setattr(made, name, value)
+        setattr(made.inputs, name, value)
     return made
 
 
@@ -102,8 +108,8 @@ def test_computes_only_when_something_has_changed():
     made = monitor()
     first = made.report(NOW).grasp
     later = NOW + 0.1
-    made.rollers = StampedInput(at(HOME, HOME + 0.01), later)
-    made.pose = StampedInput(Pose(*POSE), later)
+    made.inputs.rollers = StampedInput(at(HOME, HOME + 0.01), later)
+    made.inputs.pose = StampedInput(Pose(*POSE), later)
     report = made.report(later)
     assert report.grasp is first
     assert report.time == later
@@ -116,7 +122,7 @@ def test_computes_only_when_something_has_changed():
         ('query', question(spacing=SPACING + 1e-9)),
     ):
         before = made.report(later).grasp
-        setattr(made, name, value)
+        setattr(made if name == 'query' else made.inputs, name, value)
         after = made.report(later).grasp
         assert after is not before, name
         changed = before.analysis.normal_forces.tolist(), before.analysis.closure_residual
@@ -166,7 +172,7 @@ def test_tubes_bear_the_friction_of_an_object_that_is_held(friction, larger):
     wrinkled = report.code is GraspCode.WRINKLED
     assert wrinkled == (expected[worst][0] > 1.0) == (friction == 0.8)
     if wrinkled:
-        assert f'{worst} bears {expected[worst][0]:.2f}' in report.message
+        assert f'{worst}: bending moment of {expected[worst][0]:.2f}' in report.message
         assert not report.held
 
 

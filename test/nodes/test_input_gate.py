@@ -146,7 +146,7 @@ def test_an_estimate_of_another_time_is_not_added_to_the_encoders(make, age):
             message.header = make_header(w.probe.past(late), 'truss')
             estimates.publish(message)
             w.spin(0.1, lambda: w.probe.send_joints(position=[0.01] * N))
-            rollers = w.nodes[1].inputs._latest('rollers').value
+            rollers = w.nodes[1].inputs.rollers.value
             assert rollers.offsets == pytest.approx([0.02 * added] * N)
             assert rollers.positions == pytest.approx([0.01 + 0.02 * added] * N)
 

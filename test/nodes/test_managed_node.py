@@ -8,7 +8,7 @@ import gc
 from diagnostic_msgs.msg import DiagnosticStatus
 from isotruss_msgs.action import FollowObjectPath
 from isotruss_ros.core import IsotrussError
-from isotruss_ros.nodes.framework.diagnostics import Diagnostics
+from isotruss_ros.nodes.framework.diagnostics import Diagnostics, ReasonLog
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import Spec
 from lifecycle_msgs.msg import Transition
@@ -229,7 +229,7 @@ def test_robots_of_one_name_are_told_apart_by_their_namespaces():
     with world() as w:
         for namespace in ('left', 'right', ''):
             node = w.add(rclpy.create_node('toy', namespace=namespace))
-            node.cycle, node.log_ended = None, lambda: None
+            node.cycle, node.reasons = None, ReasonLog(print)
             node.create_steady_timer = node.create_timer
             diagnostics = Diagnostics(node, dict)
             diagnostics.hardware_id = 'nine_member'

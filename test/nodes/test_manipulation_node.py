@@ -64,7 +64,7 @@ def test_halts_where_another_module_than_the_grip_holds_the_object(module):
 
         status = w.until_code(Status.HALT_NO_GRASP, send)
         assert re.match('member north/(P-Z|Z-R) does not touch the object', status.message)
-        assert 'name the members' in status.message
+        assert 'Name the members' in status.message
         assert not w.command().any()
         w.change(grip_module=module)
         w.until(lambda: w.command().any(), send)

@@ -18,7 +18,7 @@ from isotruss_ros.core.errors import PathError
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.grip_record import GripRecord
 from isotruss_ros.core.holding.roll_grip import roll_grip
-from isotruss_ros.core.inputs import RollerState, StampedInput
+from isotruss_ros.core.inputs import LatestInputs, RollerState, StampedInput
 from isotruss_ros.core.paths.path_servo import PathServo
 from isotruss_ros.core.planning.foresee_path import foresee_path
 from isotruss_ros.nodes import path_follower
@@ -261,7 +261,7 @@ def test_a_path_of_one_pose_is_reached_where_the_object_is_there_already():
         w.spin(0.2, tell)
         status, result = client.follow(goal(begin=PROBED), tell)
         assert (status, result.code) == (GoalStatus.STATUS_SUCCEEDED, Result.REACHED)
-        assert 'there already' in result.message
+        assert 'already at the only pose' in result.message
         assert not client.twists().any()
         bad = goal(begin=PROBED, position_tolerance=0.0)
         assert client.follow(bad, tell)[1].code == Result.BAD_GOAL
@@ -369,15 +369,15 @@ VALUES = SimpleNamespace(
 def check(displacement, time=NOW, begin=BODY.pose, record=None):
     """Check a straight path, with rollers at home measured at a time."""
     path = ObjectPath([begin, np.add(begin, displacement)], 0.02, 0.1)
-    servo = PathServo(0.02, 0.2)
-    servo.rollers = StampedInput(RollerState(STILL, STILL), time)
-    servo.held_grip = record and StampedInput(record, NOW)
+    servo = PathServo(0.02, 0.2, LatestInputs())
+    servo.inputs.rollers = StampedInput(RollerState(STILL, STILL), time)
+    servo.inputs.held_grip = record and StampedInput(record, NOW)
     _check_path(ROBOT, VALUES, servo, path, NOW)
 
 
 def test_a_path_on_which_the_object_would_slip_is_refused_with_the_pose():
     words = (
-        r'the path would end \d+ % of the way, at \(0\.\d+, 0\.\d+\) m, .* rad: the slip margin'
+        r'carried over only \d+ % of the path, to \(0\.\d+, 0\.\d+\) m, .* rad: the slip margin'
     )
     with pytest.raises(PathError, match=words):
         check((0.3, 0.2, 0.0))

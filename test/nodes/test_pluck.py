@@ -52,7 +52,7 @@ def test_frequency_is_that_of_the_oscillation_after_a_released_force():
 @needs_mujoco
 def test_active_squeeze_control_is_refused():
     with (
-        pytest.raises(MeasurementError, match='set its squeeze_force to 0'),
+        pytest.raises(MeasurementError, match='squeeze_force of manipulation: must be 0'),
         world(plant, manipulation(squeeze_force=20.0, object_mass=0.5), pluck) as w,
     ):
         w.until(lambda: w.nodes[-1].done)

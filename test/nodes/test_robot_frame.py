@@ -123,7 +123,7 @@ def test_heights_that_are_not_finite_are_refused_if_they_are_used():
 
 def test_a_frame_that_tf2_does_not_connect_is_named_with_the_reason():
     frame = RobotFrame(ROBOT, Buffer(Rotation.identity()))
-    with pytest.raises(MessageError, match=r"'elsewhere': tf2 does not connect it .*two"):
+    with pytest.raises(MessageError, match=r"'elsewhere': tf2 must connect this frame .*two"):
         frame.read_pose(pose((0.0, 0.0, 0.0), Rotation.identity(), 'elsewhere'))
 
 

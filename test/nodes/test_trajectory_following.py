@@ -241,7 +241,7 @@ def stamped(seconds, nanosec=0):
 
 ROW = [0.0] * N
 HOSTILE = {
-    'nan': (bent(positions=[math.nan] * N), 'point 1: must have 6 positions'),
+    'nan': (bent(positions=[math.nan] * N), 'must be 6 finite numbers'),
     '-1e308': (bent(positions=[*ROW[:-1], -1e308]), 'at most 1e+06 m'),
     'too quick': (bent(time_from_start=lasting(0.1)), '0.2 m/s; must be at most 0.1'),
     'times back': (trajectory(HOME, AWAY, AWAY, times=[0.0, 1.0, 0.5]), 'time 0.5 s of point 2'),

@@ -335,7 +335,7 @@ def test_a_browser_that_freezes_in_mid_drag_commands_nothing_more(view):
     stopped = [each for each in stopped if 'chrom' in each.name()]
     try:
         drag_and_leave(view, page, lambda: [each.suspend() for each in stopped])
-        assert f'browser {number} gave no sign of life' in view.log.read_text()
+        assert f'browser {number} sent no heartbeat' in view.log.read_text()
     finally:
         for each in stopped:
             each.resume()
@@ -359,7 +359,7 @@ def drag_and_leave(view, page, leave):
     leave()
     follower.until(lambda: not follower.is_commanded())
     assert follower.speeds()[-1] == pytest.approx(SPEED)
-    assert 'given up' not in view.log.read_text()
+    assert 'drag aborted' not in view.log.read_text()
 
 
 @pytest.mark.nightly

@@ -90,7 +90,7 @@ PACED = {'use_sim_time': True, 'use_stamped_twist': True}
 #: Rollers whose commands are late stop soon, and push no object away meanwhile.
 STOPPING = {'command_timeout': 0.2}
 #: Whether or not the middleware has noticed that the node was gone for a while.
-ENDED = re.compile('does not know the goal|no node offers the action|has sent no feedback for')
+ENDED = re.compile('has lost the goal|no node offers the action|has sent no feedback for')
 #: With so much progress the node under the goal has begun.
 BEGUN = 0.05
 PICK = PickObject.Goal(squeeze=15.0, module='north/Z')
@@ -243,7 +243,12 @@ class Client:
     def place(self):
         """Return where the object is, by a message that was sent after this call."""
         now = self.r.w.probe.past(0.0)
-        self._until(lambda: read_stamp(self.r.w.probe.last('pose').header) > now)
+
+        def arrived():
+            pose = self.r.w.probe.last('pose')
+            return pose is not None and read_stamp(pose.header) > now
+
+        self._until(arrived)
         position = self.r.w.probe.last('pose').pose.position
         return np.array([position.x, position.y])
 
@@ -375,7 +380,7 @@ def test_an_object_is_picked_up_moved_and_placed(client):
     assert (code, 5.0 < float(squeeze) < 25.0) == (0, True)
     status, refused = client.end(client.begin(PICK))
     assert status == GoalStatus.STATUS_ABORTED
-    assert 'place it first' in refused.message
+    assert 'first place the object' in refused.message
     assert np.hypot(*(client.place() - lay)) < DIAMETER / 4
     goal = np.array([0.6, 0.35])
     status, result = client.execute(MoveObject.Goal(path=path_to(*goal)))

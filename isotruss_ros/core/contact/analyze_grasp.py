@@ -99,9 +99,9 @@ def analyze_grasp(
             before = previous.solved
         budget = MIN_CONTACT_POINTS if sliding else None
         solved = refine_contact(structure, surface, gap, kernel, solver, before, budget)
-    contact_points, found, *_, kept = solved
+    contact_points, found, *_, region_points = solved
     _require_touch(structure, body, contact_points, found)
-    # Of corners, which sliding tubes fold over.
+    # Sliding tubes fold over corners.
     contact = turn_at_corners(contact_points, found, surface) if sliding else found
     solved = solved._replace(contact=contact)
     normals = contact.normals.view(np.float64).reshape(-1, 2)
@@ -110,15 +110,17 @@ def analyze_grasp(
     load = _about_middle(body, pressed + wrench)
     closure = balance_by_friction(tangents, contact.forces, load, mu, levers)
     return GraspAnalysis(
-        points=(contact_points.skin + contact.displacements)[kept].view(np.float64).reshape(-1, 2),
-        members=contact_points.member[kept],
-        places=contact_points.place[kept],
-        gaps=contact.gaps[kept],
-        normals=normals[kept],
-        normal_forces=contact.forces[kept],
-        friction_forces=closure.friction_forces[kept],
+        points=(contact_points.skin + contact.displacements)[region_points]
+        .view(np.float64)
+        .reshape(-1, 2),
+        members=contact_points.member[region_points],
+        places=contact_points.place[region_points],
+        gaps=contact.gaps[region_points],
+        normals=normals[region_points],
+        normal_forces=contact.forces[region_points],
+        friction_forces=closure.friction_forces[region_points],
         normal_wrench=pressed,
-        # Without a touch all is in balance, but nothing is held.
+        # Without contact the forces are in balance, but the object is not held.
         closed_by_friction=closure.closed and bool((contact.forces > 0.0).any()),
         closure_residual=closure.residual,
         closure_tolerance=closure.tolerance,
@@ -184,7 +186,7 @@ def check_load(
 
 
 def _solver(method: str, sliding: bool) -> ContactSolver:
-    """Return the solver of the contact problem (8) for a method, and for sliding tubes or not."""
+    """Return the solver of (8) by a method; `sliding` is true for objects other than discs."""
     solvers: dict[str, ContactSolver] = {
         'exact': solve_sliding_contact if sliding else solve_contact,
         'relaxation': relax_contact,
@@ -210,7 +212,7 @@ def _pressed(
     if round_:
         force = contact.forces @ contact.normals
         return np.array([-force.real, -force.imag, 0.0]), np.ones(len(contact.forces))
-    # Where the forces act on the object's own surface, from the origin of its frame.
+    # Points of the object's surface at which the forces act, relative to its frame's origin.
     arms = contact_points.skin + contact.displacements - body.center
     arms = arms - (contact.gaps + margin) * contact.normals
     force, moment = contact.push.sum(), (arms.conj() * contact.push).imag.sum()
@@ -219,7 +221,7 @@ def _pressed(
 
 
 def _about_middle(body: ConvexObject, wrench: Array) -> Array:
-    """Convert a wrench about the frame's origin to (fx, fy, m / arm) about the centroid [N]."""
+    """Convert a wrench about the origin of the object's frame to one about the centroid [N]."""
     away = body.middle - body.center
     x, y, moment = wrench
     return np.array([x, y, (moment - away.real * y + away.imag * x) / body.arm])

@@ -58,12 +58,12 @@ def solve_contact(
         normals = face_tubes(contact_points, surface)
     gaps = open_gaps(away, normals, surface)
     active = guess_contact(contact_points, gaps) if forces is None else forces > 0.0
-    # Outside of the tangent at a point's foot is outside of the object: what solves the problem
-    # for some normals is admissible for the next ones, which can but take less energy. These steps
-    # settle therefore, if slowly; following the normals of those in contact makes them few.
+    # A point beyond a tangent is outside of the object, so the solution for given normals is
+    # admissible for the updated normals, whose solution has less or equal energy. Therefore the
+    # steps converge, but slowly; `_settle_normals` makes them few.
     for step in range(MAX_STEPS):
         pushes = []
-        # The contact of a similar problem is mostly that of this one.
+        # Points in contact in a similar problem are mostly in contact in this one.
         if step > 0 or forces is None:
             pressing, active = solve_complementarity(
                 contact_points.normal_compliance(normals), gaps, active
@@ -87,14 +87,14 @@ def solve_contact(
                 return ContactState(pressing.real, left, turned, displacements, radii, normal)
         normals, gaps = turned, left - (displacements * turned.conj()).real
     raise SolverError(
-        f'the contact did not settle in {MAX_STEPS} steps; the object is pressed in too deeply'
+        f'the contact did not converge in {MAX_STEPS} steps; the object is pressed in too deeply'
     )
 
 
 def _settle_normals(
     contact_points: ContactPoints, places: Indices, normals: Points, gaps: Array, surface: Surface
 ) -> Points:
-    """Return the forces (a,), x + iy [N], that close the gaps (a,), and update the normals."""
+    """Return forces x + iy [N] that close the gaps of a points, with their normals updated."""
     count = len(places)
     if count == 0:
         return np.zeros(0, dtype=np.complex128)
@@ -103,7 +103,7 @@ def _settle_normals(
         axis.conj() * (contact_points.skin[places] - surface.center),
         axis.conj() * normals[places],
     )
-    # Few points, and several steps: the whole matrix is cheaper than its factors.
+    # For few points and several steps, the full matrix is cheaper than its low-rank factors.
     compliance = contact_points.compliance(places).reshape(2 * count, 2 * count)
     for _ in range(MAX_NEWTON_ITERATIONS):
         along, across = local.real, local.imag
@@ -119,7 +119,7 @@ def _settle_normals(
         forces = pressing * local
         change = float(np.abs(turned - local).max())
         local, gaps = turned, left - (moved * turned.conj()).real
-        # What is left of it after the next step is negligible.
+        # The change in the next step is negligible.
         if change < 0.01 * NEGLIGIBLE_SHARE:
             break
     return axis * forces
@@ -148,8 +148,8 @@ def face_tubes(contact_points: ContactPoints, surface: Surface) -> Points:
     """
     Return the outward normals (c,) of the surface at the undeformed tubes, x + iy.
 
-    The normals point at the centre lines of the tubes and not at their skin, because in a small
-    object the skin may be beyond the object's centre.
+    The normals point at the centre lines of the tubes and not at their skin, because the skin
+    may be beyond the centre of a small object.
 
     :param contact_points: candidate contact points.
     :param surface: surface that the points meet, see `find_contact_points`.
@@ -207,7 +207,7 @@ def relax_contact(
     for _ in range(MAX_STEPS):
         gaps = open_gaps(away, normals, surface)
         compliance = contact_points.normal_compliance(normals)
-        # Points without force that are not touched take no part: they do not bound the gain.
+        # Points without force and contact are left out, so they do not bound the gain.
         part = np.flatnonzero((forces > 0.0) | (gaps + compliance @ forces < 0.0))
         if len(part):
             forces[part] = _steps(gaps[part], compliance[np.ix_(part, part)], forces[part])
@@ -221,7 +221,8 @@ def relax_contact(
             push = touching * normals
             return ContactState(touching, gap, normals, displacements, radii, push)
     raise SolverError(
-        f'the relaxation of the contact forces did not rest in {MAX_STEPS * STEPS_PER_CHECK} steps'
+        f'the relaxation (9) did not converge in {MAX_STEPS * STEPS_PER_CHECK} steps; the object '
+        "must be pressed in less, or the method be 'exact'"
     )
 
 

@@ -58,7 +58,7 @@ class ContactPoints:
     ends: Array
     dents: Array
     bent: BentTubes | None = None
-    _kept: dict[bytes, Array] = field(default_factory=dict, repr=False)
+    _compliances: dict[bytes, Array] = field(default_factory=dict, repr=False)
     _moves: dict[int, tuple] = field(default_factory=dict, init=False, repr=False)
 
     def pushed(self, push: Points) -> Array:
@@ -72,7 +72,7 @@ class ContactPoints:
 
     def move(self, push: Points) -> tuple[Array, Array]:
         """
-        Return the nodes' displacements (n, 3) and constraint forces (c,) that given forces cause.
+        Return the nodes' displacements (n, 3) and changes of multipliers (q,) that forces cause.
 
         :param push: (c,) forces on the points, x + iy [N].
         """
@@ -130,7 +130,7 @@ class ContactPoints:
 
     @property
     def response_error(self) -> float:
-        """Return the relative error of the compliance, if computed in another state [-]."""
+        """Return the relative error of the compliance if it was computed in another state [-]."""
         return self.bent.tangent.response_error(self.bent.tangent)
 
     def lend(self, bent: BentTubes) -> bool:
@@ -141,7 +141,7 @@ class ContactPoints:
         :return: True if the matrix is reused.
         """
         alike = not bent.is_straight and bent.structure.pressures == self.bent.structure.pressures
-        # Errors shrink a hundredfold by each motion.
+        # A relative error of 0.01 lets each step of the iteration reduce its error a hundredfold.
         near = alike and self.bent.tangent.response_error(bent.tangent) <= 0.01
         if near:
             bent.tangent.borrow(self.bent.tangent)
@@ -151,8 +151,8 @@ class ContactPoints:
         """
         Return whether other points have equal spacing and nearly equal positions on the members.
 
-        :param bent: the tubes linearised with the other points as load points; they use the
-            factorised matrix of these tubes.
+        :param bent: the linearised tubes with the other points as load points; they borrow the
+            factorised matrix from `ContactPoints.bent`.
         :param spacing: spacing of the other points [m].
         """
         return spacing == self.spacing and bent.tangent.chains is self.bent.tangent.chains
@@ -193,13 +193,13 @@ class ContactPoints:
         :param places: (a,) indices of the points.
         """
         key = places.tobytes()
-        if key not in self._kept:
+        if key not in self._compliances:
             count, both = len(places), np.arange(2)
             spread = self.spread[:, places].reshape(2 * count, len(self.ends))
             matrix = (spread @ self.ends @ spread.T).reshape(2, count, 2, count)
             matrix += self.inside[np.ix_(both, places, both, places)]
-            self._kept[key] = matrix
-        return self._kept[key]
+            self._compliances[key] = matrix
+        return self._compliances[key]
 
     def bend(self, displacements: Points, push: Points) -> Points:
         """
@@ -221,7 +221,7 @@ class ContactState:
     :ivar gaps: (c,) distances of the deformed tubes from the surface, not negative [m].
     :ivar normals: (c,) outward unit normals of the surface, x + iy.
     :ivar displacements: (c,) displacements of `ContactPoints.skin`, x + iy [m].
-    :ivar radii: (c,) radius of curvature of the surface nearest to each point [m].
+    :ivar radii: (c,) radius of curvature of the surface at its point nearest to each point [m].
     :ivar push: (c,) forces of the object on the tubes, x + iy [N].
     """
 
@@ -266,7 +266,8 @@ def find_contact_points(
     low, high = np.maximum(low, 0.0), np.minimum(high, length)
     if windows is not None:
         low, high = np.maximum(low, windows[:, 0]), np.minimum(high, windows[:, 1])
-    # Counted from the foot of the centre, where contact begins: what is symmetric stays so.
+    # Points are counted from the foot of the object's centre on the tube, where contact begins.
+    # So a symmetric grasp has symmetric points.
     near, foot = np.flatnonzero(high > low), away.real
     first, last = (((end - foot) / spacing)[near] for end in (low, high))
     first, last = np.ceil(first).astype(int), np.floor(last).astype(int)
@@ -288,7 +289,7 @@ def find_contact_points(
 
 
 def _move(tubes: BentTubes, push: Points) -> tuple[Array, Array]:
-    """Return the changes of displacements (n, 3) and constraint forces (c,) by forces."""
+    """Return the changes of displacements (n, 3) and multipliers (q,) that forces cause."""
     loads = np.zeros((len(tubes.frame.points), 3))
     loads[tubes.frame.nodes, 0], loads[tubes.frame.nodes, 1] = push.real, push.imag
     moved, multipliers = tubes.tangent.balance(loads.ravel())
@@ -315,7 +316,7 @@ def points_on_members(
     """
     frame, tangent = tubes.frame, tubes.tangent
     nodes, count, chains = frame.nodes, len(frame.nodes), tangent.chains
-    # Unit loads on the ends of pieces, and what the state takes without loads.
+    # Responses to unit loads on the ends of pieces, and the step to the state without loads.
     ends = np.concatenate([np.zeros(0, int), *(each.chains.ends.ravel() for each in chains)])
     loads = np.zeros((3 * len(frame.points), len(ends)))
     loads[ends, np.arange(len(ends))] = 1.0
@@ -356,7 +357,7 @@ def _reach(
     surface: Surface, start: Points, axis: Points, width: float, spacing: float
 ) -> tuple[Array, Array]:
     """Return the interval of each line (m,) that may touch the surface, from its start [m]."""
-    # A tube that gives elsewhere may come into contact beyond the chord of the object.
+    # The margin of two spacings is for a tube that bends and touches beyond the object's chord.
     away, reach = (surface.center - start) * axis.conj(), surface.reach + 2.0 * spacing
     off = np.abs(away.imag) - width
     chord = np.sqrt(np.maximum(0.0, reach**2 - np.maximum(off, 0.0) ** 2))
@@ -373,7 +374,7 @@ def _clip(
     start: Points, axis: Points, normals: Points, distances: Array, width: float
 ) -> tuple[Array, Array]:
     """Return the interval of each strip (m,) that is inside all tangents, from its start [m]."""
-    # Of the two edges of a strip, the one that is farther inside.
+    # The edge of a strip that is farther inside a tangent decides.
     slope = (axis[:, None] * normals.conj()).real
     lean = np.abs((axis[:, None] * normals.conj()).imag)
     room = distances - (start[:, None] * normals.conj()).real + width * lean

@@ -33,8 +33,8 @@ def find_wrinkling(
     :param structure: structural model of the robot.
     :param contact_points: candidate contact points.
     :param contact: contact with its forces.
-    :return: utilisation of the members; and (c,) tension along the tube of the wall on the
-        object's side at each point, not negative [N/m].
+    :return: utilisation of the members; and (c,) tension along the tube at each point, in
+        the wall on the object's side, not negative [N/m].
     """
     topology, tubes = structure.config.robot.topology, contact_points.bent
     radius = 0.5 * structure.config.robot.description.tube_diameter
@@ -47,7 +47,7 @@ def find_wrinkling(
     before, behind = frame.before[touching], frame.behind[touching]
     moment = tubes.ahead[touching] * ends[before, 5]
     compression = np.maximum(-ends[before, 3], ends[behind, 0])
-    # The force points away from the object, which presses the wall together on its own side.
+    # Bending away from the object's force stretches the wall on the object's side.
     pressure = np.array(structure.pressures)[topology.tube]
     tension = (pressure * np.pi * radius**2)[contact_points.member]
     tension[touching] += 2.0 / radius * moment * aside - compression
@@ -66,7 +66,7 @@ def assess_members(structure: Structure, solved: SolvedContact) -> dict[str, Any
     sections, tension = find_wrinkling(structure, points, contact)
     gauge = np.array(structure.pressures)[robot.topology.tube[points.member]]
     forces, local = contact.forces, gauge + tension / contact.radii
-    # The pressure at which a contact over half the circumference bears the force.
+    # The pressure at which a contact over half of the circumference carries the force.
     flat = forces / (0.5 * np.pi * robot.description.tube_diameter * points.spacing)
     pressed_flat = np.zeros(len(robot.member_names), dtype=bool)
     if points.dents.any():

@@ -5,10 +5,11 @@
 Depth of the dent of a tube's skin at one contact, as a function of the normal force.
 
 The dent is the deformation of the tube's section by `flattening` while the centre line is fixed.
-Each point of the skin presses across the tube, as in `sliding_contact`, so the dent follows from
-the heights of the object's surface: it is deep under a sharp corner and shallow under a face. The
-depth depends only on tube and object, so one table is valid for every grasp. The depth is almost
-linear in the 2/3 power of the force, as for a point contact.
+Its depth is the overlap of the object with the tube's undeformed section. Each point of the skin
+presses across the tube, as in `sliding_contact`, so the dent follows from the heights of the
+object's surface: under equal forces it is deep at a sharp corner and shallow at a face. The depth
+depends only on tube and object, so one table is valid for every grasp. The depth is almost linear
+in the 2/3 power of the force, as for a point contact.
 """
 
 from __future__ import annotations
@@ -32,16 +33,16 @@ DISC_DEPTHS, CORNER_DEPTHS = (0.8 * np.linspace(0.0, 1.0, n)[1:] ** 2 for n in (
 #: Number of contact points on the chord along which the object overlaps the round tube [-].
 CHORD_POINTS = 41
 DEPTH_EXPONENT = 2.0 / 3.0
-#: Spacing of the points of a corner's outline, and largest distance of a point of the contact, in
-#: tube radii [-].
-OUTLINE, REACH = 0.02, 4.0
+#: Spacing of the points on a corner's outline, and largest extent of the contact to each side of
+#: the contact point, in tube radii [-].
+OUTLINE_SPACING, MAX_EXTENT = 0.02, 4.0
 
 
-class SkinIndentation:
+class DentTable:
     """
-    Depth of a dent as a function of the normal force, for one tube and one object.
+    Table of a dent's depth as a function of the normal force, for one tube and one object.
 
-    :param depths: (n,) depths of the dent at the rows of the table, positive and increasing [m].
+    :param depths: (n,) tabulated depths of the dent, positive and increasing [m].
     :param presses: for each depth, the spacing of the points on the skin [m] and the contact
         forces (c,) at these points [N].
     :param kernel: local compliance of the tubes' sections.
@@ -57,8 +58,8 @@ class SkinIndentation:
         self._spline = spline = scipy.interpolate.CubicSpline(
             places, np.append(0.0, depths), bc_type='natural'
         )
-        # In place of calling the spline and its derivative: single numbers of Python are several
-        # times quicker, in each state of a search.
+        # `__call__` evaluates the spline from lists, because for single numbers this is several
+        # times faster than calling it.
         self._places: list[float] = places.tolist()
         self._pieces: list[list[float]] = spline.c.T.tolist()
         self._presses, self._kernel, self._tube = presses, kernel, tube
@@ -79,7 +80,12 @@ class SkinIndentation:
         return math.copysign(depth, force), slope * per_force
 
     def _locate(self, force: float) -> tuple[int, float, float, float]:
-        """Locate a force in the table of dents: interval, 2/3 power, excess, derivative."""
+        """
+        Locate the 2/3 power of a force in the table.
+
+        :return: index of the interval, position in the interval, excess beyond the end of the
+            table, and derivative of the power with respect to the force.
+        """
         size = max(abs(force), 1e-9)
         place = size**DEPTH_EXPONENT
         inside = min(place, self._places[-1])
@@ -99,7 +105,7 @@ class SkinIndentation:
         place = self._places[piece] + x
         slope, bend = (float(self._spline(place, order)) for order in (1, 2))
         rate, steeper = (float(self._spline_rate(place, order)) for order in (0, 1))
-        # The spline is natural: it does not bend where the table ends.
+        # The natural spline has no curvature at the ends of the table.
         curve = bend * stretch**2 + slope * stretch * (DEPTH_EXPONENT - 1.0) / size
         return sign * curve, sign * (rate + steeper * beyond), steeper * stretch
 
@@ -124,8 +130,8 @@ class SkinIndentation:
         """Return the derivative of the table's spline by pressure, at constant depths."""
         spline, moved = self._spline, self._place_rates
         third = 6.0 * spline.c[0]
-        # Where a place moves by m, the spline changes by -m times its slope, and the curvature of
-        # the change jumps by -m times what the third derivative does.
+        # If a place moves by m, the spline changes by -m times its slope there. The second
+        # derivative of this change jumps by -m times the jump of the spline's third derivative.
         jumps = np.append(0.0, -np.diff(third) * moved[1:-1]).cumsum()
         bent = scipy.interpolate.PPoly(jumps[None], spline.x).antiderivative(2)
         values = -spline(spline.x, 1) * moved - bent(spline.x)
@@ -135,7 +141,7 @@ class SkinIndentation:
         return found
 
 
-class Indentation:
+class Dents:
     """
     Depths of the dents at k contacts with one object, each as a function of the normal force.
 
@@ -143,7 +149,7 @@ class Indentation:
     :param scale: ratio of the tubes' stiffness to the stiffness for which the tables hold [-].
     """
 
-    def __init__(self, tables: Sequence[SkinIndentation] = (), scale: float = 1.0) -> None:
+    def __init__(self, tables: Sequence[DentTable] = (), scale: float = 1.0) -> None:
         self._tables, self._scale = tables, scale
 
     def __call__(self, forces: Array) -> tuple[Array, Array]:
@@ -160,10 +166,10 @@ class Indentation:
 
     def second_rates(self, forces: Array) -> Array:
         """
-        Return the second derivatives of the dents' depths, and the derivatives by pressures.
+        Return the second derivatives of the dents' depths, and the derivatives by pressure.
 
         :param forces: (k,) normal forces [N].
-        :return: (3, k) see `SkinIndentation.second_rates`.
+        :return: (3, k) see `DentTable.second_rates`.
         """
         if not self._tables:
             return np.zeros((3, len(forces)))
@@ -173,11 +179,11 @@ class Indentation:
 
 
 @functools.lru_cache(maxsize=32)
-def skin_indentation(
+def disc_dents(
     robot: Mechanism, tube: int, radius: float, pressures: tuple[float, ...] | None = None
-) -> SkinIndentation:
+) -> DentTable:
     """
-    Return the cached table of indentation depth over normal force of a disc on one tube.
+    Return the table of the dent of a disc in one tube, cached.
 
     :param robot: the robot.
     :param tube: index of the tube.
@@ -187,11 +193,11 @@ def skin_indentation(
     depths = DISC_DEPTHS * min(radius, 0.5 * robot.description.tube_diameter)
     kernel = flattening_of(robot, pressures)
     presses = [_press_disc(kernel, tube, radius, depth) for depth in depths]
-    return SkinIndentation(depths, presses, kernel, tube)
+    return DentTable(depths, presses, kernel, tube)
 
 
 def _press_disc(kernel: Flattening, tube: int, radius: float, depth: float) -> tuple[float, Array]:
-    """Return the spacing of the skin points, and the forces (c,) for a disc's given depth."""
+    """Return the spacing of the skin points, and the forces (c,) at a given depth of a disc."""
     half = np.sqrt(radius**2 - (radius - depth) ** 2)
     place = half * np.linspace(-1.0, 1.0, CHORD_POINTS)
     gaps = radius - depth - np.sqrt(radius**2 - place**2)
@@ -215,9 +221,9 @@ def corner_dents(
     corner: int,
     cuts: tuple[float, float],
     pressures: tuple[float, ...] | None = None,
-) -> SkinIndentation:
+) -> DentTable:
     """
-    Return the cached table of indentation depth over normal force of a corner or face on one tube.
+    Return the table of the dent of a corner or face in one tube, cached.
 
     :param robot: the robot.
     :param tube: index of the tube.
@@ -226,18 +232,18 @@ def corner_dents(
         the object's frame [rad]. It is rounded, so that similar contacts share a table.
     :param corner: index of the corner in contact, see `Shape.corner_at`.
     :param cuts: largest extents of the contact along the surface, clockwise and counter-clockwise
-        of the contact point [m]. The extent is half of the face if the other end of the face is
-        another contact, otherwise infinite.
+        from the contact point [m]: half of the length of a face whose other end is another
+        contact, otherwise infinite.
     :param pressures: (t,) gauge pressure of each tube [Pa]; None: as in the robot file.
     """
     radius = 0.5 * robot.description.tube_diameter
     point = shape.point_at(corner, complex(np.exp(1j * angle)))
-    places, heights = _profile(shape, angle, point, OUTLINE * radius)
-    reach = np.minimum(cuts, REACH * radius)
+    places, heights = _profile(shape, angle, point, OUTLINE_SPACING * radius)
+    reach = np.minimum(cuts, MAX_EXTENT * radius)
     depths = CORNER_DEPTHS * radius
     kernel = flattening_of(robot, pressures)
     presses = [_press_corner(kernel, tube, places, heights, reach, depth) for depth in depths]
-    return SkinIndentation(depths, presses, kernel, tube)
+    return DentTable(depths, presses, kernel, tube)
 
 
 @functools.lru_cache(maxsize=16)
@@ -250,13 +256,13 @@ def _profile(shape: Shape, angle: float, point: complex, spacing: float) -> tupl
     """Return positions along a tube, counter-clockwise, and the surface's heights there [m]."""
     inward = -np.exp(1j * angle)
     seen = (_outline(shape, spacing) - point) * inward.conjugate()
-    # Along the tube counter-clockwise, and into the object.
+    # Positions along the tube, counter-clockwise, and heights into the object.
     along, height = -seen.imag, seen.real
     first, last = int(along.argmin()), int(along.argmax())
     count = (last - first) % len(along)
     chain = (first + np.arange(count + 1)) % len(along)
     places, found = along[chain], np.maximum(height[chain], 0.0)
-    # The point itself may be between two of the outline.
+    # The contact point may be between two points of the outline.
     place = int(np.searchsorted(places, 0.0))
     return np.insert(places, place, 0.0), np.insert(found, place, 0.0)
 
@@ -264,16 +270,16 @@ def _profile(shape: Shape, angle: float, point: complex, spacing: float) -> tupl
 def _press_corner(
     kernel: Flattening, tube: int, places: Array, heights: Array, reach: Array, depth: float
 ) -> tuple[float, Array]:
-    """Return the spacing of the skin points, and the forces (c,) for a surface's given depth."""
+    """Return the spacing of the skin points, and the forces (c,) at a given depth of a corner."""
     low = np.flatnonzero(heights <= depth)
     first, last = max(low[0] - 1, 0), min(low[-1] + 1, len(places) - 1)
-    # Where the surface is as high as the depth, between two of its points.
+    # Interpolated positions at which the height of the surface is the depth.
     begin, end = (
         float(np.interp(depth, heights[pair], places[pair]))
         for pair in ([low[0], first], [low[-1], last])
     )
     begin, end = max(begin, -float(reach[0])), min(end, float(reach[1]))
     spacing = max(end - begin, 1e-6) / CHORD_POINTS
-    # Points in the middle of pieces, so that these end where the contact may.
+    # Each point is in the middle of a piece of tube; the outer pieces end at `begin` and `end`.
     gaps = np.interp(begin + (np.arange(CHORD_POINTS) + 0.5) * spacing, places, heights) - depth
     return _press(kernel, tube, spacing, gaps)

@@ -70,7 +70,7 @@ class Flattening:
         apart = np.rint(np.abs(place[:, None] - place) / spacing).astype(np.intp)
         same = member[:, None] == member
         apart[~same] = 0
-        # Of powers of two, so that few tables serve all.
+        # The table's length is a power of two, so few tables are computed.
         count = 1 << int(apart.max(initial=0)).bit_length()
         table = _compliance_by_distance(self, count, spacing)
         return np.where(same, table[tube[:, None], apart], 0.0)
@@ -96,7 +96,7 @@ class Flattening:
         """
         ratio, blown = spacing / self.reach, 1.0 / self.pressure[:, None]
         pulled = self.tension_rate / self.tension
-        # Of the logarithms of the peak, and of `ratio`, which is a length.
+        # Derivatives of the logarithm of `peak`, and of `ratio`.
         higher, wider = -0.5 * (blown + pulled), -0.5 * (pulled - blown) * ratio
         peak = 0.5 / np.sqrt(self.stiffness * self.tension)
         mean = -np.expm1(-ratio) / ratio
@@ -126,7 +126,7 @@ def _compliance_by_distance(kernel: Flattening, count: int, spacing: float) -> A
     """Return the compliance (t, count) between points that are 0, 1, ... spacings apart [m/N]."""
     ratio = spacing / kernel.reach
     peak = 0.5 / np.sqrt(kernel.stiffness * kernel.tension)
-    # exp(-k ratio) (2 / ratio sinh(ratio / 2))^2, written so that nothing overflows.
+    # exp(-k ratio) (2 / ratio sinh(ratio / 2))^2, in a form that cannot overflow.
     spread = peak * (np.expm1(-ratio) / ratio) ** 2
     steps = np.arange(count) - 1.0
     table = np.einsum('tn,tnk->tk', spread, np.exp(-ratio[:, :, None] * steps))

@@ -77,8 +77,8 @@ def _balance(
     room = friction * np.tile(support, 2) + np.concatenate([offs, -offs])
     nearest = find_nearest(np.concatenate([normals, -normals]).T, room, size, 0.0)
     left = np.zeros(3) if nearest is None else nearest.point
-    # What is left when all friction is used points away from all that could take more of it: only
-    # shares across it are open, few of all.
+    # Friction is at its bound at each contact whose friction wrench has a component along the
+    # residual. Only the factors of the few contacts without such a component are unknown.
     lever, reach = segments @ left, np.linalg.norm(segments, axis=1) * np.linalg.norm(left)
     free = np.abs(lever) <= NEGLIGIBLE_SHARE * reach
     shares = np.where(free, 0.0, -friction * np.sign(lever))
@@ -88,11 +88,11 @@ def _balance(
 
 
 def _smallest(segments: Array, wanted: Array, friction: float) -> Array:
-    """Return the smallest friction factors (k,) for a wrench, or for the closest wrench."""
+    """Return the smallest friction factors (k,) that exert a wrench, or the closest wrench."""
     shares = solve_least_squares(segments.T, wanted)
     if np.abs(shares).max() <= friction:
         return shares
-    # A load beyond all friction must not overflow in the search either.
+    # Scaled, so that a load far beyond all friction does not overflow.
     size = max(float(np.abs(segments).max()), NEGLIGIBLE_SHARE * float(np.abs(wanted).max()))
     count = len(segments)
     return scipy.optimize.lsq_linear(
@@ -111,7 +111,7 @@ def _extremes(
     """Return the smallest coefficient of friction that balances a load, and the closure margin."""
     normals, support = facets
     need = np.abs(normals @ wanted)
-    # A flat zonotope, as of two contacts, reaches nothing across its plane.
+    # A planar zonotope, as of two contacts, balances no wrench perpendicular to its plane.
     flat = support == 0.0
     if (need[flat] > tolerance).any():
         return np.inf, -float(need[flat].max())
@@ -128,7 +128,7 @@ def _facets(segments: Array) -> tuple[Array, Array]:
     sizes, reach = np.linalg.norm(normals, axis=1), np.linalg.norm(segments, axis=1)
     good = sizes > ROUNDING * reach[first] * reach[second]
     normals = normals[good] / sizes[good, None]
-    # All pairs of hundreds of contacts, times all contacts, would take gigabytes at once.
+    # The products of all pairs of hundreds of contacts with all contacts would take gigabytes.
     parts = np.array_split(normals, 1 + len(normals) // FACET_BATCH)
     support = np.concatenate([np.abs(part @ segments.T).sum(axis=1) for part in parts])
     if (support > ROUNDING * np.linalg.norm(segments, axis=1).sum()).any():

@@ -26,8 +26,8 @@ class SolvedContact(NamedTuple):
     length: Array  #: (m,) length of tube in contact [m]; zero without contact
     #: (m, 2) start and end of the contact from the member's start [m]; (inf, -inf) without contact
     spans: Array
-    #: (k,) indices of the points in the result; other points were used only in the search
-    kept: Indices
+    #: (k,) indices of the points near contact regions; the result contains only these
+    region_points: Indices
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -4,9 +4,10 @@
 """
 Negative slip margin of an object without equilibrium, from the members' gaps to the object.
 
-It continues the slip margin to negative values, so that its gradient leads an optimiser back to
-contact. Its amount is the norm of the unbalanced external wrench plus p R g, which is about the
-force of a tube with radius R and pressure p that is pressed in by its gap g.
+The slip margin is continued to negative values, so that its gradient leads an optimiser back to
+contact. Its absolute value is the norm of the unbalanced external wrench plus p R g, for tubes of
+radius R and pressure p at the gap g to the object. A tube that is pressed in by g exerts about the
+force p R g.
 """
 
 from __future__ import annotations

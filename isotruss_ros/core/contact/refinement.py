@@ -5,9 +5,9 @@
 Contact of flattening tubes, solved with points that are refined in the contact regions.
 
 Contact forces and lengths converge fast with the spacing of the points. Closure by friction
-depends on the pressure distribution within each region; its error falls with the square of the
-number of points in the smallest region. Therefore the regions are first found with few points. The
-final points have a sufficiently small spacing and are inside the regions only.
+depends on the pressure distribution within each region; its error is inversely proportional to the
+square of the number of points in the smallest region. Therefore the regions are first found with
+few points. The final points have a sufficiently small spacing and are inside the regions only.
 """
 
 from __future__ import annotations
@@ -34,18 +34,18 @@ from isotruss_ros.core.statics.structure import Structure
 from isotruss_ros.core.statics.tangent import TUBE_CURVATURE
 import numpy as np
 
-#: Spacing of the points of the search, and their margin around a region, relative to the final
-#: spacing [-].
-SEARCH = 2.0
-#: Smallest number of points in a contact region, and possible divisors of the spacing [-].
+#: Spacing of the points with which regions are searched, and extent of points to both sides of a
+#: region, relative to the final spacing [-].
+SEARCH_SPACING = 2.0
+#: Number of points that a contact region should have, and divisors of the spacing for this [-].
 REGION_POINTS = 10
 DIVISIONS = (1, 2, 4)
 #: Largest relative change of a region's length by halving the spacing [-].
 LENGTH_SPREAD = 0.02
-EVERYWHERE = np.array([-np.inf, np.inf])
+ALL_PLACES = np.array([-np.inf, np.inf])
 #: The iteration for the bent tubes ends if the next motion is expected below this bound, relative
-#: to the displacements of the skin [-]. The forces then differ by 3e-6 at most between initial
-#: guesses, since the gaps of contacts are closed to `ROUNDING`.
+#: to the displacements of the skin [-]. For different initial guesses, the forces then differ by
+#: at most 3e-6, since the gaps of contacts are closed to `ROUNDING`.
 SETTLED_SHARE = 5e-8
 #: Fractions of the tubes' bending by the contact forces, tried one after another [-].
 BENT_SHARES = (1.0, 0.5, 0.2, 0.0)
@@ -69,7 +69,7 @@ def refine_contact(
 
     :param structure: structural model of the robot.
     :param surface: surface of the object.
-    :param spacing: largest distance of the points [m].
+    :param spacing: largest spacing of the points along the tubes [m].
     :param flattening: local compliance of the tubes.
     :param solver: `solve_contact`, `solve_sliding_contact` or `relax_contact`.
     :param previous: contact of a similar grasp, whose regions are the first estimate; None: the
@@ -94,7 +94,7 @@ def _press_in(search: _Search, refused: IsotrussError, step: float) -> SolvedCon
     The skin of the tubes is first moved away from the object, and then back in steps.
 
     :param refused: error of the solution without steps.
-    :param step: first step as a fraction of the object's depth [-].
+    :param step: first step as a fraction of the object's depth in the tubes [-].
     """
     flattening = search.flattening
     depth = float(member_depths(search.structure.config, search.surface.body).max())
@@ -131,9 +131,9 @@ def measure_contact(
     """
     spacing = contact_points.spacing
     member, place = contact_points.member, contact_points.place
-    # The depth to which each point is pressed by its own load, or its gap: this runs through zero
-    # where contact ends, straight enough to be interpolated between the points. In the paper's
-    # model a point has no depth of its own, and stands for half a spacing to both sides.
+    # The depth of the dent by each point's own load, minus its gap, is zero where contact ends and
+    # is interpolated linearly between the points. In the paper's model there are no dents, and a
+    # point in contact represents half a spacing to both sides.
     depth = contact_points.dents.diagonal() * contact.forces - contact.gaps
     touching = contact.forces > 0.0
     joined = member[1:] == member[:-1]
@@ -161,8 +161,8 @@ class _Search:
     flattening: Flattening
     solver: ContactSolver
     budget: int | None
-    #: Whether the search only follows the previous contact; then the iteration for the bent tubes
-    #: ends at the first motion that grows.
+    #: Whether only the previous contact is followed; then the iteration for the bent tubes fails
+    #: as soon as a motion is larger than the one before.
     steady: bool = False
 
     def refine(self, previous: SolvedContact | None) -> SolvedContact:
@@ -172,24 +172,27 @@ class _Search:
             found, settled = self.solve(found, limited=True)
             clear = self.budget is not None or _is_division_clear(found.spans, self.spacing)
         if found is None or not (self.steady or (settled and clear)):
-            found, settled = self.find(SEARCH * self.spacing, None, estimate_contact), False
+            found, settled = (
+                self.find(SEARCH_SPACING * self.spacing, None, estimate_contact),
+                False,
+            )
             if not _touched(found.spans).any():
                 return self.solve_everywhere()
             if self.budget is not None:
-                # The estimate does not slide, and presses far too hard at corners.
-                found = self.find(SEARCH * self.spacing, None, self.solver)
+                # Tubes do not slide in the estimate, so its forces at corners are far too large.
+                found = self.find(SEARCH_SPACING * self.spacing, None, self.solver)
         for step in range(MAX_SEARCH_STEPS):
             if settled:
                 break
             found, settled = self.solve(found, limited=step < MAX_SEARCH_STEPS - 1)
-            # The search goes by tangents, which may be touched where the surface is not.
+            # The search uses tangents; a tube may touch a tangent without touching the surface.
             touches = self.budget is None or _touched(found.spans).any()
             if not len(found.points.points) or not touches:
                 return self.solve_everywhere()
         found = self.bend(found)
-        # Whatever the search began with, the answer is the same.
+        # The points in the result do not depend on the initial guess.
         within = _within(found.points, found.spans + self.room)
-        return found._replace(kept=np.flatnonzero(within))
+        return found._replace(region_points=np.flatnonzero(within))
 
     @property
     def room(self) -> Array:
@@ -212,7 +215,7 @@ class _Search:
             lambda bent: self.find(self.spacing / division, windows, begin, bent, before),
         )
         found = solved.spans
-        # A member whose contact has left its window may be touched elsewhere.
+        # If a contact has left its window, its member may be in contact elsewhere.
         inside = ((found + self.room - windows) * self.room <= 0.0).all()
         fits = inside and (_touched(found) >= (limited & _touched(regions))).all()
         divided = self.budget is not None or division == _division(found, self.spacing)
@@ -222,9 +225,9 @@ class _Search:
         """Return the intervals (m, 2) of the members in which new points are placed."""
         points, regions = before.points, before.spans
         touched = limited & _touched(regions)
-        found = np.where(touched, regions + SEARCH * self.room, EVERYWHERE)
+        found = np.where(touched, regions + SEARCH_SPACING * self.room, ALL_PLACES)
         if spacing == points.spacing:
-            # As many points are within half a spacing of them, if the object moves a little.
+            # If the object moves a little, the number of points remains equal in this window.
             outer = spacing * np.array([-0.5, 0.5])
             for member in np.flatnonzero(touched).tolist():
                 places = points.place[points.member == member]
@@ -274,7 +277,7 @@ class _Search:
         """Solve the contact repeatedly, each time linearised about the last solution."""
         surface, last, quick = self.surface.resolved(found.points.spacing), np.inf, True
         points, contact = found.points, found.contact
-        # Sliding tubes turn with the contact: its error shrinks to a tenth by each motion.
+        # Sliding tubes turn with the contact, so each step reduces the error only to a tenth.
         least = 1e-3 if self.budget is None else 0.1
         for _ in range(MAX_SEARCH_STEPS):
             distance = points.distance(contact.push)
@@ -282,7 +285,8 @@ class _Search:
             reach = np.abs(contact.displacements).max(initial=0.0)
             settled = ratio * distance <= max(SETTLED_SHARE * reach, COINCIDENCE)
             shorter = ratio <= 0.5
-            # Soft structures, which give by a metre for a newton, move more by rounding of forces.
+            # Very soft structures (1 m/N) move by more than ROUNDING, due to rounding errors of
+            # forces.
             rounding = distance <= 1e3 * ROUNDING and not (shorter or quick)
             if settled or rounding:
                 return found if points is found.points else self._measure(points, contact)
@@ -303,7 +307,7 @@ class _Search:
 
             points, contact = self._solve_bent(points, contact.push, solve)
         raise SolverError(
-            f'{self.touching(found)}: the bent tubes did not settle in {MAX_SEARCH_STEPS} steps '
+            f'{self.touching(found)}: no equilibrium of the tubes in {MAX_SEARCH_STEPS} steps '
             f'(the last moved a node by {1e3 * last:.3g} mm); the object is pressed in too '
             'deeply, or the structure becomes unstable under it'
         )
@@ -321,19 +325,22 @@ def _touched(regions: Array) -> Flags:
 
 def _carry_over(before: SolvedContact, points: ContactPoints) -> Points:
     """Return normals at the points, interpolated from the normals of a similar grasp."""
-    # Members one after the other, so far apart that none has points among those of another.
-    member, place = before.points.member[before.kept], before.points.place[before.kept]
+    # The members are placed one after the other on one axis, so far apart that none overlap.
+    member, place = (
+        before.points.member[before.region_points],
+        before.points.place[before.region_points],
+    )
     apart = 1.0 + max(place.max(initial=0.0), points.place.max(initial=0.0))
     known, wanted = place + apart * member, points.place + apart * points.member
-    normals = before.contact.normals[before.kept]
+    normals = before.contact.normals[before.region_points]
     return np.exp(1j * np.angle(np.interp(wanted, known, normals)))
 
 
 def _division(regions: Array, spacing: float, budget: int | None = None) -> int:
-    """Return the divisor of the spacing by the shortest region, or by the budget of points."""
+    """Return the divisor of the spacing for the shortest region, or for the budget of points."""
     length = (regions[:, 1] - regions[:, 0])[_touched(regions)[:, 0]]
     if budget is not None:
-        points = (length + 2.0 * SEARCH * spacing).sum() / spacing
+        points = (length + 2.0 * SEARCH_SPACING * spacing).sum() / spacing
         return next((n for n in reversed(DIVISIONS) if n * points <= budget), DIVISIONS[0])
     shortest = length.min(initial=np.inf)
     enough = REGION_POINTS * spacing / shortest

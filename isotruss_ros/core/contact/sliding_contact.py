@@ -30,12 +30,12 @@ from isotruss_ros.core.numerics.tolerances import (
 import numpy as np
 from scipy.linalg import lapack
 
-#: Steepest tangent of the object relative to the tube, as a direction; steeper tangents are
-#: replaced by this tangent.
-STEEPEST = np.exp(1j * np.deg2rad(75.0))
+#: Steepest direction of the object's tangents relative to the tube; steeper tangents are replaced
+#: by this one.
+STEEPEST_TANGENT = np.exp(1j * np.deg2rad(75.0))
 #: Largest inclination of a normal relative to the tube's transverse direction, at a corner with
 #: folded skin [rad].
-FOLD = np.deg2rad(12.0)
+MAX_FOLD_ANGLE = np.deg2rad(12.0)
 #: Smallest radius of an arc that the points resolve, in spacings [-].
 RESOLVED_ARC = 2.0
 
@@ -65,10 +65,10 @@ def solve_sliding_contact(
         return found
     # Full steps may cycle between a few sets of points.
     found = _iterate(contact_points, surface, None, undeformed, MAX_SEARCH_STEPS)
-    # Skin beyond the far side of a small object touches nothing: that is no answer here.
+    # Skin beyond the far side of a small object has no contact force; this is not a solution.
     if found is None or not found.forces.any():
         raise SolverError(
-            f'the contact did not settle in {2 * MAX_NEWTON_ITERATIONS} steps; the object is '
+            f'the contact did not converge in {2 * MAX_NEWTON_ITERATIONS} steps; the object is '
             'pressed in too deeply'
         )
     return found
@@ -109,7 +109,7 @@ def _iterate(
         if forces is None:
             compliance = contact_points.normal_compliance(push)
             forces, active = solve_complementarity(compliance, gaps, active)
-            # Those that would pull press as far as the tubes have slid before.
+            # If points would pull, the forces remain those for the previous sliding.
             places = np.flatnonzero(active)
             slid = None if damped else _slide(contact_points, places, normals, push, still)
             forces = forces if slid is None else slid
@@ -122,7 +122,7 @@ def _iterate(
         if steep.any():
             at = np.flatnonzero(steep)
             gaps[at] = open_gaps(moved[at], normals[at], surface)
-        # Where no other point has come to touch, the same ones do.
+        # If no other point has come into contact, the points in contact are unchanged.
         settled = bool((gaps >= -COINCIDENCE).all())
         if settled and not damped and (np.abs(gaps[active]) <= COINCIDENCE).all():
             return ContactState(forces, gaps, normals, displacements, radii, push)
@@ -152,11 +152,11 @@ def _slide(
 def _limit(normals: Points, bent: Points, side: Array) -> tuple[Points, Flags]:
     """Return normals (c,) with bounded inclination, and a mask of the bounded normals."""
     local = normals * bent.conj()
-    steep = side * local.imag < STEEPEST.real
+    steep = side * local.imag < STEEPEST_TANGENT.real
     if not steep.any():
         return normals, steep
-    along = np.copysign(STEEPEST.imag, local.real)
-    return np.where(steep, bent * (along + 1j * side * STEEPEST.real), normals), steep
+    along = np.copysign(STEEPEST_TANGENT.imag, local.real)
+    return np.where(steep, bent * (along + 1j * side * STEEPEST_TANGENT.real), normals), steep
 
 
 def _bend(
@@ -171,7 +171,7 @@ def _bend(
 
 
 def _find_neighbours(contact_points: ContactPoints) -> Indices:
-    """Return the two neighbours (2, c) of each point on its member; the point itself at an end."""
+    """Return both neighbours (2, c) of each point on its member; at an end, the point itself."""
     own = np.arange(len(contact_points.member))
     alike = contact_points.member[1:] == contact_points.member[:-1]
     return np.stack([own - np.append(False, alike), own + np.append(alike, False)])
@@ -186,7 +186,7 @@ def turn_at_corners(
     The skin is folded over a sharp corner and the ends of its two faces. There, the solved normal
     of a point is an arbitrary direction between the normals of the faces; only the resultant force
     is determined, and it is perpendicular to the tube. Therefore these normals are turned until
-    they are inclined by at most `FOLD` to the resultant, and the forces are adapted.
+    their inclination to the resultant is at most `MAX_FOLD_ANGLE`, and the forces are adapted.
 
     :param contact_points: candidate contact points.
     :param contact: contact of sliding tubes.
@@ -195,12 +195,14 @@ def turn_at_corners(
     moved = contact_points.skin + contact.displacements - surface.center
     radii = surface.nearest(moved).radii
     sizes = np.abs(contact.push)
-    # Arcs and ellipses that points can tell are as they are; faces and blunted corners differ.
+    # Arcs and ellipses that the points resolve are unchanged; faces and rounded corners are not.
     rounded = np.isfinite(contact.radii) & (contact.radii >= RESOLVED_ARC * contact_points.spacing)
     rounded[rounded] = np.abs(radii[rounded] / contact.radii[rounded] - 1.0) < 1e-3
     places = np.flatnonzero((sizes > 0.0) & ~rounded)
     across = contact.push[places] / sizes[places]
-    lean = np.clip(np.angle(contact.normals[places] * across.conj()), -FOLD, FOLD)
+    lean = np.clip(
+        np.angle(contact.normals[places] * across.conj()), -MAX_FOLD_ANGLE, MAX_FOLD_ANGLE
+    )
     normals, forces = contact.normals.copy(), contact.forces.copy()
     normals[places] = across * np.exp(1j * lean)
     forces[places] = sizes[places] / np.cos(lean)

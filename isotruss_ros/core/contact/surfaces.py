@@ -61,7 +61,7 @@ class Surface:
         """
         if self.shape.is_round:
             sizes = np.abs(away)
-            # That of a point at the very centre is any, say upward.
+            # The normal nearest to the centre is arbitrary; upward is used.
             upward = np.full(len(away), 1j)
             normals = np.divide(away, sizes, out=upward, where=sizes > 0.0)
             return SurfacePoints(sizes - self.reach, normals, np.full(len(away), self.reach))
@@ -77,7 +77,7 @@ class Surface:
         """
         if self.shape.is_round:
             return self.nearest(away).normals
-        # These are pulled back until they are outside.
+        # The points are shifted outward until they are outside of the object.
         aside = (away * axis.conj()).imag
         outward = 1j * np.where(aside < 0.0, -axis, axis)
         short = self.support(outward) - np.abs(aside)

@@ -32,7 +32,7 @@ from isotruss_ros.core.holding.contact_forces import (
 from isotruss_ros.core.holding.contact_statics import (
     ContactConditions,
     ContactStatics,
-    SOFTNESS,
+    FRICTION_COMPLIANCE,
     TubeModel,
 )
 from isotruss_ros.core.holding.face_ends import (
@@ -61,8 +61,8 @@ from isotruss_ros.core.numerics.tolerances import (
 )
 import numpy as np
 
-#: Largest relative difference of normal forces from the predicted equilibrium [-].
-LIKE = 0.3
+#: Largest difference of a normal force from its prediction, relative to the prediction [-].
+MAX_FORCE_CHANGE = 0.3
 #: Largest number of contact hypotheses in a quick search [-]. A quick search finds 95 of the 100
 #: equilibria of boxes that the whole search finds.
 QUICK_SETS = 2
@@ -91,7 +91,8 @@ def attach_grip(
         zero.
     :param tubes: model of the tubes.
     :param before: previous equilibrium. The iteration starts from it if its contacts are similar.
-    :param quick: True to try so few contact hypotheses that the search fits in a control cycle.
+    :param quick: True to try so few contact hypotheses (face ends in contact) that the search fits
+        in a control cycle.
     :raises NotHeldError: no equilibrium near the measured pose exists.
     :raises StructureError: see `structure_of`.
     """
@@ -120,7 +121,7 @@ def attach_grip(
 
 def lay_faces(found: HeldGrip, friction: float, gap: float) -> HeldGrip:
     """
-    Return the equilibrium with a whole face in contact, if only this equilibrium is held.
+    Return the equilibrium with a whole face in contact, if the object is held only in this one.
 
     Otherwise, return the given equilibrium. With wrong roller offsets the modelled tubes are
     inclined, so the model has a gap at one end of a face that is in contact.
@@ -140,7 +141,7 @@ def lay_faces(found: HeldGrip, friction: float, gap: float) -> HeldGrip:
         contacts, _ = with_far_end(found.contacts, k, face)
         statics = build_statics(found.config, found.statics.body, contacts, found.tubes)
         laid = _find_rest(found.config, statics, found.wrench, found.tubes, None, MAX_SEARCH_STEPS)
-        if laid is not None and laid.pulling_end is None and laid.required_friction <= friction:
+        if laid is not None and laid.most_pulling() is None and laid.required_friction <= friction:
             return laid
     return found
 
@@ -156,16 +157,16 @@ def _find_pressing(
         found = find(contacts)
         if found is None:
             break
-        pulling = found.pulling_end
+        pulling = found.most_pulling()
         if pulling is None:
             return found
         contacts = contacts.without(pulling)
     if sets is not None:
         return None
-    # Not found with both ends of some face: the nearest one with as few ends less as may be.
+    # Try all hypotheses with one open face end, then with two, ...; take the nearest equilibrium.
     for _, alike in itertools.groupby(_choices(contacts)[1:], lambda each: len(each.owners)):
         others = [each for each in map(find, alike) if each is not None]
-        pressing = [each for each in others if each.pulling_end is None]
+        pressing = [each for each in others if each.most_pulling() is None]
         if pressing:
             return min(pressing, key=lambda each: abs(each.body.middle - middle))
     return None
@@ -192,12 +193,12 @@ def _find_rest(
         start = _search_centered(statics, wrench, steps)
         found = None if start is None else statics.settle(start, wrench, conditions, steps)
     if found is not None and not tubes.paper_model and len(contacts.owners) > len(contacts.ends):
-        # How deep a face's ends dent the skin rests on how the tube is bent over them, and on how
-        # the object has turned.
+        # The dents at the ends of a face depend on the inclinations of the bent tube and on the
+        # object's rotation.
         statics, state = found
         turned = body.moved_to(state.unknowns[:3])
         dents = find_dents(statics.bent.structure, turned, contacts, tubes, state.normals)
-        statics = replace(statics, indentation=dents)
+        statics = replace(statics, dents=dents)
         found = statics.settle(state.unknowns, wrench, conditions, steps)
     if found is None:
         return None
@@ -238,7 +239,7 @@ def _search_centered(statics: ContactStatics, wrench: Array, steps: int) -> Arra
 
 
 def _is_like(grip: HeldGrip, statics: ContactStatics) -> bool:
-    """Return whether grip and `statics` agree in kinds and sides of their contacts."""
+    """Return whether grip and `statics` have contacts of the same members, corners and sides."""
     own, contacts = grip.contacts, statics.contacts
     pairs = (
         (own.members, contacts.members),
@@ -265,12 +266,12 @@ def _solve_nearby(
         return None
     moved = np.abs(found[1].unknowns - start)
     far = max(float(moved[CENTER].max()), float(moved[places.feet].max()))
-    alike = (moved[places.normal] <= LIKE * np.abs(start[places.normal])).all()
+    alike = (moved[places.normal] <= MAX_FORCE_CHANGE * np.abs(start[places.normal])).all()
     return found if far <= MAX_FIRST_ORDER_TRAVEL and bool(alike) else None
 
 
 def _choices(contacts: PressedContacts) -> list[PressedContacts]:
-    """Yield contact hypotheses: first both ends of all faces touch, then single ends."""
+    """Return contact hypotheses: first all face ends in contact, then fewer and fewer."""
     faces = [own.tolist() for own in contacts.ends if len(own) > 1]
     found = []
     for dropped in itertools.product(*([None, *own] for own in faces)):
@@ -285,12 +286,12 @@ def rest(statics: ContactStatics, body: ConvexObject) -> ContactConditions:
     """
     Return the conditions that replace rolling conditions if the contact history is unknown.
 
-    Squeeze: With two members, the squeeze follows from the measured position across the chord
-    between the contacts. With three members, it follows from statics. Angle: Without a face
-    contact, the angle is measured. With a face contact, the ratio |T| / N of friction to normal
-    force is equal at all members, which determines the angle. Friction: Three members have no
-    friction if there is a face contact; otherwise the ratio is equal at all three. The ratio is
-    also equal at both ends of a face.
+    With two members, the squeeze follows from the measured position across the chord between the
+    contacts. With three members, it follows from statics. Without a face contact, the angle is
+    measured. With a face contact between two members, the ratio |T| / N of friction to normal
+    force is equal at both members, which determines the angle. Three members have no friction if
+    there is a face contact; otherwise their friction forces are equal. The ratio T / N is equal at
+    both ends of a face.
 
     :param statics: equations of equilibrium.
     :param body: the object at its measured pose.
@@ -301,34 +302,38 @@ def rest(statics: ContactStatics, body: ConvexObject) -> ContactConditions:
     faces, across = bool(pairs), len(ends) == 2
     if faces and across:
         pairs.append((ends[0], ends[1], 1.0))
-    # T_one N_other + sign T_other N_one of the forces (N, T) of contacts that use friction alike.
+    # Quadratic forms T_one N_other + sign T_other N_one, which are zero if |T| / N is equal.
     alike = np.zeros((len(pairs), 2 * count, 2 * count))
     for form, (one, other, sign) in zip(alike, pairs, strict=True):
         form[np.ix_(count + one, other)] = 1.0
         form[np.ix_(count + other, one)] = sign
     alike += alike.transpose(0, 2, 1)
     first = len(pairs) + across
-    # Shares of the normals in the chord from their mean at the second member to that at the first.
+    # The chord is the mean of the first member's normals minus that of the second member's.
     shares = np.where(owners == 0, 1.0, -1.0) / np.bincount(owners)[owners]
     linear, given = np.zeros((count, places.size)), np.zeros(count)
     if not faces:
         linear[first, ANGLE], given[first] = body.arm, body.arm * body.pose.angle
     if not across:
-        # The friction of the first members, or their differences, that is to be none.
+        # Friction forces of the members, or differences of them, that are zero.
         signs = np.eye(len(ends))[: count - first - (not faces)]
         signs = signs if faces else signs - np.roll(signs, 1, axis=1)
         rubbing = slice(first + (not faces), None)
-        linear[rubbing, places.friction] = SOFTNESS * signs[:, owners]
+        linear[rubbing, places.friction] = FRICTION_COMPLIANCE * signs[:, owners]
 
     def rows(unknowns: Array, normals: Points) -> tuple[Array, Array]:
         left, derivative = linear @ unknowns - given, linear.copy()
         if faces:
             forces = unknowns[pressing]
-            slopes = alike @ forces * SOFTNESS / max(float(np.abs(forces[:count]).sum()), 1e-3)
+            slopes = (
+                alike
+                @ forces
+                * FRICTION_COMPLIANCE
+                / max(float(np.abs(forces[:count]).sum()), 1e-3)
+            )
             left[: len(pairs)], derivative[: len(pairs), pressing] = 0.5 * slopes @ forces, slopes
         if across:
-            # How far the object's middle has moved across the chord, which turns as the tubes
-            # incline.
+            # Displacement of the object's centroid across the chord, which turns with the tubes.
             row, chord = derivative[first - 1], complex(shares @ normals)
             arm = cmath.rect(1.0, unknowns[ANGLE]) * body.shape.centroid
             away = complex(unknowns[0], unknowns[1]) + arm - body.middle

@@ -14,9 +14,8 @@ import math
 
 from isotruss_ros.core.contact.dents import (
     corner_dents,
-    Indentation,
-    skin_indentation,
-    SkinIndentation,
+    Dents,
+    disc_dents,
 )
 from isotruss_ros.core.holding.contact_forces import PressedContacts
 from isotruss_ros.core.holding.contact_statics import ContactStatics, TubeModel
@@ -94,7 +93,7 @@ def build_statics(
     structure = structure_of(config, tubes.pressure)
     starts, straight = facing_lines(config, body, contacts.members)
     points, _ = body.shape.surface_at(contacts.corners, straight * body.turn.conjugate())
-    # On the right of a member the object is on the side of its normals.
+    # The normals point away from the object: left of the member if the object is on its right.
     starting, ending = member_lines(config)[contacts.members].T
     axis = (ending - starting) / np.abs(ending - starting)
     sides = np.sign((straight * axis.conj()).imag)
@@ -112,7 +111,7 @@ def build_statics(
         contacts=contacts,
         tube_radius=0.5 * config.robot.description.tube_diameter,
         sides=sides,
-        indentation=find_dents(
+        dents=find_dents(
             structure, body, contacts, tubes, straight if normals is None else normals
         ),
     )
@@ -135,7 +134,7 @@ def start_at(statics: ContactStatics, body: ConvexObject) -> Array:
     depths = statics.tube_radius + statics.sides * across
     depths = np.maximum(depths, PLANNED_DEPTH * statics.tube_radius)
     own = np.einsum('iaia->ia', bent.matrix)[:, 1]
-    _, dent = statics.indentation(depths / own)
+    _, dent = statics.dents(depths / own)
     start[places.normal] = depths / (own + dent)
     return start
 
@@ -146,7 +145,7 @@ def find_dents(
     contacts: PressedContacts,
     tubes: TubeModel,
     normals: Points,
-) -> Indentation:
+) -> Dents:
     """
     Return the depths of the dents at all contacts as functions of the normal forces.
 
@@ -157,47 +156,28 @@ def find_dents(
     :param normals: (k,) normals of the tubes at the contacts, away from the object, x + iy.
     """
     if tubes.paper_model:
-        return Indentation()
+        return Dents()
+    robot, shape = structure.config.robot, body.shape
     pressures = None if tubes.pressure is None else structure.pressures
-    tables = _dents(structure.config, body, contacts, normals, pressures)
-    return Indentation(tables, tubes.stiffness_scale)
-
-
-def _dents(
-    config: Configuration,
-    body: ConvexObject,
-    contacts: PressedContacts,
-    normals: Points,
-    pressures: tuple[float, ...] | None,
-) -> list[SkinIndentation]:
-    """Return the table of dent depth over normal force at each contact."""
-    tubes = config.robot.topology.tube[contacts.members]
-    if body.shape.is_round:
-        radius = body.shape.reach
-        return [skin_indentation(config.robot, int(tube), radius, pressures) for tube in tubes]
-    facing = normals * body.turn.conjugate()
-    return [
-        corner_dents(
-            config.robot,
-            tube,
-            body.shape,
-            _tabulated(body.shape, corner, normal),
-            corner,
-            (before, behind),
-            pressures,
-        )
-        for tube, normal, corner, (before, behind) in zip(
-            tubes.tolist(),
-            facing.tolist(),
-            contacts.corners.tolist(),
-            contacts.cuts.tolist(),
-            strict=True,
-        )
-    ]
+    numbers = robot.topology.tube[contacts.members].tolist()
+    if shape.is_round:
+        tables = [disc_dents(robot, number, shape.reach, pressures) for number in numbers]
+    else:
+        facing = (normals * body.turn.conjugate()).tolist()
+        cuts = map(tuple, contacts.cuts.tolist())
+        tables = [
+            corner_dents(
+                robot, tube, shape, _tabulated(shape, corner, normal), corner, cut, pressures
+            )
+            for tube, normal, corner, cut in zip(
+                numbers, facing, contacts.corners.tolist(), cuts, strict=True
+            )
+        ]
+    return Dents(tables, tubes.stiffness_scale)
 
 
 def _tabulated(shape: Shape, corner: int, normal: complex) -> float:
-    """Return the angle nearest to a normal for which dents are tabulated [rad]."""
+    """Return the angle with tabulated dents that is nearest to the angle of a normal [rad]."""
     faces = shape.faces_at(corner)
     if not faces:
         return ANGLE_STEP * round(cmath.phase(normal) / ANGLE_STEP)

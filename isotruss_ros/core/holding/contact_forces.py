@@ -199,7 +199,7 @@ class GripResponse:
 
 def slip_conditions(owners: Indices, friction: float) -> Array:
     """
-    Return the matrix that converts contact forces to margins against slip.
+    Return the matrix that converts contact forces to reserves of friction, mu N - |T|.
 
     :param owners: (k,) grasping member of each contact, numbered 0, 1 or 2 within the grip.
     :param friction: coefficient of friction mu.

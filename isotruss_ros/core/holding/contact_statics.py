@@ -10,12 +10,13 @@ The object has k contacts on two or three members:
     X_i = c + R(theta) p(nu_i) + rho_i nu_i                             touch
     w = sum f_i,  m = sum of arms x f_i,  f_i = (N_i + i T_i) nu_i      balance
 
-with the surface point p(nu) whose normal is nu, and its distance rho_i from the centre line. A
-beam bends away from the object, so a polygon touches it at corners or at both ends of a face. The
-unknowns are the object's pose, the positions of the contacts along the members, the inclinations
-of the bent tubes at the contacts, and the contact forces. The equations state that object and
-member touch (along the member, across it, and in inclination), that the object is in balance, and
-k conditions of friction or rolling.
+with the member's start P_i and direction e_i, the displacement u_i of the tube, the surface point
+p(nu) whose normal is nu, and the distance rho_i of this point from the centre line. A beam bends
+away from the object, so a polygon touches it at corners or at both ends of a face. The unknowns
+are the object's pose, the positions of the contacts along the members, the inclinations of the
+bent tubes at the contacts, and the contact forces. The equations state that object and member
+touch (along the member, across it, and in inclination), that the object is in balance, and k
+conditions of friction or rolling.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ import functools
 import math
 from typing import NamedTuple
 
-from isotruss_ros.core.contact.dents import Indentation
+from isotruss_ros.core.contact.dents import Dents
 from isotruss_ros.core.holding.contact_forces import (
     ANGLE,
     CENTER,
@@ -39,20 +40,20 @@ from isotruss_ros.core.holding.contact_forces import (
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.core.numerics.tolerances import MAX_NEWTON_ITERATIONS, MAX_SEARCH_STEPS, ROUNDING
-from isotruss_ros.core.statics.bent_tubes import BentTubes
+from isotruss_ros.core.statics.bent_tubes import BentTubes, SETTLED_MOTION
 from isotruss_ros.core.statics.section import Pressure
 import numpy as np
 from scipy.linalg import lapack
 
-#: Tolerances of the balance relative to the sum of normal forces [-], and of touch [m].
+#: Tolerances of the balance, relative to the sum of normal forces [-], and of the gaps [m].
 FORCE_TOLERANCE, LENGTH_TOLERANCE = 1e-10, 1e-11
-#: Largest rotation in a Newton step [rad], which is also the largest translation relative to the
-#: object's characteristic radius [-].
+#: Largest rotation in a Newton step [rad], and largest translation in a Newton step, divided by
+#: the characteristic radius [-].
 MAX_TURN = 0.2
 #: Largest inclination of a tube in equilibrium [rad]; a tube with a larger inclination folds.
 MAX_INCLINATION = 0.5
 #: Compliance that scales friction forces to lengths, so that one tolerance bounds both [m/N].
-SOFTNESS = 1e-4
+FRICTION_COMPLIANCE = 1e-4
 #: Conditions of friction or rolling: residual (k,), and its derivatives (k, 3 + 4k) with respect
 #: to the unknowns, as functions of unknowns and normals.
 ContactConditions = Callable[[Array, Points], tuple[Array, Array]]
@@ -95,7 +96,7 @@ class ContactStatics:
     contacts: PressedContacts  #: the k contacts
     tube_radius: float  #: radius of the tubes [m]
     sides: Array  #: (k,) +1 if the object is on the right of the member, else -1
-    indentation: Indentation  #: depths of the dents in the skin as functions of the normal forces
+    dents: Dents  #: depths of the dents in the skin as functions of the normal forces
     #: (k, 3) constants added to the equations of touch along and across [m] and of inclination
     #: [rad]; or one number for all of them
     given: Array | float = 0.0
@@ -139,8 +140,8 @@ class ContactStatics:
         begin = self.places.inclinations.start
         turned, normal, friction = unknowns[begin:].reshape(3, -1)
         local = self._aside * np.exp(1j * turned)
-        depths, softs = self.indentation(normal)
-        # Friction acts at the skin of a tube, so that it turns the tube as well.
+        depths, softs = self.dents(normal)
+        # Friction acts at the skin of a tube, so it exerts a moment about the centre line.
         skin = self.tube_radius - depths
         force = (normal + 1j * friction) * local
         changes = np.array([1j * force, local, 1j * local])
@@ -184,8 +185,8 @@ class ContactStatics:
         normals, back = axis * local, axis.conj()
         own = normals * turn.conjugate()
         points, radii = self.body.shape.surface_at(self.contacts.corners, own)
-        # Along and across the members. As the object turns under a tube, the point that touches
-        # moves back on its surface.
+        # In member axes. If the object turns while the tube does not, the contact point moves back
+        # on the object's surface.
         arms = back * turn * points
         swung = 1j * (arms - radii * local)
 
@@ -207,7 +208,7 @@ class ContactStatics:
         rows = jacobian[: 3 * count].reshape(count, 3, -1)
         rows[:, 0, ANGLE], rows[:, 1, ANGLE] = -swung.real, -swung.imag
         rows[:, :, places.feet] += self.bent.rates
-        # Of each contact by its own inclination and normal force.
+        # Derivatives of each contact's gaps by its own inclination and normal force.
         own = np.einsum('kank->kan', rows[:, :, POSE:].reshape(count, 3, 4, count))
         turned = np.array([-1j * (radii + skin) * local, softs * local]).T
         own[:, 0, 1:3] += turned.real
@@ -284,7 +285,7 @@ class ContactStatics:
         for _ in range(steps):
             residual, state = self.equations(unknowns, wrench, conditions)
             least[places.balance] = FORCE_TOLERANCE * np.abs(unknowns[places.normal]).sum()
-            # What is no number is no solution either.
+            # For NaN the comparison below is false, so NaN is not a solution.
             left = float((np.abs(residual) / least).max())
             first = max(first, left)
             if left <= 1.0 or (
@@ -306,7 +307,7 @@ class ContactStatics:
         wrench: Array,
         conditions: ContactConditions,
         steps: int = MAX_NEWTON_ITERATIONS,
-        reach: float = ROUNDING,
+        reach: float = SETTLED_MOTION,
     ) -> tuple[ContactStatics, ContactForces] | None:
         """
         Solve for the equilibrium with tubes that are linearised about this equilibrium.
@@ -316,16 +317,19 @@ class ContactStatics:
             characteristic radius.
         :param conditions: conditions of friction or rolling.
         :param steps: largest number of Newton steps for each linearisation.
-        :param reach: the tubes are linearised anew if a node has moved by more than this [m].
+        :param reach: the tubes are linearised again if a node has moved by more than this [m].
         :return: the equations with these tubes, and the equilibrium; None if it is not found.
         """
-        statics, unknowns = self, start
+        statics, unknowns, close = self, start, False
         for _ in range(MAX_SEARCH_STEPS):
             state = statics.solve(unknowns, wrench, conditions, steps, reach)
             if state is None:
                 return None
-            if statics.bent.distance(state.loads, state.feet) <= reach:
+            moved = statics.bent.distance(state.loads, state.feet)
+            if moved <= reach or close:
                 return statics, state
+            # In soft structures and the paper's model, nodes move by rounding.
+            close = moved <= ROUNDING
             bent = statics.bent.update(state.loads, state.feet)
             statics, unknowns = replace(statics, bent=bent), state.unknowns
         return None

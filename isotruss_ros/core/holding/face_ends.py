@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import cmath
-from dataclasses import replace
 
 from isotruss_ros.core.holding.contact_forces import ANGLE, ContactForces, PressedContacts
 from isotruss_ros.core.holding.contact_statics import ContactStatics
@@ -79,7 +78,7 @@ def displacement_at(
     bent = statics.bent
     members, feet = np.append(bent.members, number), np.append(state.feet, foot)
     cut = BentTubes(bent.structure, members, feet, bent.stiffness)
-    # The linear response to the loads is enough to tell whether the place is in contact.
+    # The linear response to the loads suffices to find whether the point is in contact.
     along, across, _ = cut.respond(np.vstack([state.loads, np.zeros(3)]), feet)[-1].tolist()
     return float((normal.conjugate() * complex(along, across) * cut.axis[-1]).real)
 
@@ -98,16 +97,3 @@ def with_far_end(contacts: PressedContacts, k: int, face: Face) -> tuple[Pressed
     members = np.insert(contacts.members, new, contacts.members[k])
     corners = np.insert(contacts.corners, new, face.corner)
     return PressedContacts(members, corners, np.insert(cuts, new, cut, axis=0)), new
-
-
-def with_turned_corner(contacts: PressedContacts, k: int, face: Face) -> PressedContacts:
-    """
-    Return the contacts with the near end of a short face replaced by its far end.
-
-    :param contacts: contacts of the object.
-    :param k: index of the contact at the near end.
-    :param face: the face.
-    """
-    corners = contacts.corners.copy()
-    corners[k] = face.corner
-    return replace(contacts, corners=corners)

@@ -25,12 +25,12 @@ from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.records import Record
 import numpy as np
 
-#: Motion of the object in the finite differences along a response [m]. At thrice of it some
-#: Motion of the object in the finite differences along a response [m]. Derivatives of the
-#: stiffness err by up to 1e-6; at thrice of it by up to 2e-6, and at a third of it by rounding.
+#: Motion of the object in the finite differences along a response [m]. The relative error of the
+#: stiffness' derivatives is then at most 1e-6, and at three times the step 2e-6; at a third of the
+#: step it grows by rounding.
 STEP = 6e-6
 #: Values count as equal up to this relative difference [-].
-TIE = 1e-5
+EQUALITY_TOLERANCE = 1e-5
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -73,8 +73,8 @@ class GraspGradient(
     needs_most: tuple[str, ...]
     utilisation: Array
     most_used: tuple[str, ...]
-    # For second derivatives: changes of parameters and unknowns, followed by those for unit
-    # wrenches.
+    # For second derivatives: tubes with the changes of parameters, and changes of the unknowns.
+    # The last three columns of both are for unit wrenches.
     _changes: tuple[LoadedTubes, Array] | None
 
     @property
@@ -101,9 +101,9 @@ class GraspGradient(
     @property
     def slip_margins(self) -> Array:
         """
-        Return the derivatives (t, p) of the slip margin for each of t critical conditions.
+        Return the derivatives (t, p) of the slip margin for each of t critical slip conditions.
 
-        The conditions are critical equally, within rounding.
+        Critical are all conditions whose margin equals the smallest margin within rounding.
         """
         return self._margins[0]
 
@@ -151,9 +151,13 @@ def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
     if grip is None:
         return _lost_gradient(settled)
     if grip.response is None:
-        raise GraspError('a neutral equilibrium has no derivatives')
+        raise GraspError(
+            'the equilibrium is neutral, so it has no derivatives: it must resist every motion'
+        )
     if grip.tubes.paper_model:
-        raise GraspError('the paper model has no derivatives; must be that of bent tubes')
+        raise GraspError(
+            'the grasp was settled with paper_model=True, which has no derivatives; must be False'
+        )
     parameters = GraspParameters.of(grip.config)
     chosen = np.eye(parameters.size, parameters.size + 3)
     tubes = LoadedTubes(grip, chosen, parameters)
@@ -207,7 +211,7 @@ def _find_largest(values: Array) -> Indices:
     :param values: (n,) values.
     """
     largest = float(values.max())
-    return np.flatnonzero(values >= largest - TIE * abs(largest))
+    return np.flatnonzero(values >= largest - EQUALITY_TOLERANCE * abs(largest))
 
 
 def _friction_rates(grip: HeldGrip, most: int, presses: Array, rubs: Array) -> Array:
@@ -265,7 +269,7 @@ def _slip_margin_rates(
     rows, presses = grip.slip_rows(settled.friction)  # and their derivative d/dmu
     reserve, slope, size = grip.slip_reserves(settled.friction)
     nearest, turn = _find_largest(-reserve / size), grip.about_middle
-    # By wrenches about the middle of the object, which moves around the origin as it turns.
+    # Wrenches about the object's centroid, which moves around its origin as the object turns.
     ways = slope[nearest] @ turn / size[nearest, None]
     rows, slope, size, along = rows[nearest], slope[nearest], size[nearest], ways @ turn.T
     x, y = turn[2, 1], -turn[2, 0]

@@ -13,7 +13,7 @@ from isotruss_ros.core.holding.build_statics import build_statics
 from isotruss_ros.core.holding.contact_forces import Places, PressedContacts
 from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.held_grip import HeldGrip, travel_rates
-from isotruss_ros.core.holding.roll_grip import NOTHING, roll_grip, stick
+from isotruss_ros.core.holding.roll_grip import NO_CONTACTS, roll_grip, stick
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array
@@ -65,13 +65,16 @@ class GripRecord(NamedTuple):
             travel = travel_rates(there, contacts.members) @ self.travel
             anchors = statics.anchors(self.unknowns, normals, travel, angles)
         except IndexError as error:
-            raise GraspError('held grip: the object has no such corners') from error
+            raise GraspError(
+                f'held grip: corners {self.contacts.corners}: the object has no such corners'
+            ) from error
         loads = statics.loads(self.unknowns)
         bent = statics.bent.bend(loads, self.unknowns[statics.places.feet])
         statics = replace(statics, bent=bent)
-        conditions = stick(statics, anchors, travel, angles, NOTHING)
+        conditions = stick(statics, anchors, travel, angles, NO_CONTACTS)
         residual, _ = statics.equations(self.unknowns, np.zeros(3), conditions)
-        # Dents are those of where contacts began: what they differ by stays, and so do the forces.
+        # The recorded dents were tabulated at other normals. `given` keeps this difference
+        # constant, so the recorded forces fulfil the equations.
         statics = replace(statics, given=-residual[: 3 * len(angles)].reshape(-1, 3))
         _, state = statics.equations(self.unknowns, np.zeros(3), conditions)
         held = HeldGrip(there, body, anchors, angles, statics, state, np.zeros(3), tubes)

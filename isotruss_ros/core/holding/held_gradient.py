@@ -48,7 +48,9 @@ def held_gradient(grip: HeldGrip) -> HeldGradient:
     :raises StructureError: see `structure_of`.
     """
     if grip.response is None:
-        raise GraspError('a neutral equilibrium has no derivatives')
+        raise GraspError(
+            'the equilibrium is neutral, so it has no derivatives: it must resist every motion'
+        )
     config, state, statics = grip.config, grip.state, grip.statics
     places, parameters = state.places, GraspParameters.of(config)
     rollers, count = len(config.roller_positions), len(grip.anchors)
@@ -59,7 +61,7 @@ def held_gradient(grip: HeldGrip) -> HeldGradient:
     chosen[parameters.stiffness, stiffness] = 1.0
     tubes = LoadedTubes(grip, chosen, parameters, reach=FOLLOWED_MOTION)
     left = tubes.equation_rates()
-    # What stays as contacts roll, see `stick`: normals turn with the members.
+    # The rolling invariants change with the normals, which turn with the members, see `stick`.
     rolling = statics.rolling_rows(state.unknowns, state.normals)
     left[places.conditions] = rolling[:, places.inclinations] @ tubes.spins
     travel = travel_rates(config, grip.contacts.members)

@@ -22,7 +22,7 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import Pose
-from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
+from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.statics.bent_tubes import BentTubes
 from isotruss_ros.core.statics.wrinkling import find_utilisation, Utilisation
 import numpy as np
@@ -34,10 +34,10 @@ MAX_DISPLACEMENT = 0.25
 #: Largest multiple of the previous change that is extrapolated [-].
 MAX_EXTRAPOLATION = 2.0
 #: Smallest slip margin of a moving object, relative to the squeeze [-]. It covers the error of the
-#: required friction, 1.4 % against MuJoCo. 20 random boxes were driven there without it: by their
-#: predicted margins, a third of it admits two that slid by some millimetres, and three times of it
-#: refuses five that were carried.
-LEFT_MARGIN = 0.01
+#: required friction, 1.4 % against MuJoCo. Of 20 random boxes that were moved in MuJoCo without
+#: this bound, a third of it admits two that slid by some millimetres, and three times of it
+#: refuses five that did not slide.
+MIN_RELATIVE_MARGIN = 0.01
 
 
 class HoldStatus(enum.Enum):
@@ -47,8 +47,8 @@ class HoldStatus(enum.Enum):
     NO_CONTACT = 'fewer than two members press on the object'
     NO_BALANCE = 'no pose near the given one balances the forces'
     FAR = 'the pose that balances the forces is too far from the given one'
-    SLIPS = 'the balance needs more friction than there is'
-    UNSTABLE = 'the balance is unstable'
+    SLIPS = 'the equilibrium needs a larger coefficient of friction than the given one'
+    UNSTABLE = 'the equilibrium is unstable'
     OFF_MEMBER = 'a contact is beyond the end of its member'
     OTHER_CONTACT = 'another member presses on the object'
     WRINKLES = 'a tube wrinkles, outside of the model'
@@ -169,7 +169,7 @@ class HeldGrip:
             return HoldStatus.OFF_MEMBER
         return HoldStatus.SLIPS if self.required_friction > friction else HoldStatus.HELD
 
-    def slip_margin(self, friction: float, more: Array | None = None) -> float:
+    def slip_margin(self, friction: float) -> float:
         """
         Return the smallest additional wrench at which a member slips [N].
 
@@ -179,15 +179,11 @@ class HeldGrip:
         one end of a face opens first, the other forces change, see `slip_rows`.
 
         :param friction: coefficient of friction between tube and object.
-        :param more: (3,) wrench (fx, fy, m / arm) that acts in addition to `wrench` [N]; the
-            margin is what remains beyond it.
         :return: the margin; negative after slip, zero in a neutral equilibrium.
         """
         if self.response is None:
             return 0.0
-        reserve, slope, size = self.slip_reserves(friction)
-        if more is not None:
-            reserve = reserve + slope @ more
+        reserve, _, size = self.slip_reserves(friction)
         return float((reserve / size).min())
 
     def weakest_direction(self, friction: float) -> Array:
@@ -215,26 +211,26 @@ class HeldGrip:
 
     def slip_reserves(self, friction: float) -> tuple[Array, Array, Array]:
         """
-        Return the slip margins of all slip conditions, and their derivatives by a wrench.
+        Return the reserves of friction of all slip conditions, and their derivatives by a wrench.
 
         :param friction: coefficient of friction between tube and object.
-        :return: (c,) slip margins, the forces times the rows of `slip_rows` [N]; (c, 3)
-            derivatives of the margins by the wrench; and (c,) norms of these derivatives for
+        :return: (c,) reserves, the contact forces times the rows of `slip_rows` [N]; (c, 3)
+            derivatives of the reserves by the wrench; and (c,) norms of these derivatives for
             moments about the centroid.
         """
         return self._reserves(self.slip_rows(friction)[0])
 
     def slip_rows(self, friction: float) -> tuple[Array, Array]:
         """
-        Return the matrix (c, 2k) that converts contact forces to slip margins, and a derivative.
+        Return the matrix (c, 2k) that converts contact forces to reserves, and a derivative.
 
         The derivative of the matrix is with respect to the coefficient of friction.
 
         The first rows are `slip_conditions` with all contacts. The next rows are, for each end of
         a face, the slip conditions after this end has opened. Such a condition is relevant only
-        for wrenches that also open the end. The used plane is the plane of opening or the plane of
-        slip, whichever is farther from the origin. Its distance is a lower bound of the distance
-        to the intersection of both planes.
+        for wrenches that also open the end. So its row belongs to the plane of opening or to the
+        plane of slip in the space of wrenches, whichever is farther from the origin. The distance
+        of this plane is a lower bound of the distance to the intersection of both planes.
 
         :param friction: coefficient of friction between tube and object.
         """
@@ -256,9 +252,9 @@ class HeldGrip:
         return self._slip_rows[friction]
 
     def _reserves(self, rows: Array) -> tuple[Array, Array, Array]:
-        """Return slip margins, derivatives and norms as `slip_reserves`, for rows (c, 2k)."""
+        """Return reserves, derivatives and norms as `slip_reserves`, for rows (c, 2k)."""
         slope = rows @ self.response.forces
-        # Of any friction, squares may overflow.
+        # np.hypot, because for very large friction the squares may overflow.
         return rows @ self.state.forces, slope, np.hypot.reduce(slope @ self.about_middle, axis=1)
 
     @functools.cached_property
@@ -287,38 +283,30 @@ class HeldGrip:
             return 0.0
         straight = BentTubes(bent.structure, bent.members, feet, bent.stiffness)
         moved = straight.respond(loads, feet) - bent.respond(loads, feet)
-        # What linear tubes leave open, closed by forces and motions.
+        # Gaps that linear tubes would leave, closed by changes of forces and pose.
         right = np.zeros(self.state.places.size)
         right[: moved.size] = -moved.ravel()
         _, _, change, singular = lapack.dgesv(self.state.jacobian, right)
         more = float(change[self.state.places.normal].sum())
         return 0.0 if singular else -more / float(self.state.normal_forces.sum())
 
-    @property
-    def pulling_end(self) -> int | None:
-        """Return the index of the face end with the largest tension; None without tension."""
-        owners = self.contacts.owners
-        return self._most_pulling(np.bincount(owners)[owners] > 1)
-
-    @property
-    def pulling(self) -> int | None:
+    def most_pulling(self, third: bool = False) -> int | None:
         """
         Return the index of the contact with the largest tension; None without tension.
 
-        Only contacts at the ends of a face, and the contact of a third member, are considered.
+        Only contacts at the ends of a face are considered.
+
+        :param third: whether the contact of a third member is considered as well.
         """
         owners = self.contacts.owners
-        return self._most_pulling((np.bincount(owners)[owners] > 1) | (owners[-1] > 1))
-
-    def _most_pulling(self, chosen: Flags) -> int | None:
-        """Return the index of the contact in a mask (k,) with the largest tension, or None."""
+        chosen = (np.bincount(owners)[owners] > 1) | (third and owners[-1] > 1)
         normal = np.where(chosen, self.state.normal_forces, np.inf)
         least = int(normal.argmin())
         return least if normal[least] < 0.0 else None
 
     @functools.cached_property
     def tangent(self) -> Array:
-        """Return the Jacobian (3 + 4k, 3 + 4k) of the equilibrium equations, sticking contacts."""
+        """Return the equations' Jacobian (3 + 4k, 3 + 4k) for sticking contacts."""
         state, tangent = self.state, self.state.jacobian.copy()
         tangent[state.places.conditions] = self.statics.rolling_rows(state.unknowns, state.normals)
         return tangent
@@ -366,7 +354,7 @@ class HeldGrip:
             return self.state.unknowns
         before, change = self.motion
         length = float(before @ before)
-        # What the motion has in common with the one before; no guess from a much shorter one.
+        # Component along the previous motion, bounded: a much shorter one predicts nothing.
         share = float(travel @ before) / length if length > 0.0 else 0.0
         return (
             self.state.unknowns + max(-MAX_EXTRAPOLATION, min(share, MAX_EXTRAPOLATION)) * change

@@ -10,7 +10,7 @@ the motions under all wrenches w (Rayleigh and Ritz):
     omega^2 = min over w of  w^T C w / (w^T M w),
 
 with the compliance C of the held object, and the generalised mass M of the three motions under
-unit wrenches. It is an upper bound of the true frequency.
+unit wrenches. The result is an upper bound of the true frequency.
 """
 
 from __future__ import annotations

@@ -104,7 +104,7 @@ class LoadedTubes:
     :param chosen: (n, p) each column is a direction of change of the n parameters.
     :param parameters: rows of the parameters in `chosen`.
     :param sections: derivatives of the sections, if known; None: they are computed.
-    :param reach: the tubes are linearised anew if a node has moved by more than this [m].
+    :param reach: the tubes are linearised again if a node has moved by more than this [m].
     """
 
     def __init__(
@@ -125,16 +125,16 @@ class LoadedTubes:
         self.moved = moved = nodes @ chosen[parameters.rollers]
         self._inflated = inflated = chosen[parameters.pressures]
         topology, members = grip.config.robot.topology, grip.contacts.members
-        # Velocities of the pinch points at which the members start.
+        # Displacements of the pinch points at which the members start.
         self._starts = moved[topology.b[members]]
         ahead = moved[topology.c[topology.following[members]]] - self._starts
         self.spins: Array = (ahead / (bent.length * bent.axis)[:, None]).imag
         self.sections = section_rates(bent, moved, inflated) if sections is None else sections
         normal = state.normal_forces
         self._push = (normal + 1j * state.friction_forces) * state.normals
-        depths, self._soft = statics.indentation(normal)
+        depths, self._soft = statics.dents(normal)
         self._skin = statics.tube_radius - depths
-        _, dents, _ = statics.indentation.second_rates(normal)
+        _, dents, _ = statics.dents.second_rates(normal)
         blown = inflated[topology.tube[members]]
         self._stiffer = stiffer = chosen[parameters.stiffness] / grip.tubes.stiffness_scale
         self.dents = dents[:, None] * blown - np.outer(self._soft * normal, stiffer)
@@ -175,7 +175,7 @@ class LoadedTubes:
         zero = np.zeros_like(spins)
         give, slope, *_ = self.respond(ContactRates(zero, spins, zero + 0j, self.dents))
         points, radii = body.shape.surface_at(statics.contacts.corners, state.normals / body.turn)
-        # Points of the surface whose normals turn with the members.
+        # The contact points move on the surface, because the normals turn with the members.
         arms, swept = (body.turn * points)[:, None], 1j * radii[:, None] * spins * normals
         away = self._bent.start[:, None] - state.center - arms
         gap = self._starts - swept - 1j * spins * away + self.dents * normals
@@ -185,8 +185,8 @@ class LoadedTubes:
         torque = (swept.conj() * forces + arms.conj() * turned).imag.sum(axis=0)
         total = turned.sum(axis=0)
         wrench = self._chosen[self._parameters.wrench] / np.array([[1.0], [1.0], [grip.arm]])
-        # The closure depends on the normals, and on how far the pose is from where it was set; the
-        # middle, which counts, has turned about the origin since.
+        # The conditions depend on the normals and on the pose relative to the measured pose. They
+        # use the centroid, which has turned about the origin since the measurement.
         closing, measured = state.jacobian[places.conditions], statics.body
         closure = closing[:, places.inclinations] @ spins
         place = self._chosen[self._parameters.place]
@@ -211,7 +211,7 @@ class LoadedTubes:
         couples -= self._skin[:, None] * contacts.forces.imag
         local = forces / axis
         loads = np.stack([local.real, local.imag, couples], axis=1)
-        # A robot that is stiffer by a share bears its loads as if they were less.
+        # A robot that is stiffer by a fraction deforms as under loads smaller by this fraction.
         loads -= state.loads[..., None] * self._stiffer
         by_sections, inclined, rates = self._by_sections
         by_loads, by_places = bent.changes(loads, contacts.feet)
@@ -220,7 +220,7 @@ class LoadedTubes:
         there = bent.axis * state.feet + still[:, 0] + 1j * still[:, 1]
         give = nodes[frame.nodes, 0] + 1j * nodes[frame.nodes, 1]
         give -= self._starts + 1j * self.spins * there[:, None]
-        # Along the member a contact moves by itself.
+        # The displacement is relative to the contact, which moves along its member.
         give = give / axis - contacts.feet
         slope = bent.inclination_changes(by_loads + by_places.nodes) + by_places.inclined
         slope += inclined - self.spins
@@ -266,9 +266,9 @@ class LoadedTubes:
         changes = np.stack([-first, second, pulled, rates.forces[piece, 0]])
         sections = np.stack([frame.length[piece], own.flexural[piece], own.shear[piece]])
         others = self.sections[[0, 2, 3]][:, piece]
-        # What is used at the same kind of place, a little to both sides.
+        # Central difference of the utilisation at the same kind of place.
         loads, sections = loads[..., None], sections[..., None]
-        # Relative to moments and to pulls: the moments keep their signs.
+        # The step is small relative to moments and pulls, so the moments keep their signs.
         most_loaded = np.abs(loads).reshape(2, 2, len(piece), 1).max(axis=1)
         most_loaded[0] = np.maximum(most_loaded[0], EPSILON * radius * most_loaded[1])
         size = np.maximum(
@@ -284,7 +284,7 @@ class LoadedTubes:
             )[0]
             for step in (small, -small)
         )
-        # A tube that has lost its tension bears no moment, more or less of it.
+        # The utilisation of a tube without wall tension is infinite and has no derivative.
         taut = np.isfinite(ahead) & np.isfinite(behind)
         change = np.subtract(ahead, behind, out=np.zeros_like(ahead), where=taut)
         return most.used, change / (2.0 * small)

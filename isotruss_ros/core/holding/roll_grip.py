@@ -23,7 +23,7 @@ from isotruss_ros.core.holding.contact_forces import PressedContacts
 from isotruss_ros.core.holding.contact_statics import (
     ContactConditions,
     ContactStatics,
-    SOFTNESS,
+    FRICTION_COMPLIANCE,
     unwrapped,
 )
 from isotruss_ros.core.holding.face_ends import (
@@ -32,7 +32,6 @@ from isotruss_ros.core.holding.face_ends import (
     is_short,
     open_faces,
     with_far_end,
-    with_turned_corner,
 )
 from isotruss_ros.core.holding.held_grip import (
     HeldGrip,
@@ -53,8 +52,8 @@ from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 
 #: No contacts.
-NOTHING = np.zeros(0, dtype=np.intp)
-NOTHING.flags.writeable = False
+NO_CONTACTS = np.zeros(0, dtype=np.intp)
+NO_CONTACTS.flags.writeable = False
 
 
 def roll_grip(
@@ -86,7 +85,7 @@ def roll_contacts(
     anchors: Array,
     angles: Array,
     wrench: Array,
-    fresh: Indices = NOTHING,
+    fresh: Indices = NO_CONTACTS,
 ) -> HeldGrip | None:
     """
     Return the equilibrium in another configuration, with given contacts that roll without slip.
@@ -163,9 +162,9 @@ def stick(
         derivative = statics.rolling_rows(unknowns, normals)
         left = statics.anchors(unknowns, normals, travel, angles) - anchors
         if len(free):
-            left[free] = SOFTNESS * unknowns[places.friction][free]
+            left[free] = FRICTION_COMPLIANCE * unknowns[places.friction][free]
             derivative[free] = 0.0
-            derivative[free, places.friction.start + free] = SOFTNESS
+            derivative[free, places.friction.start + free] = FRICTION_COMPLIANCE
         return left, derivative
 
     return rows
@@ -175,7 +174,7 @@ def _lift_ends(grip: HeldGrip, changes: Iterator[int]) -> HeldGrip | None:
     """Return the grip after removal of all contacts in tension at face ends and third members."""
     found: HeldGrip | None = grip
     while found is not None:
-        lifted = found.pulling
+        lifted = found.most_pulling(third=True)
         if lifted is None or next(changes, None) is None:
             break
         kept = np.delete(np.arange(len(found.anchors)), lifted)
@@ -204,7 +203,7 @@ def _lay_down(grip: HeldGrip, changes: Iterator[int]) -> HeldGrip:
             continue
         done.add(k)
         laid = None if next(changes, None) is None else _lay(grip, k, face)
-        # In a longer motion the object rolls over the face, and this end lifts again.
+        # If the object has rolled over the face in a long motion, this end is in tension.
         laid = None if laid is None else _lift_ends(laid, changes)
         if laid is not None and not np.array_equal(laid.contacts.corners, corners):
             return _lay_down(laid, changes) if short else laid
@@ -232,10 +231,12 @@ def _join(grip: HeldGrip) -> HeldGrip:
 
 
 def _lay(grip: HeldGrip, k: int, face: Face) -> HeldGrip | None:
-    """Return the equilibrium with contact at a face's far end; at a short face only there."""
+    """Return the equilibrium with contact at a face's far end; at a short face, only there."""
     anchors, angles, wrench = grip.anchors, grip.angles, grip.wrench
     if is_short(grip.statics, face):
-        turned = with_turned_corner(grip.contacts, k, face)
+        corners = grip.contacts.corners.copy()
+        corners[k] = face.corner
+        turned = replace(grip.contacts, corners=corners)
         return roll_contacts(grip, grip.config, turned, anchors, angles, wrench)
     laid, new = with_far_end(grip.contacts, k, face)
     anchors, angles = np.insert(anchors, new, 0.0), np.insert(angles, new, angles[k])
@@ -295,5 +296,5 @@ def with_pressures(grip: HeldGrip, pressures: Pressure | None) -> HeldGrip:
     structure, state = structure_of(grip.config, pressures), grip.state
     bent = grip.statics.bent.update(state.loads, state.feet, structure)
     dents = find_dents(structure, grip.body, grip.contacts, tubes, state.normals)
-    statics = replace(grip.statics, bent=bent, indentation=dents)
+    statics = replace(grip.statics, bent=bent, dents=dents)
     return replace(grip, tubes=tubes, statics=statics)

@@ -118,6 +118,6 @@ def _judge(found: HeldGrip, given: Pose, friction: float) -> tuple[HoldStatus, s
     used = found.sections.used
     worst = int(used.argmax())
     if used[worst] > 1.0:
-        bears = f'{robot.member_names[worst]} bears {used[worst]:.3g} of its wrinkling moment'
+        bears = f'{robot.member_names[worst]} has {used[worst]:.3g} times its wrinkling moment'
         return HoldStatus.WRINKLES, f'{HoldStatus.WRINKLES.value}: {bears}'
     return HoldStatus.HELD, ''

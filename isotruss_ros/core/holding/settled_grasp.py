@@ -115,7 +115,8 @@ class SettledGrasp(
         """
         Return the direction (3,) of the smallest wrench that causes slip, (fx, fy, m / arm).
 
-        Its norm is 1. It is zero without an equilibrium and in a neutral equilibrium.
+        Its norm is 1 if the moment is taken about the centroid. The direction is zero if there is
+        no equilibrium, or a neutral one. `arm` is the characteristic radius.
         """
         if self.equilibrium is None or self.equilibrium.response is None:
             return np.zeros(3)

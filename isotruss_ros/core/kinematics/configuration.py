@@ -108,7 +108,7 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
         except np.linalg.LinAlgError as error:
             raise ConfigurationError(
                 f'robot {self.robot.name}: the shape at roller positions '
-                f'{self.roller_positions.tolist()} m is not rigid; stay away from it'
+                f'{self.roller_positions.tolist()} m is singular; choose other roller positions'
             ) from error
 
     def residual(self) -> Array:
@@ -141,8 +141,9 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
         :param nearby: factorised matrix of (12) in a nearby configuration. It is used for the
             first step of the continuation, and for predictions from the result.
         :raises ConfigurationError: the roller travel has a wrong shape or is not finite; a member
-            would have no length; or the straight line in roller travel passes a singular
-            configuration or takes more than `MAX_NEWTON_ITERATIONS` steps.
+            would have no length; the straight line in roller travel passes a singular
+            configuration; or the continuation along it takes more than `MAX_NEWTON_ITERATIONS`
+            steps.
         """
         robot, start, goal = self.robot, self.roller_positions, self._checked(roller_positions)
         goal_targets = _targets(robot, goal)
@@ -169,9 +170,9 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
             else:
                 step *= 0.25
             if done < change and (step < least or steps == MAX_NEWTON_ITERATIONS):
-                why = 'no shape of the robot'
+                why = 'no configuration exists'
                 if step >= least:
-                    why = f'next to a singular shape, none found in {MAX_NEWTON_ITERATIONS} steps'
+                    why = f'near a singular one, none found in {MAX_NEWTON_ITERATIONS} steps'
                 raise ConfigurationError(
                     f'robot {robot.name}: roller positions {goal.tolist()} m: {why} '
                     f'beyond {100 * done / change:.6g} % of the way from {start.tolist()} m'
@@ -222,7 +223,7 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
         """
         Convert linear functions of node velocities to functions of roller speeds.
 
-        It solves the transpose of (12) with one right-hand side for each row.
+        The transpose of (12) is solved with one right-hand side for each row.
 
         :param node_rows: (k, 2n) coefficients of the node velocities (x0, y0, x1, y1, ...).
         :return: (k, r) coefficients of the roller speeds.

@@ -38,7 +38,9 @@ class Targets:
 
 class Constraints:
     """
-    Residuals and matrix of (12), with the rows tube, module, bisection, ground, as in (12).
+    Residuals of the kinematic constraints, and their Jacobian, the matrix of (12).
+
+    The rows are those of tubes, modules, bisections and ground, in this order.
 
     :param topology: the robot's connections.
     """
@@ -105,7 +107,7 @@ class Constraints:
 
     def spans(self, points: Points) -> Points:
         """
-        Return the vectors (4m,) along the m members, and from A to B, A to C, B to C [m].
+        Return vectors (4m,) along the members, then AB, AC and BC of the modules [m].
 
         :param points: (n,) nodes [m].
         """
@@ -129,9 +131,9 @@ class Constraints:
         Each entry is the gradient of one constraint with respect to one node, x + iy.
 
         :param points: (n,) nodes [m].
-        :return: (13m,) entries: first the gradients of the 4m lengths (see `Targets`) by the end
-            nodes [-], then those by the start nodes, which are their negatives, and last the 5m
-            gradients of the bisection rows [1/m].
+        :return: (13m,) entries: first the gradients of the 4m lengths (see `Targets`) with respect
+            to the end nodes [-], then with respect to the start nodes (the negatives of the
+            first), and last the 5m gradients of the bisection rows [1/m].
         """
         m = self._topology.n_modules
         spans = self.spans(points).reshape(4, m)
@@ -167,8 +169,9 @@ class Constraints:
         """
         Return the gradients of p scalars weights^T J motion with respect to node coordinates.
 
-        The second derivatives are d2|v|[a, b] = (n . a) (n . b) / |v| with the unit normal n of v,
-        and d2t[a, b] = -Im(a b / v^2) with the direction angle t of v.
+        For changes a and b of a vector v between two nodes, the second derivatives are
+        d2|v|[a, b] = (n . a) (n . b) / |v| and d2t[a, b] = -Im(a b / v^2), with the unit normal n
+        and the direction angle t of v.
 
         :param points: (n,) nodes [m].
         :param weights: (5m + g, p) factors of the rows of the Jacobian J, see `matrix`; one column
@@ -242,7 +245,7 @@ def follow_branch(
         if error > MAX_REUSE_CONTRACTION * previous:
             factor = None
         elif error * error < MAX_REUSE_CONTRACTION**2 * tolerance * previous:
-            # Steps with one factor contract alike: the residual after the next step is
-            # predictable.
+            # Steps with the same factor reduce the residual by the same ratio, so the next step
+            # is the last.
             return points - factor.solve(residual).view(np.complex128)
     return points if error <= tolerance else None

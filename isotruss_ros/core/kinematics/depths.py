@@ -44,8 +44,8 @@ def push_out(config: Configuration, body: ConvexObject) -> ConvexObject:
     Return an object after it was moved out of all members that it overlaps.
 
     It is repeatedly translated along the normal of the member with the deepest overlap, until
-    there is no overlap. If members enclose it so closely that this is impossible, the last
-    translation is returned.
+    there is no overlap. If members enclose it so closely that this is impossible, the result is
+    the object after the last translation.
 
     :param config: configuration of the robot.
     :param body: the object at its pose.

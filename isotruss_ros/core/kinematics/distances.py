@@ -64,7 +64,7 @@ def _middles(points: Points, nodes: Indices) -> Points:
 
 
 def _add(rows: Points, nodes: Indices, gradients: Points) -> None:
-    """Add to each row the gradient by a midpoint, half for each of its two nodes."""
+    """Add to each row the gradient with respect to a midpoint: half to each of the two nodes."""
     row = np.arange(len(rows))
     for own in nodes:
         rows[row, own] += 0.5 * gradients
@@ -157,7 +157,8 @@ class CollisionModel:
         starts, ends = self.part_ends(config, parts)
         found = segment_gaps(body, starts, ends)
         rows = self.part_rows(config, parts, found.shares, -found.normals)
-        # Moment arm at the segment: the surface is along the same normal, with the same arm.
+        # The moment arm is that of the nearest point of the segment; the surface point is on the
+        # same line of action.
         arms = starts + found.shares * (ends - starts) - body.center
         turning = (found.normals.conj() * 1j * arms).real
         twist_rows = -np.column_stack([as_xy(found.normals), turning])
@@ -202,7 +203,7 @@ class CollisionModel:
 
 
 def _measured(robot: Mechanism) -> Array:
-    """Return a mask (m + j, 3m) of the pairs: rows for modules and joints, columns for parts."""
+    """Return a mask (m + j, 3m) of unconnected pairs: modules and joints with all parts."""
     topology = robot.topology
     m = topology.n_modules
     joint = np.concatenate([topology.joint, np.arange(len(topology.joint_names))])

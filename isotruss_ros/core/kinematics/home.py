@@ -21,8 +21,8 @@ from isotruss_ros.core.numerics.tolerances import COINCIDENCE, MAX_NEWTON_ITERAT
 import numpy as np
 from scipy.sparse import csc_matrix
 
-#: Smallest deviation of a corner from straight and from folded [rad]; below it, a module has no
-#: inner side.
+#: Smallest difference of the angle between a corner's sides from 0 and from pi [rad]; below it,
+#: the bisector of the angle is not well defined.
 MIN_CORNER_ANGLE = np.deg2rad(1.0)
 #: Largest condition number at home [-]; the nine-member preset has 5e2, and a robot beyond this is
 #: a mechanism in double precision.
@@ -67,7 +67,7 @@ def place_home(
 def _corners(
     description: RobotDescription, topology: Topology, joints: Points
 ) -> tuple[Points, Array]:
-    """Return the corners' inward directions, and 1 or -1 for a next side on the left or right."""
+    """Return the corners' inward directions, and 1 if the next side is on their left, else -1."""
     here = joints[topology.joint]
     ahead = joints[topology.joint[topology.following]] - here
     back = joints[topology.joint[topology.previous]] - here
@@ -96,7 +96,7 @@ def _points(topology: Topology, joints: Points, angles: Array, b_arm: Points) ->
 def _bisection(
     topology: Topology, constraints: Constraints, points: Points
 ) -> tuple[Array, csc_matrix]:
-    """Return the bisection residual (m,), and its Jacobian (m, m) with respect to the angles."""
+    """Return the bisection residual (m,), and its Jacobian (m, m) by the modules' angles."""
     m, own = topology.n_modules, np.arange(topology.n_modules)
     targets = Targets(np.abs(constraints.spans(points)), np.zeros(len(topology.grounded)))
     bisection = np.split(constraints.residual(points, targets), [4 * m, 5 * m])[1]

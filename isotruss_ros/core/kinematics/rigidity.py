@@ -25,8 +25,8 @@ from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 import numpy as np
 
-#: Number of vectors in the block [-]. The error falls by (s_1 / s_5)^2 per iteration, typically to
-#: 1/20.
+#: Number of vectors in the block [-]. With the singular values s_1 < s_2 < ..., each iteration
+#: multiplies the error of s_1 by (s_1 / s_5)^2, typically 1/20.
 BLOCK_SIZE = 4
 #: Number of inverse iterations on M^T M [-]; the singular value decomposition of the block counts
 #: as half an iteration.
@@ -37,13 +37,13 @@ class Modes(NamedTuple):
     """The p smallest singular values of the constraint Jacobian, ascending, with their vectors."""
 
     values: Array  #: (p,) singular values, divided by the smallest one at home
-    rows: Array  #: (5m + g, p) left singular vectors, by rows of (12)
+    rows: Array  #: (5m + g, p) left singular vectors, one entry for each row of (12)
     nodes: Array  #: (2n, p) right singular vectors: node velocities
 
 
 class RigidityIndex:
     """
-    Rigidity index of a robot's configurations.
+    Function that computes the rigidity index of a robot's configurations, with its gradients.
 
     :ivar weights: (13m,) weights for `Constraints.gradients`. The weighted norm of a change of the
         gradients is an upper bound of the change of the index (Weyl's inequality).
@@ -110,7 +110,7 @@ class RigidityIndex:
 @single_threaded
 def rigidity_index(robot: Robot) -> RigidityIndex:
     """
-    Return the function that computes the rigidity index of a robot, cached.
+    Return the `RigidityIndex` of a robot, cached.
 
     :param robot: the robot.
     """

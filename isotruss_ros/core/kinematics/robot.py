@@ -49,7 +49,7 @@ class Robot(
         _refuse_collision(self)
 
     def __eq__(self, other: object) -> bool:
-        """Return whether the description of the other robot is equal."""
+        """Return whether another robot has an equal description."""
         return type(other) is Robot and self.description == other.description
 
     def __hash__(self) -> int:

@@ -27,8 +27,8 @@ def limit_acceleration(
     """
     Return the command closest to a desired command within a largest change of roller speeds.
 
-    If limits of the configuration require a faster stop than `change` admits, the rollers
-    decelerate by `change`.
+    If limits of the configuration require a faster stop than `change` admits, each roller
+    decelerates by at most `change`.
 
     :param command: desired command.
     :param previous: (r,) roller speeds of the previous cycle [m/s].
@@ -56,7 +56,7 @@ def limit_acceleration(
 
 def limit_change(speeds: Array, previous: Array, change: float) -> Array:
     """
-    Return the speeds (r,) between previous and desired speeds that `change` admits [m/s].
+    Return the speeds (r,) after a step from previous toward desired speeds, limited to `change`.
 
     :param speeds: (r,) desired speeds [m/s].
     :param previous: (r,) speeds of the previous cycle [m/s].

@@ -82,7 +82,7 @@ class Grip:
         :raises GraspError: the pose is not three finite numbers within range.
         """
         moved = object.__new__(Grip)
-        # What has been checked need not be checked again.
+        # The other fields were checked when this grip was created.
         moved.__dict__.update(self.__dict__, body=self.body.moved_to(pose))
         return moved
 
@@ -117,7 +117,7 @@ class Grip:
 
 def members_at(robot: Mechanism, module: str) -> tuple[str, str]:
     """
-    Return the names of the two members that meet at a module, the one after it first.
+    Return the names of the two members that meet at a module; the first begins there.
 
     :param robot: the robot.
     :param module: name `t/j` of the module.
@@ -139,8 +139,8 @@ class MemberNodes(NamedTuple):
     lines: Indices  #: (k, 2) nodes B at the members' starts, and C at their ends
     driven: Indices  #: (d,) positions in `members` of those that start at a driven module
     rollers: Indices  #: (d,) indices of the rollers of these modules
-    #: (4 k,) flat indices of the nonzero entries of an array (3 k, n), which has three rows of
-    #: gradients with respect to the nodes for each member; used by `member_rows`
+    #: (4 k,) flat indices of the nonzero entries of an array (3 k, n): gradients of each member's
+    #: x and y at its start, and of its angle, with respect to the nodes; used by `member_rows`
     entries: Indices
 
 
@@ -243,13 +243,13 @@ def _check_touch(
         nearest, farthest = min(share for _, share in own), max(share for _, share in own)
         if nearest <= 1.0 and farthest >= 0.0 and abs(gap) <= tube:
             continue
-        what = f'the gap is {gap:.3g} m, within {tube:.3g} m in a grip'
+        what = f'the gap is {gap:.3g} m; must be within {tube:.3g} m'
         if nearest > 1.0 or farthest < 0.0:
             share = nearest if nearest > 1.0 else farthest
-            what = f'it would touch at {share:.3g} of its length'
+            what = f'the contact would be at {share:.3g} of its length; must be from 0 to 1'
         center = grip.center
         raise GraspError(
             f'member {name} does not touch the object at ({center.real:.4g}, '
-            f'{center.imag:.4g}) m: {what}; name the members that hold it, or give its place in '
-            'the robot frame'
+            f'{center.imag:.4g}) m: {what}. Name the members that hold the object, or give its '
+            'pose in the robot frame'
         )

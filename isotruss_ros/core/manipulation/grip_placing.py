@@ -53,7 +53,7 @@ def place_between(
     for sides in itertools.product((1.0, -1.0), repeat=len(names)):
         normals = -1j * np.array(sides) * spans / np.abs(spans)
         reach = shape.support(normals / turn) + skin
-        # Gaps of the members for an object in the middle.
+        # Gaps between the members and an object at `middle`.
         left = ((starts - middle) * normals.conj()).real - reach
         rows = normals.view(np.float64).reshape(-1, 2)
         x, y = np.linalg.lstsq(rows, left, rcond=ROUNDING)[0]
@@ -78,12 +78,15 @@ def tangent_center(
     config: Configuration, module: str, diameter: float, indentation: float = 0.0
 ) -> tuple[float, float]:
     """
-    Return the centre at which a disc touches both members of a module without pressing.
+    Return the tangent center of a disc at a module, or the centre at a given indentation.
+
+    At the tangent center the disc touches both members of the module without pressing on them.
 
     :param config: configuration of the robot.
     :param module: name `t/j` of the module.
     :param diameter: diameter of the disc [m].
-    :param indentation: additional shift of the centre toward the corner of the two members [m].
+    :param indentation: distance from the tangent center to the result, toward the corner of the
+        two members [m].
     :return: (x, y) in the robot frame [m].
     :raises GraspError: the robot has no such module; the diameter is not positive; the indentation
         is not finite; or the disc would be behind the module or beyond the end of a member.
@@ -105,7 +108,7 @@ def tangent_center(
     if along.min() < 0.0 or along.max() > 1.0:
         raise GraspError(
             f'an object of diameter {diameter} m does not fit between the members at module '
-            f'{module}: it would touch them at {along.round(3).tolist()} of their lengths; '
-            'take another diameter, module or configuration'
+            f'{module}: the contacts would be at {along.round(3).tolist()} of their lengths; '
+            'must be from 0 to 1: choose another diameter, module or configuration'
         )
     return center.real, center.imag

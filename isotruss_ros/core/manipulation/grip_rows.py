@@ -59,12 +59,14 @@ def grip_jacobian(config: Configuration, grip: Grip) -> Array:
 
 def _require_apart(distance: float) -> None:
     if distance < MIN_DIAMETER:
-        raise GraspError('the members touch the object in one point: it cannot be held there')
+        raise GraspError(
+            'all members touch the object at one point; the contacts must be apart to hold it'
+        )
 
 
 def member_rows(config: Configuration, names: tuple[str, ...]) -> Array:
     """
-    Return the Jacobian of the velocities of members by roller speeds.
+    Return the Jacobian of the velocities of members with respect to roller speeds.
 
     :param config: configuration of the robot.
     :param names: (m,) names of the members.
@@ -90,7 +92,7 @@ def member_rows(config: Configuration, names: tuple[str, ...]) -> Array:
 
 def contact_rows(config: Configuration, grip: Grip) -> tuple[Array, Array]:
     """
-    Return both sides of the grasp constraint J_h(q) qdot = G^T nu.
+    Return the matrices of both sides of the grasp constraint J_h(q) qdot = G^T nu.
 
     :param config: configuration of the robot.
     :param grip: the grip.
@@ -129,8 +131,8 @@ def rows_of_two(grip: Grip, contacts: Sequence[GripContact], members: Array) -> 
     Return the rows of `grip_jacobian` for two members with given contacts.
 
     They solve the constraint of `contact_rows` in closed form. The object rotates with the member
-    that touches a face, or without face contacts, with the line through both contact points. The
-    midpoint of both points moves with their mean velocity.
+    that touches a face. Without face contacts it rotates with the line through both contact
+    points. The midpoint of both points moves with their mean velocity.
 
     :param grip: grip of two members.
     :param contacts: contacts with the object.
@@ -157,7 +159,7 @@ def rows_of_two(grip: Grip, contacts: Sequence[GripContact], members: Array) -> 
             kept.append((0j, 0j, -grip.body.arm, grip.body.arm))
     else:
         around = across / distance
-    # Vector from the middle of both to the object's origin.
+    # Vector from the midpoint of both contacts to the object's origin.
     arm = grip.body.center - 0.5 * (point + other_point)
     up, right = arm.imag, arm.real
     rates = [

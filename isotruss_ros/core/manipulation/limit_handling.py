@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.manipulation.limits import Limit, name_binding_rows, Rows
+from isotruss_ros.core.manipulation.limits import Limit, Rows
 from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.manipulation.task import Task
 from isotruss_ros.core.manipulation.twist_qp import maximize_progress, PENALTIES, project_target
@@ -29,9 +29,9 @@ from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.numerics.tolerances import NEGLIGIBLE_SHARE, ROUNDING
 import numpy as np
 
-#: Number of rows that a program is solved with at once, and smallest number of rows added at a
-#: time [-]. With 16, programs of 27 and 51 modules take 1.7 times as long; with 160, programs of
-#: 303 modules take 2.5 times as long (nested triangles).
+#: Initial number of rows of a quadratic program, and smallest number of rows added at a time [-].
+#: With 16, programs of 27 and 51 modules take 1.7 times as long; with 160, programs of 303 modules
+#: take 2.5 times as long (nested triangles).
 ROW_BATCH = 40
 #: Weight of progress along the twist relative to roller speed [-]. Full roller speed is used if
 #: the object's surface moves along the twist with at least 2 / `PROGRESS_WEIGHT` of the roller
@@ -40,7 +40,7 @@ ROW_BATCH = 40
 #: with the period.
 PROGRESS_WEIGHT, REFERENCE_PERIOD = 100.0, 1e-2
 
-#: Function that returns speeds (n,) and progress for a cost, a task and rows.
+#: Function from a cost, equality rows and limits to speeds (n,) and progress, see `twist_qp`.
 Solver: TypeAlias = Callable[[Array, Array, Rows], tuple[Array, float]]
 
 
@@ -77,9 +77,10 @@ def apply_limits(
     reach, max_speed = task.reach, config.robot.description.max_speed
     working, gain = reach.working, float(np.abs(task.free).max())
     asked = gain * task.speed
-    # Scaled by the slower of desired and possible speed: the solver's tolerance is absolute.
+    # The solver's tolerance is absolute, so speeds are divided by the smaller of desired and
+    # possible speed.
     unit = min(max_speed, asked)
-    largest = unit / ROUNDING  # infinite; before the division, which could overflow
+    largest = unit / ROUNDING  # bounds above it are not used: the division could overflow
     bounds = Rows(
         working.take(rows.matrix),
         np.maximum(rows.lower, -largest) / unit,
@@ -120,37 +121,41 @@ def apply_limits(
         return velocities, 1.0, task.status, ()
     # A row binds if a step toward the free solution would violate it.
     binding = (slack < NEGLIGIBLE_SHARE) & (rows.slack(task.velocities) < 0.0)
-    slowed, limiting = name_binding_rows(config, limits, binding)
-    if task.status is Status.OK:
-        return velocities, scale, Status.SLIDING if slid else slowed, limiting
-    return velocities, scale, task.status, limiting
+    named = [(limit.status, name) for limit in limits for name in limit.row_names(config)]
+    bound = [named[place] for place in np.flatnonzero(binding)]
+    status = task.status
+    if status is Status.OK:
+        slowed = bound[0][0] if bound else Status.SLOWED_ROLLER_SPEED
+        status = Status.SLIDING if slid else slowed
+    return velocities, scale, status, tuple(name for _, name in bound)
 
 
 def _solve(task: Task, solve: Solver, rows: Rows, guess: Array | None) -> tuple[Array, float]:
     """
-    Solve a quadratic program of the twist; with many rows and a guess, with its active rows only.
+    Solve a quadratic program of the twist, with only the active rows if a guess is given.
 
-    Without a guess all rows are used, because without regularisation many rows bind.
+    All rows are used if there are few, or without a guess, because without regularisation many
+    rows bind.
 
     The program is strictly convex, so a solution with some of the rows that fulfils all other rows
     is the solution with all rows. The initial rows are those closest to their bounds at the guess;
-    violated rows are added, usually a few times, until none is violated. With the rows S, the
-    least-cost speeds are u = E y with |C E y| = |y|, where y is in the span of E^T [J^T, G_S^T],
-    because a component normal to the span only increases the cost. So there are only as many
-    variables as rows.
+    violated rows are added, usually a few times, until none is violated. For a subset S of rows,
+    the least-cost speeds are u = E y with |C E y| = |y|, where y is in the span of
+    E^T [J^T, G_S^T], because a component normal to the span only increases the cost. So there are
+    only as many variables as rows.
     """
-    equality, even = task.reach.rows, task.reach.working.even
+    equality, whitening = task.reach.rows, task.reach.working.whitening
     if guess is None or len(rows.lower) <= ROW_BATCH:
         return solve(task.reach.working.cost, equality, rows)
-    reached = equality.dot(even)
+    reached = equality.dot(whitening)
     chosen = np.sort(_largest(-rows.slack(guess), ROW_BATCH))
     while True:
         some = rows.take(chosen)
-        matrix = some.matrix.dot(even)
+        matrix = some.matrix.dot(whitening)
         basis = np.linalg.qr(np.concatenate([reached, matrix]).T)[0]
         cost, reduced = np.eye(basis.shape[1]), some._replace(matrix=matrix.dot(basis))
         found, progress = solve(cost, reached.dot(basis), reduced)
-        speeds = even.dot(basis.dot(found))
+        speeds = whitening.dot(basis.dot(found))
         excess = -rows.slack(speeds)
         excess[chosen] = -np.inf
         violated = int((excess > ROUNDING).sum())

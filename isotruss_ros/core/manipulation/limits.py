@@ -86,7 +86,7 @@ def _speed_rows(count: int, max_speed: float) -> Rows:
 
 @dataclass(frozen=True)
 class RollerSpeedLimit:
-    """Upper bound of the roller speeds."""
+    """Upper bound of the magnitudes of the roller speeds."""
 
     max_speed: float  #: largest roller speed, positive [m/s]
     status: ClassVar[Status] = Status.SLOWED_ROLLER_SPEED
@@ -156,19 +156,3 @@ def stack_rows(config: Configuration, limits: Sequence[Limit]) -> Rows:
         return Rows(np.zeros((0, len(config.roller_positions))), np.zeros(0), np.zeros(0))
     parts = [limit.rows(config) for limit in limits]
     return Rows(*map(np.concatenate, zip(*parts, strict=True)))
-
-
-def name_binding_rows(
-    config: Configuration, limits: Sequence[Limit], binding: Flags
-) -> tuple[Status, tuple[str, ...]]:
-    """
-    Return the status of the first binding limit, and the names of all binding rows.
-
-    :param config: configuration of the robot.
-    :param limits: the limits.
-    :param binding: (k,) mask of the binding rows.
-    """
-    rows = [(limit.status, name) for limit in limits for name in limit.row_names(config)]
-    bound = [rows[place] for place in np.flatnonzero(binding)]
-    status = bound[0][0] if bound else Status.SLOWED_ROLLER_SPEED
-    return status, tuple(name for _, name in bound)

@@ -45,11 +45,12 @@ class RollingGrip:
     :ivar owners: (k,) grasping member of each contact, numbered within the grip; a member has one
         contact, or two if a face touches it.
     :ivar corners: (k,) index of the polygon's corner at each contact.
-    :ivar kept: (2, k) rolling invariants: gaps from the centre lines, anchors along the tubes [m].
+    :ivar invariants: (2, k) gaps from the centre lines, and anchors along the tubes, as defined at
+        the top of this module [m].
     :ivar sides: (m,) +1 for an object on the left of the member, -1 on the right.
     :ivar shape: shape of the object that is used for the contacts, see `Shape.smoothed`.
     :ivar misfit: largest deviation from the invariants [m]. It is not zero if the rollers moved
-        such that members approached each other, moved apart or slipped.
+        the members toward each other or apart, or if contacts slipped.
     """
 
     config: Configuration
@@ -57,7 +58,7 @@ class RollingGrip:
     angles: Array
     owners: Indices
     corners: Indices
-    kept: Array
+    invariants: Array
     sides: Array
     shape: Shape
     misfit: float = 0.0
@@ -65,7 +66,7 @@ class RollingGrip:
     @classmethod
     def attach(cls, config: Configuration, grip: Grip) -> RollingGrip:
         """
-        Return the rolling grip of an object at its present pose, with its rolling invariants.
+        Return a rolling grip that starts at a given configuration and pose of the object.
 
         :param config: configuration of the robot.
         :param grip: the grip, with the object at its pose.
@@ -81,7 +82,9 @@ class RollingGrip:
         shape = grip.body.shape.smoothed(0.5 * config.robot.description.tube_diameter)
         none = np.zeros((2, len(owners)))
         rolling = cls(config, grip, angles, owners, corners, none, sides, shape)
-        return replace(rolling, kept=rolling._touch(rolling._lines(config)).values)
+        body, lines = grip.body, rolling._lines(config)
+        touch = rolling._touch(lines, body.center, body.pose.angle, corners)
+        return replace(rolling, invariants=touch.values)
 
     @property
     def pose(self) -> Pose:
@@ -103,7 +106,7 @@ class RollingGrip:
         rolled = self._rolled(config)
         if rolled.misfit <= ROUNDING or len(self.owners) == len(self.sides):
             return rolled
-        # A face lies on a member, and may have lifted at one of its ends.
+        # A face in contact with a member may have lifted at one of its ends.
         ends = [np.flatnonzero(self.owners == i).tolist() for i in range(len(self.sides))]
         for chosen in itertools.product(*([own, *([k] for k in own)] for own in ends)):
             left = [k for own in chosen for k in own]
@@ -113,7 +116,7 @@ class RollingGrip:
                 self,
                 owners=self.owners[left],
                 corners=self.corners[left],
-                kept=self.kept[:, left],
+                invariants=self.invariants[:, left],
             )
             other = fewer._rolled(config)
             if other.misfit < rolled.misfit and self._clears(other):
@@ -123,18 +126,18 @@ class RollingGrip:
     def _clears(self, rolled: RollingGrip) -> bool:
         """Return whether no corner of a face in contact penetrates a member after rolling."""
         body, lines = rolled.grip.body, rolled._lines(rolled.config)
-        touch = self._touch_there(lines, body.center, body.pose.angle, self.corners)
-        return bool((touch.values[0] >= self.kept[0] - rolled.misfit - ROUNDING).all())
+        touch = self._touch(lines, body.center, body.pose.angle, self.corners)
+        return bool((touch.values[0] >= self.invariants[0] - rolled.misfit - ROUNDING).all())
 
     def _rolled(self, config: Configuration) -> RollingGrip:
         """Return the grip in another configuration with the same contacts."""
         body, lines, corners = self.grip.body, self._lines(config), self.corners
         center, angle = body.center, body.pose.angle
         for step in range(MAX_NEWTON_ITERATIONS):
-            if step < 10:  # fixed afterwards, against cycling by rounding
+            if step < 10:  # later the corners are fixed, against cycling by rounding
                 corners = self._lowest(lines.normals * cmath.rect(1.0, -angle))
-            touch = self._touch_there(lines, center, angle, corners)
-            off = (touch.values - self.kept).ravel()
+            touch = self._touch(lines, center, angle, corners)
+            off = (touch.values - self.invariants).ravel()
             rows = touch.rows * (1.0, 1.0, 1.0 / body.arm)
             x, y, turn = change = np.linalg.lstsq(rows, -off, rcond=ROUNDING)[0]
             center += complex(x, y)
@@ -142,12 +145,12 @@ class RollingGrip:
             size = max(abs(x), abs(y), abs(turn))
             settled = size <= COINCIDENCE * max(1.0, abs(center) / body.arm)
             if settled or (body.shape.is_round and size <= body.arm):
-                # What rolling keeps is linear for a disc.
+                # For a disc the invariants are linear in the step.
                 misfit = float(np.abs(off + rows.dot(change)).max())
                 grip = self.grip.moved_to((center.real, center.imag, angle))
                 if grip.corners is not None:
                     grip = grip.touching(self.owners, corners)
-                find_contacts(config, grip)  # raises where it left a member
+                find_contacts(config, grip)  # raises if the object has left a member
                 angles = self._unwrapped(lines.normals, angle)
                 return replace(
                     self, config=config, grip=grip, angles=angles, corners=corners, misfit=misfit
@@ -155,8 +158,8 @@ class RollingGrip:
             if not size <= body.arm:
                 break
         raise GraspError(
-            'the object does not roll to the new configuration: go there in smaller steps, or '
-            'with rollers that keep its contacts'
+            'no pose of the object keeps its contacts in the new configuration: take smaller '
+            'steps, or roller speeds that neither open nor close the grip'
         )
 
     def _lowest(self, normals: Points) -> Indices:
@@ -181,14 +184,7 @@ class RollingGrip:
         travel[nodes.driven] = config.roller_positions[nodes.rollers]
         return _Lines(starts, axes, axes * (-1j * self.sides), travel)
 
-    def _touch(self, lines: _Lines) -> _Touch:
-        """Return gaps and anchors of the contacts (see `_Touch`) at the pose of the object."""
-        body = self.grip.body
-        return self._touch_there(lines, body.center, body.pose.angle, self.corners)
-
-    def _touch_there(
-        self, lines: _Lines, center: complex, angle: float, corners: Indices
-    ) -> _Touch:
+    def _touch(self, lines: _Lines, center: complex, angle: float, corners: Indices) -> _Touch:
         """Return the contacts' gaps and anchors (see `_Touch`) at a pose with given corners."""
         shape, turn, owners = self.shape, cmath.rect(1.0, angle), self.owners
         own = lines.normals * turn.conjugate()
@@ -207,7 +203,7 @@ class RollingGrip:
 class _Touch(NamedTuple):
     """Gaps and anchors of an object's k contacts, which stay constant while contacts roll."""
 
-    values: Array  #: (2, k) gaps and anchors, see `RollingGrip.kept` [m]
+    values: Array  #: (2, k) gaps and anchors, see `RollingGrip.invariants` [m]
     rows: Array  #: (2 k, 3) derivatives of gaps and anchors with respect to the object's twist
 
 

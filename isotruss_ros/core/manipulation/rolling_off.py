@@ -28,12 +28,12 @@ import numpy as np
 
 def roll_off_faces(config: Configuration, grip: Grip, reach: Reach, twist: Array) -> Reach:
     """
-    Return the reachable twists with the subset of contacts that comes closest to a twist.
+    Return the reachable twists of the subset of contacts that can best produce a twist.
 
     :param config: configuration of the robot.
     :param grip: the grip.
     :param reach: reachable twists with all contacts; they are the result if no subset comes
-        closer.
+        closer to the twist.
     :param twist: (3,) twist of the object, not zero [m/s, rad/s].
     :raises ConfigurationError: the configuration is singular.
     """

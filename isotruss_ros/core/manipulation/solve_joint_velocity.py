@@ -52,13 +52,14 @@ def solve_joint_velocity(
     velocities are scaled or projected, as in `solve_twist`.
 
     :param config: configuration of the robot.
-    :param velocities: velocity (vx, vy) for the name of each commanded joint, robot frame [m/s];
-        the other joints may move in any way.
+    :param velocities: velocity (vx, vy) of each commanded joint in the robot frame, by the joint's
+        name [m/s]; the other joints may move in any way.
     :param failed: names of failed rollers, which do not move.
     :param limits: limits that replace those of the robot file; None: the limits of the file.
     :param handling: behaviour at binding limits.
-    :return: command; `achieved_twist` has the velocities vx, vy of the joints, in their order, (2
-        k,) [m/s], and `reachable_dof` is the number of independent motions of the joints.
+    :return: command; `achieved_twist` has the velocities vx, vy of the joints in the order of
+        `velocities`, (2 k,) [m/s], and `reachable_dof` is the number of independent motions of
+        the joints.
     :raises GraspError: the robot has no such joint or roller, no velocity is given, or a velocity
         is not two finite numbers.
     :raises ConfigurationError: the configuration is singular.
@@ -67,7 +68,7 @@ def solve_joint_velocity(
     robot = config.robot
     names = robot.topology.joint_names
     if not velocities:
-        raise GraspError(f'velocities: none; must be of one or more of {", ".join(names)}')
+        raise GraspError(f'velocities: none; give one or more, of the joints {", ".join(names)}')
     for joint in velocities:
         check_joint(robot, joint)
     desired = np.concatenate(

@@ -99,8 +99,8 @@ def carry_out(
     Return the least-cost (11) roller velocities for a desired motion under limits.
 
     :param config: configuration of the robot.
-    :param reach: reachable motions of the working rollers.
-    :param desired: (k,) desired motion.
+    :param reach: motions that the working rollers can produce.
+    :param desired: (k,) desired twist [m/s, rad/s], or velocity components of joints [m/s].
     :param limits: limits of rollers and configuration; None: the limits of the robot file.
     :param handling: behaviour at binding limits.
     :param opening_rate: opening rate of the grip, see `solve_twist` [m/s].

@@ -43,7 +43,7 @@ class Status(enum.IntEnum):
     HALT_NO_OBJECT_POSE = 35
     HALT_STALE_OBJECT_POSE = 36
     HALT_INVALID_OBJECT_POSE = 37
-    HALT_NO_GRASP = 38  #: the object is not between the two grasping members, or not near them
+    HALT_NO_GRASP = 38  #: the object is not in contact with all grasping members
     HALT_KINEMATICS = 39  #: no configuration exists, or the solver failed
     HALT_EMERGENCY_STOP = 40
     HALT_CLOCK = 41  #: simulated time is stopped

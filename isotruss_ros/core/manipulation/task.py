@@ -39,7 +39,7 @@ class WorkingRollers:
     count: int  #: number of all rollers
     places: Indices  #: (w,) indices of the working rollers
     cost: Array  #: (w, w) cost C^T C (11) of their speeds [-]
-    even: Array  #: (w, w) matrix E such that the speeds E y have the cost |y|^2 [-]
+    whitening: Array  #: (w, w) matrix E such that the speeds E y have the cost |y|^2 [-]
 
     def take(self, rows: Array) -> Array:
         """
@@ -58,23 +58,23 @@ class WorkingRollers:
         :param cost: (r, r) cost of the speeds of all rollers, symmetric and positive definite.
         :raises GraspError: the cost is not symmetric and positive definite.
         """
-        words = f'the cost, one of {self.count} rows'
+        words = f'a row of the cost matrix, which has {self.count} rows'
         given = cost if np.iterable(cost) else [cost]
         matrix = np.array([finite_array(row, self.count, words, GraspError) for row in given])
         if len(matrix) != self.count:
-            raise GraspError(f'the cost: {len(matrix)} rows; must be {self.count}')
+            raise GraspError(f'the cost matrix has {len(matrix)} rows; must be {self.count}')
         size = max(float(np.abs(matrix).max()), SMALLEST_NORMAL)
         matrix = matrix / size
         least = float(np.linalg.eigvalsh(matrix)[0])
         if np.abs(matrix - matrix.T).max() > COINCIDENCE or least < COINCIDENCE:
             raise GraspError(
-                f'the cost has the smallest eigenvalue {size * least:.4g}: must be symmetric and '
-                'positive definite; add a small part of the identity'
+                f'the smallest eigenvalue of the cost matrix is {size * least:.4g}: must be '
+                'symmetric and positive definite; add a small multiple of the identity'
             )
         own = matrix[np.ix_(self.places, self.places)]
         if len(own):
             own = own * (np.trace(self.cost) / np.trace(own))
-        return WorkingRollers(self.count, self.places, own, _even(own))
+        return WorkingRollers(self.count, self.places, own, _whitening(own))
 
     def spread(self, speeds: Array) -> Array:
         """
@@ -103,10 +103,10 @@ def working_rollers(topology: Topology, failed: frozenset[str]) -> WorkingRoller
     # (11): J = |Ldot|^2, and Ldot = C phidot keeps the length of each tube (13).
     incidence = topology.incidence[:, places]
     cost = incidence.T @ incidence
-    return WorkingRollers(len(topology.roller_names), places, cost, _even(cost))
+    return WorkingRollers(len(topology.roller_names), places, cost, _whitening(cost))
 
 
-def _even(cost: Array) -> Array:
+def _whitening(cost: Array) -> Array:
     """Return E (w, w) with |C E y| = |y|, where C^T C is the cost matrix."""
     return np.linalg.inv(np.linalg.cholesky(cost)).T
 
@@ -181,7 +181,7 @@ class Task(NamedTuple):
     #: (k + g,) unit vector of the closest reachable twist, in the basis of `Reach.rows`
     direction: Array
     speed: float  #: norm of the closest reachable twist [m/s]
-    status: Status  #: `OK` if the desired twist is reachable, else `UNREACHABLE`; `IDLE` for zero
+    status: Status  #: `OK` if the desired twist is reachable, `IDLE` if zero, else `UNREACHABLE`
     free: Array  #: (w,) least-cost speeds for 1 m/s along `direction`, without limits
     #: (r,) least-cost speeds of all rollers for the closest reachable twist [m/s]
     velocities: Array
@@ -197,7 +197,7 @@ def find_task(reach: Reach, twist: Array, opening_rate: float = 0.0) -> Task:
     """
     direction, working = np.zeros(len(reach.rows)), reach.working
     opening = (reach.opening * opening_rate).tolist() if opening_rate else []
-    # Scaled so that no finite twist overflows.
+    # The twist is scaled so that no finite twist overflows.
     size = max(map(abs, twist.tolist() + opening)) or 1.0
     unit = reach.weights * (twist / size)
     smallest, status = 0.0, Status.OK
@@ -214,30 +214,30 @@ def find_task(reach: Reach, twist: Array, opening_rate: float = 0.0) -> Task:
         first = len(direction) - len(opening)
         direction[first:] = np.divide(opening, size)
     length = math.sqrt(direction.dot(direction))
-    if length <= smallest:  # or the grip shall open, and nothing changes it
+    if length <= smallest:  # also if no roller speed produces the opening rate
         standing = np.zeros(working.count)
         if status is Status.OK and not opening:
             status = Status.IDLE
         return Task(reach, direction, 0.0, status, working.take(standing), standing)
     direction /= length
     speed = size * length
-    free = least_cost(working.even, reach.rows, direction)
-    # Larger twists are mistakes, and the speeds of the rollers stay finite.
+    free = least_cost(working.whitening, reach.rows, direction)
+    # Larger twists are mistakes; the bound keeps the roller speeds finite.
     velocities = working.spread(free * min(speed, MAX_MAGNITUDE))
     return Task(reach, direction, speed, status, free, velocities)
 
 
-def least_cost(even: Array, equality: Array, direction: Array) -> Array:
+def least_cost(whitening: Array, equality: Array, direction: Array) -> Array:
     """
     Return the minimiser u (w,) of the cost (11) under the task J u = direction, without limits.
 
-    At full rank it equals `even @ numpy.linalg.lstsq(equality @ even, direction)[0]`.
+    At full rank it equals `E @ numpy.linalg.lstsq(J @ E, direction)[0]`.
 
-    :param even: (w, w) matrix E, see `WorkingRollers`.
+    :param whitening: (w, w) matrix E, see `WorkingRollers`.
     :param equality: (k, w) matrix J of full row rank.
     :param direction: (k,) right-hand side.
     """
     # (20): u = E y with the minimum-norm y of J E y = direction.
-    right = np.zeros(len(even))
+    right = np.zeros(len(whitening))
     right[: len(direction)] = direction
-    return even.dot(lapack.dgels(equality.dot(even), right)[1])
+    return whitening.dot(lapack.dgels(equality.dot(whitening), right)[1])

@@ -4,7 +4,7 @@
 """
 Quadratic programs (QP) for the largest progress along a twist under limits, at least cost (11).
 
-    minimize   1/2 |C u|^2 - rho (s - s^2 / 4 reach)
+    minimize   1/2 |C u|^2 - rho (s - s^2 / (4 reach))
     subject to J u = s * direction,  0 <= s <= reach,  lower <= G u <= upper
 
 The second term is an exact penalty: its slope is at least rho / 2, which is larger than any
@@ -47,7 +47,7 @@ def maximize_progress(
 
     :param cost: (r, r) matrix C^T C, positive definite.
     :param equality: (k, r) matrix J of full row rank.
-    :param direction: (k,) value of J u at s = 1.
+    :param direction: (k,) direction in J u = s * direction.
     :param reach: upper bound of s, positive.
     :param limited: (l, r) rows G with their bounds, which u = 0 fulfils.
     :param penalty: weight rho of missing progress relative to the cost.

@@ -73,7 +73,7 @@ class ConvexObject:
             x, y = finite_array(
                 self.center_of_mass, 2, 'center_of_mass (x, y) in the object [m]', GraspError
             )
-            away = max(abs(x), abs(y)) > MAX_MAGNITUDE  # squares of more may overflow
+            away = max(abs(x), abs(y)) > MAX_MAGNITUDE  # squares of larger values may overflow
             if away or self.shape.nearest(np.array([complex(x, y)])).gaps[0] > 0.0:
                 raise GraspError(f'center_of_mass ({x:g}, {y:g}) m: must be within the object')
             object.__setattr__(self, 'center_of_mass', (float(x), float(y)))
@@ -101,10 +101,10 @@ class ConvexObject:
 
     def friction_or(self, given: float | None) -> float:
         """
-        Return a given coefficient of friction; None is replaced by the object's own.
+        Return the given coefficient of friction, or without one the object's coefficient.
 
-        :param given: coefficient for the grasp [-]. None is replaced by the object's coefficient,
-            or by `DEFAULT_FRICTION` if the object has none.
+        :param given: coefficient for the grasp [-]; None: the object's coefficient, or
+            `DEFAULT_FRICTION` if the object has none.
         """
         if given is not None:
             return given
@@ -118,23 +118,25 @@ class ConvexObject:
         :raises GraspError: the pose is not three finite numbers within range.
         """
         moved = object.__new__(ConvexObject)
-        # What has been checked need not be checked again.
+        # The other fields were checked when this object was created.
         moved.__dict__.update(self.__dict__)
         moved._put(pose)
         return moved
 
     def smoothed(self, length: float) -> ConvexObject:
         """
-        Return the object with the smooth outline of its samples, see `Shape.smoothed`.
+        Return the object with the smooth curve that its outline approximates, if there is one.
 
-        :param length: only faces shorter than this are regarded as chords of a smooth outline [m].
+        See `Shape.smoothed`.
+
+        :param length: only faces shorter than this are regarded as chords of a smooth curve [m].
         """
         shape = self.shape.smoothed(length)
         if shape is self.shape:
             return self
         found = object.__new__(ConvexObject)
         arm = shape.perimeter / (2.0 * math.pi)
-        # What has been checked need not be checked again.
+        # The other fields were checked when this object was created.
         found.__dict__.update(self.__dict__, shape=shape, arm=arm)
         found._put(self.pose)
         return found
@@ -193,7 +195,8 @@ def segment_gaps(body: ConvexObject, starts: Points, ends: Points) -> SegmentGap
     """
     Return the gaps between an object and line segments, with the directions of the gaps.
 
-    A normal is perpendicular to its segment and points away from the object's centroid.
+    A normal is perpendicular to its segment and points away from the object's centroid. If the
+    nearest point is an end of the segment, the normal is that of the object's surface.
 
     :param body: the object at its pose.
     :param starts: (k,) starts of the segments, robot frame, x + iy [m].

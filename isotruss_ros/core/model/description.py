@@ -34,19 +34,19 @@ class Tube:
 @dataclass(frozen=True)
 class RobotDescription:
     """
-    Content of a robot file after a check of its form, but not yet of the mechanics.
+    Content of a robot file with a valid form; the mechanics are checked later.
 
     :ivar source: path of the robot file, for error messages.
     :ivar name: name of the robot.
     :ivar frame: name of the robot's coordinate frame.
-    :ivar joints: position (x, y) at home for the name of each joint [m].
+    :ivar joints: position (x, y) of each joint at home, by the joint's name [m].
     :ivar tubes: the closed tubes.
     :ivar module: dimensions of the roller modules.
     :ivar tube_diameter: outer diameter of the tubes [m].
-    :ivar pressures: gauge pressure for the name of each tube, in the order of the file [Pa].
+    :ivar pressures: gauge pressure of each tube by the tube's name, in the order of the file [Pa].
     :ivar stiffness: block `stiffness` of the robot file, unchanged.
-    :ivar supports: for the name of each supported joint, the axes (`x`, `y`) along which it is
-        fixed.
+    :ivar supports: axes (`x`, `y`) along which each supported joint is fixed, by the joint's
+        name.
     :ivar max_speed: largest speed of a roller [m/s].
     :ivar max_acceleration: largest acceleration of a roller [m/s^2].
     :ivar min_length: smallest length of a member, pinch point to pinch point [m].
@@ -55,7 +55,8 @@ class RobotDescription:
     :ivar stiffness_scale: ratio of the tubes' true stiffness to the modelled one [-].
     :ivar tube_mass: mass of the tubes per length [kg/m].
     :ivar damping_ratio: damping ratio of the vibration mode with the lowest frequency [-].
-    :ivar calibration: block `calibration` of the file, with the deviations of home and stiffness.
+    :ivar calibration: block `calibration` of the file, with the standard deviations of roller
+        offsets and stiffness.
     """
 
     source: str
@@ -80,5 +81,5 @@ class RobotDescription:
 
     @property
     def braking_rate(self) -> float:
-        """Return the largest decay rate of roller speeds within the acceleration limit [1/s]."""
+        """Return the ratio of the rollers' largest acceleration to their largest speed [1/s]."""
         return self.max_acceleration / self.max_speed

@@ -94,7 +94,7 @@ class Ellipse(Shape):
         return SurfacePoints(long * gaps, signed, long * radii)
 
     def unroll(self, angles: Array, corners: Indices) -> Array:
-        """Return the arc lengths from the x axis to given normals; see `Shape.unroll`."""
+        """Return the arc lengths from the x axis to surface points; see `Shape.unroll`."""
         a, b = self.semi_axes
         # The parameter of the point: its normal is along (cos t / a, sin t / b).
         parameter = np.angle(a * np.cos(angles) + 1j * b * np.sin(angles))

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Reading of objects from YAML, which is a file or the text of a parameter.
+Reading of objects from YAML, given as a file or as the text of a parameter.
 
     shape: polygon                            # or disc, with diameter; or ellipse, with semi_axes
     vertices: [[0, 0], [0.3, 0], [0.3, 0.2], [0, 0.2]]

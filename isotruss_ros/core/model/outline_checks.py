@@ -96,16 +96,16 @@ def _check_convex(corners: Points) -> None:
     i = int(lengths.argmin())
     if lengths[i] < MIN_DIAMETER:
         raise GraspError(
-            f'{_name(corners[i], i)}: the next vertex is in the same place; must be '
-            f'{MIN_DIAMETER:g} m apart'
+            f'{_name(corners[i], i)}: the next vertex has the same position; the '
+            f'distance must be at least {MIN_DIAMETER:g} m'
         )
     turns = np.angle(sides * np.roll(sides, 1).conj())
     sines = np.sin(turns)
     i = int(np.abs(sines).argmin())
     if abs(sines[i]) < ROUNDING:
         raise GraspError(
-            f'{_name(corners[i], i)}: on one line with its neighbours; leave it out, or let the '
-            'outline turn there'
+            f'{_name(corners[i], i)}: on one line with its neighbours; remove it, or move it so '
+            'that the outline is convex'
         )
     turned = float(turns.sum())
     wrong = np.flatnonzero(turns * turned < 0.0)
@@ -114,12 +114,14 @@ def _check_convex(corners: Points) -> None:
         i = int(wrong[0]) if len(wrong) else 0
         raise GraspError(
             f'{_name(corners[i], i)}: the polygon is concave there, or its sides cross each '
-            'other; must be convex: list the vertices in their order around the polygon, leave '
-            'this one out, or divide the object'
+            'other; must be convex: list the vertices in their order around the polygon, remove '
+            'this vertex, or divide the object'
         )
     area = abs(polygon_moments(corners - corners[0])[0])
     if area < MIN_DIAMETER**2:
-        raise GraspError(f'a polygon of area {area:g} m^2: must have an extent')
+        raise GraspError(
+            f'a polygon of area {area:g} m^2: must be {MIN_DIAMETER**2:g} m^2 or more'
+        )
 
 
 def _check_fit(corners: Points, radii: Array) -> None:
@@ -132,6 +134,6 @@ def _check_fit(corners: Points, radii: Array) -> None:
     if left[i] < -ROUNDING * abs(sides[i]):  # arcs may take all of a side, up to rounding
         raise GraspError(
             f'corner_radius {radii[i]:g} m does not fit: the side of {abs(sides[i]):g} m that '
-            f'begins at {_name(corners[i], i)} is shorter than its two arcs take '
-            f'({taken[i]:g} and {np.roll(taken, -1)[i]:g} m)'
+            f'begins at {_name(corners[i], i)} must be at least '
+            f'{taken[i] + np.roll(taken, -1)[i]:g} m long for its two arcs; use a smaller radius'
         )

@@ -66,7 +66,7 @@ class Polygon(Shape):
 
     @property
     def bounding_normals(self) -> Points:
-        """Return outward unit normals (k,) of tangents that enclose the shape tightly."""
+        """Return outward unit normals (k,) whose tangents form a polygon around the shape."""
         return self.normals[:: 1 + (len(self.normals) - 1) // 32]  # at most 32
 
     @cached_property
@@ -202,7 +202,7 @@ class Polygon(Shape):
 
     @cached_property
     def _unrolled_corners(self) -> tuple[Array, Array]:
-        """Return the angles (k,) of the corners' middle normals, and arc lengths (k,) there."""
+        """Return angles (k,) of the corners' middle normals, and arc lengths (k,) there."""
         turns, along = self.turns, 1j * self.normals
         middles = np.angle(self.normals[0]) - 0.5 * turns[0]
         middles = middles + np.append(0.0, np.cumsum(0.5 * (turns[1:] + turns[:-1])))

@@ -132,7 +132,7 @@ def _cross_check(
             )
     for joint in joints:
         if joint not in used:
-            yield f'joints.{joint}: on no tube; let a tube visit it or take it out'
+            yield f'joints.{joint}: no tube has this joint; add it to a tube, or remove it'
     for joint in supports:
         if joint not in joints:
             yield f'supports.{joint}: unknown joint {joint!r}; known are {known}'
@@ -143,12 +143,12 @@ def _cross_check(
                 yield f'tube.pressure: unknown tube {name!r}; known are {", ".join(names)}'
         for name in names:
             if name not in pressure:
-                yield f'tube.pressure: tube {name} is missing; give one number, or one for each'
+                yield f'tube.pressure: tube {name} is missing; give one number, or one per tube'
     places: dict[tuple[float, float], str] = {}
     for joint, place in joints.items():
         other = places.setdefault(place, joint)
         if other != joint:
-            yield f'joints.{joint}: {list(place)}: joint {other} is there too; must be apart'
+            yield f'joints.{joint}: {list(place)}: joint {other} is at this position; must differ'
     if limits['min_length'] >= limits['max_length']:
         yield (
             f'members.min_length: {limits["min_length"]}: '

@@ -51,8 +51,8 @@ def parse_yaml(source: object, text: str, kind: str, refusal: type[IsotrussError
     :param text: YAML text.
     :param kind: noun in the plural for such texts, for error messages (such as 'robot files').
     :param refusal: class of the exception to raise.
-    :raises IsotrussError: the text is not YAML 1.2, is nested too deeply, or has anchors or values
-        that are too long; its class is `refusal`.
+    :raises IsotrussError: the text is not YAML 1.2, is nested too deeply, has anchors, or has
+        values that are too long; its class is `refusal`.
     """
     try:
         depth = 0
@@ -61,7 +61,8 @@ def parse_yaml(source: object, text: str, kind: str, refusal: type[IsotrussError
             depth -= isinstance(event, CollectionEndEvent)
             if depth > MAX_NESTING_DEPTH:
                 raise refusal(
-                    f'{source}: line {event.start_mark.line + 1}: nested too deeply for {kind}'
+                    f'{source}: line {event.start_mark.line + 1}: nested too deeply; {kind} '
+                    f'have at most {MAX_NESTING_DEPTH} levels'
                 )
             if isinstance(event, ScalarEvent) and len(event.value) > MAX_ENTRIES:
                 raise refusal(
@@ -83,6 +84,6 @@ def parse_yaml(source: object, text: str, kind: str, refusal: type[IsotrussError
         raise refusal(f'{source}: {where}not YAML 1.2: {problem}') from error
     except refusal:
         raise
-    # The reader's own constructors: dates, very long integers, tags on what does not fit them.
+    # Constructors of ruamel.yaml raise these for invalid dates, long integers and wrong tags.
     except (ValueError, LookupError, TypeError, AttributeError) as error:
         raise refusal(f'{source}: not YAML 1.2: {error}') from error

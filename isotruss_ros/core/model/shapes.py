@@ -30,7 +30,7 @@ PLANNED_DEPTH = 0.02
 
 
 class SurfacePoints(NamedTuple):
-    """Surface points nearest to given points; each of them is `point - gap * normal`."""
+    """Points of the surface nearest to given points x; they are x - gap * normal."""
 
     gaps: Array  #: (c,) distances of the points from the surface, negative inside [m]
     #: (c,) unit vectors x + iy, the outward normals at the nearest points; at a sharp corner, any
@@ -53,7 +53,7 @@ class PatchEnd(NamedTuple):
 
     corner: int  #: index of the corner, see `Shape.corner_at`
     point: complex  #: point of the surface, x + iy in the object's frame [m]
-    height: float  #: height toward the tube, from the origin of the object's frame [m]
+    height: float  #: coordinate along the normal toward the tube [m]
     along: float  #: distance from the deepest corner along the faces, counter-clockwise [m]
 
 
@@ -70,7 +70,7 @@ class Shape(ABC):
 
     @property
     def bounding_normals(self) -> Points:
-        """Return outward unit normals (k,) of tangents that enclose the shape tightly."""
+        """Return outward unit normals (k,) whose tangents form a polygon around the shape."""
         return np.exp(2j * np.pi * np.arange(16) / 16)
 
     @property
@@ -168,7 +168,7 @@ class Shape(ABC):
                 if height < least or at == corner or (short_face and abs(along) >= short):
                     break
                 (near if short_face else far).append(PatchEnd(at, point, height, along))
-        # Of corners of equal depth the nearest to the middle counts first.
+        # Among corners of equal depth, the one nearest to the middle counts first.
         tie, middle = NEGLIGIBLE_SHARE * depth, (self.centroid * back).imag
         ends = near + far
         highest = max(each.height for each in ends) - tie
@@ -197,7 +197,8 @@ class Shape(ABC):
 
         A shape that rolls on a line touches the line at the point whose normal is perpendicular to
         it, so the difference of two arc lengths is the rolled distance. A full rotation adds the
-        perimeter. All points of a face have the same normal, so the arc length jumps at its angle.
+        perimeter. All points of a face have the same normal, so the arc length jumps at the angle
+        of this normal.
 
         :param angles: (k,) angles of the outward normals, not wrapped to one turn [rad].
         :param corners: (k,) indices of the corners in contact, see `corner_at`.

@@ -54,7 +54,7 @@ class SmoothOutline(Shape):
 
     @property
     def gyration(self) -> float:
-        """Return the radius of gyration of the corners' polygon about its centroid [m]."""
+        """Return the radius of gyration of the polygon about its centroid [m]."""
         area, _, second = self._moments
         return float(np.sqrt(second / area - abs(self.centroid) ** 2))
 
@@ -71,14 +71,14 @@ class SmoothOutline(Shape):
 
     @cached_property
     def _angles(self) -> Array:
-        """Return the angles (n + 1,) of the normals at all corners and at the first again."""
+        """Return the normals' angles (n + 1,) at the corners, with the first one turn later."""
         tangents = _conic_tangents(self.corners)
         turns = np.angle(np.roll(tangents, -1) / tangents)
         return float(np.angle(-1j * tangents[0])) + np.append(0.0, np.cumsum(turns))
 
     @cached_property
     def _functions(self) -> list[scipy.interpolate.PPoly]:
-        """Return functions of the normal's angle: the integral of h, h itself, h' and h''."""
+        """Return the support function h of the normal's angle: its integral, h, h' and h''."""
         away = self.corners - self.centroid
         heights = (away * np.exp(-1j * self._angles[:-1])).real
         spline = scipy.interpolate.make_interp_spline(
@@ -103,7 +103,7 @@ class SmoothOutline(Shape):
         return bool((found[1] + found[3]).min() > 0.0)
 
     def _around(self, angles: Array) -> Array:
-        """Return (4, k) values at angles (k,): the integral of h, h itself, h' and h''."""
+        """Return values (4, k) of `_functions` at given angles (k,) of the normals."""
         angles = self._angles[0] + (angles - self._angles[0]) % (2.0 * np.pi)
         return np.array([function(angles) for function in self._functions])
 
@@ -165,7 +165,7 @@ def _conic_tangents(points: Points) -> Points:
     Pascal's theorem in homogeneous coordinates.
     """
     size = np.abs(points - points.mean()).max()
-    # A hexagon on the conic, two of whose corners are the point: that side is the tangent.
+    # Two corners of Pascal's hexagon coincide at the point; the side between them is the tangent.
     hexagon = []
     for step in (0, 0, 1, -2, 2, -1):
         away = (np.roll(points, -step) - points) / size

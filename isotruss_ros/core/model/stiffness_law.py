@@ -66,7 +66,7 @@ def find_contradictions(
     between. The length at which the ratio is 4 follows in closed form.
 
     :param laws: power laws with the keys axial, transverse and rotary.
-    :param pressures: gauge pressure for the name of each tube [Pa].
+    :param pressures: gauge pressure of each tube, by the tube's name [Pa].
     :param limits: shortest and longest member, pinch point to pinch point [m].
     :param ring: distance g of each guide ring from its pinch point [m].
     """

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-#: For each SI unit, other units with their sizes in the SI unit.
+#: For each SI unit, other units of the same quantity, with their values in the SI unit.
 UNITS = {
     'm': {'cm': 1e-2, 'mm': 1e-3},
     'm/s': {'cm/s': 1e-2, 'mm/s': 1e-3},
@@ -25,10 +25,10 @@ def likely_unit(value: float, unit: str, low: float, high: float) -> str:
     :param unit: SI unit in which the value was read.
     :param low: smallest value of the range, in the SI unit.
     :param high: largest value of the range, in the SI unit.
-    :return: clause, for example `; in cm it would be 0.102 m`; empty if no unit is suitable.
+    :return: clause, for example `; if it is in cm, it is 0.102 m`; empty if no unit is suitable.
     """
     fitting = [
-        f'in {name} it would be {float(f"{value * size:.4g}"):g} {unit}'
+        f'if it is in {name}, it is {float(f"{value * size:.4g}"):g} {unit}'
         for name, size in UNITS.get(unit, {}).items()
         if low <= value * size <= high and value != 0.0
     ]

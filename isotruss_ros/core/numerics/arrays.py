@@ -17,7 +17,7 @@ Flags = NDArray[np.bool_]
 #: number. Numbers out of this range are mistakes, and products of such numbers overflow.
 MAX_MAGNITUDE = 1e12
 #: Largest number of entries of a list, and of characters of a text, from outside [-]; longer input
-#: is a mistake. Python does not print integers that are longer.
+#: is a mistake. Python does not convert integers of several thousand digits to text.
 MAX_ENTRIES = 1000
 
 

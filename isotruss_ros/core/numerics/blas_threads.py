@@ -36,7 +36,7 @@ def _find_libraries() -> list[tuple[Callable[[], int], Callable[[int], None]]]:
     found = {}
     for module in (np.linalg._umath_linalg, lapack._flapack):  # type: ignore[attr-defined]
         # Symbols are looked up in a library and in its dependencies. PyDLL keeps the interpreter's
-        # lock: these calls are shorter than its release.
+        # lock, because releasing the lock takes longer than these calls.
         library = ctypes.PyDLL(module.__file__)
         for prefix, suffix in itertools.product(PREFIXES, SUFFIXES):
             names = (f'{prefix}openblas_{act}_num_threads{suffix}' for act in ('get', 'set'))

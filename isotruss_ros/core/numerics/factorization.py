@@ -126,7 +126,7 @@ def count_negative_pivots(matrix: Array | csc_matrix, constraints: int) -> int:
     """
     Return the number of negative pivots of the factorisation L D L^T of a symmetric matrix.
 
-    :param matrix: (n, n) stiffness bordered by constraints, with entries scaled to 1.
+    :param matrix: (n, n) stiffness matrix bordered by constraints, with entries of order 1.
     :param constraints: number of constraints, which are the last rows and have a zero diagonal.
     """
     if isinstance(matrix, np.ndarray):
@@ -135,8 +135,8 @@ def count_negative_pivots(matrix: Array | csc_matrix, constraints: int) -> int:
         single = pivots > 0
         negative = (factors.diagonal() < 0.0) & single
         return int(np.count_nonzero(negative)) + int(np.count_nonzero(~single)) // 2
-    # SuperLU exchanges no rows of a quasi-definite matrix: the constraints are regularised, and
-    # their penalty stiffness is added to the constrained block.
+    # SuperLU exchanges no rows of a quasi-definite matrix. So the zero diagonal of the constraints
+    # is replaced by a small negative one, and their penalty stiffness is added to the stiffness.
     rows = matrix[-constraints:, :-constraints] if constraints else matrix[:0]
     softened = NEGLIGIBLE_SHARE * identity(constraints, format='csc')
     stiff = matrix[: matrix.shape[0] - constraints, : matrix.shape[0] - constraints]

@@ -7,10 +7,11 @@ Strictly convex quadratic programs (QP), solved by SciPy's nonnegative least squ
     minimize   1/2 x^T P x + q^T x
     subject to A x = b,  G x <= h
 
-The null space of the equalities and the Cholesky factor L of P reduce it to the least distance
-problem (Lawson and Hanson, Solving Least Squares Problems, 1974, chapter 23, LDP):
+The null space of the equalities and the Cholesky factor L of P reduce it to the problem of the
+point y of a polyhedron that is nearest to the origin (least distance programming, Lawson and
+Hanson, Solving Least Squares Problems, 1974, chapter 23):
 
-    minimize |y|  subject to  y . column <= room  for each column
+    minimize |y|  subject to  y . column <= room  for the normal (column) of each plane
 
 The active-set search ends after finitely many steps even at degenerate vertices, where dual
 active-set solvers fail occasionally. Only SciPy is needed, so the solver is the same with and
@@ -37,8 +38,9 @@ import numpy as np
 import scipy
 from scipy.linalg import cholesky, lapack, lstsq, solve_triangular
 
-#: Tolerance of the inequalities if active constraints are nearly dependent (else `ROUNDING`),
-#: relative to the largest coefficient times 1 + |x|; and relative duality gap of |y|^2 [-].
+#: Largest duality gap relative to |y|^2 [-]. It is also the tolerance of the inequalities relative
+#: to the largest coefficient times 1 + |x|, if `ROUNDING` is not reached because active
+#: constraints are nearly dependent.
 LOOSE_TOLERANCE = 1e-8
 #: Perturbations of the bounds relative to the size of the solution [-]. They are tried one after
 #: another at degenerate vertices, where rounding disturbs the search.
@@ -67,7 +69,7 @@ def solve_qp(problem: QuadraticProgram) -> Array | None:
     rows, bounds = problem.rows[bounded], problem.bounds[bounded]
     free, start = _free_space(problem)
     largest = np.abs(rows).max(initial=SMALLEST_NORMAL)
-    if not free.shape[1]:  # LAPACK takes no empty factor
+    if not free.shape[1]:  # LAPACK refuses empty matrices
         excess = (rows @ start - bounds).max(initial=0.0)
         return start if excess <= LOOSE_TOLERANCE * largest * (1.0 + np.abs(start).max()) else None
     curvature = free.T @ problem.hessian @ free
@@ -77,7 +79,7 @@ def solve_qp(problem: QuadraticProgram) -> Array | None:
     if failed:
         return None
     free = free * scale
-    # y = L^T z + offset: distance from the unconstrained minimum.
+    # y = L^T z + offset is zero at the unconstrained minimum.
     slope = free.T @ (problem.hessian @ start + problem.gradient)
     offset, _ = lapack.dtrtrs(factor, slope, lower=1)
     turned, _ = lapack.dtrtrs(factor, (rows @ free).T, lower=1)
@@ -99,7 +101,7 @@ def solve_qp(problem: QuadraticProgram) -> Array | None:
                 return found
             if not len(active):
                 break
-            # An offset much longer than x loses digits: the active constraints restore them.
+            # Digits lost to an offset much longer than x are restored by the active constraints.
             left = bounds[active] - rows[active] @ found
             step = solve_least_squares(turned[:, active].T, left)
     return best
@@ -156,12 +158,13 @@ def find_nearest(columns: Array, room: Array, size: float, relaxation: float) ->
         return None
     active = np.flatnonzero(weights)
     left = 1.0 + matrix[-1, active] @ weights[active]
-    # The residual vanishes if constraints contradict; none is active if the perturbation moved the
-    # origin inside.
+    # The residual vanishes if constraints contradict each other. No constraint is active if the
+    # perturbed polyhedron contains the origin.
     if not EPSILON < left <= 1.0 or not len(active):
         return None
     normals, bounds = normals[:, active], bounds[active]
-    # Minimum-norm y at the active bounds keeps the digits of directions of different stiffness.
+    # The minimum-norm y at the active bounds is accurate also for constraints of very different
+    # stiffness.
     point = solve_least_squares(normals.T, bounds)
     # Duality: with nonnegative multipliers |y|^2 exceeds the minimum by at most the gap.
     apart, multipliers = np.abs(bounds - point @ normals), weights[active] * (size / left)
@@ -215,7 +218,7 @@ def solve_complementarity(compliance: Array, gaps: Array, active: Flags) -> tupl
 
 
 def _by_least_squares(compliance: Array, gaps: Array) -> tuple[Array, Flags]:
-    """Solve the LCP by nonnegative least squares on the Cholesky factor W = R^T R."""
+    """Solve the LCP by nonnegative least squares on the Cholesky factor of the compliance."""
     try:
         root = cholesky(compliance)
         target = solve_triangular(root, -gaps, trans='T')

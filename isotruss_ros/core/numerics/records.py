@@ -22,11 +22,11 @@ class Record:
     """
     Base class of results, with uniform display, conversion and comparison of their data.
 
-    The data of a result are its properties and those of its fields that do not have `repr=False`,
-    or the names in the class attribute `data`. The `repr` shows the data named in `headline`.
+    The class attribute `data` names the data of a result. If it is empty, the data are all
+    properties, and the fields without `repr=False`. The `repr` shows the data in `headline`.
 
     :cvar headline: names of the data that are displayed, the most important first.
-    :cvar data: names of all data; if it is empty, the data are fields and properties.
+    :cvar data: names of all data, or empty.
     """
 
     headline: ClassVar[tuple[str, ...]] = ()
@@ -36,7 +36,7 @@ class Record:
     def __init_subclass__(
         cls, headline: tuple[str, ...] = (), data: tuple[str, ...] = (), **rest: Any
     ) -> None:
-        """Store the names of the data; use the methods of this class in place of a dataclass's."""
+        """Store the names of the data, and replace methods that a dataclass generates."""
         super().__init_subclass__(**rest)
         cls.headline, cls.data = headline or cls.headline, data or cls.data
 
@@ -50,7 +50,7 @@ class Record:
         return '\n  '.join([type(self).__name__, *lines])
 
     def _repr_html_(self) -> str:
-        """Return the headline as tables: one of numbers, and one with a row for each name."""
+        """Return the headline as two tables: single values, and dictionaries in columns."""
         values = {name: getattr(self, name) for name in _shown(type(self))}
         by_name = {name: each for name, each in values.items() if isinstance(each, Mapping)}
         rows = [
@@ -113,7 +113,7 @@ def as_plain(value: Any) -> Any:
     if dataclasses.is_dataclass(value):
         fields = [field.name for field in dataclasses.fields(value) if field.repr]
         return {name: as_plain(getattr(value, name)) for name in fields}
-    raise TypeError(f'{type(value).__name__}: must be numbers, texts, or made of them')
+    raise TypeError(f'{type(value).__name__}: must consist of numbers and texts')
 
 
 def is_equal(value: Any, other: Any) -> bool:

@@ -43,7 +43,7 @@ class ObjectPath:
     :param speed: speed of the centre along the path [m/s].
     :param turn_rate: largest angular velocity [rad/s].
     :param smooth: True for a spline through the poses in place of straight segments.
-    :param first: number by which error messages call the first pose.
+    :param first: number of the first pose in error messages.
     :raises PathError: a value is invalid; the message names it and its valid range.
     """
 
@@ -66,7 +66,7 @@ class ObjectPath:
         """Return the durations (n - 1,) of the segments [s]."""
         steps = np.diff(self.poses, axis=0)
         length = np.hypot(steps[:, 0], steps[:, 1])
-        with np.errstate(over='ignore'):  # of all but no speed; refused below
+        with np.errstate(over='ignore'):  # infinite at a very low speed; refused below
             durations = np.maximum(length / self.speed, np.abs(steps[:, 2]) / self.turn_rate)
             total = float(durations.sum())
         if total > MAX_DURATION:

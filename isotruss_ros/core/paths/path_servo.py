@@ -4,8 +4,8 @@
 """
 Path servo, which decides in each control cycle whether a path is followed, paused or aborted.
 
-A missing, stale or rejected pose ends the path. While the manipulation is stopped or its feedback
-is stale, path time does not advance and the twist is zero.
+A missing, stale or rejected pose ends the path. While the manipulation node has stopped the robot,
+or its feedback is stale, path time does not advance and the twist is zero.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import math
 from typing import NamedTuple
 
 from isotruss_ros.core.errors import PathError
-from isotruss_ros.core.inputs import Input, InputError, require_fresh
+from isotruss_ros.core.inputs import InputError, LatestInputs, require_fresh
 from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.model.pose import Pose, pose_difference
 from isotruss_ros.core.numerics.arrays import Array
@@ -51,10 +51,10 @@ class ServoFeedback(NamedTuple):
 
 
 class Step(NamedTuple):
-    """Twist and phase of path following, the output of the path servo in one control cycle."""
+    """Output of the path servo in one control cycle: twist, or result of a path that has ended."""
 
     twist: Array  #: (3,) twist of the object, robot frame [m/s, rad/s]
-    outcome: PathOutcome | None  #: result of path following; None while it goes on
+    outcome: PathOutcome | None  #: result of path following; None while the path is followed
     message: str  #: sentence with the result of path following
     tracking: Tracking | None  #: state of the tracking; None if unknown
 
@@ -69,26 +69,16 @@ OUTCOMES = {
 
 class PathServo:
     """
-    State of path following: current path, settings, and latest value of each input.
+    State of path following: current path and settings.
 
-    :ivar rollers: input for the measured `RollerState`, used to check whether paths are feasible.
-    :ivar held_grip: input for the `GripRecord` of the control loop that holds the object, used to
-        check whether paths are feasible.
-    :ivar estimate: input for the `EstimatedTravel` with the roller offsets; None if no estimator
-        is used.
     :ivar tracker: tracker of the current or last path; None before the first path.
     :param period: period of the control loop [s].
     :param timeout: largest age of inputs [s].
+    :param inputs: latest inputs, which the client replaces; pose and servo feedback are used.
     """
 
-    def __init__(self, period: float, timeout: float) -> None:
-        self.period = period
-        self.timeout = timeout
-        self.pose: Input = None  #: input of the object's measured `Pose`, robot frame
-        self.servo_feedback: Input = None  #: input of the manipulation's `ServoFeedback`
-        self.rollers: Input = None
-        self.held_grip: Input = None
-        self.estimate: Input = None
+    def __init__(self, period: float, timeout: float, inputs: LatestInputs) -> None:
+        self.period, self.timeout, self.inputs = period, timeout, inputs
         self.tracker: PathTracker | None = None
         self._before = 0.0
 
@@ -99,7 +89,7 @@ class PathServo:
         :param now: current time on the clock of the inputs [s].
         :raises InputError: the object's pose is missing, stale or invalid.
         """
-        return require_fresh(now, self.timeout, object_pose=self.pose)[0].value
+        return require_fresh(now, self.timeout, object_pose=self.inputs.pose)[0].value
 
     def begin(self, path: ObjectPath, settings: TrackingSettings, now: float) -> None:
         """
@@ -126,7 +116,7 @@ class PathServo:
 
     def decide(self, now: float) -> Step:
         """
-        Return the twist and phase of the current cycle; an invalid input ends the path.
+        Return the twist of the current cycle, or the result; an invalid input ends the path.
 
         :param now: current time on the clock of the inputs [s].
         """
@@ -136,7 +126,7 @@ class PathServo:
         held = feedback.code >= Status.HALT_NO_TWIST
         self.tracker.allow_for_inertia(feedback.frequency)
         try:
-            (pose,) = require_fresh(now, self.timeout, object_pose=self.pose)
+            (pose,) = require_fresh(now, self.timeout, object_pose=self.inputs.pose)
             age = now - pose.time
             tracking = self.tracker.update(pose.value, age, elapsed, feedback.scale, held)
         except (InputError, PathError) as error:
@@ -151,7 +141,7 @@ class PathServo:
     def _last_feedback(self, now: float) -> ServoFeedback:
         """Return the feedback on the last twist; without it, the feedback of a stopped robot."""
         try:
-            (given,) = require_fresh(now, self.timeout, status=self.servo_feedback)
+            (given,) = require_fresh(now, self.timeout, status=self.inputs.servo_feedback)
         except InputError as error:
             return ServoFeedback(Status.HALT_NO_TWIST, 0.0, str(error))
         feedback: ServoFeedback = given.value

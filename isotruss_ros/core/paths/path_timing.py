@@ -9,7 +9,8 @@ import math
 
 from isotruss_ros.core.inputs import HISTORY_DURATION, Timeline
 
-#: Smallest rate while limits slow the robot [-]; with it the path reaches parts free of limits.
+#: Smallest rate of path time while limits slow the robot [-]; at this rate the path goes on to
+#: poses at which no limit binds.
 MIN_LIMITED_RATE = 0.1
 
 
@@ -33,7 +34,7 @@ class PathClock:
     ) -> None:
         self.time = self.rate = self.waited = 0.0
         self._duration, self.ramp_time = duration, ramp_time
-        # Half of the smallest rate under limits is no progress.
+        # Progress at half of the smallest rate under limits counts as none.
         self._least_progress = 0.5 * MIN_LIMITED_RATE * progress_timeout
         self._mark = self._now = 0.0
         self.period = period

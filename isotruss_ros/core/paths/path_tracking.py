@@ -34,7 +34,7 @@ MAX_GAIN_DELAY_PRODUCT = 0.75
 #: units of a / omega^2 [-]. It is 2 without damping, and larger with the lag of the loop.
 PEAK_DEVIATION_FACTOR = 2.5
 #: Ratios of error to tolerance at which path time begins to slow down, and at which it stops [-].
-FREE, STANDING = 0.5, 0.9
+SLOWING_SHARE, STOPPING_SHARE = 0.5, 0.9
 #: Largest feedback relative to the path's speed and turn rate [-].
 MAX_FEEDBACK_SHARE = 0.5
 
@@ -62,8 +62,8 @@ class TrackingSettings:
     """
     Settings of path tracking.
 
-    :ivar position_tolerance: largest error of position [m].
-    :ivar angle_tolerance: largest error of orientation [rad].
+    :ivar position_tolerance: error of position at which the path is aborted [m].
+    :ivar angle_tolerance: error of orientation at which the path is aborted [rad].
     :ivar position_gain: decay rate of the position error [1/s].
     :ivar angle_gain: decay rate of the orientation error [1/s].
     :ivar ramp_time: time in which the speed rises from zero to the speed of the path, or falls
@@ -140,7 +140,7 @@ class PathTracker:
                 path.speed / settings.position_tolerance,
                 path.turn_rate / settings.angle_tolerance,
             )
-            needed = PEAK_DEVIATION_FACTOR * max(shares) / (FREE * frequency**2)
+            needed = PEAK_DEVIATION_FACTOR * max(shares) / (SLOWING_SHARE * frequency**2)
             self.clock.ramp_time = max(settings.ramp_time, needed)
 
     @property
@@ -173,13 +173,13 @@ class PathTracker:
             position_error / self.settings.position_tolerance,
             angle_error / self.settings.angle_tolerance,
         )
-        room = min(max((STANDING - share) / (STANDING - FREE), 0.0), 1.0)
+        room = min(max((STOPPING_SHARE - share) / (STOPPING_SHARE - SLOWING_SHARE), 0.0), 1.0)
         here, over = self.path.pose(self.clock.time), self.clock.at_end
         self.clock.advance(elapsed, room, scale, held)
         phase = self._phase(share, over, min(room, scale), held)
         twist = np.zeros(3)
         if phase not in FINISHED and phase is not PathPhase.HELD:
-            # Mean over the step: exact also across corners and at the end.
+            # The mean velocity over the step is exact also at corners and at the end.
             ahead = (self.path.pose(self.clock.time) - here) / max(step, COINCIDENCE)
             twist = ahead + self._feedback(error, age)
         return Tracking(
@@ -196,7 +196,7 @@ class PathTracker:
         self.max_position_error = max(self.max_position_error, position_error)
         self.max_angle_error = max(self.max_angle_error, angle_error)
         self._watched += step
-        self._squares += step * position_error * position_error  # of any size: ** would raise
+        self._squares += step * position_error * position_error  # ** would raise for large errors
 
     def _feedback(self, error: Array, age: float) -> Array:
         """Return the feedback twist (3,) of the pose error, with bounded magnitude."""
@@ -219,7 +219,7 @@ class PathTracker:
         """
         if share > 1.0:
             return PathPhase.OFF_PATH
-        # At the end of the path half of the tolerances applies.
+        # At the end of the path, half of the tolerances applies.
         if over and not held and share <= 0.5:
             return PathPhase.REACHED
         if self.clock.waited > self.settings.progress_timeout:

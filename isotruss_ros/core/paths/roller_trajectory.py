@@ -5,8 +5,8 @@
 Roller trajectories, piecewise linear with parabolic blends, and a servo that tracks trajectories.
 
 The servo starts at the measured roller positions and controls them by feedback. Trajectory time
-stops while a roller lags behind. A missing, stale or rejected input ends the trajectory; a
-violated tolerance of the goal ends it too.
+stops while a roller lags behind. A missing, stale or rejected input ends the trajectory, and
+so does a violated tolerance of the action goal.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from isotruss_ros.core.errors import ConfigurationError, IsotrussError
-from isotruss_ros.core.inputs import Input, require_fresh, RollerState
+from isotruss_ros.core.inputs import LatestInputs, require_fresh, RollerState
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.numerics.arrays import Array, finite_array
 from isotruss_ros.core.paths.object_path import MAX_DURATION
@@ -25,8 +25,8 @@ from numpy.typing import ArrayLike
 
 #: Decay rate of errors of the roller positions [1/s].
 POSITION_GAIN = 5.0
-#: Largest distance of a roller from the end of its trajectory, and larger value for imprecise
-#: drives or encoders of low resolution [m].
+#: Largest distance of a roller from the end of its trajectory [m], and larger value that is used
+#: after a timeout, for imprecise drives or encoders of low resolution [m].
 TOLERANCE, NEAR_TOLERANCE = 2e-5, 5e-4
 #: Largest distance of the measured positions from the start of the trajectory [m].
 START_TOLERANCE = 0.01
@@ -45,8 +45,8 @@ class RollerTrajectory:
     Waypoints of the rollers with times, with constant velocity between waypoints.
 
     At each waypoint the velocity changes with the largest acceleration (parabolic blend), for a
-    time centred on the waypoint. So the trajectory begins half of the first blend earlier, and its
-    duration includes this time.
+    time centred on the waypoint. So the trajectory begins half of the first blend before the first
+    waypoint, and its duration includes this time.
 
     :ivar duration: duration of the trajectory [s].
     :param robot: the robot.
@@ -73,7 +73,7 @@ class RollerTrajectory:
                 f'time {self._times[place]:.9g} s of point {place} of the trajectory: must be '
                 f'later than that of the point before, from 0 to {MAX_DURATION:g} s'
             )
-        with np.errstate(over='ignore'):  # too quick is too quick
+        with np.errstate(over='ignore'):  # infinite speeds are refused below
             slopes = np.diff(self._positions, axis=0) / steps[:, None]
         quickest = float(np.abs(slopes).max(initial=0.0))
         fastest = robot.description.max_speed
@@ -142,12 +142,11 @@ class RollerTrajectoryServo:
 
     :param robot: the robot.
     :param timeout: largest age of measurements [s].
+    :param inputs: latest inputs, which the client replaces; the roller state is used.
     """
 
-    def __init__(self, robot: Robot, timeout: float) -> None:
-        self._robot = robot
-        self.timeout = timeout
-        self.rollers: Input = None  #: input of the measured `RollerState`
+    def __init__(self, robot: Robot, timeout: float, inputs: LatestInputs) -> None:
+        self._robot, self.timeout, self.inputs = robot, timeout, inputs
         self.time = 0.0  #: trajectory time [s]
         self._trajectory: RollerTrajectory | None = None
         self._tolerances = TrajectoryTolerances()
@@ -161,7 +160,7 @@ class RollerTrajectoryServo:
         return self._trajectory is not None
 
     @property
-    def wanted(self) -> RollerState | None:
+    def desired_state(self) -> RollerState | None:
         """Return the desired state of the rollers; None without a trajectory."""
         return None if self._trajectory is None else self._trajectory.at(self.time)
 
@@ -179,7 +178,7 @@ class RollerTrajectoryServo:
         :param now: current time on the clock of the inputs [s].
         :param start: start time, until which the rollers rest [s]; None: now.
         :param tolerances: tolerances of the action goal; None: the defaults of this servo.
-        :raises InputError: the joint states are missing, timed out or rejected.
+        :raises InputError: the joint states are missing, stale or rejected.
         :raises ConfigurationError: the trajectory does not begin at the measured positions.
         """
         state = self.check_start(trajectory, now)
@@ -194,10 +193,10 @@ class RollerTrajectoryServo:
 
         :param trajectory: trajectory that is to start.
         :param now: current time on the clock of the inputs [s].
-        :raises InputError: the joint states are missing, timed out or rejected.
+        :raises InputError: the joint states are missing, stale or rejected.
         :raises ConfigurationError: the trajectory does not begin at the measured positions.
         """
-        state = require_fresh(now, self.timeout, joint_states=self.rollers)[0].value
+        state = require_fresh(now, self.timeout, joint_states=self.inputs.rollers)[0].value
         away = np.abs(trajectory.at(0.0).positions - state.positions)
         worst = int(away.argmax())
         if away[worst] > START_TOLERANCE:
@@ -220,20 +219,21 @@ class RollerTrajectoryServo:
         """
         trajectory = self._trajectory
         if trajectory is None:
-            return self._finish('there is no trajectory to follow')
+            return self._finish('the servo has no trajectory; start one first')
         try:
-            (measured,) = require_fresh(now, self.timeout, joint_states=self.rollers)
+            (measured,) = require_fresh(now, self.timeout, joint_states=self.inputs.rollers)
         except IsotrussError as error:
             return self._finish(str(error))
         if now < self._start:
             return RollerStep(np.zeros(len(self._robot.roller_names)), False, '')
-        # Cycles are late on a busy machine, or rare on a coarse clock.
+        # Cycles may be late on a busy machine, or rare on a coarse clock.
         longest = min(MAX_TIME_STEP, self.timeout)
         elapsed, self._before = min(max(0.0, now - self._before), longest), now
         state = measured.value
         if self.time < trajectory.duration:
             self._offsets = state.offsets
-        # Each marker moves an estimate by more than the tolerance: at the end the latest is used.
+        # Each marker changes the estimated offsets by more than the tolerance, so the last ones
+        # before the end of the trajectory are kept.
         state = state._replace(positions=state.positions - state.offsets + self._offsets)
         if self._tolerances.path is not None:
             then = trajectory.at(self.time - max(0.0, now - measured.time))
@@ -254,7 +254,8 @@ class RollerTrajectoryServo:
         ahead, positions = min(self.time + elapsed, trajectory.duration), state.positions
         behind = trajectory.at(self.time).positions - positions
         error = trajectory.at(ahead).positions - positions
-        # Rollers at rest lag, moving ones lead by their travel in a cycle.
+        # The smaller error counts: by the travel of one cycle, rollers at rest seem to lag, and
+        # moving rollers seem to lead.
         waits = min(float(np.abs(error).max()), float(np.abs(behind).max())) > MAX_LAG
         if waits:
             error = behind
@@ -278,7 +279,7 @@ class RollerTrajectoryServo:
             return self._finish(violation or words, late)
         speeds = (error - behind) / (elapsed or self.timeout) + POSITION_GAIN * behind
         if at_end:
-            # Rollers that have arrived stay at rest: they are out of step only in motion.
+            # Rollers that have arrived stay at rest; they need no further feedback.
             rest = TOLERANCE if goal is None else np.minimum(TOLERANCE, goal.positions)
             speeds = np.where(np.abs(error) <= rest, 0.0, speeds)
         limit = self._robot.description.max_speed

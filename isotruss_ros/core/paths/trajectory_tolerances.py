@@ -23,7 +23,7 @@ class Tolerance(NamedTuple):
         self, names: Sequence[str], wanted: RollerState, measured: RollerState
     ) -> str:
         """
-        Return a sentence naming a roller beyond the tolerance; empty if there is none.
+        Return a sentence about the roller farthest beyond the tolerance; empty if there is none.
 
         :param names: names of the rollers.
         :param wanted: desired state of the rollers.
@@ -44,7 +44,7 @@ class Tolerance(NamedTuple):
 
 
 class TrajectoryTolerances(NamedTuple):
-    """Tolerances of the goal of a trajectory action."""
+    """Tolerances that the goal of a trajectory action prescribes."""
 
     #: tolerance along the trajectory; None: no bound, and trajectory time stops while a roller
     #: lags behind

@@ -51,7 +51,7 @@ def approach(config: Configuration, closing: Closing) -> Iterator[Configuration]
             return
         idle = 0 if left < best - GAP_TOLERANCE else idle + 1
         best = min(best, left)
-        # Steps with less progress than the tolerance.
+        # `idle` counts successive steps with less progress than the tolerance.
         if idle > MAX_SEARCH_STEPS:
             far = gap > GAP_TOLERANCE * diameter
             name, value = ('reach', gap) if far else ('facing', missing)
@@ -63,8 +63,8 @@ def _find_turn(config: Configuration, closing: Closing) -> tuple[float, Closing]
     """
     Return the rotation [rad] that force closure requires, and the closing motion including it.
 
-    The rotation is zero if the members' directions admit force closure. Otherwise two members are
-    to be rotated to the nearest directions that admit force closure.
+    The rotation is zero if the members' directions admit force closure. Otherwise it
+    is the rotation of two members to the nearest directions that admit force closure.
     """
     normals, angle = closing.normals(config), CONE_SHARE * closing.friction_angle
     radius = 0.5 * config.robot.description.tube_diameter

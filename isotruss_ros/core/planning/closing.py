@@ -20,7 +20,7 @@ import numpy as np
 
 #: Largest step of a quantity toward its bound, relative to the distance from the bound [-].
 BOUND_SHARE = 0.5
-#: Indentation at the first contact, in tube diameters [-].
+#: Depth of the object in each grasping member at first contact, in tube diameters [-].
 FIRST_INDENTATION = 1e-3
 
 
@@ -56,7 +56,7 @@ class SearchState:
     """Configuration with all quantities that are bounded while the members close on the object."""
 
     config: Configuration  #: the configuration
-    #: (3m,) gaps between the object and the members, modules and rods [m]; negative if indented
+    #: (3m,) gaps between the object and the members, modules and rods [m]; negative in an overlap
     gaps: Array
     gaps_by_nodes: Array  #: (3m, 2n) derivatives of the gaps with respect to node coordinates [-]
     modes: Modes  #: smallest singular values; the first is the rigidity index

@@ -32,7 +32,7 @@ from isotruss_ros.core.planning.requirements import GraspRequirements
 from isotruss_ros.core.planning.violations import RequirementError
 import numpy as np
 
-#: Increment of the opening of the members between waypoints, in tube diameters [-].
+#: Decrease of the distance between the members from waypoint to waypoint, in tube diameters [-].
 CLOSING_STEP = 0.12
 #: Factor by which the increments are reduced after the first violation of a bound [-]; the second
 #: violation ends the closing.
@@ -56,7 +56,7 @@ def close_in_place(
     depths = np.full(len(closing.members), FIRST_INDENTATION * diameter)
     grasp = hold_between(press(touch, closing, depths), closing)
     _check_hold(grasp, needs.friction)
-    # Two members move the object back to its pose in the next step only.
+    # A grip of two members is assessed after the first step, which moves the object to its pose.
     if not pair:
         with closing.tally.recording():
             yield _judge(grasp, closing, needs)
@@ -112,7 +112,7 @@ def _find_margin(
         raise RequirementError('held', 0.0, 1.0)
     _check_hold(loaded, needs.friction)
     if set(analysis.contact_forces) != set(grasp.member_names):
-        # Friction deflects a soft structure so far that one member would lose contact without it.
+        # In a soft structure, a member of the grip may lose contact if there is no friction.
         raise RequirementError('grip', len(analysis.contact_forces), len(closing.members))
     slip = loaded.slip_margin(needs.friction)
     needs.check_bound('min_slip_margin', slip)

@@ -8,7 +8,8 @@ minimize 1/2 |g + (dg/dphi) u - target|^2 + 1/2 a^2 |turn - facing|^2 + 1/2 w |u
 limits, bounds on gaps of other parts, rigidity and clearance, |u| <= longest step
 
 u is the roller travel of the step, n is the travel to the nominal posture, g are the gaps of the
-grasping members, a is `TURNING_ARM`, and w is `MOTION_WEIGHT`. The configuration at the end of
+grasping members, turn is their rotation in the step, facing is their rotation to the directions
+`Closing.facing`, a is `TURNING_ARM`, and w is `MOTION_WEIGHT`. The configuration at the end of
 each step is evaluated; a step that violates a requirement is halved. So the steps form an
 admissible path. Lengths are relative to the mean member length at home or to the tube diameter, so
 that they suit robots of any size.
@@ -39,9 +40,9 @@ TURNING_ARM = 0.3
 #: Smallest distance between parts of the robot, and between the object and the parts that do not
 #: grasp it, in tube diameters [-].
 CLEARANCE = 0.1
-#: Largest distance of parts of the robot that is constrained in a step, in mean member lengths
-#: [-].
-NEAR = 0.15
+#: Pairs of parts of the robot are constrained in a step if their distance is smaller than this, in
+#: mean member lengths [-].
+MAX_CONSTRAINED_DISTANCE = 0.15
 #: Tolerance of the gaps of the grasping members in tube diameters [-], at the end of the approach
 #: and for an overshoot. A rotation of 1 rad counts as one tube diameter.
 GAP_TOLERANCE = 0.015
@@ -49,7 +50,7 @@ GAP_TOLERANCE = 0.015
 
 def press(config: Configuration, closing: Closing, depths: Array) -> Configuration:
     """
-    Return the configuration in which the grasping members indent by given depths.
+    Return the configuration in which the grasping members are indented by given depths.
 
     The object does not move.
 
@@ -87,7 +88,7 @@ def take_closing_step(
     move = solve_step(state, closing, targets, share)
     rigidity, room = min(closing.min_rigidity, state.rigidity), min(0.0, state.clearance)
     config, diameter = state.config, state.config.robot.description.tube_diameter
-    # Remaining gaps: the program is exact to first order only.
+    # The gaps may become smaller than the program allows, because it is exact only to first order.
     bounds = np.full(len(state.gaps), BOUND_SHARE * CLEARANCE * diameter)
     bounds[list(closing.members)] = targets - GAP_TOLERANCE * diameter
     bounds = np.minimum(bounds, state.gaps - COINCIDENCE)
@@ -155,7 +156,7 @@ def _bound_rows(state: SearchState, closing: Closing, targets: Array) -> tuple[A
     Return the rows (k, r) and bounds (k,) of the constraints rows u >= bounds of a step u.
 
     They bound the gaps of grasping members (by targets (s,) [m]), the gaps of other parts to the
-    object, the rigidity, and the distances between near parts of the robot. The last rows are the
+    object, the rigidity, and the distances between parts of the robot. The last rows are the
     limits of the robot file.
     """
     config, members, robot = state.config, list(closing.members), state.config.robot
@@ -163,9 +164,9 @@ def _bound_rows(state: SearchState, closing: Closing, targets: Array) -> tuple[A
     clearance = CLEARANCE * robot.description.tube_diameter
     gaps = BOUND_SHARE * (clearance - state.gaps)
     gaps[members] = targets - state.gaps[members]
-    # The two smallest singular values may change places during a step.
+    # Two singular values, because they may exchange their order during a step.
     few = Modes(*(each[..., :2] for each in state.modes))
-    near = np.flatnonzero(state.distances < NEAR * length)
+    near = np.flatnonzero(state.distances < MAX_CONSTRAINED_DISTANCE * length)
     apart = state.distances[near] - clearance
     left = np.append(few.values - closing.min_rigidity, apart)
     shape = [rigidity_index(robot).gradients(config, few), collisions.gradients(config, near)]

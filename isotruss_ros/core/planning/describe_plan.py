@@ -62,7 +62,7 @@ def path_times(path: Array, limits: RobotDescription, near: Array) -> Array:
     speeds = np.where(near, NEAR_SPEED_SHARE * limits.max_speed, limits.max_speed)
     steps = np.diff(path, axis=0)
     longest = np.abs(steps).max(axis=1, initial=0.0)
-    durations = np.maximum(longest / speeds, 0.01)  # [s]: times increase
+    durations = np.maximum(longest / speeds, 0.01)  # [s], so that times increase
     # A segment contains half of the blends at both corners, see `RollerTrajectory`.
     while len(steps):
         slopes = np.pad(steps / durations[:, None], ((1, 1), (0, 0)))
@@ -88,7 +88,7 @@ def plan_in_words(plan: GraspPlan) -> str:
         return f'no grasp found in {plan.evaluations} evaluations; {violation}'
     found = 'one grasp' if len(plan) == 1 else f'{len(plan)} grasps, the best'
     wrinkled = sum(grasp.outside_model for grasp in plan[1:])
-    others = f'; so it is in {wrinkled} of the others'
+    others = f'; a tube wrinkles in {wrinkled} of the others too'
     if not plan[0].outside_model:
         others = f'; in {wrinkled} of the others a tube wrinkles: outside of the model'
     return f'{found} {_grasp_in_words(plan[0])}{others if wrinkled else ""}'
@@ -101,7 +101,7 @@ def _grasp_in_words(grasp: PlannedGrasp) -> str:
     return (
         f'{where}between {", ".join(grasp.members)}: presses with '
         f'{grasp.squeeze:.3g} N each, slips at {grasp.slip_margin:.3g} N, closure margin '
-        f'{1e3 * grasp.closure_margin:.3g} mN, tubes bear {grasp.utilisation:.2g} of their '
-        f'wrinkling moment and press {100.0 * grasp.nonlinearity:.2g} % harder than linear ones'
+        f'{1e3 * grasp.closure_margin:.3g} mN, largest utilisation '
+        f'{grasp.utilisation:.2g}, forces {100.0 * grasp.nonlinearity:.2g} % above linear tubes'
         f'{outside if grasp.outside_model else ""}'
     )

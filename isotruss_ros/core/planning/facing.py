@@ -70,7 +70,7 @@ def friction_angles(
     body: ConvexObject, normals: Points, others: Points, tube_radius: float
 ) -> Array:
     """
-    Return the smallest friction angles (s,) at which s pairs of members balance [rad].
+    Return the smallest friction angles (s,) at which the forces of s pairs balance [rad].
 
     :param body: the object at its pose.
     :param normals: (s,) unit vectors from the object toward the first members, robot frame.
@@ -79,7 +79,7 @@ def friction_angles(
     """
     clockwise, counter = contact_ends(body, normals, tube_radius)
     clockwise_too, counter_too = contact_ends(body, others, tube_radius)
-    # Directions of the line from the first contact to the second, from that of its normal inward.
+    # Angles from the first member's inward normal to the line from its contact to the second one.
     lines = [
         np.angle((end - begin) / -normals)
         for begin in (clockwise, counter)
@@ -132,7 +132,7 @@ def find_facing(
     :return: (2,) unit vectors from the object toward the members; None if no such directions exist
         nearby.
     """
-    # Directions in the object's frame, so that the contacts of one search serve the next.
+    # Directions in the object's frame, so that cached contacts are used by the next search.
     firsts = np.exp(2j * np.pi * np.arange(72) / 72)
     firsts = np.concatenate([firsts, _face_normals(body.shape.smoothed(tube_radius))])
     firsts, wedges = (grid.ravel() for grid in np.meshgrid(firsts, np.linspace(-0.8, 0.8, 17)))

@@ -13,7 +13,12 @@ from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.build_statics import AS_MODELLED
 from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.grip_record import GripRecord
-from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, LEFT_MARGIN, NotHeldError
+from isotruss_ros.core.holding.held_grip import (
+    HeldGrip,
+    HoldStatus,
+    MIN_RELATIVE_MARGIN,
+    NotHeldError,
+)
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.solve_twist import solve_twist
@@ -81,7 +86,7 @@ def foresee_path(held: HeldGrip, friction: float, poses: Array) -> Foresight:
     Predict the motion of a held object along a path from rest to rest, at constant squeeze.
 
     Contacts roll without slip. External loads and barriers are not considered. The motion ends if
-    the slip margin becomes less than `LEFT_MARGIN` times the squeeze.
+    the slip margin becomes less than `MIN_RELATIVE_MARGIN` times the squeeze.
 
     :param held: equilibrium of the object at the first pose.
     :param friction: coefficient of friction between tubes and object.
@@ -110,8 +115,8 @@ def foresee_path(held: HeldGrip, friction: float, poses: Array) -> Foresight:
             found, why = None, str(error)
         if found is not None:
             margin = found.slip_margin(friction)
-            if margin < LEFT_MARGIN * force:
-                bound = LEFT_MARGIN * force
+            if margin < MIN_RELATIVE_MARGIN * force:
+                bound = MIN_RELATIVE_MARGIN * force
                 why = f'the slip margin is {margin:.3g} N, and must be {bound:.3g} N'
             off = math.hypot(goal[0] - found.pose.x, goal[1] - found.pose.y)
             if off > 4.0 * STEP:

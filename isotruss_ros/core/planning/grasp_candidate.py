@@ -78,7 +78,7 @@ def close_grip(
             path.append(grip.config)
             if grip.slip_margin is None:
                 continue
-            # The path so far is shorter than the whole path.
+            # A smaller squeeze means a shorter path.
             score = needs.rate_grip(grip, -grip.squeeze)
             if score <= best_score:
                 break

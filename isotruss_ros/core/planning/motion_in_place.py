@@ -85,7 +85,7 @@ def squeeze_in_place(grasp: HeldGrip, force: float, closing: Closing) -> HeldGri
     room = np.concatenate([limits.upper, -limits.lower])  # up to the end of the motion
     rollers = len(grasp.config.roller_positions)
     for _ in range(MAX_SEARCH_STEPS):
-        # Errors in units of tolerances: squeeze, pose and, for three members, evenness.
+        # Errors in units of tolerances: squeeze, pose and, for three members, ratios of forces.
         missing = _missing(grasp, force, closing.body) / scale
         try:
             held = held_gradient(grasp)
@@ -94,7 +94,7 @@ def squeeze_in_place(grasp: HeldGrip, force: float, closing: Closing) -> HeldGri
         pose, forces = held.pose[:, :rollers], held.normal_forces[:, :rollers]
         rates = np.vstack([forces.mean(axis=0), pose, forces])[: len(scale)] / scale[:, None]
         others = weights[:, None] * rates[1:]
-        # The squeeze is an equality, the rest least squares.
+        # The squeeze is an equality constraint; the other errors are minimised.
         travel = solve_qp(
             QuadraticProgram(
                 others.T @ others + MOTION_WEIGHT * np.eye(others.shape[1]),
@@ -128,12 +128,12 @@ def squeeze_in_place(grasp: HeldGrip, force: float, closing: Closing) -> HeldGri
 
 
 def _missing(grasp: HeldGrip, force: float, body: ConvexObject) -> Array:
-    """Return the errors of squeeze [N], pose [m, rad], and three members' distribution [N]."""
+    """Return the errors of squeeze [N], pose [m, rad], and the forces of three members [N]."""
     missing = np.append(force - grasp.squeeze, pose_difference(body.pose, grasp.pose))
     owners = grasp.contacts.owners
     if owners[-1] < 2:
         return missing
-    # Forces of three members in the ratios of their balance.
+    # Forces of three members in the ratios of a balance without friction.
     normals = grasp.state.normals[np.searchsorted(owners, np.arange(3))]
     shares = (np.roll(normals, -1).conj() * np.roll(normals, -2)).imag
     return np.append(missing, 3.0 * force * shares / shares.sum() - grasp.normal_forces)

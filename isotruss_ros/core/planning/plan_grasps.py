@@ -82,7 +82,7 @@ def plan_grasps(
         needs = replace(needs, friction=body.friction)
     if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
         raise GraspError(f'seed {seed!r}: must be an integer, not negative')
-    # Without caches, as in another process.
+    # A copy without cached results, as another process has it.
     config = Configuration(config.robot, config.roller_positions, config.points)
     structure_of(config)  # contradictory stiffness laws are reported here, once
     search = _Search(config, needs, executor, on_progress, should_stop)

@@ -60,26 +60,23 @@ class ReachedPose(Record, headline=('status', 'why', 'share', 'pose', 'roller_po
 
 
 @single_threaded
-def reach_pose(
-    config: Configuration, grip: Grip, pose: ArrayLike, guard: ShapeGuard | None = None
-) -> ReachedPose:
+def reach_pose(config: Configuration, grip: Grip, pose: ArrayLike) -> ReachedPose:
     """
     Compute the roller positions that move a held object on a straight line to a pose.
 
     In each step contacts roll by (19) and (20), within the limits of member lengths and the
-    barriers. Forces are not computed; `foresee_path` computes them.
+    barriers of `ShapeGuard`. Forces are not computed; `foresee_path` computes them.
 
     :param config: initial configuration.
     :param grip: initial grip.
     :param pose: desired pose (x, y, angle) [m, rad], reached by the shorter rotation.
-    :param guard: barriers on the configuration; None: those of `ShapeGuard(robot)`.
     :raises GraspError: the pose is not three finite numbers within range, or the members do not
         touch the object.
     """
     what = 'the pose to reach (x, y, angle) [m, rad]'
     goal = finite_array(pose, 3, what, GraspError, MAX_MAGNITUDE)
-    guard = guard or ShapeGuard(config.robot)
     rolling, path = RollingGrip.attach(config, grip), [config.roller_positions]
+    guard = ShapeGuard(config.robot)
     left = pose_difference(goal, rolling.pose)
     whole = size = math.hypot(*left[:2], grip.body.arm * left[2])
     status, why = Status.OK, ''

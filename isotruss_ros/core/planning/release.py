@@ -125,7 +125,7 @@ def _unload(
     for force in grasp.squeeze * np.array(UNLOADING_SHARES):
         grasp = squeeze_in_place(grasp, force, closing)
         path.append(grasp.config)
-    # In place: a retreat of members in contact would roll the object along.
+    # The grip is opened in place, because a retreat of members in contact would roll the object.
     grip, config = grasp.touching(closing.body.friction_or(None)), grasp.config
     opening = FIRST_OPENING * diameter
     command = solve_twist(config, grip, np.zeros(3), limits=closing.limits, opening_rate=opening)

@@ -43,7 +43,7 @@ class GraspRequirements:
     :ivar external_wrench: external wrench (fx, fy, m) on the object [N, N m].
     :ivar module: name `t/j` of the module at which the grasping members must meet; None: any
         module.
-    :ivar members: names of the two or three required grasping members; empty: any members.
+    :ivar members: names of the two or three required grasping members; None: any members.
     :ivar squeeze: required normal force of each member [N]; None: the search chooses it.
     :ivar min_slip_margin: smallest `SettledGrasp.slip_margin`, not negative [N].
     :ivar min_margin: smallest `GraspAnalysis.closure_margin` [N]; None: no bound.

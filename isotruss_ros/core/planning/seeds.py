@@ -42,8 +42,8 @@ def find_seeds(
     :param needs: requirements of the grasp. If they name a module or members, only these members
         are used.
     :param seed: seed of the random numbers.
-    :param number: index of the round, from 0. Later rounds have random friction cones and
-        postures, and use the same members several times if there are few.
+    :param number: index of the round, from 0. Later rounds have random postures and random angles
+        of the friction cones, and use the same members several times if there are few.
     :raises RequirementError: no members around the object are suitable.
     :raises GraspError: the robot has no such required module or members.
     """
@@ -85,7 +85,7 @@ def find_seeds(
         short = 'members' if seen < len(wanted) else 'opposed'
         why = (short, seen, len(wanted)) if around else ('enclosed', 0.0, 1.0)
         raise RequirementError(*why)
-    # A tube of constant length rarely has three members in contact with an object.
+    # Pairs first: three members of tubes with constant lengths rarely reach an object.
     found.sort(key=lambda item: (len(item[1].members), item[0]))
     return [closing for _, closing in found[:MAX_SEEDS]]
 

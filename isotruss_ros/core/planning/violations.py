@@ -16,13 +16,13 @@ from isotruss_ros.core.errors import IsotrussError
 #: Sentence for each violated requirement, in the order in which the search tests them; a candidate
 #: that violates a later requirement is closer to a grasp.
 SENTENCES_BY_REQUIREMENT = {
-    'free': 'the robot touches the object already: the gap between them is {value:.4g} m',
+    'free': 'the robot overlaps the object: the gap is {value:.4g} m; must not be negative',
     'enclosed': 'no members enclose the object',
     'members': '{value:.0f} of the {bound:.0f} required members are visible from the object',
     'opposed': 'no near directions of the members balance within their friction cones',
     'facing': 'the members stay {value:.3g} rad from directions with force closure',
     'reach': 'a member stays {value:.4g} m short of the object',
-    'rigidity': 'along the path the rigidity index falls to {value:.3g}; must be {bound:.3g}',
+    'rigidity': 'the rigidity index on the path is {value:.3g}; must be at least {bound:.3g}',
     'self_clearance': 'along the path the clearance of the robot from itself is {value:.4g} m',
     'object_clearance': 'a part outside of the grip comes within {value:.4g} m of the object',
     'in_place': 'closing displaces the object by {value:.4g} m; must be at most {bound:.4g} m',
@@ -34,12 +34,12 @@ SENTENCES_BY_REQUIREMENT = {
 #: Sentence for each requirement of the last stage of the search. Violations of these requirements
 #: are compared by their relative size.
 BOUNDS = {
-    'min_slip_margin': 'the slip margin is {value:.4g} N, and must be {bound:.4g} N',
-    'force_closure': 'the required friction coefficient is {value:.4g}; must be {bound:.4g}',
-    'min_margin': 'the closure margin is {value:.4g} N, and must be {bound:.4g} N',
+    'min_slip_margin': 'the slip margin is {value:.4g} N; must be at least {bound:.4g} N',
+    'force_closure': 'the required friction is {value:.4g}; must be at most {bound:.4g}',
+    'min_margin': 'the closure margin is {value:.4g} N; must be at least {bound:.4g} N',
     'max_contact_force': 'one member presses with {value:.4g} N; must be at most {bound:.4g} N',
     'max_total_force': 'all members press with {value:.4g} N; must be at most {bound:.4g} N',
-    'max_utilisation': 'a tube bears {value:.3g} of its wrinkling moment; at most {bound:.3g}',
+    'max_utilisation': 'the utilisation of a tube is {value:.3g}; must be at most {bound:.3g}',
     'carry': 'the object slips after {value:.0%} of its path',
 }
 

@@ -53,7 +53,7 @@ class WorkerPool(contextlib.AbstractContextManager):
         """
         End the processes at once, and wait until they have ended.
 
-        It must not be called while another thread submits tasks.
+        Do not call this method while another thread submits tasks.
         """
         self._wanted.close()
         self.executor.shutdown(cancel_futures=True)

@@ -4,15 +4,15 @@
 """
 Barriers, and the control barrier function that bounds the rate of their margins.
 
-A margin h is the difference between a value of the barrier and the lower bound. Its rate is
-bounded by
+A margin is the difference between a value of the barrier and the lower bound. Let h be a margin
+minus a small safety margin. The rate of h is bounded from below:
 
-    dh/dt >= -rate h / (1 - h / band),
+    dh/dt >= -rate h / (1 - h / band)
 
-where h is reduced by a small safety margin first. The right-hand side is a class-K function of h:
-at the safety margin no decrease is allowed, and from h = band on the rate is not bounded. A
-command is constant during a sample, so a discrete-time bound applies as well: a fraction of the
-margin must remain at the end of the sample, including effects of second order.
+The right-hand side is a class-K function of h: at h = 0 no decrease is allowed, and from h = band
+on the rate is not bounded. A command is constant during a sample, so a discrete-time bound applies
+as well: a fraction of the margin must remain at the end of the sample, including effects of second
+order.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ import numpy as np
 SAFETY_MARGIN_SHARE = 0.01
 #: Smallest fraction of a margin, and of the safety margin, that must remain after a sample of any
 #: length [-].
-LEFT_MARGIN = 0.1
+MIN_MARGIN_SHARE = 0.1
 #: Roller travel at which effects of second order are as large as the band [m]; the effects grow
 #: with the square of the travel.
 SECOND_ORDER_LENGTH = 0.05
@@ -45,12 +45,12 @@ class BarrierLaw:
     """Lower bound of a barrier's values, and bound of the rate at which the values approach it."""
 
     bound: float  #: smallest allowed value of the barrier function
-    band: float  #: margin above which its rate is not bounded, in the unit of the value
+    band: float  #: margin above which the rate is not bounded, in the unit of the value
     rate: float = 5.0  #: largest decay rate of a small margin [1/s]
 
     @cached_property
     def active_below(self) -> float:
-        """Return the barrier value below which its rate of decrease is bounded."""
+        """Return the barrier value below which the rate of decrease is bounded."""
         return self.bound + self.band
 
     @cached_property
@@ -73,21 +73,22 @@ class BarrierLaw:
         """
         Return the smallest admissible distances (k,) of values from the bound after a sample.
 
-        A margin below `LEFT_MARGIN` times the safety margin must not decrease, except by effects
-        of second order, because otherwise the robot would stop in every other sample. A positive
-        margin must stay positive.
+        A margin below `MIN_MARGIN_SHARE` times the safety margin must not decrease, except by
+        effects of second order, because otherwise the robot would stop in every other sample. A
+        positive margin must stay positive.
 
         :param margins: (k,) distances of the values from the bound at the start of the sample.
         :param duration: duration of the sample, positive [s].
         :param travel: largest roller travel in this or the previous sample [m].
         """
-        last = LEFT_MARGIN * self.safety_margin
+        last = MIN_MARGIN_SHARE * self.safety_margin
         left = np.maximum(margins, last)
         slowly = left - 2.0 * duration * self._class_k(left)
-        kept = np.maximum(np.maximum(LEFT_MARGIN * left, slowly), last)
+        kept = np.maximum(np.maximum(MIN_MARGIN_SHARE * left, slowly), last)
         allowed = ROUNDING + self.band * (travel / SECOND_ORDER_LENGTH) ** 2
-        # The sum of such effects must not cross the bound: the last remainder is kept.
-        floor = np.where(margins > 0.0, np.minimum(margins, LEFT_MARGIN * last), -np.inf)
+        # A positive margin keeps a last remainder, so that the sum of such effects does not cross
+        # the bound.
+        floor = np.where(margins > 0.0, np.minimum(margins, MIN_MARGIN_SHARE * last), -np.inf)
         beyond = np.maximum(margins - allowed, floor - ROUNDING)
         return np.where(margins > last, kept, beyond)
 
@@ -107,7 +108,7 @@ class ActiveValues(NamedTuple):
 
     indices: Indices  #: (k,) indices of the values among the barrier's values
     values: Array  #: (k,) values of the barrier function
-    node_rows: Array  #: (k, 2n) derivatives of the values by node coordinates
+    node_rows: Array  #: (k, 2n) derivatives of the values with respect to node coordinates
     #: (k, r) derivatives of the values with respect to roller travel with fixed nodes; None: zero
     roller_rows: Array | None = None
 

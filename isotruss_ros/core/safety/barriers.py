@@ -18,6 +18,7 @@ from isotruss_ros.core.kinematics.distances import collision_model
 from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.kinematics.rigidity import Modes, rigidity_index
 from isotruss_ros.core.manipulation.grip import Grip
+from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.safety.barrier_law import (
@@ -27,13 +28,13 @@ from isotruss_ros.core.safety.barrier_law import (
     NO_ACTIVE_VALUES,
     Selection,
 )
-from isotruss_ros.core.safety.margins import grip_gradients, object_distances
+from isotruss_ros.core.safety.margins import object_distances
 import numpy as np
 
 NO_PAIRS = np.zeros(0, dtype=np.intp)
 
 
-class Measured(NamedTuple):
+class EvaluatedState(NamedTuple):
     """State in which the distances of pairs of parts were last evaluated."""
 
     config: Configuration  #: configuration of the robot
@@ -42,7 +43,7 @@ class Measured(NamedTuple):
 
     def holds(self, config: Configuration, grip: Grip | None) -> bool:
         """
-        Return whether no distance can be smaller by `spare` in another configuration.
+        Return whether all distances decrease by less than `spare` to another configuration.
 
         :param config: the other configuration.
         :param grip: grip in the other configuration; None if there is none.
@@ -68,13 +69,13 @@ def _moved(grip: Grip, then: Grip) -> float:
 
 class NeighborList:
     """
-    Verlet neighbour list of pairs of parts, by which few distances are evaluated.
+    Verlet neighbour list of pairs of parts, which reduces the number of evaluated distances.
 
     A pair is close if the law limits the rate of its distance; the list contains all pairs up to a
-    larger distance. The distance of two parts changes at most by the displacements of both. So the
-    list is renewed from all pairs only if a pair outside of it may have entered this larger
-    distance; the pairs of the list are evaluated only if one of them may have become close. The
-    results are exact.
+    larger distance. The distance of two parts changes at most by the sum of their displacements.
+    So all pairs are evaluated only if a pair outside of the list may have come within the larger
+    distance, and the pairs of the list are evaluated only if one of them may have become close.
+    The results are exact.
 
     :ivar listed_below: distance below which pairs are in the list [m]; it exceeds
         `BarrierLaw.active_below` by half of `BarrierLaw.band`.
@@ -85,8 +86,8 @@ class NeighborList:
         self._near, self._skin = law.active_below, 0.5 * law.band
         self.listed_below = self._near + self._skin
         self._pairs = NO_PAIRS
-        self._others: Measured | None = None
-        self._listed: Measured | None = None
+        self._others: EvaluatedState | None = None
+        self._listed: EvaluatedState | None = None
 
     def find_close(
         self, config: Configuration, grip: Grip | None, measure: Callable[[Selection], Array]
@@ -102,14 +103,14 @@ class NeighborList:
             distances = measure(ALL_VALUES)
             self._pairs = np.flatnonzero(distances < self.listed_below)
             spare = self._skin if len(self._pairs) else distances.min(initial=np.inf) - self._near
-            self._others = Measured(config, grip, float(spare))
+            self._others = EvaluatedState(config, grip, float(spare))
             distances = distances[self._pairs]
         elif not len(self._pairs) or (self._listed and self._listed.holds(config, grip)):
             return NO_PAIRS, np.zeros(0)
         else:
             distances = measure(self._pairs)
         smallest = float(distances.min(initial=np.inf))
-        self._listed = Measured(config, grip, smallest - self._near)
+        self._listed = EvaluatedState(config, grip, smallest - self._near)
         close = distances < self._near
         return self._pairs[close], distances[close]
 
@@ -171,7 +172,10 @@ class ObjectBarrier:
         )
         if not len(parts):
             return NO_ACTIVE_VALUES
-        return ActiveValues(parts, distances, *grip_gradients(config, grip, parts))
+        # By the nodes for a fixed object, and by roller travel for an object that rolls.
+        _, by_nodes, by_twist = self._model.body_distances(config, grip.body, parts)
+        by_travel = by_twist @ grip_jacobian(config, grip)[:3]
+        return ActiveValues(parts, distances, by_nodes, by_travel)
 
     def values(self, config: Configuration, grip: Grip, indices: Selection) -> Array:
         """
@@ -235,5 +239,5 @@ class RigidityBarrier:
         return self._index.modes(config).values[indices]
 
     def names(self, indices: Indices) -> list[str]:
-        """Return `the rigidity of the shape` for each singular value; see `Barrier.names`."""
-        return ['the rigidity of the shape'] * len(indices)
+        """Return `the rigidity index` for each singular value; see `Barrier.names`."""
+        return ['the rigidity index'] * len(indices)

@@ -13,8 +13,7 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.distances import collision_model, nearest_on_segment
 from isotruss_ros.core.kinematics.rigidity import rigidity_index
 from isotruss_ros.core.kinematics.robot import Robot
-from isotruss_ros.core.manipulation.grip import find_members, Grip
-from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
+from isotruss_ros.core.manipulation.grip import find_members
 from isotruss_ros.core.model.convex_object import ConvexObject, segment_gaps
 from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.numerics.blas_threads import single_threaded
@@ -28,27 +27,17 @@ class ShapeMargins(NamedTuple):
     #: smallest distance between the surfaces of two parts of the robot [m], negative for an
     #: overlap; see `CollisionModel`
     clearance: float
-    #: smallest distance between the object and the parts outside of the grip [m]; infinite without
-    #: an object
-    object_clearance: float
     nearest: str  #: names of the two parts whose distance is `clearance`
-    #: name of the part whose distance from the object is `object_clearance`; empty without an
-    #: object
-    nearest_to_object: str
 
 
 @single_threaded
-def shape_margins(
-    config: Configuration, body: ConvexObject | None = None, members: tuple[str, ...] = ()
-) -> ShapeMargins:
+def shape_margins(config: Configuration) -> ShapeMargins:
     """
     Return the distances of a configuration from singularity and from collisions.
 
+    For the distances from an object see `object_distances`.
+
     :param config: configuration of the robot.
-    :param body: object in the plane of the robot; None: no object.
-    :param members: names of the grasping members, which are excluded from the distances to the
-        object, see `object_distances`; empty: no part is excluded.
-    :raises GraspError: the robot has no such members.
     """
     try:
         rigidity = float(rigidity_index(config.robot).modes(config).values[0])
@@ -57,13 +46,7 @@ def shape_margins(
     model = collision_model(config.robot)
     distances = model.distances(config)
     least = int(distances.argmin())
-    clearance, (nearest,) = float(distances[least]), model.names(np.array([least]))
-    if body is None:
-        return ShapeMargins(rigidity, clearance, float('inf'), nearest, '')
-    distances = object_distances(config, body, members)
-    least = int(distances.argmin())
-    part = model.part_names()[least] if distances[least] < np.inf else ''
-    return ShapeMargins(rigidity, clearance, float(distances[least]), nearest, part)
+    return ShapeMargins(rigidity, float(distances[least]), *model.names(np.array([least])))
 
 
 def object_distances(
@@ -97,23 +80,6 @@ def object_distances(
         distances[near] = segment_gaps(body, starts[near], ends[near]).gaps - radii[near]
     distances[_left_out(config.robot, members)[parts]] = np.inf
     return distances
-
-
-def grip_gradients(config: Configuration, grip: Grip, parts: Indices) -> tuple[Array, Array]:
-    """
-    Return the gradients of the distances between the held object and parts of the robot.
-
-    :param config: configuration of the robot.
-    :param grip: the grip; its contacts roll.
-    :param parts: (k,) indices of parts.
-    :return: (k, 2n) gradients with respect to the nodes, for moving parts and a fixed object, and
-        (k, r) gradients with respect to roller travel, for a moving object and fixed parts [-].
-    :raises GraspError: see `find_contacts`.
-    :raises ConfigurationError: the configuration is singular.
-    """
-    model = collision_model(config.robot)
-    _, by_nodes, by_twist = model.body_distances(config, grip.body, parts)
-    return by_nodes, by_twist @ grip_jacobian(config, grip)[:3]
 
 
 @functools.lru_cache(maxsize=64)

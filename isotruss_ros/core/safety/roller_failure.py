@@ -18,13 +18,13 @@ import numpy as np
 
 #: A commanded roller that does not move for this time has failed [s].
 FAILURE_TIME = 1.0
-#: Smallest commanded speed that is counted [m/s]; it is above stiction.
+#: Smallest commanded speed that counts as a command [m/s]; at lower speeds a roller may stick.
 MIN_SPEED = 0.002
 #: Smallest ratio of measured to commanded range of a working roller [-].
 MIN_SHARE = 0.25
 #: Largest delay between a command and the roller's motion [s].
 SETTLING_TIME = 0.2
-#: Commanded range after which the timing of a working roller restarts [m].
+#: Commanded range after which a roller with sufficient measured range counts as working [m].
 EVIDENT_TRAVEL = 0.02
 
 
@@ -68,7 +68,7 @@ class FailureDetector:
         self._sent = np.zeros(count)  # commanded travel [m]
         self._commanded = np.zeros(count)  # time with a command since the roller last moved [s]
         self._path = np.zeros(count)  # commanded path length in that time [m]
-        self._asked = np.full(count, np.nan)  # range for comparison; nan without one [m]
+        self._asked = np.full(count, np.nan)  # commanded range to compare with; nan: none [m]
         self._asked_at = np.zeros(count)  # time at which that range was commanded [s]
         self._sent_range, self._moved_range = _Range(count), _Range(count)
 
@@ -96,7 +96,7 @@ class FailureDetector:
             return
         elapsed = time - self._time if self._time is not None else -1.0
         self._time = time
-        # Samples must not run back, nor be as far apart as a failure takes.
+        # After samples that are out of order or far apart, the comparison restarts.
         if not 0.0 < elapsed <= FAILURE_TIME:
             self._begin(np.ones(len(self._names), dtype=bool), positions)
             return
@@ -110,7 +110,7 @@ class FailureDetector:
         self._judge(time, positions)
 
     def _judge(self, time: float, positions: Array) -> None:
-        """Detect failed rollers, and restart the timing of working rollers."""
+        """Detect failed rollers, and restart the comparison for working rollers."""
         sent, moved = self._sent_range.size, self._moved_range.size
         timed = (sent >= EVIDENT_TRAVEL) & (moved >= MIN_SHARE * sent)
         long = self._commanded >= self.failure_time - SETTLING_TIME
@@ -121,7 +121,7 @@ class FailureDetector:
 
     def _flag(self, long: Flags, sent: Array, moved: Array, time: float) -> Flags:
         """Detect failed rollers; return a mask of all rollers for which a decision was made."""
-        # Drives need not follow oscillations faster than they settle.
+        # Drives cannot follow oscillations that are faster than their settling time.
         swing = 0.5 * SETTLING_TIME * self._path
         far = (sent >= MIN_SPEED * FAILURE_TIME) & (sent * self._commanded >= swing)
         ready = long & far & np.isnan(self._asked)

@@ -45,8 +45,8 @@ class ShapeBounds:
     :ivar min_rigidity: smallest rigidity index, 1 at home; see `rigidity_index`.
     :ivar min_clearance: smallest distance between parts of the robot [m].
     :ivar min_object_clearance: smallest distance between object and robot [m].
-    :ivar rigidity_band: margin of the rigidity index below which the robot is slowed.
-    :ivar clearance_band: margin of the distances below which the robot is slowed [m].
+    :ivar rigidity_band: margin above `min_rigidity` below which the robot is slowed.
+    :ivar clearance_band: margin above the smallest distances below which the robot is slowed [m].
     :ivar rate: largest decay rate of a small margin [1/s].
     :raises ConfigurationError: a value is out of its range.
     """
@@ -79,9 +79,8 @@ class ShapeGuard:
     """
     Barriers of a robot, which limit commands near singular and colliding configurations.
 
-    :ivar bounds: bounds on the configuration.
-    :ivar own: user-defined barriers.
     :param robot: the robot.
+    :param bounds: bounds on the configuration; None: the defaults of `ShapeBounds`.
     :param barriers: user-defined barriers in addition to those of rigidity and clearances.
     """
 
@@ -89,7 +88,6 @@ class ShapeGuard:
         self, robot: Mechanism, bounds: ShapeBounds | None = None, barriers: Sequence[Barrier] = ()
     ) -> None:
         bounds = ShapeBounds() if bounds is None else bounds
-        self.bounds, self.own = bounds, tuple(barriers)
         rigidity, clearance = bounds.rigidity_band, bounds.clearance_band
         rate = min(bounds.rate, robot.description.braking_rate)
         self._barriers: tuple[Barrier, ...] = (
@@ -164,7 +162,7 @@ class Watch:
             found = self._violation(share * rollers, velocities, duration)
             if found is None:
                 break
-            # The share is exact to first order.
+            # The share is accurate to first order.
             share, violation = 0.8 * share * found.share, found
         else:
             share = 0.0
@@ -173,7 +171,7 @@ class Watch:
     def _violation(
         self, rollers: Array, velocities: Array, duration: float
     ) -> BarrierViolation | None:
-        """Return the violation of a barrier by a motion; None if there is none."""
+        """Return the worst violation of a barrier by a motion; None if there is none."""
         start, grip = self._config, self._grasp
         travel = duration * rollers
         try:
@@ -194,7 +192,7 @@ class Watch:
     def _jumped(
         self, barrier: Barrier, end: Configuration, grip: Grip | None
     ) -> BarrierViolation | None:
-        """Return the violation by values that crossed their bound without being watched before."""
+        """Return the violation by values that fell from outside of the band to below the bound."""
         left = barrier.values(end, grip, ALL_VALUES) - barrier.law.bound
         for limit in self.limits:
             if limit.barrier is barrier:

@@ -36,7 +36,7 @@ class UsageLimits:
 
     def learn(self, grasp: HeldGrip, margin: float, travel: Array) -> None:
         """
-        Update the gradients from the effect of the last roller travel.
+        Update the gradients of utilisation and slip margin from the effect of roller travel.
 
         :param grasp: equilibrium of the object after the travel.
         :param margin: change of the slip margin by the travel [N].

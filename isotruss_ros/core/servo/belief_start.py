@@ -5,7 +5,7 @@
 First equilibrium of a grip, from which the estimation of its state starts.
 
 It is the equilibrium near the measured pose. If the measured pose is outside of the grip, there is
-no such equilibrium; wrong roller offsets may be the reason. Then, if the client says that the
+no such equilibrium; wrong roller offsets may be the reason. Then, if the client reports that the
 object is gripped, an equilibrium with the desired squeeze is assumed instead, and the squeeze gets
 the large standard deviation of an unknown value.
 """
@@ -39,8 +39,9 @@ class BeliefStart:
 
     def __init__(self) -> None:
         self.belief: GripBelief | None = None
-        self._missed = self._supposing = False  # whether there was none, and one is supposed
-        self._depth: float | None = None  # of the supposed object in the members [m]
+        self._missed = False  # no equilibrium near the measured pose
+        self._assuming = False  # assuming an equilibrium
+        self._depth: float | None = None  # indentation of the assumed object [m]
 
     def search(
         self,
@@ -52,12 +53,12 @@ class BeliefStart:
         zeros: Array | None,
     ) -> HoldStatus:
         """
-        Search an equilibrium near the measured pose, or assume one; return the hold status.
+        Search for an equilibrium near the measured pose, or assume one; return the hold status.
 
         :param config: configuration of the robot.
         :param grip: grip with the object at its measured pose.
         :param settings: desired squeeze.
-        :param gripped: whether the client says that the object is gripped; only then an
+        :param gripped: whether the client reports that the object is gripped; only then an
             equilibrium with the desired squeeze may be assumed.
         :param pressures: (t,) gauge pressure of each tube [Pa]; None: as in the robot file.
         :param zeros: (r, r) covariance of the roller offsets [m^2]; None: uncorrelated offsets
@@ -66,28 +67,28 @@ class BeliefStart:
         :raises StructureError: see `structure_of`.
         """
         self.belief = None
-        self._supposing = gripped and self._missed and not self._supposing
+        self._assuming = gripped and self._missed and not self._assuming
         try:
-            near = self._suppose(config, grip, settings.zeros) if self._supposing else grip
+            near = self._place(config, grip, settings.zeros) if self._assuming else grip
             found = attach_model(config, near, pressures, settings.zeros)
         except NotHeldError as error:
             self._missed = True
             return error.hold
-        if self._supposing and not self._is_desired(found, settings):
+        if self._assuming and not self._is_desired(found, settings):
             return HoldStatus.NO_BALANCE
         prior = replace(PRIOR, load=settings.load or PRIOR.load, zeros=settings.zeros)
-        belief = GripBelief(found, grip, prior, zeros, supposed=self._supposing)
+        belief = GripBelief(found, grip, prior, zeros, supposed=self._assuming)
         hold = belief.grasp.hold(belief.largest_friction)
         self._missed = hold is HoldStatus.NO_CONTACT
-        if self._supposing and not belief.explains(grip.body.pose):
+        if self._assuming and not belief.explains(grip.body.pose):
             return HoldStatus.FAR
         if hold is HoldStatus.HELD:
             self.belief = belief
         return hold
 
-    def _suppose(self, config: Configuration, grip: Grip, zeros: float) -> Grip:
-        """Return the grip with the object moved until all members are equally indented."""
-        angle, depth = grip.body.pose.angle, self._depth or zeros
+    def _place(self, config: Configuration, grip: Grip, first_depth: float) -> Grip:
+        """Return the grip with the object moved until all members have the same indentation."""
+        angle, depth = grip.body.pose.angle, self._depth or first_depth
         placed = place_between(config, grip.members, grip.body.shape, angle, depth)
         return grip.moved_to(placed.body.pose)
 

@@ -65,7 +65,9 @@ class Decision:
 
 def describe_squeeze(squeeze: float, deviation: float) -> str:
     """
-    Return a text with the squeeze; 'unknown' if its deviation exceeds `MAX_KNOWN_DEVIATION`.
+    Return a text with the squeeze, and whether the squeeze is unknown.
+
+    The squeeze is unknown if its deviation exceeds `MAX_KNOWN_DEVIATION` times the squeeze.
 
     :param squeeze: mean normal force of the members [N].
     :param deviation: standard deviation of the squeeze [N].
@@ -103,17 +105,18 @@ def halt_for(error: IsotrussError) -> Status:
 
 def describe(command: RollerCommand, keeps_contacts: bool) -> str:
     """
-    Return a text that states how a command deviates from its twist; empty without deviation.
+    Return a text about how a command deviates from the commanded twist; empty if it does not.
 
     :param command: the command. In a halt the text is empty as well.
-    :param keeps_contacts: True if the twist is that of an object, false if it is that of a joint.
+    :param keeps_contacts: True for the twist of an object, which must not break contacts; false
+        for the velocity of a joint.
     """
     parts: list[str] = []
     if command.status >= Status.HALT_NO_TWIST:
         return ''
     why, which = 'is unreachable', 'reachable one'
     if keeps_contacts:
-        why, which = 'is unreachable or would leave the contacts', 'one that keeps them'
+        why, which = 'is unreachable or would break contacts', 'one that keeps the contacts'
     if command.status is Status.UNREACHABLE:
         vx, vy, omega = command.achieved_twist
         parts.append(
@@ -121,7 +124,7 @@ def describe(command: RollerCommand, keeps_contacts: bool) -> str:
         )
     if command.scale < 1.0:
         how = 'sliding with' if command.status is Status.SLIDING else 'slowed to'
-        why = ': the rest would take too much roller speed'
+        why = ': more would need roller speeds out of proportion to the motion'
         if command.limiting:
             why = f' by the limits of {", ".join(command.limiting)}'
         parts.append(f'{how} {100 * command.scale:.3g} %{why}')

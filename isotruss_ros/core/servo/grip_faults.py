@@ -14,8 +14,8 @@ from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.servo.loop_gains import DEFAULT_GAIN, GAIN_SHARE
 import numpy as np
 
-#: Smallest amplitude of the pose error that counts as an oscillation, unless the noise is as large
-#: [m].
+#: Smallest difference of the pose error between a maximum and a minimum that counts as an
+#: oscillation [m]; noise of the measured pose may increase it.
 MIN_SWING = 0.002
 #: Longest half period of an oscillation, in units of pi / omega [-].
 MAX_SWING_PHASE = 2.0

@@ -5,13 +5,14 @@
 Gains of the squeeze control, from the lowest natural frequency of the held object.
 
 Commands are roller velocities, so the loop is an integrator in front of a lightly damped
-structure. The loop has the pose gain p. The estimated load and the unexplained pose pass two
-low-pass filters with the time constant 1 / p. A mode with the frequency omega and the damping
-ratio zeta is stable if
+structure. The loop has the pose gain p. The estimated load, and the part of the measured pose that
+neither load nor contacts explain (unexplained pose), pass two low-pass filters with the time
+constant 1 / p. A mode with the frequency omega and the damping ratio zeta is stable if
 
     s^3 / p^2 + 3 s^2 / p + 3 s + p omega^2 / (s^2 + 2 zeta omega s + omega^2) = 0
 
-has no root in the right half-plane: for p < 0.54 omega without damping, for larger p with damping.
+has no root in the right half-plane. Without damping this holds for p < 0.54 omega; with damping it
+holds up to a larger p.
 """
 
 from __future__ import annotations
@@ -32,8 +33,8 @@ class LoopGains(NamedTuple):
 
     pose: float  #: gain of the error of the modelled pose [1/s]
     squeeze: float  #: gain of the squeeze error [1/s]
-    bias: float  #: rate at which the unexplained pose follows the measured poses [1/s]
-    filter_time: float  #: time constant of each of the two low-pass filters on the load [s]
+    bias: float  #: inverse time constant of the estimated unexplained pose [1/s]
+    filter_time: float  #: time constant of each of the two low-pass filters [s]
 
 
 def gains_of(gain: float) -> LoopGains:

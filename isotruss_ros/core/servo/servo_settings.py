@@ -1,18 +1,16 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Settings and inputs of the twist servo."""
+"""Settings of the twist servo."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 import math
-from typing import NamedTuple
 
-from isotruss_ros.core.inputs import Input, PRESSURE_TIMEOUT
+from isotruss_ros.core.inputs import PRESSURE_TIMEOUT
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.limits import Limit
-from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.safety.barrier_law import Barrier
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
 
@@ -31,7 +29,7 @@ class SqueezeSettings:
         computed from the masses.
     :ivar max_utilisation: upper bound on the utilisation of the tubes [-]. Motion toward the bound
         is slowed; beyond the bound, only motion that decreases the utilisation is executed.
-    :ivar load: standard deviation of loads on the object [N]; 0: the value of `EstimatorSettings`.
+    :ivar load: standard deviation of loads on the object [N]; 0: that of `EstimatorSettings`.
     :ivar zeros: standard deviation of the roller offsets [m], used if no estimator provides it.
     """
 
@@ -58,10 +56,8 @@ class ServoSettings:
     :ivar bounds: bounds on the configuration, enforced by barriers; None: no barriers.
     :ivar barriers: user-defined barriers.
     :ivar limits: user-defined limits in addition to those of the robot file.
-    :ivar slide_along_limits: True if motion continues along limits of lengths and shapes;
-        otherwise motion is slowed until it stops at the limits.
-    :ivar max_acceleration: largest acceleration of a roller, except in halts [m/s^2]; None: the
-        value of the robot file.
+    :ivar slide_along_limits: True if motion continues along limits of member lengths and of the
+        configuration; otherwise motion is slowed until it stops at the limits.
     :ivar failure_time: a commanded roller that does not move for this time has failed [s].
     :ivar pressure_timeout: largest age of measured pressures [s]; older pressures stop the
         rollers.
@@ -76,21 +72,5 @@ class ServoSettings:
     barriers: tuple[Barrier, ...] = ()
     limits: tuple[Limit, ...] = ()
     slide_along_limits: bool = True
-    max_acceleration: float | None = None
     failure_time: float = math.inf
     pressure_timeout: float = PRESSURE_TIMEOUT
-
-
-class ServoInputs(NamedTuple):
-    """Latest values of all inputs of the twist servo; an input is None before its first value."""
-
-    twist: Input = None  #: commanded twist (vx, vy, omega) in the robot frame [m/s, rad/s]
-    rollers: Input = None  #: measured `RollerState`
-    pose: Input = None  #: measured `Pose` of the object in the robot frame
-    #: gauge pressures (t,) of the tubes for the squeeze control [Pa]; None: the pressures of the
-    #: robot file
-    pressures: Input = None
-    estimate: Input = None  #: `EstimatedTravel` with the roller offsets
-    failed: frozenset[str] = frozenset()  #: names of rollers that the client declares failed
-    #: status and reason of a halt by the client; None if the client does not halt
-    halt: tuple[Status, str] | None = None

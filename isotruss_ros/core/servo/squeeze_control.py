@@ -18,7 +18,7 @@ from dataclasses import replace
 from isotruss_ros.core.estimation.contact_walk import JUMP_LENGTH
 from isotruss_ros.core.estimation.grip_belief import GripBelief
 from isotruss_ros.core.estimation.state_estimate import MAX_KNOWN_DEVIATION
-from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, LEFT_MARGIN
+from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, MIN_RELATIVE_MARGIN
 from isotruss_ros.core.holding.loaded_frame import lowest_frequency
 from isotruss_ros.core.inputs import steady_pressures
 from isotruss_ros.core.kinematics.configuration import Configuration
@@ -35,7 +35,7 @@ import numpy as np
 
 #: Time at rest after an oscillation [s]; each oscillation also halves the gain.
 REST_TIME = 1.0
-#: Largest rate of the squeeze [N/s].
+#: Largest rate of change of the squeeze [N/s].
 MAX_FORCE_RATE = 10.0
 
 #: Function that solves the quadratic program for a twist (3,) and an opening rate of the grip
@@ -48,8 +48,8 @@ class SqueezeControl:
     Control of squeeze and pose of a held object.
 
     :ivar belief: estimated state of the grip; None before the first `follow`.
-    :ivar reference: desired pose (x, y, angle) of the object [m, rad]. It is the initial pose plus
-        the integral of the executed twists; None before the first twist.
+    :ivar reference: desired pose (x, y, angle) of the object [m, rad]. It is the pose at the
+        start of a motion plus the integral of the executed twists; None before the first twist.
     :ivar frequency: lowest natural frequency of the held object [rad/s]; None if unknown.
     :ivar gains: gains for this frequency; before the first `follow`, gains for an unknown
         frequency.
@@ -74,11 +74,11 @@ class SqueezeControl:
     def reset(self) -> None:
         """Discard the estimated grip and the desired pose; a new measured pose restarts them."""
         self.belief: GripBelief | None = None
-        self._lost: HoldStatus | None = None  # by the belief before
+        self._lost: HoldStatus | None = None  # why the previous belief ended
         self.reference: Array | None = None
         self.frequency: float | None = None
-        self._natural: float | None = None  # natural frequency ...
-        self._tuned: HeldGrip | None = None  # ... of this equilibrium
+        self._tuned: HeldGrip | None = None  # equilibrium for which the gains were chosen
+        self._natural: float | None = None  # its natural frequency [rad/s]
         self.gains: LoopGains = gains_of(DEFAULT_GAIN)
         self._swings, self._rest = SwingWatch(), 0.0
         self._velocity, self._elapsed, self._slipped = np.zeros(3), 0.0, 0.0
@@ -97,7 +97,7 @@ class SqueezeControl:
 
     def lose(self) -> None:
         """
-        Discard the estimated grip after a loss of the object, and latch a fault if it was held.
+        Discard the estimated grip after a loss of the object; latch a fault if it was held before.
 
         The desired pose is discarded too. The fault remains until `acknowledge`.
         """
@@ -134,9 +134,9 @@ class SqueezeControl:
     def note(self) -> str:
         """Return a sentence that describes the fault of the grip; empty if there is none."""
         if self.fault is GripFault.OSCILLATES:
-            return f'the object oscillates: the gain is softened to {self.gains.pose:.3g} 1/s'
+            return f'the object oscillates: the pose gain is reduced to {self.gains.pose:.3g} 1/s'
         if self.fault is not None:
-            return f'{self._why}: open the grip, or set squeeze_force again to go on'
+            return f'{self._why}: open the grip, or set squeeze_force again to resume'
         notes = [f'slipped by {1e3 * self._slipped:.0f} mm, held'] if self._slipped else []
         if self.belief is not None and self.belief.squeeze_is_unknown:
             notes.append(f'held, {describe_squeeze(*self.squeeze)}')
@@ -164,15 +164,15 @@ class SqueezeControl:
         """
         Update the estimated grip and the desired pose for a new configuration and measured pose.
 
-        A call searches for an equilibrium with unknown contact history at most once. If none
-        exists near the estimated pose, the next call searches near the measured pose.
+        The estimated equilibrium rolls with the robot. If it ceases to exist, a later call
+        searches for a new one near the measured pose; each call searches at most once.
 
         :param config: configuration of the robot.
         :param grip: grip with the object at its predicted pose.
         :param elapsed: time since the previous cycle [s].
         :param sample: last measured pose, and its age relative to the configuration [s]; None: the
             pose of the grip with zero age.
-        :param gripped: whether the client says that the object is gripped. Then an equilibrium
+        :param gripped: whether the client reports that the object is gripped. Then an equilibrium
             with the desired squeeze is assumed if only wrong roller offsets can explain the
             measured pose.
         :param rollers: measured roller positions, see `GripBelief.follow`.
@@ -224,7 +224,7 @@ class SqueezeControl:
             return replace(held, scale=0.0, status=self.fault.value)
         twist, correction = np.asarray(twist), self._correction(belief, period)
         command = _solve_within_limits(twist + correction, opening, solve)
-        free = belief.slip_margin - LEFT_MARGIN * belief.regulated_squeeze
+        free = belief.slip_margin - MIN_RELATIVE_MARGIN * belief.regulated_squeeze
         share = belief.usage.margin_share(command, period, free) if twist.any() else 1.0
         if share < 1.0:
             slowed = _solve_within_limits(share * twist + correction, opening, solve)
@@ -240,10 +240,10 @@ class SqueezeControl:
         """
         Return the desired squeeze of the control law [N].
 
-        It is the setting if the squeeze is known with sufficient accuracy there. Otherwise the
-        excess of the first estimate over the setting is added, because opening the grip could
-        release the object, and the measured pose would not show the loss until the object is
-        moved.
+        It is the setting if the standard deviation of the estimated squeeze is small relative to
+        the setting. Otherwise the excess of the first estimate over the setting is added, because
+        opening the grip could release the object, and the measured pose would not show the loss
+        until the object is moved.
         """
         force = self.settings.force
         known = belief.squeeze_deviation <= MAX_KNOWN_DEVIATION * force
@@ -264,11 +264,11 @@ class SqueezeControl:
         self._velocity = command.scale * np.asarray(twist) - missing
 
     def _correction(self, belief: GripBelief, period: float) -> Array:
-        """Return the twist (3,) that corrects the pose error and the motion neglected by (19)."""
+        """Return the twist (3,) that corrects the pose error and the motion that (19) neglects."""
         here = belief.regulated_pose
         if self.reference is None:
             self.reference = here
-        # A command that holds for longer than the period must not correct too much.
+        # A command that is valid for longer than the period must not overshoot.
         gain = min(self.gains.pose, 0.5 / max(period, self._elapsed))
         return gain * pose_difference(self.reference, here) - belief.drift[:3]
 
@@ -318,7 +318,7 @@ class SqueezeControl:
         self.gains = gains_of(self._softening * gain)
 
     def _look_for_swings(self, belief: GripBelief, elapsed: float) -> None:
-        """Latch an oscillation and halve the gain; clear it after `REST_TIME`."""
+        """Latch a fault and halve the gain at an oscillation; clear it after `REST_TIME`."""
         error, even = np.zeros(3), np.array([1.0, 1.0, belief.grasp.arm])
         if self.reference is not None:
             error = even * pose_difference(self.reference, belief.pose)
@@ -332,7 +332,7 @@ class SqueezeControl:
 
 
 def _solve_within_limits(wanted: Array, opening: float, solve: Solve) -> RollerCommand:
-    """Return the command for a twist and an opening rate; limits reduce the twist only."""
+    """Return the command for a twist and an opening rate; limits reduce only the twist."""
     command = solve(wanted, opening)
     if not Status.SLOWED_ROLLER_SPEED <= command.status <= Status.SLOWED_BARRIER:
         return command

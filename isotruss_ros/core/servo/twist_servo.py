@@ -7,8 +7,8 @@ Twist servo, which computes a roller command or a halt from the latest inputs in
 The twist is the desired velocity of the held object or, without an object, of a joint.
 
 Each cycle starts from the last measured state. The rollers have followed the commands since this
-measurement, so the servo predicts the current state from these commands. Earlier commands have no
-influence, so motion can resume from any state of robot and object.
+measurement, so the servo predicts the current state from these commands. Commands before the
+measurement have no influence, so motion can resume from any state of robot and object.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ from isotruss_ros.core.inputs import (
     CommandHistory,
     fresh_pressures,
     InputError,
+    LatestInputs,
     require_fresh,
     StampedInput,
     Timeline,
@@ -45,7 +46,7 @@ from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.safety.roller_failure import FailureDetector
 from isotruss_ros.core.safety.shape_guard import ShapeGuard
 from isotruss_ros.core.servo.decision import Decision, describe, halt_for, HaltError
-from isotruss_ros.core.servo.servo_settings import ServoInputs, ServoSettings
+from isotruss_ros.core.servo.servo_settings import ServoSettings
 from isotruss_ros.core.servo.squeeze_control import SqueezeControl
 import numpy as np
 
@@ -59,53 +60,39 @@ DETECTION_PERIOD = 0.02
 
 class TwistServo:
     """
-    Twist servo: settings, latest inputs and state of the control loop.
+    Control loop from twists to roller commands: settings, latest inputs and state.
 
+    :ivar settings: current settings, replaced by `apply`.
+    :ivar inputs: latest inputs, replaced by `receive`.
+    :ivar detector: detector of failed rollers.
+    :ivar squeeze: squeeze control; None if the opening angle is held constant instead.
     :param robot: the robot.
     :param settings: settings, see `ServoSettings`.
+    :param inputs: inputs that the client replaces itself; None: inputs of this servo only.
     :raises GraspError: the robot has no such joint.
     """
 
-    def __init__(self, robot: Robot, settings: ServoSettings) -> None:
-        self.robot = robot
-        self._inputs = ServoInputs()
-        self._detector = FailureDetector(robot.roller_names, settings.failure_time)
-        self._squeeze: SqueezeControl | None = None
+    def __init__(
+        self, robot: Robot, settings: ServoSettings, inputs: LatestInputs | None = None
+    ) -> None:
+        self.robot, self.inputs = robot, inputs or LatestInputs()
+        self.detector = FailureDetector(robot.roller_names, settings.failure_time)
+        self.squeeze: SqueezeControl | None = None
         self._history = CommandHistory(len(robot.roller_names))
         self._regulated: float | None = None  # time of the last cycle of the squeeze control
         self._poses = Timeline()  # last pose up to the time of the rollers, and the later ones
-        self._detected: float | None = None  # time of the rollers compared last
+        self._detected: float | None = None  # time of the roller state that was compared last
         self._tracker = ConfigurationTracker(robot.home)
-        self._settings = settings
+        self.settings = settings
         self.apply(settings)
-        # SciPy loads its parts when they are first used: not in a cycle.
+        # SciPy loads these parts at their first use, which must not be in a cycle.
         for part in ('scipy.interpolate', 'scipy.optimize'):
             importlib.import_module(part)
 
     @property
-    def settings(self) -> ServoSettings:
-        """Return the current settings of the servo."""
-        return self._settings
-
-    @property
-    def inputs(self) -> ServoInputs:
-        """Return the latest inputs of the servo."""
-        return self._inputs
-
-    @property
-    def detector(self) -> FailureDetector:
-        """Return the detector of failed rollers."""
-        return self._detector
-
-    @property
-    def squeeze(self) -> SqueezeControl | None:
-        """Return the squeeze control; None if the opening angle is held constant instead."""
-        return self._squeeze
-
-    @property
     def failed(self) -> frozenset[str]:
         """Return the names of failed rollers, which the client declared or which were detected."""
-        return self._inputs.failed | self._detector.failed
+        return self.inputs.failed | self.detector.failed
 
     def apply(self, settings: ServoSettings) -> None:
         """
@@ -120,37 +107,38 @@ class TwistServo:
         """
         if settings.joint is not None:
             check_joint(self.robot, settings.joint)
-        if settings.joint != self._settings.joint:
-            self._inputs = self._inputs._replace(twist=None)
-            if self._squeeze is not None:
-                self._squeeze.acknowledge()
-        if settings.failure_time != self._detector.failure_time:
-            self._detector.failure_time = settings.failure_time
-            self._detector.reset(())
+        if settings.joint != self.settings.joint:
+            self.inputs.twist = None
+            if self.squeeze is not None:
+                self.squeeze.acknowledge()
+        if settings.failure_time != self.detector.failure_time:
+            self.detector.failure_time = settings.failure_time
+            self.detector.reset(())
         if settings.squeeze is None:
-            self._squeeze = None
-        elif self._squeeze is None or self._squeeze.fault is not None:
-            self._squeeze = SqueezeControl(settings.squeeze)
+            self.squeeze = None
+        elif self.squeeze is None or self.squeeze.fault is not None:
+            self.squeeze = SqueezeControl(settings.squeeze)
         else:
-            self._squeeze.settings = settings.squeeze
+            self.squeeze.settings = settings.squeeze
         self._limits = (*default_limits(self.robot), *settings.limits)
         self._guard: ShapeGuard | None = None
         if settings.bounds is not None:
             self._guard = ShapeGuard(self.robot, settings.bounds, settings.barriers)
-        self._settings = settings
+        self.settings = settings
 
     def receive(self, **inputs: Any) -> None:
         """
         Store new values of some inputs of the servo.
 
-        :param inputs: new values; the keywords are the fields of `ServoInputs`.
+        :param inputs: new values; the keywords are the fields of `LatestInputs`.
         :raises GraspError: a roller named as failed does not exist in the robot; then no input is
             replaced.
         """
         if 'failed' in inputs:
             inputs['failed'] = frozenset(inputs['failed'])
             working_rollers(self.robot.topology, inputs['failed'])
-        self._inputs = self._inputs._replace(**inputs)
+        for name, value in inputs.items():
+            setattr(self.inputs, name, value)
 
     @single_threaded
     def decide(self, now: float) -> Decision:
@@ -161,9 +149,9 @@ class TwistServo:
 
         :param now: current time on the clock of the inputs [s].
         """
-        settings, received = self._settings, self._inputs
+        settings, received = self.settings, self.inputs
         self._prepare(now)
-        twist, failed, squeeze = np.zeros(3), self.failed, self._squeeze
+        twist, failed, squeeze = np.zeros(3), self.failed, self.squeeze
         inputs: dict[str, Any] = {'twist': received.twist, 'joint_states': received.rollers}
         if settings.joint is None:
             inputs['object_pose'] = received.pose
@@ -177,7 +165,9 @@ class TwistServo:
             message = '; '.join(filter(None, (told, squeeze and squeeze.note())))
         except IsotrussError as error:
             status, message = halt_for(error), str(error)
-            if isinstance(error, InputError) and error.name != 'twist':  # which comes first
+            if (
+                isinstance(error, InputError) and error.name != 'twist'
+            ):  # the twist is checked first
                 twist = np.asarray(received.twist.value)  # type: ignore[union-attr]
             if squeeze is not None and status is Status.HALT_NO_GRASP:
                 squeeze.lose()
@@ -213,18 +203,18 @@ class TwistServo:
         if velocities.any():
             velocities = limit_change(velocities, last, self._largest_change(now))
         self._history.record(now, velocities)
-        if self._squeeze is not None:
-            self._squeeze.acknowledge()
+        if self.squeeze is not None:
+            self.squeeze.acknowledge()
         return velocities
 
     def _prepare(self, now: float) -> None:
         """Discard old commands, and compare the remaining commands with the measured travel."""
-        self._history.discard_old(now, self._settings.timeout + 2.0 * self._settings.period)
+        self._history.discard_old(now, self.settings.timeout + 2.0 * self.settings.period)
         self._detect()
 
     def _detect(self) -> None:
         """Detect failed rollers from commanded and measured travel."""
-        rollers = self._inputs.rollers
+        rollers = self.inputs.rollers
         if not isinstance(rollers, StampedInput):
             return
         state, time = rollers.value, rollers.time
@@ -235,8 +225,8 @@ class TwistServo:
         if before is not None and time > before:
             commanded = self._history.travel(before, time, commanded) / (time - before)
         self._detected = time
-        # Corrections of the offsets are no travel.
-        self._detector.update(state.positions - state.offsets, time, commanded)
+        # A correction of an offset is not travel of a roller.
+        self.detector.update(state.positions - state.offsets, time, commanded)
 
     def _solve(
         self,
@@ -254,44 +244,42 @@ class TwistServo:
         """
         config, grip, last = self._predict(rollers, pose, now, failed)
         watch = None if self._guard is None else self._guard.watch(config, grip)
-        period = self._settings.period
+        period = self.settings.period
         limits = self._limits if watch is None else (*self._limits, *watch.limits)
-        handling = LimitHandling(self._settings.slide_along_limits, period)
+        handling = LimitHandling(self.settings.slide_along_limits, period)
 
         def solve(grip: Grip, twist: Array, opening_rate: float = 0.0) -> RollerCommand:
             return solve_twist(config, grip, twist, failed, limits, handling, opening_rate)
 
         if grip is None:
             command = self._solve_joint(config, twist, failed, limits, handling)
-        elif self._squeeze is None:
+        elif self.squeeze is None:
             command = solve(grip, twist)
         else:
-            hold = self._follow(self._squeeze, config, grip, (rollers, *pose), now, gripped=True)
-            command = self._regulate(self._squeeze, hold, twist, solve)
+            hold = self._follow(self.squeeze, config, grip, (rollers, *pose), now, gripped=True)
+            command = self._regulate(self.squeeze, hold, twist, solve)
         asked = command
         if command.status < Status.HALT_NO_TWIST:
             change = self._largest_change(now)
             command = limit_acceleration(command, last, change, lambda: stack_rows(config, limits))
         if watch is not None:
             command = watch.keep(command, last, period)
-        if grip is not None and self._squeeze is not None:
+        if grip is not None and self.squeeze is not None:
             missing = asked.achieved_twist - command.achieved_twist
-            self._squeeze.advance(twist, asked, missing)
+            self.squeeze.advance(twist, asked, missing)
         return command
 
     @property
     def _touching(self) -> Grip:
         """Return the grip, with the contacts of the modelled equilibrium if available."""
-        belief = None if self._squeeze is None else self._squeeze.belief
-        return self._settings.grip if belief is None else belief.grip
+        belief = None if self.squeeze is None else self.squeeze.belief
+        return self.settings.grip if belief is None else belief.grip
 
     def _largest_change(self, now: float) -> float:
         """Return the largest change of a roller's velocity since the last command [m/s]."""
-        largest = self._settings.max_acceleration
-        if largest is None:
-            largest = self.robot.description.max_acceleration
-        # Timers are early now and then; late cycles have held their command for longer.
-        return largest * max(self._history.elapsed(now, 0.0), self._settings.period)
+        # A cycle may be early; a late cycle may change its command by more.
+        largest = self.robot.description.max_acceleration
+        return largest * max(self._history.elapsed(now, 0.0), self.settings.period)
 
     def _solve_joint(
         self,
@@ -307,7 +295,7 @@ class TwistServo:
                 Status.HALT_INVALID_TWIST,
                 f'twist with {twist[2]:.4g} rad/s: a joint has no orientation; must be 0',
             )
-        velocities = {self._settings.joint: twist[:2]}
+        velocities = {self.settings.joint: twist[:2]}
         found = solve_joint_velocity(config, velocities, failed, limits, handling)
         return replace(found, achieved_twist=np.append(found.achieved_twist, 0.0))
 
@@ -321,12 +309,12 @@ class TwistServo:
         """Return the predicted configuration and grip at mid-cycle, and the last command."""
         still = np.array([name in failed for name in self.robot.roller_names])
         before, travel, last = self._history.expected_travel(
-            rollers, (pose or [rollers])[0].time, now, 0.5 * self._settings.period, still
+            rollers, (pose or [rollers])[0].time, now, 0.5 * self.settings.period, still
         )
         measured, config = self._tracker.predict(rollers.value.positions, travel)
         if not pose:
             return config, None, last
-        # From where it was measured on, the object rolls in its contacts.
+        # The object rolls from its measured pose, at the configuration of that time.
         start = measured.predict(before) if before.any() else measured
         grip = roll_object(self._touching.moved_to(pose[0].value), start, config)
         return config, grip, last
@@ -339,18 +327,20 @@ class TwistServo:
             return
         self._regulated = now
         try:
-            if status not in AT_REST or self._settings.joint is not None:
+            if status not in AT_REST or self.settings.joint is not None:
                 raise HaltError(status, 'the pose of the object is unknown')
             rollers, pose = require_fresh(
                 now,
-                self._settings.timeout,
-                joint_states=self._inputs.rollers,
-                object_pose=self._inputs.pose,
+                self.settings.timeout,
+                joint_states=self.inputs.rollers,
+                object_pose=self.inputs.pose,
             )
             config, grip, _ = self._predict(rollers, [pose], now, self.failed)
             self._regulated, known = before, squeeze.fault
             self._follow(squeeze, config, grip, (rollers, pose), now)
-            if known is None and squeeze.fault is not None:  # somebody took it away
+            if (
+                known is None and squeeze.fault is not None
+            ):  # the object was removed while it was at rest
                 squeeze.acknowledge()
             squeeze.rest()
         except IsotrussError:
@@ -366,12 +356,12 @@ class TwistServo:
         gripped: bool = False,
     ) -> HoldStatus:
         """Propagate the belief of the held object to the midpoint of the cycle."""
-        (rollers, pose), settings, estimate = inputs, self._settings, self._inputs.estimate
+        (rollers, pose), settings, estimate = inputs, self.settings, self.inputs.estimate
         covariance = estimate.value.covariance if isinstance(estimate, StampedInput) else None
         squeeze.take_offsets(rollers.value.offsets, covariance)
-        pressures = self._inputs.pressures
+        pressures = self.inputs.pressures
         squeeze.take_pressures(fresh_pressures(now, settings.pressure_timeout, pressures))
-        # A loop that is late holds its commands for longer than its period.
+        # In a late loop, commands are valid for longer than the period.
         before, self._regulated = self._regulated, now
         elapsed = 0.0 if before is None else min(now - before, settings.timeout)
         if squeeze.belief is None:
@@ -396,4 +386,4 @@ class TwistServo:
         if squeeze.grasp is None or (hold is not HoldStatus.HELD and squeeze.fault is None):
             why = f'the object is not held: {hold.value}'
             raise HaltError(Status.HALT_NOT_HELD, '; '.join(filter(None, (why, squeeze.note()))))
-        return squeeze.solve(twist, self._settings.period, partial(solve, squeeze.belief.grip))
+        return squeeze.solve(twist, self.settings.period, partial(solve, squeeze.belief.grip))

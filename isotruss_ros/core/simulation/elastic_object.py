@@ -26,18 +26,19 @@ from numpy.typing import ArrayLike
 
 class ElasticObject:
     """
-    Object held by friction between two or three members, or free on the ground.
+    Object that is held by friction between two or three members, or stands on the ground.
 
-    Members in contact push a free object, and the ground carries its external loads. With force
-    closure the object is held: contacts roll without slip, and the pose follows from configuration
-    and external wrench, without inertia. If friction becomes insufficient or no equilibrium
-    exists, the object is lost: the members push it out of the grip, and it is free again.
+    Members in contact push a standing object, and the ground carries its external loads. With
+    force closure the object is held: contacts roll without slip, and the pose follows from
+    configuration and external wrench, without inertia. If friction becomes insufficient or no
+    equilibrium exists, the object is lost: the members push it out of the grip, and it stands on
+    the ground again.
 
     :ivar dropped: reason why the grip lost the object; None if the object is held or was never
         held.
     :param body: the object at its initial pose.
     :param friction: coefficient of friction between tube and object in this plant, not negative.
-    :param stiffness_scale: ratio of the stiffness in this plant to the modelled stiffness,
+    :param stiffness_scale: ratio of the tubes' stiffness in this plant to the modelled one,
         positive [-].
     :raises GraspError: friction or stiffness is invalid.
     """
@@ -52,7 +53,7 @@ class ElasticObject:
             )
         self._friction, self._scale = float(mu), float(scale)
         angle = math.remainder(body.pose.angle, 2.0 * math.pi)
-        self._body = body.moved_to(body.pose._replace(angle=angle))  # pose while free
+        self._body = body.moved_to(body.pose._replace(angle=angle))  # pose while not held
         self._grasp: HeldGrip | None = None
         self._wrench = np.zeros(3)
         self._pulled_anew = False
@@ -61,7 +62,7 @@ class ElasticObject:
 
     @property
     def grasp(self) -> HeldGrip | None:
-        """Return the equilibrium of the held object; None while the object is free."""
+        """Return the equilibrium of the held object; None while the object is not held."""
         return self._grasp
 
     @property
@@ -81,7 +82,7 @@ class ElasticObject:
 
     @property
     def slip_margin(self) -> float:
-        """Return the smallest additional wrench at which the object slips [N]; zero if free."""
+        """Return the smallest additional wrench at which a held object slips, else zero [N]."""
         return 0.0 if self._grasp is None else self._grasp.slip_margin(self._friction)
 
     def joints(self, config: Configuration) -> Array:
@@ -142,14 +143,15 @@ class ElasticObject:
         return touch
 
     def _pressed(self, config: Configuration) -> bool:
-        """Return whether two members overlap the free object; one member only pushes it."""
+        """Return whether two members overlap the standing object; a single one only pushes it."""
         return bool(np.sort(member_depths(config, self._body))[-2] > ROUNDING)
 
     def _roll(self, before: HeldGrip, config: Configuration) -> None:
         """
         Roll the object to a configuration under the external wrench.
 
-        A substep in which contact is lost is halved; in the smallest substep the object is lost.
+        A substep in which contact is lost is halved; if contact is still lost in the smallest
+        substep, the object is lost.
         """
         wrench, pulled = self._wrench / (1.0, 1.0, before.arm), before.wrench
         start, end = before.config.roller_positions, config.roller_positions

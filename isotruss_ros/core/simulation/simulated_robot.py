@@ -56,14 +56,14 @@ class DrivenRollers:
     def __init__(self, robot: Mechanism, faults: RollerFaults, seed: int = 0) -> None:
         names = robot.roller_names
         check_roller_names('stuck rollers', faults.stuck, names)
-        if not 0.0 <= faults.slip < 1.0:
-            raise ConfigurationError(f'slip {faults.slip!r}: must be from 0 to less than 1')
+        if not 0.0 <= faults.slip <= 0.5:
+            raise ConfigurationError(f'slip {faults.slip!r}: must be from 0 to 0.5')
         self._robot, self._faults = robot, faults
         self._free = np.array([name not in faults.stuck for name in names])
         self._random = np.random.default_rng(seed)
         # Separate random stream: the noise of a seed is independent of slip.
         shares = np.random.default_rng([seed, 1]).uniform(0.5, 1.5, len(names))
-        # Share of each roller's travel followed by its tube [-].
+        # Ratio of the tube's travel to the roller's travel [-].
         self._grips = 1.0 - faults.slip * shares
         self._command, self.roller_positions, self.roller_velocities = np.zeros((3, len(names)))
 

@@ -39,7 +39,8 @@ class EndForces(NamedTuple):
     :ivar stiffness: (k, 3, 3) derivatives of `values` with respect to (l, t1, t2).
     :ivar stressed: (k, 3) `values` before the step of Newton's method that makes the energy
         stationary in N; from these values the geometric stiffness is computed.
-    :ivar gap: (k,) elongations by which the axial forces were inconsistent before this step [m].
+    :ivar gap: (k,) elongations that followed from the ends, minus those that followed from N,
+        before this step [m].
     """
 
     values: Array
@@ -82,7 +83,7 @@ class BeamColumns:
         skew = np.array([1.0 + phi, -0.2 * third, third * (0.2 * slide + 2.0 * arm / 105.0)])
         bow = np.array([np.ones_like(arm), third, -arm * (slide / 3.0 + arm / 45.0)])
         sway, bow_back = 3.0 * _reciprocal(skew), _reciprocal(bow)
-        # Of a pinned end the turn is condensed.
+        # The rotation of a pinned end is eliminated.
         pinned = pinned_start | pinned_end
         one_pin = 2.0 * _reciprocal(skew / 6.0 + 0.5 * bow_back)
         own = bend * np.where(pinned, one_pin, sway + bow)
@@ -97,8 +98,8 @@ class BeamColumns:
         :param longer: (k,) elongations l - l0 [m].
         :param turns: (k, 2) rotations of the ends relative to the chord [rad].
         :param known: (k,) axial forces N about which the members are linearised; None: N at which
-            the energy is stationary. Newton's method treats N as an unknown, because computed from
-            small elongations of stiff members, N has large rounding errors.
+            the energy is stationary. Newton's method treats N as an unknown, because N has large
+            rounding errors if it is computed from small elongations of stiff members.
         """
         rotary, turns = self.rotary, turns.T
         straight, first, second = by_power = rotary[:, :2] * turns[0] + rotary[:, 1:] * turns[1]
@@ -145,7 +146,9 @@ def chord_motions(axis: Points, length: Array) -> Array:
 
 def chord_stiffness(length: Array, forces: EndForces) -> Array:
     """
-    Return the stiffness (k, 4, 4) of bent members against the changes of `chord_motions`.
+    Return the stiffness (k, 4, 4) of bent members in the coordinates of `chord_motions`.
+
+    These are the chord's length, both end rotations relative to the chord, and its rotation.
 
     :param length: (k,) lengths of the chords [m].
     :param forces: forces of the members, with the derivatives of the forces.

@@ -5,9 +5,10 @@
 Compliance of the tubes at k load points, linearised about a bent state.
 
 The frame has additional nodes at the load points: each load point divides its member into parts.
-The place of a load point is its distance from its member's start. If the load point moves along
-the member, the part before it becomes longer and the part behind it shorter. The responses are the
-displacements and inclinations at the load points; they are affine functions of loads and places.
+The place of a load point is its distance from the start of the member. If the load point moves
+along the member, the part before it becomes longer and the part behind it shorter. The responses
+are the displacements and inclinations at the load points; they are affine functions of loads and
+places.
 """
 
 from __future__ import annotations
@@ -25,10 +26,11 @@ from isotruss_ros.core.statics.structure import Structure
 from isotruss_ros.core.statics.tangent import end_forces, Slopes, Tangent
 import numpy as np
 
-#: Largest motion of a node [m] without a new linearisation in the analysis of a moving robot; for
-#: a single equilibrium it is `ROUNDING`. The remaining error is `TUBE_CURVATURE` times the square
-#: of the motion.
-FOLLOWED_MOTION = 1e-4
+#: Tubes are linearised again if a node has moved farther than this from the linearised state [m]:
+#: in a moving robot, and for a single equilibrium. The predicted displacements have an error of
+#: `TUBE_CURVATURE` times the square of the motion, a stiffness one of `TUBE_CURVATURE` times the
+#: motion. With ten times of the second value, differences of stiffnesses err by up to 5e-6.
+FOLLOWED_MOTION, SETTLED_MOTION = 1e-4, 1e-10
 #: Weight of a load point's motion relative to a node's motion in `BentTubes.distance` [-].
 PLACE_SHARE = 0.2
 #: Minimum length of the parts into which the load points cut the members [m].
@@ -37,12 +39,12 @@ SHORTEST_PART = 1e-3
 
 class Displaced(NamedTuple):
     """
-    State of a bent frame, used as initial guess for another state.
+    State of a bent frame about which tubes are linearised.
 
     :ivar displacements: (n, 3) displacements ux, uy [m], theta [rad].
-    :ivar multipliers: (c,) Lagrange multipliers of the constraints.
+    :ivar multipliers: (q,) Lagrange multipliers of the constraints.
     :ivar loads: (k, 3) loads at the load points, see `BentTubes` [N, N m].
-    :ivar pull: (c,) axial forces of the members [N].
+    :ivar pull: (c,) axial forces of the frame's members [N].
     """
 
     displacements: Array
@@ -55,11 +57,12 @@ class PlaceChanges(NamedTuple):
     """
     Changes of the frame if load points move along their members under constant loads.
 
-    Each of the p columns is one motion of the load points.
+    Each of the p columns is one motion of the load points. `inclined` and `forces` do not include
+    the changes that `nodes` causes.
 
     :ivar nodes: (n, 3, p) displacements of the nodes [m, rad].
-    :ivar inclined: (k, p) changes of the inclinations at the load points with fixed nodes [rad].
-    :ivar forces: (c, 3, p) changes of the members' N [N], M1 and M2 [N m] with fixed nodes.
+    :ivar inclined: (k, p) changes of the inclinations at the load points [rad].
+    :ivar forces: (c, 3, p) changes of the axial forces N [N] and end moments M1, M2 [N m].
     """
 
     nodes: Array
@@ -74,8 +77,8 @@ class BentTubes:
 
     A load is (f_along, f_across, m): forces along and across the straight member, and a moment [N,
     N m]. A response is the displacement along and across the straight member [m], and the
-    inclination of the bent centre line [rad]. At a force the line has a kink; its inclination is
-    the mean of both sides.
+    inclination of the bent centre line [rad]. At a transverse force the line has a kink; there,
+    the mean of the inclinations on both sides is used.
 
     :ivar structure: structural model of the robot.
     :ivar members: (k,) index of the member of each load point in `Robot.member_names`.
@@ -96,18 +99,18 @@ class BentTubes:
 
     @cached_property
     def start(self) -> Points:
-        """Return the pinch points at the starts of the members, (k,) x + iy [m]."""
+        """Return the pinch point at the start of each load point's member, (k,) x + iy [m]."""
         config = self.structure.config
         return config.points[config.robot.topology.b[self.members]]
 
     @cached_property
     def length(self) -> Array:
-        """Return the lengths of the members, pinch to pinch, (k,) [m]."""
+        """Return the length of each load point's member, pinch to pinch, (k,) [m]."""
         return self.structure.config.member_lengths[self.members]
 
     @cached_property
     def axis(self) -> Points:
-        """Return the unit vectors of the straight members from start to end, (k,) x + iy."""
+        """Return the unit vector from start to end of each load point's member, (k,) x + iy."""
         config, topology = self.structure.config, self.structure.config.robot.topology
         end = config.points[topology.c[topology.following[self.members]]]
         return (end - self.start) / self.length
@@ -152,12 +155,12 @@ class BentTubes:
 
     @cached_property
     def ahead(self) -> Array:
-        """Return (k,) 1 if the frame's member at a load point points along the tube, else -1."""
+        """Return (k,) 1 for load points on pieces that run along their member, else -1."""
         return self._cut[1]
 
     @cached_property
     def cuts(self) -> Array:
-        """Return the distances (k,) of the nodes at load points from the members' starts [m]."""
+        """Return `places` (k,), shifted so that no part of a member is too short [m]."""
         return self._cut[2]
 
     @property
@@ -215,9 +218,10 @@ class BentTubes:
     @cached_property
     def _changes(self) -> tuple[Array, Array]:
         """
-        Return the changes (n, 3, p) of nodes and (c, p) of multipliers by p unit changes.
+        Return p changes of the displacements (n, 3, p) and of the multipliers (q, p).
 
-        These are unit loads, unit motions of the load points, and the step to equilibrium.
+        The causes of these changes are 3 k unit loads at the load points, k unit motions of the
+        load points, and in the last column the step to equilibrium.
         """
         units = self._units
         loads = np.column_stack([units, -self._place_rates[0]])
@@ -237,14 +241,16 @@ class BentTubes:
         """
         Return the derivatives of loads, inclinations and forces with respect to `places`.
 
-        :return: derivatives of loads (3 n, k), inclinations (k, k) and forces (2 k, 3).
+        :return: derivatives at fixed nodes: of the loads that the members carry (3 n, k), of the
+            inclinations at the load points (k, k), and of N, M1 and M2 of the parts before and
+            behind the load points (2 k, 3).
         """
         frame, tangent, count = self.frame, self.tangent, len(self.members)
         carried, inclined = np.zeros((len(frame.points) * 3, count)), np.zeros((count, count))
         if self.before is None:
             return carried, inclined, np.zeros((2 * count, 3))
         parts, _ = self._parts
-        # The part before a place becomes longer as this moves, the one behind it shorter.
+        # If a place moves, the part before it becomes longer and the part behind it shorter.
         ways = np.append(self._cut[1], -self._cut[1])[:, None, None]
         lengthened = np.zeros((4, 2 * count, 1))
         lengthened[0] = 1.0
@@ -253,7 +259,7 @@ class BentTubes:
         forces, own = tangent.nodal_forces(parts, rates)[..., 0], np.arange(count)[:, None]
         carried[frame.places[frame.before], own] = forces[:count]
         carried[frame.places[frame.behind], own] += forces[count:]
-        # A part between two places of one member has both at its ends.
+        # The length of a part between two places of one member depends on both places.
         longer = (parts[:, None] == frame.before) * self._cut[1]
         longer -= (parts[:, None] == frame.behind) * self._cut[1]
         changes = by_length * longer[:, None]
@@ -262,7 +268,7 @@ class BentTubes:
 
     @cached_property
     def _parts(self) -> tuple[Indices, Indices]:
-        """Return the parts (2 k,) before and behind load points, and their ends there (2 or 1)."""
+        """Return the parts (2 k,) on both sides of load points, and their ends there (2 or 1)."""
         count = len(self.members)
         return np.append(self.frame.before, self.frame.behind), np.repeat([2, 1], count)
 
@@ -278,7 +284,7 @@ class BentTubes:
 
     @cached_property
     def _rows(self) -> tuple[Array, Array]:
-        """Return the responses (k, 3), and their changes (k, 3, p), see `_changes`."""
+        """Return the responses (k, 3) in the linearised state, and their p changes."""
         frame, tangent, back = self.frame, self.tangent, self.axis.conj()
         moved, _ = self._changes
         own = tangent.displacements[frame.nodes]
@@ -311,14 +317,14 @@ class BentTubes:
         own = np.arange(count)
         found[:, 2] += self._place_rates[1]
         if self.before is not None:
-            # The place itself moves along its member.
+            # The displacement is relative to the place, which moves along its member.
             found[own, 0, own] -= 1.0
             return found / self.share
         return np.zeros_like(found)
 
     @cached_property
     def given(self) -> Array:
-        """Return the responses (k, 3) without loads and with all places zero."""
+        """Return the responses (k, 3), extrapolated to zero loads and zero places."""
         state, changes = self._rows
         found = (state + changes[..., -1]) / self.share
         if self.before is not None:
@@ -327,7 +333,7 @@ class BentTubes:
 
     def respond(self, loads: Array, places: Array) -> Array:
         """
-        Return the linear prediction of the responses (k, 3) to loads.
+        Return the linear prediction of the responses (k, 3) at given loads and places.
 
         :param loads: (k, 3) loads at the load points.
         :param places: (k,) distances of the load points from the members' starts [m].
@@ -344,7 +350,7 @@ class BentTubes:
         """
         ways = self._ways(loads, places)
         moved = np.abs(self._displace(ways)[0][:, :2]).max() / self.share
-        # What is not linear in the places is that much less.
+        # The state is less nonlinear in the places than in the displacements.
         slid = PLACE_SHARE * np.abs(ways[self._moving]).max()
         return float(max(moved, slid))
 
@@ -353,13 +359,13 @@ class BentTubes:
         nodes = self._changes[0] @ ways
         moved = nodes.copy()
         if self.before is not None:
-            # Places are where they move to.
+            # The displacement is relative to the place, which moves along its member.
             slid = self.axis * ways[self._moving]
             moved[self.frame.nodes, :2] -= np.column_stack([slid.real, slid.imag])
         return moved, nodes
 
     def _ways(self, loads: Array, places: Array) -> Array:
-        """Return the differences (p,) of loads and places from those of the linearised state."""
+        """Return the factors (p,) on `_changes`: changes of loads and places, then 1."""
         known = 0.0 if self.before is None else self.before.loads
         return np.concatenate([(loads - known).ravel(), places - self._cut[2], [1.0]])
 
@@ -407,7 +413,10 @@ class BentTubes:
             if bent.distance(loads, places) <= ROUNDING:
                 return bent
             bent = bent.update(loads, places)
-        raise StructureError(f'the bent tubes did not settle in {MAX_SEARCH_STEPS} steps')
+        raise StructureError(
+            f'no equilibrium of the bent tubes was found in {MAX_SEARCH_STEPS} steps: '
+            'the loads must be smaller'
+        )
 
     def changes(self, loads: Array, places: Array) -> tuple[Array, PlaceChanges]:
         """

@@ -65,7 +65,7 @@ class CutFrame(Frame):
         :param within: (c,) distances of the points from the members' starts [m].
         """
         whole, places, behind = self._cut
-        # In order by their member and the share of its length.
+        # Keys that increase from member to member, and along each member from 0 to 1.
         keys, wanted = whole + places / self._lengths[whole], piece + within / self._lengths[piece]
         last = np.searchsorted(keys, wanted) - 1
         beyond = (last >= 0) & (whole[last] == piece)

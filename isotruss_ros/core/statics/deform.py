@@ -99,8 +99,8 @@ class Deformation(Record, headline=('reactions', 'displacements')):
         if path.limit == np.inf and path.factors[-1] < MAX_LIMIT_FACTOR:
             farthest = np.abs(path.tangents[-1].displacements[:, :2]).max()
             raise SolverError(
-                f'no limit load up to {path.factors[-1]:.3g} times these loads, and farther is '
-                f'not searched: the robot moves by {farthest:.3g} m'
+                f'no limit load up to {path.factors[-1]:.3g} times these loads; the search '
+                f'ended there, because the robot had moved by {farthest:.3g} m'
             )
         return path.limit
 
@@ -171,7 +171,7 @@ def _load_tubes(structure: Structure, tube_loads: Mapping[str, ArrayLike]) -> tu
         return structure.frame, np.zeros((len(structure.node_names), 3))
     place, *load = np.array(rows).T
     pieces, within, _ = structure.locate(np.array(members), place)
-    # Loads do not move the places: parts may be a thousandth as long as those that do.
+    # These load points do not move along the tube, so the parts may be shorter.
     apart = keep_apart(pieces, within, structure.frame.length[pieces], 1e-3 * SHORTEST_PART)
     cut = CutFrame(structure.frame, pieces, apart)
     loads = np.zeros((len(cut.points), 3))
@@ -184,7 +184,7 @@ def _bend(frame: Frame, loads: Array) -> FrameState:
     with np.errstate(over='ignore', invalid='ignore'):
         found = frame.bend(loads)
     if found is None:
-        frame.solve(loads)  # refuses what is beyond all numbers
+        frame.solve(loads)  # raises StructureError if the loads overflow
     else:
         moved = found.displacements
         left = moved - found.respond(loads.reshape(-1, 1))[0].reshape(-1, 3)

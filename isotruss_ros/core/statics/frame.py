@@ -23,7 +23,7 @@ from isotruss_ros.core.statics.tangent import end_forces, FactoredFrame, Tangent
 import numpy as np
 from scipy.sparse import csc_matrix
 
-#: Largest admissible ratio of the displacements to the linear model's displacements [-].
+#: Largest admissible ratio of the displacements to those of the linear prediction [-].
 MAX_GROWTH = 1.5
 
 
@@ -96,7 +96,7 @@ class Frame(FrameAssembly):
         span = self.length + apart
         length = np.abs(span)
         axis = self.axis * span / length
-        # Of the two lengths, without the rounding of their difference.
+        # (l^2 - l0^2) / (l + l0), because l - l0 has large rounding errors.
         longer = (2.0 * self.length * apart.real + np.abs(apart) ** 2) / (length + self.length)
         stretched = longer, ends[:, 2::3] - np.angle(span)[:, None]
         forces = self._columns.evaluate(*stretched, pull)
@@ -138,13 +138,13 @@ class Frame(FrameAssembly):
             ends = end_forces(forces[..., 0], rest.length)
         if not np.isfinite(ends).all():
             raise StructureError(
-                f'loads up to {np.abs(loads).max():.3g} N: what they do is beyond all numbers; '
-                'must be smaller'
+                f'loads up to {np.abs(loads).max():.3g} N: the forces in the members overflow; '
+                'loads must be smaller'
             )
         pushed = rest.nodal_forces(slice(None), forces)
         carried = np.bincount(self.places.ravel(), pushed.ravel(), minlength=len(flat))
         values, *_ = self.rows.linearize(self.points, np.zeros_like(loads))
-        pushed = values * multipliers[self.rows.row]  # by the constraints
+        pushed = values * multipliers[self.rows.row]  # forces of the constraints
         carried += np.bincount(self.rows.column, pushed, minlength=len(flat))
         return FrameState(
             moved.reshape(-1, 3),
@@ -162,9 +162,10 @@ class Frame(FrameAssembly):
 
         :param loads: (n, 3) loads fx, fy [N], m [N m] on the nodes.
         :param start: frame linearised about the initial state; None: about the unloaded state.
-        :param growth: largest admissible ratio of the displacements to the linear model's
-            displacements [-].
-        :return: the frame linearised about its equilibrium; None if none is found near the start.
+        :param growth: largest admissible ratio of the displacements to those of the linear
+            prediction [-].
+        :return: the frame linearised about its equilibrium; None if no equilibrium is found near
+            `start`.
         :raises StructureError: the frame is a mechanism.
         """
         tangent = self.rest if start is None else start
@@ -175,7 +176,7 @@ class Frame(FrameAssembly):
             size = float(np.abs(step[:, :2]).max())
             if count == 0:
                 reach = size
-            # What ends elsewhere than the linear response tends to is another branch.
+            # An equilibrium far beyond the linear prediction is on another branch.
             elif not np.abs(displacements - origin)[:, :2].max() <= growth * reach:
                 return None
             changes, _ = tangent.force_changes(step)
@@ -190,7 +191,7 @@ class Frame(FrameAssembly):
 
     def locate(self, piece: Indices, within: Array) -> tuple[Indices, Array]:
         """
-        Return the members (c,) at given points, and the distances (c,) from the members' starts.
+        Return the members (c,) that contain points, and the points' distances from their starts.
 
         :param piece: (c,) index of the member of the uncut frame at each point.
         :param within: (c,) distances of the points from the starts of these members [m].
@@ -215,7 +216,7 @@ class Frame(FrameAssembly):
         before, after = start[:, 2] - turned, end[:, 2] - turned
         own = self.members
         skew = 12.0 * own.flexural[part] / own.shear[part] / length**2
-        follows = -(2.0 - skew) / (4.0 + skew)  # of a pinned end
+        follows = -(2.0 - skew) / (4.0 + skew)  # rotation of a pinned end / of the other end
         before = np.where(own.pinned_start[part], follows * after, before)
         after = np.where(own.pinned_end[part], follows * before, after)
         even, odd = before + after, before - after

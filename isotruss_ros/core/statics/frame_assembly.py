@@ -28,7 +28,7 @@ class FrameAssembly:
     :ivar held: (n, 3) mask of the displacements ux, uy, theta that supports fix.
     :ivar pattern: sparsity pattern of the frame; in a cut frame, the pattern of the uncut frame.
     :ivar places: (k, 6) indices of the displacements of the members' ends among all displacements.
-    :ivar chains: groups of the members that cuts divide.
+    :ivar chains: the members with cuts, in groups with equal numbers of cuts.
     :ivar begins: (k,) distance of each member's start from the start of the uncut member [m].
     :ivar nodes: (c,) indices of the nodes at the cuts.
     :ivar before: (c,) indices of the members that end at the cuts.
@@ -67,7 +67,7 @@ class FrameAssembly:
 
     @cached_property
     def uncut(self) -> Flags:
-        """Return a mask of the uncut frame's members, true for members without a cut."""
+        """Return a mask of the uncut frame's members that is true for members without a cut."""
         return np.bincount(self.whole) == 1
 
     def assemble(
@@ -90,10 +90,11 @@ class FrameAssembly:
             matrices.diagonal(axis1=1, axis2=2).ravel(),
             minlength=len(pattern.unknowns),
         )
-        # Both directions of a node alike: what rounding leaves across a bar is no stiffness.
+        # Equal scales for both directions of a node: across a bar the stiffness is a rounding
+        # error.
         diagonal[0::3] = diagonal[1::3] = np.maximum(diagonal[0::3], diagonal[1::3])
         diagonal = diagonal[pattern.solved]
-        # Displacements and rotations, soft tubes and hard modules: scaled, all have stiffness 1.
+        # Scaled, displacements and rotations, soft tubes and stiff modules have stiffness 1.
         scale = np.ones(size)
         scale[:free] = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, diagonal.max(initial=1.0)))
         entries = matrices.ravel()[pattern.entries]

@@ -73,7 +73,8 @@ class TurnRows(NamedTuple):
 
         :param points: (n,) nodes without loads, x + iy [m].
         :param displacements: (n, 3) displacements ux, uy [m], theta [rad] of the nodes.
-        :return: entries (2 e,), violations (c,), and the spans (s,) of the displaced nodes [m].
+        :return: entries of the constraint matrix (2 e,), violations (c,) [rad], and the spans (s,)
+            of the displaced nodes [m].
         """
         moved = points + displacements @ (1.0, 1j, 0.0)
         before, spans = (self._spans(each) for each in (points, moved))
@@ -206,7 +207,7 @@ class CutPattern(NamedTuple):
     :ivar nodes: (c,) indices of the nodes at the cuts.
     :ivar before: (c,) indices of the parts that end at the cuts.
     :ivar behind: (c,) indices of the parts that begin at the cuts.
-    :ivar chains: groups of the members that are cut.
+    :ivar chains: the members with cuts, in groups with equal numbers of cuts.
     :ivar places: (k + c, 6) indices of the displacements of the parts' ends.
     """
 

@@ -41,7 +41,7 @@ def section_rates(tubes: BentTubes, moved: Points, inflated: Array) -> Array:
     found = np.zeros((4, len(frame.length), moved.shape[1]))
     stiff = np.stack(frame.members[2:5])[:, pieces, None]
     found[1:, pieces] = -(stiff**2) * softer[:, member]
-    # Along a member, its far end moves with pinch point and guide ring; pieces CE run backward.
+    # If a member becomes longer, the nodes C and E at its end shift along it; CE runs backward.
     shifts, b = (
         np.zeros((len(frame.points), moved.shape[1])),
         frame_layout(structure.config.robot).b,

@@ -18,7 +18,7 @@ from isotruss_ros.core.statics.frame import Frame
 from isotruss_ros.core.statics.tangent import Tangent
 import numpy as np
 
-#: Largest linear displacement of a node in a load step [m].
+#: Largest displacement of a node in a load step, by linear prediction [m].
 MAX_DISPLACEMENT_STEP = 0.01
 #: Relative tolerance of a limit load [-].
 LIMIT_TOLERANCE = 1e-3

@@ -14,13 +14,13 @@ from isotruss_ros.core.statics.deform import deform
 import numpy as np
 
 #: An upright robot exceeds both bounds: fraction of the squared displacements that the weight
-#: explains [-], and largest displacement of a joint [m]. Roller offsets of 10 mm exceed both in
-#: one robot of a hundred.
-EXPLAINED, LEAST_SAG = 0.95, 5e-3
+#: explains [-], and largest displacement of a joint [m]. A robot that lies flat exceeds both in
+#: one of a hundred cases, if its roller offsets are 10 mm.
+MIN_EXPLAINED_SHARE, MIN_SAG = 0.95, 5e-3
 
 
 class Sag(NamedTuple):
-    """Weight of the modules, fitted to measured displacements of the joints."""
+    """Weight of each module, fitted to measured displacements of the joints."""
 
     weight: Array  #: (2,) weight of each module, robot frame [N]
     explained: float  #: share of the squared displacements that the weight explains [-]
@@ -38,7 +38,7 @@ class Sag(NamedTuple):
     @property
     def is_upright(self) -> bool:
         """Return whether weight explains the displacements, as it does in an upright robot."""
-        return self.explained > EXPLAINED and self.largest > LEAST_SAG
+        return self.explained > MIN_EXPLAINED_SHARE and self.largest > MIN_SAG
 
 
 def find_sag(config: Configuration, joints: Mapping[str, tuple[float, float]]) -> Sag | None:
@@ -50,7 +50,7 @@ def find_sag(config: Configuration, joints: Mapping[str, tuple[float, float]]) -
     :raises StructureError: see `deform`.
     """
     if 2 * len(joints) <= len(config.roller_positions):
-        return None  # roller offsets explain as much
+        return None  # roller offsets alone can explain the displacements
     names = config.robot.topology.joint_names
     rows = [names.index(name) for name in joints]
     off = (np.array(list(joints.values())) - config.nodes[rows]).ravel()

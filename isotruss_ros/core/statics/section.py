@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 #: Assumed E t and G t of the fabric [N/m], typical of thin coated cloth.
 MEMBRANE_MODULUS = 6.0e4
 MEMBRANE_SHEAR_MODULUS = 1.0e4
-#: Theoretical c of the end stiffness c p R, from the pillow of `InflatableBeam` [-].
+#: Theoretical factor c of the stiffness c p R of a pinched end, see `InflatableBeam` [-].
 END_SOFTENING = 2.0 * np.pi / (4.0 - np.pi)
 #: Shear coefficient of a thin circular tube [-].
 SHEAR_COEFFICIENT = 0.5
@@ -83,11 +83,11 @@ class InflatableBeam:
 
     For EA, it is assumed that the wall and both ends act in series, 1/k_axial = L/(E t 2 pi R) +
     2/(c p R). A pinched end changes its shape without stretching the fabric, so only the pressure
-    resists. The default c is computed for a pillow: two inextensible sheets of width pi R/2 reach
-    from the pinch line tangentially into the tube, at the distance R from the axis. Under an axial
-    force F both sheets are arcs of radius rho = R + F/(pi R p) and angle alpha with cos alpha = 1
-    - R/rho. The length of the end is rho (sin alpha - alpha) + const.; its derivative at F = 0
-    gives c = 2 pi/(4 - pi).
+    resists. The default c is computed for a pillow: two inextensible sheets of length pi R/2 run
+    from the pinch line to the tube, which they meet tangentially at the distance R from the axis.
+    Under an axial force F both sheets are arcs of radius rho = R + F/(pi R p) and angle alpha with
+    cos alpha = 1 - R/rho. The length of the end is rho (sin alpha - alpha) + const.; its
+    derivative at F = 0 gives c = 2 pi/(4 - pi).
 
     :param radius: tube radius R [m].
     :param membrane_modulus: E t [N/m].
@@ -106,7 +106,7 @@ class InflatableBeam:
         return Fabric(self.membrane_modulus, self.membrane_shear_modulus)
 
     def section_stiffness(self, length: ArrayLike, pressure: ArrayLike) -> SectionStiffness:
-        """Return EA (by length), EI and GA; see `TubeStiffness.section_stiffness`."""
+        """Return EA for each length, EI and GA; see `TubeStiffness.section_stiffness`."""
         length, pressure = broadcast_members(length, pressure)
         R = self.radius
         force = pressure * np.pi * R**2
@@ -115,7 +115,7 @@ class InflatableBeam:
         end = self.end_softening * pressure * R
         return SectionStiffness(
             axial=1.0 / (1.0 / wall + 2.0 / (end * length)),
-            # The thickness cancels; fabrics do not state it.
+            # The thickness t cancels.
             flexural=self.membrane_modulus * np.pi * R**3 + force * R**2 / 2.0,
             shear=force + SHEAR_COEFFICIENT * self.membrane_shear_modulus * circumference,
         )
@@ -173,7 +173,7 @@ def tube_pressures(
                 )
         found |= pressure
     else:
-        # As objects: what is no number is refused below, by the name of its tube.
+        # As an array of objects; values that are not numbers are refused below for each tube.
         each = np.asarray(pressure, dtype=object)
         if each.ndim > 0 and each.shape != (len(found),):
             raise StructureError(
@@ -186,7 +186,7 @@ def tube_pressures(
         (found[tube],) = finite_array([value], 1, what, StructureError).tolist()
         if found[tube] <= 0.0:
             raise StructureError(f'{what}: {value!r}: must be a positive number')
-        # A range for what is computed with it, wider than that of any cloth.
+        # The range keeps computed values finite; the pressures of tubes are well inside of it.
         if not 1e-3 <= found[tube] <= 1e7:
             raise StructureError(f'{what}: {value!r}: must be from 1e-3 to 1e7')
     return tuple(found.values())

@@ -153,7 +153,7 @@ def frame_layout(robot: Mechanism) -> FrameLayout:
     held = np.zeros((len(names), 3), dtype=bool)
     held[np.divmod(topology.grounded, 2)] = True
     own = np.arange(m)
-    # The rod turns half as much as both arms: spans are rods, then arms BD, then arms CE.
+    # The rod turns by the mean of both arms' rotations; spans: rods, then arms BD, then arms CE.
     bisection = TurnRows.of(
         row=np.tile(own, 3),
         weight=np.repeat([2.0, -1.0, -1.0], m),

@@ -20,20 +20,21 @@ from isotruss_ros.core.statics.frame_pattern import Chains
 import numpy as np
 from scipy.sparse import csc_matrix
 
-#: Relative error of responses that are linearised about another state, per motion of a node [1/m].
-#: The error of a predicted state is this factor times the square of the motion.
+#: Relative error of responses if they are linearised about another state, per displacement of a
+#: node between both states [1/m]. If the displacements of a state are predicted from another
+#: state, their error is this factor times the square of the displacement between both states.
 TUBE_CURVATURE = 15.0
 
 
 class CondensedChains(NamedTuple):
     """
-    Cut members; static condensation has eliminated the nodes at their p cuts.
+    Group of b cut members; static condensation has eliminated the nodes at their p cuts.
 
     :ivar chains: the cut members.
     :ivar inverse: (b, 3 p, 3 p) displacements of the nodes at the cuts due to unit loads on them,
         with fixed member ends.
-    :ivar spread: (b, 3 p, 6) displacements of these nodes for unit displacements of the ends.
-    :ivar stiffness: (b, 3 p, 3 p) stiffness against displacements of these nodes.
+    :ivar spread: (b, 3 p, 6) displacements of these nodes due to unit displacements of the ends.
+    :ivar stiffness: (b, 3 p, 3 p) inverse of `inverse`.
     """
 
     chains: Chains
@@ -49,8 +50,8 @@ class Slopes(NamedTuple):
     :ivar values: (p,) inclinations [rad].
     :ivar by_ends: (p, 1, 6) derivatives of the inclinations by (ux, uy, theta) at start and end.
     :ivar by_forces: (p, 3) derivatives of the inclinations by N, M1 and M2 with fixed nodes.
-    :ivar by_shear: (p,) derivatives of the inclinations by the logarithm of GA at constant nodes,
-        N, M1 and M2.
+    :ivar by_shear: (p,) derivatives of the inclinations by the logarithm of GA with fixed nodes
+        and constant N, M1 and M2.
     """
 
     values: Array
@@ -63,9 +64,9 @@ class FactoredFrame(NamedTuple):
     """
     Factorised matrix of (4), which is also used in similar states.
 
-    :ivar factor: factor of the scaled matrix.
+    :ivar factor: factorisation of the scaled matrix.
     :ivar scale: (f + c,) scaling of its rows and columns: f unknown displacements, c constraints.
-    :ivar points: (n,) displaced nodes, see `Tangent.points` [m].
+    :ivar points: (n,) positions of the displaced nodes, see `Tangent.points` [m].
     """
 
     factor: Factor
@@ -83,7 +84,7 @@ class Tangent:
     :ivar axis: (k,) unit vectors of the chords, x + iy.
     :ivar length: (k,) lengths of the chords [m].
     :ivar forces: axial forces and end moments of the members.
-    :ivar motions: (k, 4, 6) changes of the chords by displacements, see `chord_motions`.
+    :ivar motions: (k, 4, 6) derivatives of the chords, see `chord_motions`.
     :ivar stretched: (k,) elongations [m], and (k, 2) end rotations relative to chords [rad].
     """
 
@@ -105,7 +106,9 @@ class Tangent:
         try:
             chains = [_condense(matrices, chain) for chain in self._frame.chains]
         except np.linalg.LinAlgError as error:
-            raise StructureError('a loaded member has no stiffness in its bent shape') from error
+            raise StructureError(
+                'a loaded member has no stiffness in its bent shape: its loads must be smaller'
+            ) from error
         return matrices[: self._frame.pattern.count], chains
 
     @cached_property
@@ -135,7 +138,9 @@ class Tangent:
         try:
             return FactoredFrame(factorize(matrix.copy()), scale, self.points)
         except np.linalg.LinAlgError as error:
-            raise StructureError('the structure has no stiffness in its bent shape') from error
+            raise StructureError(
+                'the structure has no stiffness in its bent shape: the loads must be smaller'
+            ) from error
 
     def respond(self, loads: Array, gaps: Array | float = 0.0) -> tuple[Array, Array]:
         """
@@ -164,10 +169,10 @@ class Tangent:
 
     def balance(self, applied: Array, loads: Array | None = None) -> tuple[Array, Array]:
         """
-        Return changes of displacements and multipliers: by loads, last the step to equilibrium.
+        Return the changes due to additional loads, and the step to equilibrium as last column.
 
-        :param applied: (3 n,) loads in the equilibrium [N], [N m].
-        :param loads: (3 n, p) additional loads of the first p columns; None: no such columns.
+        :param applied: (3 n,) loads in the equilibrium [N, N m].
+        :param loads: (3 n, p) additional loads, one column each; None: no additional loads.
         :return: changes (n, 3, p + 1) of displacements, and (c, p + 1) of multipliers.
         """
         left, gaps = applied - self.carried, self._constraints[1]
@@ -181,7 +186,7 @@ class Tangent:
         """
         Use the factorised matrix of a similar state for the responses of this state.
 
-        It must be called before any matrix of this frame is computed.
+        Call this method before any matrix of this frame is computed.
 
         :param other: frame linearised about the similar state; it may have other cuts.
         """
@@ -202,7 +207,7 @@ class Tangent:
 
     def response_error(self, state: Tangent) -> float:
         """
-        Return the relative error of responses if another state uses this factorised matrix [-].
+        Return the relative error of another state's responses if it uses this factorisation [-].
 
         :param state: frame linearised about the other state.
         """
@@ -221,8 +226,8 @@ class Tangent:
     @cached_property
     def carried(self) -> Array:
         """Return the loads and reactions (3 n,) that hold the frame in this state [N, N m]."""
-        # The missing elongation of a stiff member is the gap of a constraint: its force acts along
-        # the member as it is factorised, or else it would move soft ones.
+        # The force that closes the gap of a stiff member's elongation has the direction and the
+        # stiffness of the factorised matrix; otherwise it would move soft members.
         every, lender, gap = slice(None), self._linear, self.forces.gap[:, None, None]
         pushed = self.nodal_forces(every, self.forces.stressed[:, :, None])
         pushed = pushed + lender.nodal_forces(every, gap * lender.forces.stiffness[:, :, :1])
@@ -249,7 +254,7 @@ class Tangent:
 
         :param moved: (n, 3) small displacements ux, uy [m], theta [rad] of all nodes.
         """
-        # Forces of stiff members are in balance only by the stiffness of the responses.
+        # Forces of stiff members balance only with the stiffness that `respond` uses.
         changes, longer = self._linear.force_changes(moved[..., None])
         return self.forces.values + changes[..., 0], self.length + longer[:, 0]
 
@@ -264,7 +269,7 @@ class Tangent:
         """
         own, count = self._frame.members, changes.shape[2]
         each = parts.repeat(count)
-        # Complex steps have no rounding error of differences.
+        # Derivatives by complex steps have no rounding error of differences.
         steps = 1j * EPSILON * changes.reshape(4, -1)
         sections = np.stack([self._frame.length, own.axial, own.flexural, own.shear])
         pins = own.pinned_start[each], own.pinned_end[each]
@@ -290,7 +295,8 @@ class Tangent:
         Return the inclinations of the bent centre lines at ends of members.
 
         The inclination is the rotation of the section minus the shear angle. Relative to the chord
-        it is (t - Q/GA) / (1 + N/GA) with the transverse force Q.
+        it is (t - Q/GA) / (1 + N/GA) with the section's rotation t relative to the chord and the
+        transverse force Q.
 
         :param parts: (p,) indices of the members.
         :param end: (p,) 1 for a member's start, 2 for its end.
@@ -343,7 +349,7 @@ def end_forces(forces: Array, length: Array) -> Array:
 
 def _condense(matrices: Array, chains: Chains) -> CondensedChains:
     """
-    Eliminate the nodes at cuts; condensed stiffnesses replace those of the first parts.
+    Eliminate the nodes at cuts; in `matrices`, condensed members replace their first parts.
 
     :param matrices: (k, 6, 6) stiffness of all parts against (ux, uy, theta) at both ends.
     :param chains: the cut members.

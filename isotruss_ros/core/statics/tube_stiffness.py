@@ -69,8 +69,8 @@ class Section:
         if wrong.any():
             at = int(np.argmax(wrong))
             raise StructureError(
-                f'stiffness model section: its numbers hold at {self.pressure:g} Pa; at '
-                f'{pressure[at]:g} Pa they leave EI = {flexural[at]:.4g} N m^2 and '
+                f'stiffness model section, given at {self.pressure:g} Pa: at '
+                f'{pressure[at]:g} Pa it has EI = {flexural[at]:.4g} N m^2 and '
                 f'GA = {shear[at]:.4g} N: must be positive'
             )
         return SectionStiffness(np.full_like(length, self.axial_rigidity), flexural, shear)
@@ -157,7 +157,7 @@ class PowerLaw:
                 'at least L^2/3 times the transverse one, '
                 f'{transverse[at] * between[at] ** 2 / 3.0:.6g} N m/rad'
             )
-        # Within rounding of 4 there is no shear, not a stiffness of whatever the rounding leaves.
+        # A ratio that exceeds 4 only by rounding means no shear deformation.
         phi = np.where(ratio > 4.0 * (1.0 + ROUNDING), ratio - 4.0, 0.0)
         flexural = transverse * between**3 * (1.0 + phi) / 12.0
         shear = np.full_like(length, np.inf)
@@ -198,7 +198,7 @@ class TubeSections:
         :return: derivatives of the three flexibilities with respect to length, and with respect to
             gauge pressure, (3, k) each.
         """
-        # The error, the square of the step plus rounding over the step, is least here.
+        # This step minimises the error, which is about step^2 + EPSILON / step.
         step = EPSILON ** (1.0 / 3.0)
         shares = step * np.array([[1.0, -1.0, 0.0, 0.0], [0.0, 0.0, 1.0, -1.0]])[:, :, None]
         moved = (np.array([length, pressure])[:, None] * (1.0 + shares)).reshape(2, -1)

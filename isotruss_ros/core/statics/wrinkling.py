@@ -53,7 +53,7 @@ def find_utilisation(
     the piece.
 
     :param structure: structural model of the robot.
-    :param frame: the robot's frame with additional nodes at the loads on tubes.
+    :param frame: structural frame of the robot, with additional nodes at the loads on tubes.
     :param end_forces: (k, 6) forces on the frame's members, see `FrameState.end_forces`.
     :param pulls: (k,) axial forces on the frame's members, see `FrameState.bowing` [N].
     """
@@ -101,7 +101,7 @@ def tube_pieces(structure: Structure, frame: Frame) -> tuple[Indices, Indices]:
     Return the indices of a frame's members that are tubes, and the robot's member of each.
 
     :param structure: structural model of the robot.
-    :param frame: the robot's frame with additional nodes at the loads on tubes.
+    :param frame: structural frame of the robot, with additional nodes at the loads on tubes.
     """
     first = structure.pieces[0, 0]
     pieces = np.flatnonzero(frame.whole >= first)
@@ -124,7 +124,7 @@ def use_sections(
     """
     begin, end, left, pull = loads
     length, flexural, shear = sections
-    # M = begin cos(k x) + sine sin(k x); without compression the ends bear most.
+    # M = begin cos(k x) + sine sin(k x); without compression the largest moment is at an end.
     wave = np.sqrt(np.maximum(-pull, 0.0) / flexural / (1.0 + pull / shear))
     turned = np.maximum(wave * length, ROUNDING)
     sine = (end - begin * np.cos(turned)) / np.sin(turned)

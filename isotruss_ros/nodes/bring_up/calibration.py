@@ -16,8 +16,8 @@ from isotruss_ros.calibration.robot_files import write_robot_file
 from isotruss_ros.calibration.stiffness_scale import calibrate_stiffness, StiffnessCalibration
 from isotruss_ros.core import IsotrussError, load_robot
 from isotruss_ros.nodes.bring_up.joint_markers import (
-    DEVIATION,
     JointMarkers,
+    MARKER_DEVIATION,
     MeasuredJoints,
     REST_TOLERANCE,
 )
@@ -27,8 +27,12 @@ import numpy as np
 
 SPECS = (
     ROBOT,
-    FixedSpec('output', 'calibrated_robot.yaml', 'Output robot file, possibly that of `robot`'),
-    DEVIATION,
+    FixedSpec(
+        'output',
+        'calibrated_robot.yaml',
+        'Robot file to be written; may be the file of the parameter `robot`',
+    ),
+    MARKER_DEVIATION,
 )
 
 
@@ -60,7 +64,7 @@ class Calibration(StoppableNode):
         write_robot_file(self._robot, self._output, found, self._stiffness)
         zeros = zip(self._robot.roller_names, found.zeros, found.deviations, strict=True)
         said = ', '.join(f'{name} {1e3 * z:+.1f} +- {1e3 * sure:.1f}' for name, z, sure in zeros)
-        return f'zeros [mm]: {said}; written to {self._output}'
+        return f'roller offsets [mm]: {said}; written to {self._output}'
 
     def _calibrate_stiffness(
         self, request: CalibrateStiffness.Request, response: CalibrateStiffness.Response
@@ -71,7 +75,7 @@ class Calibration(StoppableNode):
             before = [each for each in self._postures if _is_same(each, under)]
             if not before:
                 raise MeasurementError(
-                    'joints without the force were not measured: call calibrate_home first'
+                    'this posture was not measured without the force: first call calibrate_home'
                 )
             both = sorted(set(before[0].joints) & set(under.joints))
             home = calibrate_home(self._robot, self._postures, self.values.marker_deviation)
@@ -89,7 +93,7 @@ class Calibration(StoppableNode):
             return response
         response.success, (response.scale, response.deviation) = True, found
         response.message = (
-            f'stiffness of the tubes against the model: {found.scale:.3f} +- '
+            f'stiffness of the tubes relative to the model: {found.scale:.3f} +- '
             f'{found.deviation:.3f}; written to {self._output}'
         )
         return response

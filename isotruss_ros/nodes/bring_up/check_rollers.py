@@ -18,7 +18,11 @@ from isotruss_ros.calibration.robot_files import write_checked_rollers
 from isotruss_ros.calibration.roller_check import judge_roller, MAX_TRAVEL_ERROR
 from isotruss_ros.core import load_robot
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.nodes.bring_up.joint_markers import DEVIATION, JointMarkers, WINDOW
+from isotruss_ros.nodes.bring_up.joint_markers import (
+    AVERAGING_TIME,
+    JointMarkers,
+    MARKER_DEVIATION,
+)
 from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.commands import RollerCommands
 from isotruss_ros.nodes.framework.parameters import FixedSpec, ROBOT, Spec
@@ -32,9 +36,16 @@ SPECS = (
     common.RATE,
     Spec('travel', 0.02, 'Travel of each roller [m]', (0.005, 0.05)),
     Spec('speed', 0.01, 'Speed of each roller [m/s]', (0.001, 0.05)),
-    Spec('settle_time', 1.0, 'Time in which the robot comes to rest [s]', (0.0, 30.0)),
-    DEVIATION,
-    FixedSpec('output', '', 'Robot file for the mark of checked rollers; none if empty'),
+    Spec(
+        'settle_time',
+        1.0,
+        'Pause after each motion, in which the robot comes to rest [s]',
+        (0.0, 30.0),
+    ),
+    MARKER_DEVIATION,
+    FixedSpec(
+        'output', '', 'Robot file to which the names of checked rollers are written; empty: none'
+    ),
 )
 
 
@@ -42,7 +53,7 @@ class CheckRollers(StoppableNode):
     """
     Node that moves each roller of a robot without an object forth and back.
 
-    :ivar right: names of the rollers that were checked and have no fault.
+    :ivar faultless: names of the rollers that were checked and have no fault.
     """
 
     node_name = 'check_rollers'
@@ -51,14 +62,14 @@ class CheckRollers(StoppableNode):
     def start(self) -> None:
         """Create the subscriptions, and wait for the joint markers."""
         self._robot = load_robot(self.values.robot)
-        self.right: list[str] = []
+        self.faultless: list[str] = []
         self._commands = RollerCommands(self, len(self._robot.roller_names))
         self._commands.subscribe()
         self._markers = JointMarkers(self, self._robot)
         self.create_subscription(Bool, 'emergency_stop', self._receive_stop, LATCHED)
         self._velocities = np.zeros(len(self._robot.roller_names))
         self._course = self._check_all()
-        self._due = self.now() + WINDOW + self.values.settle_time
+        self._due = self.now() + AVERAGING_TIME + self.values.settle_time
         self.create_steady_timer(1.0 / self.values.rate, self._cycle)
 
     def stop(self) -> None:
@@ -85,7 +96,7 @@ class CheckRollers(StoppableNode):
     def _check_all(self) -> Generator[float, None, None]:
         """Check the rollers one by one; yield the length of each pause [s]."""
         travel, speed = self.values.travel, self.values.speed
-        rest = self.values.settle_time + WINDOW
+        rest = self.values.settle_time + AVERAGING_TIME
         for number, name in enumerate(self._robot.roller_names):
             before = self._markers.measure(self.now()).posture
             for direction in (1.0, -1.0):
@@ -106,13 +117,13 @@ class CheckRollers(StoppableNode):
             why = why or _judge_encoders(self._robot.roller_names, number, travel, turned)
             if why:
                 raise MeasurementError(f'roller {name}: {why}')
-            self.get_logger().info(f'roller {name}: right')
-            self.right.append(name)
+            self.get_logger().info(f'roller {name}: no fault')
+            self.faultless.append(name)
 
     def _finish(self) -> None:
         """Write the names of the checked rollers to the robot file, and end the node."""
         if self.values.output:
-            write_checked_rollers(self._robot, Path(self.values.output), self.right)
+            write_checked_rollers(self._robot, Path(self.values.output), self.faultless)
         self.done = True
 
 

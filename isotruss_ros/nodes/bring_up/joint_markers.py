@@ -19,8 +19,8 @@ import numpy as np
 
 #: Averaging time of markers [s]. With it, marker noise of 1 mm causes an error of 5 % in the
 #: stiffness scale.
-WINDOW = 1.0
-DEVIATION = Spec(
+AVERAGING_TIME = 1.0
+MARKER_DEVIATION = Spec(
     'marker_deviation',
     0.001,
     'Standard deviation of a coordinate of a marker [m]',
@@ -70,8 +70,12 @@ class JointMarkers:
         except InputError as error:
             raise MeasurementError(str(error)) from error
         readings = np.array([state.positions for state in self._rollers.values])
-        if np.ptp(readings, axis=0).max() > REST_TOLERANCE:
-            raise MeasurementError('the rollers move: they must rest while joints are measured')
+        change = float(np.ptp(readings, axis=0).max())
+        if change > REST_TOLERANCE:
+            raise MeasurementError(
+                f'a roller moved by {1e3 * change:.2g} mm in {AVERAGING_TIME:g} s; must move by '
+                f'at most {1e3 * REST_TOLERANCE:g} mm while joints are measured'
+            )
         seen: dict[str, list[tuple[float, float]]] = {}
         for joints in self._markers.values:
             for name, place in joints.items():  # type: ignore[union-attr]
@@ -80,6 +84,6 @@ class JointMarkers:
         least = min(map(len, seen.values()))
         return MeasuredJoints(Posture(readings.mean(axis=0), means), least)
 
-    def _take(self, kept: Timeline, given: StampedInput) -> None:
-        kept.add(given.time, given.value)
-        kept.discard_before(kept.last[0] - WINDOW)
+    def _take(self, timeline: Timeline, given: StampedInput) -> None:
+        timeline.add(given.time, given.value)
+        timeline.discard_before(timeline.last[0] - AVERAGING_TIME)

@@ -32,14 +32,19 @@ SPECS = (
     common.OBJECT,
     common.RATE,
     common.USE_STAMPED_TWIST,
-    Spec('vx', 0.04, 'Twist of the push: along x [m/s]', (-1.0, 1.0)),
-    Spec('vy', 0.0, 'Twist of the push: along y [m/s]', (-1.0, 1.0)),
-    Spec('omega', 0.0, 'Twist of the push: about the origin of the object [rad/s]', (-10.0, 10.0)),
+    Spec('vx', 0.04, 'Velocity of the push along x [m/s]', (-1.0, 1.0)),
+    Spec('vy', 0.0, 'Velocity of the push along y [m/s]', (-1.0, 1.0)),
+    Spec(
+        'omega',
+        0.0,
+        'Angular velocity of the push, about the centre of the object [rad/s]',
+        (-10.0, 10.0),
+    ),
     Spec('listen_time', 3.0, 'Duration of the measurement after the push [s]', (0.5, 60.0)),
     Spec(
         'wait_time',
         10.0,
-        'Timeout of poses and of the status of `manipulation` [s]',
+        'Longest wait for poses and for the status of `manipulation` [s]',
         (0.1, 600.0),
     ),
 )
@@ -86,7 +91,9 @@ class Pluck(StoppableNode):
     def _take_status(self, message: ManipulationStatus) -> None:
         self._status = message
         if self._pushed is not None and message.code >= Status.HALT_NO_TWIST:
-            raise MeasurementError(f'manipulation halted meanwhile: {message.message}')
+            raise MeasurementError(
+                f'manipulation must not halt during the measurement; it halted: {message.message}'
+            )
 
     def _cycle(self) -> None:
         """Wait for inputs, push the object, record poses, and report the result."""
@@ -107,8 +114,8 @@ class Pluck(StoppableNode):
         status, waited = self._status, now - self._began > self.values.wait_time
         if status is not None and status.pose_gain > 0.0:
             raise MeasurementError(
-                'manipulation regulates the squeeze, which changes the oscillation: set its '
-                'squeeze_force to 0, and back afterwards'
+                'squeeze_force of manipulation: must be 0 during the measurement, because squeeze '
+                'control changes the oscillation; restore its value afterwards'
             )
         if status is not None and self._poses and status.code < Status.HALT_NO_TWIST:
             self._pushed = now
@@ -127,8 +134,8 @@ class Pluck(StoppableNode):
         frequency, damping, amplitude = self.found
         self.get_logger().info(
             f'frequency {frequency:.3g} rad/s, damping ratio {damping:.2g}, amplitude '
-            f'{1e3 * amplitude:.2g} mm: `frequency` of manipulation, `tube: damping_ratio` of the '
-            'robot file'
+            f'{1e3 * amplitude:.2g} mm; set the parameter `frequency` of manipulation, and '
+            '`tube: damping_ratio` of the robot file'
         )
         self.done = True
 

@@ -23,15 +23,20 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
 #: Smallest accepted rates of joint_states and object_pose [Hz].
-LEAST_JOINT_RATE, LEAST_POSE_RATE = 50.0, 10.0
+MIN_JOINT_RATE, MIN_POSE_RATE = 50.0, 10.0
 #: Largest accepted distance between a joint's measured position and the position computed from the
 #: encoders [m].
 MAX_ZERO_ERROR = 0.01
 SPECS = (
     ROBOT,
     common.OBJECT,
-    Spec('listen_time', 3.0, 'Time of listening to topics [s]', (0.5, 60.0)),
-    Spec('object_mass', 0.0, 'Mass of the object; 0: that of its description [kg]', (0.0, 100.0)),
+    Spec('listen_time', 3.0, 'Time in which messages are received [s]', (0.5, 60.0)),
+    Spec(
+        'object_mass',
+        0.0,
+        'Mass of the object [kg]; 0: the mass in the description of the object',
+        (0.0, 100.0),
+    ),
 )
 
 
@@ -95,13 +100,13 @@ class Preflight(StoppableNode):
         sure = self._robot.description.calibration.get('zero_deviations')
         if not sure:
             raise MeasurementError(
-                f'{self._robot.description.source}: the home was not measured: run calibrate_home'
+                f'{self._robot.description.source}: no home calibration: run calibrate_home'
             )
-        words = f'measured to {1e3 * max(sure.values()):.1f} mm'
+        words = f'standard deviation up to {1e3 * max(sure.values()):.1f} mm'
         try:
             posture = self._markers.measure(self.now()).posture
         except MeasurementError as error:
-            return f'{words}; not compared: {error}'
+            return f'{words}; not compared with markers: {error}'
         config = self._robot.configuration(posture.roller_positions)
         sag = find_sag(config, posture.joints)
         if sag is not None and sag.is_upright:
@@ -113,12 +118,12 @@ class Preflight(StoppableNode):
             for name, place in posture.joints.items()
         }
         worst = max(off, key=off.__getitem__)
+        distance = f'marker {worst} is {1e3 * off[worst]:.1f} mm from the joint by the encoders'
         if off[worst] > MAX_ZERO_ERROR:
             raise MeasurementError(
-                f'joint {worst} is {1e3 * off[worst]:.0f} mm off the encoders; at most '
-                f'{1e3 * MAX_ZERO_ERROR:.0f} mm: run calibrate_home again'
+                f'{distance}; must be at most {1e3 * MAX_ZERO_ERROR:.0f} mm: run calibrate_home'
             )
-        return f'{words}; joint {worst} is {1e3 * off[worst]:.1f} mm off the encoders'
+        return f'{words}; {distance}'
 
     def _check_pose(self) -> str:
         self._inputs.settle()
@@ -126,9 +131,9 @@ class Preflight(StoppableNode):
 
     def _check_stop(self) -> str:
         if not self._stops:
-            raise MeasurementError('no message of emergency_stop: a button must publish false')
+            raise MeasurementError('emergency_stop: no message; a button must publish false')
         if self._stops[-1].data:
-            raise MeasurementError('the last message of emergency_stop is true')
+            raise MeasurementError('the last message of emergency_stop is true; must be false')
         return 'received, and false'
 
     def _check_limits(self) -> str:
@@ -136,7 +141,9 @@ class Preflight(StoppableNode):
         low, high = file.min_length, file.max_length
         limits = f'rollers {file.max_speed:g} m/s, members {low:g} to {high:g} m'
         if not self._joint_states:
-            raise MeasurementError('joint_states: no message; the lengths were not compared')
+            raise MeasurementError(
+                'joint_states: no message; must be published to check the lengths'
+            )
         if self._travel is None:
             return f'{limits}; not compared: joint_states are invalid'
         lengths = self._robot.home.member_lengths + self._robot.topology.incidence @ self._travel
@@ -147,11 +154,11 @@ class Preflight(StoppableNode):
                 f'member {self._robot.member_names[worst]} is {lengths[worst]:.3g} m long: must '
                 f'be {low:g} to {high:g} m'
             )
-        return f'{limits}, in which all are: compare them with the drives'
+        return f'{limits}; all members are within; compare these limits with those of the drives'
 
     def _check_rates(self) -> str:
-        joints = self._check_rate('joint_states', self._joint_states, LEAST_JOINT_RATE)
-        return f'{joints}, {self._check_rate("object_pose", self._poses, LEAST_POSE_RATE)}'
+        joints = self._check_rate('joint_states', self._joint_states, MIN_JOINT_RATE)
+        return f'{joints}, {self._check_rate("object_pose", self._poses, MIN_POSE_RATE)}'
 
     def _check_signs(self) -> str:
         checked = self._robot.description.calibration.get('checked_rollers', ())
@@ -168,7 +175,7 @@ class Preflight(StoppableNode):
         body = self.values.object_mass or (described.mass if described else None)
         if module is None or not body:
             which = 'module.mass of the robot file' if module is None else 'object_mass'
-            raise MeasurementError(f'{which} is missing: the gains of the loop would be low')
+            raise MeasurementError(f'{which} is missing; without it the gains of the loop are low')
         return f'module {module:g} kg, object {body:g} kg'
 
     def _check_live(self, topic: str, given: Input) -> str:

@@ -99,7 +99,7 @@ def read_query(
     request: AnalyzeGrasp.Request, spacing: float, paper_model: bool = False
 ) -> GraspQuery:
     """
-    Convert the request of a grasp analysis; the analysis checks values except the object.
+    Convert the request of a grasp analysis; here only its object is checked.
 
     :param request: request of the service `analyze_grasp`.
     :param spacing: spacing of the contact points along the tubes [m].
@@ -144,7 +144,7 @@ def _planar(wrench: Wrench) -> tuple[float, float, float]:
 
 def to_state_message(report: GraspReport, frame: str) -> GraspState:
     """
-    Convert a grasp report to a message; without a result, it has the most cautious values.
+    Convert a grasp report to a message, which has the most cautious values without a result.
 
     :param report: report of the grasp monitor.
     :param frame: name of the robot frame.

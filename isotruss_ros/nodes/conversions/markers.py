@@ -33,8 +33,8 @@ UNIT_SCALE = (1.0, 1.0, 1.0)
 REGION_WIDTH = 0.01
 #: Spacing of points along curved outlines [m].
 OUTLINE_SPACING = 0.01
-UNDEFORMED = ColorRGBA(r=0.18, g=0.62, b=0.27, a=0.6)
-DEFORMED = ColorRGBA(r=0.85, g=0.55, b=0.37, a=1.0)
+UNDEFORMED_COLOR = ColorRGBA(r=0.18, g=0.62, b=0.27, a=0.6)
+DEFORMED_COLOR = ColorRGBA(r=0.85, g=0.55, b=0.37, a=1.0)
 NEARLY_WRINKLED = ColorRGBA(r=0.95, g=0.6, b=0.0, a=1.0)
 WRINKLED = ColorRGBA(r=0.85, g=0.1, b=0.1, a=1.0)
 FORCE = ColorRGBA(r=0.12, g=0.31, b=0.85, a=1.0)
@@ -74,7 +74,7 @@ def _make_grasp_markers(grasp: AnalyzedGrasp) -> list[Marker]:
     forces = map(_flat, force_lines(grasp.body, analysis, scale))
     same = itertools.repeat
     rows = (
-        ('members', strip, same(UNDEFORMED), thin, members),
+        ('members', strip, same(UNDEFORMED_COLOR), thin, members),
         ('deformed', strip, used, (LINE_WIDTH, 0.0, 0.0), deformed),
         ('contact_regions', Marker.TRIANGLE_LIST, same(REGION), UNIT_SCALE, strips),
         ('contact_forces', Marker.ARROW, same(FORCE), arrow, forces),
@@ -89,7 +89,7 @@ def _make_grasp_markers(grasp: AnalyzedGrasp) -> list[Marker]:
 def _tube_color(utilisation: float) -> ColorRGBA:
     if utilisation > 1.0:
         return WRINKLED
-    return NEARLY_WRINKLED if utilisation > MAX_UTILISATION else DEFORMED
+    return NEARLY_WRINKLED if utilisation > MAX_UTILISATION else DEFORMED_COLOR
 
 
 def _make_object(grasp: AnalyzedGrasp, color: ColorRGBA) -> Marker:

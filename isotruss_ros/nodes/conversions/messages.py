@@ -26,7 +26,7 @@ QUATERNION_TOLERANCE = 0.01
 
 
 class MessageError(IsotrussError, ValueError):
-    """A message is invalid; the text names the fault and the valid range."""
+    """Error: a message is invalid; the text names the fault and the valid range."""
 
 
 def read_stamp(header: Header) -> float:

@@ -57,7 +57,7 @@ def read_object_path(
             )
         if math.hypot(q.x, q.y) > QUATERNION_TOLERANCE:
             raise MessageError(
-                f'{what}: the quaternion has x {q.x} and y {q.y}: the robot is planar; must be 0'
+                f'{what}: the quaternion has x {q.x} and y {q.y}; both must be 0 in the plane'
             )
         poses.append(pose)
     if len(poses) > 1:

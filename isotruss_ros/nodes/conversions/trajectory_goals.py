@@ -121,8 +121,8 @@ def read_roller_trajectory(
         positions = np.asarray(point.positions, dtype=np.float64)
         if positions.shape != (len(names),) or not (np.abs(positions) <= MAX_DISTANCE).all():
             raise MessageError(
-                f'trajectory: point {number}: must have {len(names)} positions, '
-                f'finite and at most {MAX_DISTANCE:g} m'
+                f'trajectory: point {number}: positions {positions[:20].tolist()} m: must be '
+                f'{len(names)} finite numbers, at most {MAX_DISTANCE:g} m'
             )
     order = [names.index(name) for name in rollers]
     positions = np.array([point.positions for point in points])[:, order]
@@ -156,10 +156,10 @@ def _check_joints(what: str, given: Sequence[str], names: Sequence[str]) -> None
     unknown = [quote(name) for name in counts if name not in names][:20]
     twice = [name for name in names if counts[name] > 1]
     if unknown or twice:
-        which, how = (unknown, '') if unknown else (twice, ' once')
+        which, how = (unknown, '') if unknown else (twice, ', each once')
         raise TrajectoryGoalError(
             Result.INVALID_JOINTS,
-            f'trajectory: {what}: {", ".join(which)}: must be{how} of {", ".join(names)}',
+            f'trajectory: {what}: {", ".join(which)}: must be one of {", ".join(names)}{how}',
         )
 
 

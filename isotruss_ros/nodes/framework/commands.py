@@ -14,7 +14,7 @@ from geometry_msgs.msg import Twist, TwistStamped
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.nodes.conversions.messages import make_header, to_twist_message
 from isotruss_ros.nodes.framework.runner import StoppableNode
-from isotruss_ros.nodes.framework.topics import ACKNOWLEDGE_TIME, NEWEST, NO_EVENTS
+from isotruss_ros.nodes.framework.topics import ACKNOWLEDGE_TIME, NEWEST_MESSAGES, NO_EVENTS
 import numpy as np
 from std_msgs.msg import Float64MultiArray
 
@@ -46,7 +46,12 @@ class RollerCommands:
         """Start to detect commands of other nodes, until the node is deactivated."""
         self._received, self._heard = self._sent, -math.inf
         self._node.create_subscription(
-            Float64MultiArray, TOPIC, self.note, NEWEST, event_callbacks=NO_EVENTS, raw=True
+            Float64MultiArray,
+            TOPIC,
+            self.note,
+            NEWEST_MESSAGES,
+            event_callbacks=NO_EVENTS,
+            raw=True,
         )
 
     def publish(self, velocities: Array) -> None:
@@ -70,7 +75,7 @@ class RollerCommands:
         """Return a text that names other nodes commanding the rollers; None if there are none."""
         if time.monotonic() - self._heard > QUIET_TIME:
             return None
-        return f'another node publishes on {TOPIC}: end or deactivate it, or this one'
+        return f'another node publishes on {TOPIC}: end or deactivate one of the two nodes'
 
     def note(self, _message: bytes, info: dict[str, Any]) -> None:
         """

@@ -16,21 +16,25 @@ OBJECT_DIAMETER = Spec('object_diameter', 0.3, 'Diameter of the object [m]', (0.
 OBJECT = FixedSpec(
     'object',
     '',
-    'Object that is no disc: path of a YAML file, or YAML in braces; empty: of object_diameter',
+    'Path of a YAML file that describes the object, or YAML text in braces; empty: a disc of '
+    'object_diameter',
 )
 GRIP_MODULE = Spec(
     'grip_module',
     '',
-    'Module t/j whose two sides hold the object; the last one of the robot if empty',
+    'Name t/j of the module whose two members hold the object; empty: the last module',
 )
 GRIP = Spec(
     'grip',
     [''],
-    "Members t/j-k that hold the object, two or three, instead of the sides of grip_module; [''] "
-    'for none',
+    "Names t/j-k of the two or three members that hold the object; ['']: the members of "
+    'grip_module',
 )
 FRICTION = Spec(
-    'friction', DEFAULT_FRICTION, 'Coefficient of friction between tube and object', (0.0, 10.0)
+    'friction',
+    DEFAULT_FRICTION,
+    'Coefficient of friction between tube and object [-]',
+    (0.0, 10.0),
 )
 #: Parameters of the object.
 OBJECT_SPECS = (OBJECT_DIAMETER, OBJECT, FRICTION)
@@ -46,14 +50,16 @@ PRESSURE_TIMEOUT = Spec(
 AMBIENT_PRESSURE = Spec(
     'ambient_pressure',
     0.0,
-    'Subtracted from tube_pressures; 0 for sensors that measure against the air around [Pa]',
+    'Ambient pressure, which is subtracted from tube_pressures [Pa]; 0 for gauge pressures',
     (0.0, 1.2e5),
 )
 USE_STAMPED_TWIST = FixedSpec(
-    'use_stamped_twist', False, 'cmd_vel is a TwistStamped instead of a Twist'
+    'use_stamped_twist', False, 'Whether cmd_vel is a TwistStamped instead of a Twist'
 )
 REQUIRE_EMERGENCY_STOP = Spec(
-    'require_emergency_stop', False, 'No motion before a message of emergency_stop is received'
+    'require_emergency_stop',
+    False,
+    'Whether a message of emergency_stop must be received before the first motion',
 )
 
 
@@ -61,7 +67,7 @@ def read_described(values: Parameters) -> ConvexObject | None:
     """
     Return the object that the parameter `object` describes; None if the parameter is empty.
 
-    If it is empty, the parameter `object_diameter` defines a disc.
+    If it is empty, the object is a disc; the parameter `object_diameter` is its diameter.
 
     :param values: parameters of a node.
     :raises IsotrussError: the description is invalid.

@@ -39,7 +39,7 @@ class ReasonLog:
     """
     Log of the reasons for a node's stops and warnings, without repetitions.
 
-    A reason is logged if it differs from the last one of its kind in more than numbers.
+    Two texts of one kind that differ only in numbers are the same reason, which is logged once.
 
     :param log: function that writes a line to the node's log.
     """
@@ -118,8 +118,8 @@ class Diagnostics:
         cycle, level, message = self._node.cycle, self._level, self._message
         if cycle is not None and cycle.slowness:
             level, message = max(level, DiagnosticStatus.WARN), f'{message}; {cycle.slowness}'
-            self._node.warn('rate', cycle.slowness)
-        self._node.log_ended()
+            self._node.reasons.note('rate', cycle.slowness)
+        self._node.reasons.end()
         status = DiagnosticStatus(
             level=level,
             name=self._node.get_fully_qualified_name().lstrip('/'),

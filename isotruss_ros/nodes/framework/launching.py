@@ -18,7 +18,7 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
-USE_SIM_TIME = Spec('use_sim_time', False, 'Time comes from the topic /clock')
+USE_SIM_TIME = Spec('use_sim_time', False, 'Whether the topic /clock defines the time')
 NAMESPACE, PARAMETERS = 'namespace', 'parameters'
 #: Parameters of the nodes that are launch arguments, in addition to `use_sim_time` and all
 #: parameters of the simulator.
@@ -67,8 +67,12 @@ def describe_launch(
     """
     file = folder.parent / 'config' / 'nodes' / 'parameters.yaml'
     arguments = {
-        NAMESPACE: Spec(NAMESPACE, '', 'Of all nodes and topics, for several robots side by side'),
-        PARAMETERS: Spec(PARAMETERS, str(file), 'File with the parameters that are no arguments'),
+        NAMESPACE: Spec(
+            NAMESPACE, '', 'Namespace of all nodes and topics, to distinguish several robots'
+        ),
+        PARAMETERS: Spec(
+            PARAMETERS, str(file), 'File with the parameters that are not launch arguments'
+        ),
         USE_SIM_TIME.name: USE_SIM_TIME,
     }
     started = []

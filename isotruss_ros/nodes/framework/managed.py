@@ -48,7 +48,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
     :ivar inputs: `Inputs` created by `configure`, whose ages the diagnostics report; None if the
         node has no inputs.
     :ivar configured: whether `configure` has succeeded and the entities that it created exist.
-    :ivar kept: entities that are not destroyed at the end of the state of their creation.
+    :ivar permanent: entities that remain at the end of the state in which they were created.
     :ivar active: whether publishers are enabled, which they also are in transitions to and from
         the state `active`.
     :ivar diagnostics: diagnostic status of the node.
@@ -89,7 +89,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
         """Bring the robot to a safe state; publishers are still enabled."""
 
     def cleanup(self) -> None:
-        """Release resources other than entities, at the end of the configured states."""
+        """Release other resources than entities before the node is unconfigured or finalized."""
 
     def details(self) -> dict[str, object]:
         """Return additional values, as a dictionary, for the diagnostics of a configured node."""
@@ -104,7 +104,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
         :raises IsotrussError: a step failed.
         """
         self.diagnostics = Diagnostics(self, self.describe)
-        self.kept: set[object] = set()
+        self.permanent: set[object] = set()
         #: Entities that existed at the start of each life-cycle state, by state.
         self._before: dict[str, dict[Any, Callable[[Any], object]]] = {}
         self.add_on_set_parameters_callback(self._check_change)
@@ -207,7 +207,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
         return FAILURE if known else ERROR
 
     def _enter(self, state: str) -> None:
-        """Record the entities that exist at the start of a state, which remain at its end."""
+        """Record the entities at the start of a state, which are not destroyed at its end."""
         self._failure = None
         self._before[state] = self._list_entities()
 
@@ -276,7 +276,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
             return
         before = self._before.pop(state)
         for entity, destroy in self._list_entities().items():
-            if entity not in before and entity not in self.kept:
+            if entity not in before and entity not in self.permanent:
                 destroy(entity)
         # rclpy keeps weak references to all former entities of the group: without this, repeated
         # configuration grows the memory.

@@ -53,8 +53,10 @@ class Spec:
 
 #: Declaration of a read-only parameter.
 FixedSpec = partial(Spec, read_only=True)
-ROBOT = FixedSpec('robot', 'nine_member', 'Preset, or path of a robot file')
-AUTOSTART = FixedSpec('autostart', True, 'Configure and activate the node on its own at start')
+ROBOT = FixedSpec('robot', 'nine_member', 'Name of a preset, or path of a robot file')
+AUTOSTART = FixedSpec(
+    'autostart', True, 'Whether the node configures and activates itself at the start'
+)
 
 
 class Parameters:

@@ -112,7 +112,7 @@ class RobotFrame:
         words, frame = f'{what} in frame {quote(header.frame_id)}', self._robot.frame
         if self._buffer is None:
             raise MessageError(
-                f'{words}: must be {frame!r}; tf2_ros, which would connect them, is not installed'
+                f'{words}: must be {frame!r}; tf2_ros, which transforms frames, is not installed'
             )
         try:
             stamp = Time.from_msg(header.stamp)
@@ -120,7 +120,7 @@ class RobotFrame:
             rotation, shift = _rotation_matrix(found.rotation), found.translation
         except NO_TRANSFORM as error:  # ValueError: a stamp before zero, no rotation
             raise NoTransformError(
-                f'{words}: tf2 does not connect it to {frame!r} at its stamp: {error}'
+                f'{words}: tf2 must connect this frame to {frame!r} at the stamp: {error}'
             ) from error
         return rotation, np.array([shift.x, shift.y, shift.z])
 

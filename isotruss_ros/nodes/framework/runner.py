@@ -48,6 +48,7 @@ class StoppableNode(Node):
     :cvar base_specs: parameters that a base class adds to those of all its subclasses.
     :cvar done: whether the node has finished its task, after which the process ends.
     :ivar values: values of the parameters, as attributes.
+    :ivar reasons: log of the node's warnings.
     :param parameter_overrides: values of parameters that differ from the defaults.
     :raises IsotrussError: a parameter is invalid; the message names it and its valid range.
     """
@@ -64,7 +65,7 @@ class StoppableNode(Node):
             parameter_overrides=list(parameter_overrides),
             automatically_declare_parameters_from_overrides=True,
         )
-        self._reasons = ReasonLog(lambda text: self.get_logger().warning(text))
+        self.reasons = ReasonLog(lambda text: self.get_logger().warning(text))
         try:
             self.values = Parameters(self, (*self.base_specs, *self.specs))
             self.start()
@@ -85,19 +86,6 @@ class StoppableNode(Node):
     def now(self) -> float:
         """Return the time of the node's clock [s]."""
         return 1e-9 * self.get_clock().now().nanoseconds
-
-    def warn(self, kind: str, message: str) -> None:
-        """
-        Log a warning, or only count it if it is a repetition, see `ReasonLog`.
-
-        :param kind: kind of the warning. There is one current warning of each kind.
-        :param message: text of the warning.
-        """
-        self._reasons.note(kind, message)
-
-    def log_ended(self) -> None:
-        """Log the number of occurrences of each warning that no longer occurs."""
-        self._reasons.end()
 
     def offer(self, name: str, carry_out: Callable[[], str]) -> None:
         """

@@ -20,6 +20,7 @@ from isotruss_ros.core.inputs import (
     Input,
     InputFault,
     keep_latest,
+    LatestInputs,
     RejectedInput,
     require_fresh,
     RollerState,
@@ -36,58 +37,38 @@ from rclpy.subscription import Subscription
 from sensor_msgs.msg import FluidPressure, JointState, MultiDOFJointState
 
 
-class Inputs:
+class Inputs(LatestInputs):
     """
-    Subscriptions of a node that store the latest value of each input.
+    Latest inputs of a node, with the subscriptions that replace them.
 
     A `Gate` checks each message and converts it to a `StampedInput`, or to a `RejectedInput` with
     the reason. The following inputs are known by name:
 
-    - `rollers`: `RollerState` from `joint_states`, including the roller offsets of the input
-      `estimate`. The last received offsets remain valid without a timeout.
-    - `estimate`: `EstimatedTravel` from `state_estimate`.
-    - `pose`: `Pose` of the object from `object_pose`, see `RobotFrame`.
-    - `markers`: measured joint positions {name: (x, y)} [m] from `joint_markers`.
-    - `grasp`: `GraspState` from `grasp/state`.
-    - `held_grip`: `GripRecord` of the held object from `manipulation/grip`.
-    - `pressures`: gauge pressures (t,) [Pa] from `tube_pressures`, available once a message for
-      each tube has arrived. The stamp is the oldest one of these messages.
+    - `rollers` from `joint_states`, including the roller offsets of the input `estimate`. The last
+      received offsets remain valid without a timeout.
+    - `estimate` from `state_estimate`.
+    - `pose` from `object_pose`, and `markers` from `joint_markers`, see `RobotFrame`.
+    - `grasp` from `grasp/state`.
+    - `held_grip` from `manipulation/grip`.
+    - `pressures` from `tube_pressures`, available once a message for each tube has arrived. The
+      stamp is the oldest one of these messages.
 
     :param node: subscribing node.
     :param robot: robot with the rollers, tubes and frame of the messages.
-    :param holder: object that stores the inputs as its attributes; None: this object.
     :param oldest: largest age of an input [s]; None: the value of a parameter of the node.
     """
 
-    rollers: Input = None
-    estimate: Input = None
-    pose: Input = None
-    markers: Input = None
-    held_grip: Input = None
-    grasp: Input = None
-    pressures: Input = None
-
-    def __init__(
-        self, node: StoppableNode, robot: Robot, holder: Any = None, oldest: float | None = None
-    ) -> None:
+    def __init__(self, node: StoppableNode, robot: Robot, oldest: float | None = None) -> None:
+        super().__init__()
         self._node, self._robot, self._oldest = node, robot, oldest
-        self._holder = self if holder is None else holder
         self._gates: dict[str, Gate] = {}
         self._parts = RollerParts(robot.roller_names)
         self._offsets = np.zeros(len(robot.roller_names))
-        self._pressures: dict[str, Input] = {}
+        self._by_tube: dict[str, Input] = {}
         #: Last rejected message of a pressure, and its time [s].
         self._bad_pressure: tuple[RejectedInput | None, float] = None, -math.inf
         self._frame: RobotFrame | None = None
         self._shapes, self._tracked = ConfigurationTracker(robot.home), self.rollers
-
-    def _latest(self, name: str) -> Input:
-        """Return the stored input with a given name."""
-        return getattr(self._holder, name)
-
-    def _store(self, name: str, given: Input) -> None:
-        """Replace the stored input with a given name."""
-        setattr(self._holder, name, given)
 
     def keep(self, *names: str, **options: Any) -> None:
         """
@@ -122,8 +103,8 @@ class Inputs:
                 return
             valid = isinstance(received, StampedInput)
             erased = topic.stops and not valid and received.fault is InputFault.INVALID
-            kept = None if erased else self._latest(name)
-            self._store(name, keep_latest(kept, received, now))
+            kept = None if erased else getattr(self, name)
+            setattr(self, name, keep_latest(kept, received, now))
             if valid and take is not None:
                 take(received)  # type: ignore[arg-type]
 
@@ -166,9 +147,8 @@ class Inputs:
         if isinstance(received, StampedInput):
             self._parts.take(received.value, received.time, now)
             received = self._parts.merged()
-        estimate = self._latest('estimate') if 'estimate' in self._gates else None
-        if isinstance(estimate, StampedInput):
-            self._offsets = estimate.value.offsets
+        if isinstance(self.estimate, StampedInput):
+            self._offsets = self.estimate.value.offsets
         if isinstance(received, StampedInput):
             positions, velocities, _ = received.value
             state = RollerState(positions + self._offsets, velocities, self._offsets)
@@ -181,9 +161,9 @@ class Inputs:
             self._bad_pressure = received, now
             return received
         tube, pressure = received.value
-        kept = self._pressures.get(tube)
-        self._pressures[tube] = keep_latest(kept, received._replace(value=pressure), now)
-        known = [self._pressures.get(name) for name in self._robot.description.pressures]
+        kept = self._by_tube.get(tube)
+        self._by_tube[tube] = keep_latest(kept, received._replace(value=pressure), now)
+        known = [self._by_tube.get(name) for name in self._robot.description.pressures]
         if not all(known):
             return None
         time = min(each.time for each in known)
@@ -201,20 +181,20 @@ class Inputs:
     def clear(self) -> None:
         """Discard all inputs, because their ages are unknown after a jump of the clock."""
         self._parts.clear()
-        self._pressures.clear()
+        self._by_tube.clear()
         for name, gate in self._gates.items():
             gate.waiting.clear()
-            known = self._latest(name) is not None
-            self._store(name, None)
+            known = getattr(self, name) is not None
+            setattr(self, name, None)
             if name == 'pressures' and known:  # not replaced by the pressures of the robot file
                 why = 'tube pressures: none since the clock jumped or stopped'
-                self._store(name, RejectedInput(why))
+                self.pressures = RejectedInput(why)
 
     def describe_ages(self) -> dict[str, object]:
         """Return the age of each input [s], or the reason why it is missing."""
         ages: dict[str, object] = {}
         for name, gate in self._gates.items():
-            given = self._latest(name)
+            given = getattr(self, name)
             if isinstance(given, StampedInput):
                 age = f'{self._node.now() - given.time:.4f}'
             else:

@@ -168,7 +168,7 @@ class SingleGoal:
         try:
             self._asked = self._read(goal)
         except IsotrussError as error:
-            self._node.warn(self._name, f'{self._name}: goal refused: {error}')
+            self._node.reasons.note(self._name, f'{self._name}: goal refused: {error}')
             self._refusal = self._refuse(error)
             return GoalResponse.REJECT if self._refusal is None else GoalResponse.ACCEPT
         return GoalResponse.ACCEPT

@@ -25,10 +25,10 @@ from rclpy.subscription import Subscription
 
 #: Profile for the newest messages. The depth is 2, because at depth 1 Fast DDS leaks about 100
 #: bytes for each message that arrives while another message is taken.
-NEWEST = QoSProfile(depth=2, reliability=ReliabilityPolicy.BEST_EFFORT)
+NEWEST_MESSAGES = QoSProfile(depth=2, reliability=ReliabilityPolicy.BEST_EFFORT)
 #: Profile for all messages of a short interval, such as joint states from ten publishers at 100 Hz
 #: for a loop at 100 Hz.
-EACH = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
+RECENT_MESSAGES = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
 #: Setting without event callbacks. Event callbacks are not needed, because these subscriptions
 #: match any publisher. With them each wait of `manipulation` would take a third longer.
 NO_EVENTS = SubscriptionEventCallbacks(use_default_callbacks=False)
@@ -42,8 +42,8 @@ LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 #: Profile for all messages of all publishers, for `SparseMessages`. It is reliable, because
 #: best-effort subscriptions lose messages sent before discovery. Fast DDS stores up to 5000
 #: messages; with more, publishers block, or an event reports the loss.
-EVERY = QoSProfile(history=HistoryPolicy.KEEP_ALL)
-EVERY_LATCHED = QoSProfile(
+ALL_MESSAGES = QoSProfile(history=HistoryPolicy.KEEP_ALL)
+ALL_LATCHED_MESSAGES = QoSProfile(
     history=HistoryPolicy.KEEP_ALL, durability=DurabilityPolicy.TRANSIENT_LOCAL
 )
 
@@ -61,7 +61,7 @@ def subscribe_newest(
     :param every: True if the callback is to receive all queued messages in their order; the oldest
         may be lost if too many arrive at once. If false, it receives only the last message.
     """
-    profile = EACH if every else NEWEST
+    profile = RECENT_MESSAGES if every else NEWEST_MESSAGES
 
     def take(message: Any) -> None:
         # rclpy takes one message per turn, too slow for fast publishers.

@@ -51,7 +51,7 @@ class TransformBroadcaster:
         self._names = (*own, *name_module_frames(robot))
         if TFMessage is None:
             node.get_logger().info(
-                f'tf2_msgs is not installed: {own[0]} and the modules are not on /tf'
+                f'tf2_msgs is not installed: {own[0]} and module frames are not broadcast'
             )
             return
         self._transforms = node.advertise(TFMessage, '/tf', EVENTS)

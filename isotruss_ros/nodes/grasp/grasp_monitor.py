@@ -28,8 +28,8 @@ from isotruss_ros.core.holding.settle_grasp import assess_equilibrium, settle_gr
 from isotruss_ros.core.inputs import (
     find_fresh,
     fresh_pressures,
-    Input,
     InputError,
+    LatestInputs,
     PRESSURE_TIMEOUT,
     require_fresh,
 )
@@ -54,7 +54,7 @@ ERRORS = (
     (IsotrussError, GraspCode.INVALID_REQUEST),
 )
 #: Smallest change of an unknown of the held grip that causes a new analysis [m, rad, N].
-SMALL = 1e-5
+MIN_GRIP_CHANGE = 1e-5
 NO_CONTACT = 'the object touches nothing'
 
 
@@ -64,25 +64,15 @@ class GraspMonitor:
 
     :ivar query: settings of the analysis; its roller positions, pose, wrench and pressures are
         replaced by the inputs.
-    :ivar estimate: input of the `EstimatedTravel` with the roller offsets; None without an
-        estimate.
-    :ivar held_grip: input of the `GripRecord` of the control loop that holds the object; None
-        without such a loop.
-    :ivar wrench: input of the external wrench (fx, fy, m) on the object [N, N m]; None: zero.
-    :ivar pressures: input of the gauge pressures (t,) of the tubes in the order of the robot file
-        [Pa]; None: the pressures of the robot file are used.
     :param robot: the robot.
     :param timeout: largest age of inputs [s].
+    :param inputs: latest inputs, which the client replaces.
     """
 
-    def __init__(self, robot: Robot, query: GraspQuery, timeout: float) -> None:
-        self.robot, self.query, self.timeout = robot, query, timeout
-        self.rollers: Input = None  #: input of the measured `RollerState`
-        self.estimate: Input = None
-        self.pose: Input = None  #: input of the measured `Pose` of the object, robot frame
-        self.held_grip: Input = None
-        self.wrench: Input = None
-        self.pressures: Input = None
+    def __init__(
+        self, robot: Robot, query: GraspQuery, timeout: float, inputs: LatestInputs
+    ) -> None:
+        self.robot, self.query, self.timeout, self.inputs = robot, query, timeout, inputs
         self.pressure_timeout = PRESSURE_TIMEOUT  #: largest age of pressures [s]
         self._tracker = ConfigurationTracker(robot.home)
         self._answered: GraspQuery | None = None
@@ -98,12 +88,13 @@ class GraspMonitor:
 
         :param now: time on the clock of the inputs [s].
         """
-        inputs: dict[str, Any] = {'joint_states': self.rollers, 'object_pose': self.pose}
-        if self.wrench is not None:
-            inputs['external_wrench'] = self.wrench
+        latest = self.inputs
+        inputs: dict[str, Any] = {'joint_states': latest.rollers, 'object_pose': latest.pose}
+        if latest.wrench is not None:
+            inputs['external_wrench'] = latest.wrench
         try:
             rollers, pose, *wrench = require_fresh(now, self.timeout, **inputs)
-            pressures = fresh_pressures(now, self.pressure_timeout, self.pressures)
+            pressures = fresh_pressures(now, self.pressure_timeout, latest.pressures)
             body = self.query.body.moved_to(pose.value)
         except InputError as error:
             return GraspReport(INPUT_CODES[error.name, error.fault], str(error), now)
@@ -115,7 +106,7 @@ class GraspMonitor:
             external_wrench=wrench[0].value if wrench else self.query.external_wrench,
             pressures=pressures,
         )
-        record = find_fresh(now, self.timeout, self.held_grip)
+        record = find_fresh(now, self.timeout, latest.held_grip)
         if query != self._answered or not _alike(record, self._record):
             find = self._tracker.configuration
             self._report = _analyze(query, find, self._report.grasp, record)
@@ -134,11 +125,11 @@ class GraspMonitor:
         :param now: time on the clock of the inputs [s].
         """
         try:
-            pressures = fresh_pressures(now, self.pressure_timeout, self.pressures)
+            pressures = fresh_pressures(now, self.pressure_timeout, self.inputs.pressures)
             query = query._replace(pressures=pressures)
             if query.roller_positions:
                 return replace(_analyze(query, self.robot.configuration), time=now)
-            (rollers,) = require_fresh(now, self.timeout, joint_states=self.rollers)
+            (rollers,) = require_fresh(now, self.timeout, joint_states=self.inputs.rollers)
         except InputError as error:
             return GraspReport(INPUT_CODES[error.name, error.fault], str(error), now)
         query = query._replace(roller_positions=tuple(rollers.value.positions.tolist()))
@@ -195,12 +186,12 @@ def _analyze(
 
 
 def _alike(record: GripRecord | None, other: GripRecord | None) -> bool:
-    """Return whether the unknowns of two held grips differ by less than `SMALL`."""
+    """Return whether the unknowns of two held grips differ by less than `MIN_GRIP_CHANGE`."""
     if record is None or other is None:
         return record is other
     if len(record.unknowns) != len(other.unknowns):
         return False
-    return bool((np.abs(record.unknowns - other.unknowns) < SMALL).all())
+    return bool((np.abs(record.unknowns - other.unknowns) < MIN_GRIP_CHANGE).all())
 
 
 def _judge(grasp: AnalyzedGrasp) -> tuple[GraspCode, str]:
@@ -210,10 +201,16 @@ def _judge(grasp: AnalyzedGrasp) -> tuple[GraspCode, str]:
     member, (used, place) = max(grasp.utilisation.items(), key=lambda item: item[1])
     if used <= MAX_UTILISATION:
         flat = ', '.join(grasp.analysis.flattened)
-        return GraspCode.OK, f'{flat}: the section is flat under the object' if flat else ''
+        return (
+            GraspCode.OK,
+            f'{flat}: the section is flat at the contact; the forces are too large'
+            if flat
+            else '',
+        )
     message = (
-        f'member {member} bears {used:.2f} of its wrinkling moment, {place:.3g} m from its start'
+        f'member {member}: bending moment of {used:.2f} times its wrinkling moment, {place:.3g} m '
+        'from its start'
     )
     if used <= 1.0:
         return GraspCode.OK, message
-    return GraspCode.WRINKLED, f'{message}: it wrinkles, and the numbers are outside of the model'
+    return GraspCode.WRINKLED, f'{message}; the tube wrinkles, so the model is invalid'

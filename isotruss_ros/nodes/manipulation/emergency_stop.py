@@ -22,8 +22,6 @@ class EmergencyStop:
     Emergency stop, which can be set in any state of the node and stays set until its release.
 
     :param node: node that has the subscription and the services until it is destroyed.
-    :param required: function that returns whether a message of the topic must have arrived before
-        the robot may move.
     :param changed: callback that is called when `reason` changes.
     :param wait_for_zero: function that waits briefly until the drives acknowledge zero velocity,
         and returns whether they did.
@@ -32,12 +30,10 @@ class EmergencyStop:
     def __init__(
         self,
         node: ManagedNode,
-        required: Callable[[], bool],
         changed: Callable[[], None],
         wait_for_zero: Callable[[], bool],
     ) -> None:
-        self._required, self._changed = required, changed
-        self._wait_for_zero = wait_for_zero
+        self._values, self._changed, self._wait_for_zero = node.values, changed, wait_for_zero
         self._service = node.resolve_service_name(NAME)
         self._release_service = node.resolve_service_name(RELEASE)
         #: Last message of the topic; None before the first message.
@@ -63,12 +59,12 @@ class EmergencyStop:
             last = 'true' if self._last else 'false'
             return (
                 f'stopped by the topic {NAME}; its last message is {last}; '
-                f'released by the service {self._release_service} only'
+                f'only the service {self._release_service} releases the stop'
             )
         if self._cause is not None:
-            return f'{self._cause}; released by the service {self._release_service} only'
-        if self._last is None and self._required():
-            return f'no message of {NAME} received yet, and require_emergency_stop is set'
+            return f'{self._cause}; only the service {self._release_service} releases the stop'
+        if self._last is None and self._values.require_emergency_stop:
+            return f'no message of {NAME} yet, which require_emergency_stop demands: publish false'
         return None
 
     def _receive(self, messages: list[Bool]) -> None:

@@ -18,14 +18,11 @@ from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.gate import Topic
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import ParameterError, Spec, Value
-from isotruss_ros.nodes.framework.topics import NEWEST, take_waiting
+from isotruss_ros.nodes.framework.sensors import Inputs
+from isotruss_ros.nodes.framework.topics import NEWEST_MESSAGES, take_waiting
 from isotruss_ros.nodes.manipulation.emergency_stop import EmergencyStop
 from isotruss_ros.nodes.manipulation.failed_rollers import describe_reachable_twists, FailedRollers
-from isotruss_ros.nodes.manipulation.servo_settings import (
-    make_settings,
-    ServoSubscriptions,
-    StatusReport,
-)
+from isotruss_ros.nodes.manipulation.servo_settings import make_settings, StatusReport
 from isotruss_ros.nodes.manipulation.servo_settings import SPECS as SERVO_SPECS
 from isotruss_ros.nodes.manipulation.trajectory_following import TrajectoryFollowing
 from rclpy.parameter import Parameter
@@ -39,9 +36,9 @@ SPECS = (
     Spec(
         'mode',
         'object',
-        "Motion by cmd_vel: of the held 'object', or of a 'joint' without an object",
+        "Part that cmd_vel moves: the held 'object', or a 'joint' of the robot without an object",
     ),
-    Spec('joint', '', "In the mode 'joint': name of the joint"),
+    Spec('joint', '', "Name of the joint that cmd_vel moves in the mode 'joint'"),
     common.USE_STAMPED_TWIST,
     common.REQUIRE_EMERGENCY_STOP,
     common.OBJECT,
@@ -61,12 +58,7 @@ class Manipulation(ManagedNode):
 
     def create(self) -> None:
         """Create the subscriptions that can stop the rollers, which exist in every state."""
-        self._stop = EmergencyStop(
-            self,
-            lambda: self.values.require_emergency_stop,
-            self._apply_stop,
-            self._wait_for_zero,
-        )
+        self._stop = EmergencyStop(self, self._apply_stop, self._wait_for_zero)
         self._failed_rollers = FailedRollers(self, self._apply_failures)
         self.create_service(SetBool, 'set_joint_mode', self._set_joint_mode)
 
@@ -75,10 +67,10 @@ class Manipulation(ManagedNode):
         values = self.values
         self._described = common.read_described(values)
         self._report = StatusReport(self, self.robot)
-        self._servo = TwistServo(self.robot, self._make_settings())
+        inputs = self.inputs = Inputs(self, self.robot)
+        self._servo = TwistServo(self.robot, self._make_settings(), inputs)
         self._trajectory = TrajectoryFollowing(self, self._servo)
         self._commands = RollerCommands(self, len(self.robot.roller_names))
-        inputs = self.inputs = ServoSubscriptions(self, self.robot, self._servo)
         stamped = values.use_stamped_twist
         kind, read = (TwistStamped, self._read_stamped_twist) if stamped else (Twist, read_twist)
         twists = Topic(kind, 'cmd_vel', read, 'twist', stops=True)
@@ -170,7 +162,7 @@ class Manipulation(ManagedNode):
 
     def _discard_twist(self) -> None:
         """Discard the last twist and queued twists, so that only a new twist moves the object."""
-        take_waiting([], self._twists, NEWEST.depth)
+        take_waiting([], self._twists, NEWEST_MESSAGES.depth)
         self._servo.receive(twist=None)
 
     def _clear_inputs(self) -> None:
@@ -207,7 +199,7 @@ class Manipulation(ManagedNode):
         self._servo.apply(settings)
         self._failed_rollers.follow(self._servo.detector, self.robot)
         if settings.joint != before:
-            self._trajectory.abort('the mode of twists was changed')
+            self._trajectory.abort('the parameter mode was changed')
             if self.active:
                 self._commands.stop()
         self._apply_failures()

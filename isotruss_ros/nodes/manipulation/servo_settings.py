@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Settings and inputs of the twist servo, and publication of the servo's decisions."""
+"""Settings of the twist servo, and publication of the servo's decisions."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ from isotruss_msgs.msg import HeldGrip, ManipulationStatus
 from isotruss_ros.core import ConvexObject, Disc, Grip, Robot, Status
 from isotruss_ros.core.holding.grip_record import GripRecord
 from isotruss_ros.core.holding.held_grip import HeldGrip as HeldEquilibrium
-from isotruss_ros.core.inputs import Input
 from isotruss_ros.core.safety.roller_failure import FAILURE_TIME
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
 from isotruss_ros.core.servo.decision import Decision
@@ -23,7 +22,6 @@ from isotruss_ros.nodes.conversions.state_messages import to_grip_message
 from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.parameters import Parameters, Spec
-from isotruss_ros.nodes.framework.sensors import Inputs
 
 #: Statuses that cause no warning.
 NORMAL_STATUSES = frozenset(
@@ -46,34 +44,34 @@ SPECS = (
     Spec(
         'squeeze_force',
         0.0,
-        'Desired mean normal force of the grasping members, 0: constant opening angle of the '
-        'grip [N]',
+        'Desired mean normal force of the grasping members [N]; 0: the angle between the grasping '
+        'members is constant',
         (0.0, 1000.0),
     ),
     Spec(
         'object_mass',
         0.0,
-        'Mass of the object; 0: that of its description. Unknown, the loop takes its slow gains '
-        '[kg]',
+        'Mass of the object [kg]; 0: the mass in the description of the object. If the mass is '
+        'unknown, the gains are low',
         (0.0, 1000.0),
     ),
     Spec(
         'frequency',
         0.0,
-        'Lowest frequency of the held object, measured; 0: computed from the masses [rad/s]',
+        'Lowest natural frequency of the held object [rad/s]; 0: computed from the masses',
         (0.0, 1000.0),
     ),
     Spec(
         'expected_load',
         0.0,
-        'With squeeze_force: size of the loads on the object that are expected; 0: 2 N [N]',
+        'Size of the expected external loads on the object [N], used with squeeze_force; 0: 2 N',
         (0.0, 1000.0),
     ),
     Spec(
         'zero_deviation',
         SqueezeSettings(0.0).zeros,
-        "With squeeze_force: standard deviation of the rollers' zeros, where state_estimator does "
-        'not run; 0.001 after calibrate_home [m]',
+        'Standard deviation of the roller offsets [m], used with squeeze_force unless '
+        'state_estimator runs; after calibrate_home, set 0.001',
         (1e-6, 1.0),
     ),
     common.OBJECT_DIAMETER,
@@ -81,11 +79,11 @@ SPECS = (
     common.GRIP,
     common.RATE,
     common.COMMAND_TIMEOUT,
-    Spec('min_rigidity', BOUNDS.min_rigidity, 'Smallest rigidity index, 1 at home', (0.0, 0.99)),
+    Spec('min_rigidity', BOUNDS.min_rigidity, 'Smallest rigidity index (1 at home)', (0.0, 0.99)),
     Spec(
         'min_clearance',
         BOUNDS.min_clearance,
-        'Smallest distance between parts of the robot [m]',
+        'Smallest distance between parts of the robot that are not fixed to each other [m]',
         (0.0, 1.0),
     ),
     Spec(
@@ -95,26 +93,21 @@ SPECS = (
         (0.0, 1.0),
     ),
     Spec(
-        'slide_along_limits', True, 'Slide along limits of the configuration instead of stopping'
+        'slide_along_limits',
+        True,
+        'Project twists on the limits of the configuration; if false, twists are scaled',
     ),
-    Spec('failed_rollers', [''], "Rollers t/j that are held at zero; [''] for none"),
+    Spec(
+        'failed_rollers', [''], "Names t/j of failed rollers, whose command is zero; [''] for none"
+    ),
     Spec(
         'failure_time',
         FAILURE_TIME,
-        'A roller that is commanded 2 mm/s or more for this long and does not move has failed; '
-        '0 for never [s]',
+        'Time after which a roller that is commanded at 2 mm/s or more and does not move has '
+        'failed [s]; 0: no detection',
         (0.0, 60.0),
     ),
 )
-
-
-def _make_grip(robot: Robot, values: Parameters, described: ConvexObject | None) -> Grip:
-    """Return the grip that the parameters specify, with the object at an arbitrary pose."""
-    body = described or ConvexObject(Disc(values.object_diameter))
-    if values.object_mass:
-        body = replace(body, mass=values.object_mass)
-    members = common.select_grip(robot, values)
-    return Grip(members, body, values.friction if body.friction is None else body.friction)
 
 
 def make_settings(
@@ -129,6 +122,10 @@ def make_settings(
         `object_diameter`.
     :param joint: joint that is moved by twists; None: twists move the object.
     """
+    body = described or ConvexObject(Disc(values.object_diameter))
+    if values.object_mass:
+        body = replace(body, mass=values.object_mass)
+    friction = values.friction if body.friction is None else body.friction
     squeeze = None
     if values.squeeze_force != 0.0:
         squeeze = SqueezeSettings(
@@ -138,7 +135,7 @@ def make_settings(
             zeros=values.zero_deviation,
         )
     return ServoSettings(
-        _make_grip(robot, values, described),
+        Grip(common.select_grip(robot, values), body, friction),
         period=1.0 / values.rate,
         timeout=values.command_timeout,
         joint=joint,
@@ -148,16 +145,6 @@ def make_settings(
         failure_time=values.failure_time or math.inf,  # 0 means never
         pressure_timeout=values.pressure_timeout,
     )
-
-
-class ServoSubscriptions(Inputs):
-    """`Inputs` that are passed to the method `receive` of a `TwistServo`."""
-
-    def _latest(self, name: str) -> Input:
-        return getattr(self._holder.inputs, name)
-
-    def _store(self, name: str, given: Input) -> None:
-        self._holder.receive(**{name: given})
 
 
 class StatusReport:
@@ -222,4 +209,4 @@ class StatusReport:
             text = f'failed rollers: {", ".join(decision.failed)}; {text}'
         self._node.diagnostics.set_status(text, level)
         if level != DiagnosticStatus.OK:
-            self._node.warn(status.name, f'{status}: {text}')
+            self._node.reasons.note(status.name, f'{status}: {text}')

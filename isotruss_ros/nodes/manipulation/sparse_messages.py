@@ -14,7 +14,12 @@ import math
 import time
 from typing import Any, TYPE_CHECKING
 
-from isotruss_ros.nodes.framework.topics import EVERY, EVERY_LATCHED, RELIABLE, take_waiting
+from isotruss_ros.nodes.framework.topics import (
+    ALL_LATCHED_MESSAGES,
+    ALL_MESSAGES,
+    RELIABLE,
+    take_waiting,
+)
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
@@ -69,13 +74,13 @@ class SparseMessages:
         #: Number of messages that each subscription received since its queue was empty.
         self._backlogs = [0, 0]
         if every:
-            # It matches all publishers of the other one, which needs no such events.
+            # The first subscription matches all publishers, so only it needs these events.
             unheard = (
                 f'a publisher of {topic} is best-effort, and its messages are not received: it '
                 'must publish with the reliability RELIABLE'
             )
             self._subscribe(
-                EVERY, matched=self._follow, incompatible_qos=lambda _: missing(unheard)
+                ALL_MESSAGES, matched=self._follow, incompatible_qos=lambda _: missing(unheard)
             )
             self._subscribe_to_latched()
         else:
@@ -95,15 +100,15 @@ class SparseMessages:
         )
         self._subscriptions.append(subscription)
         if self._every:
-            self._node.kept.add(subscription)
+            self._node.permanent.add(subscription)
 
     def _subscribe_to_latched(self) -> None:
         """Subscribe to the earlier messages of latching publishers, once."""
         # Discovery lists a publisher before the match.
         found = self._node.get_publishers_info_by_topic(self._topic)
-        latching = any(p.qos_profile.durability == EVERY_LATCHED.durability for p in found)
+        latching = any(p.qos_profile.durability == ALL_LATCHED_MESSAGES.durability for p in found)
         if latching and len(self._subscriptions) == 1:
-            self._subscribe(EVERY_LATCHED)
+            self._subscribe(ALL_LATCHED_MESSAGES)
 
     def _pass_on(self, index: int, taken: list[Any]) -> None:
         """Pass on a message of a subscription and the messages queued behind it."""

@@ -56,7 +56,7 @@ class TrajectoryFollowing:
 
     def __init__(self, node: ManagedNode, servo: TwistServo) -> None:
         self._node, self._servo = node, servo
-        self.follower = RollerTrajectoryServo(servo.robot, servo.settings.timeout)
+        self.follower = RollerTrajectoryServo(servo.robot, servo.settings.timeout, servo.inputs)
         self._outcome: tuple[Status, str] | None = None
         self._goals = [self._offer(kind, name) for kind, name in _offered_actions()]
 
@@ -79,7 +79,7 @@ class TrajectoryFollowing:
                     self.abort(loss)
         if not self.follower.busy:
             return self._add_outcome(self._servo.decide(now))
-        self._update_follower()
+        self.follower.timeout = self._servo.settings.timeout
         step = self.follower.decide(now)
         if step.failure:
             code = Result.GOAL_TOLERANCE_VIOLATED if step.at_goal else ABORTED_CODE
@@ -126,18 +126,12 @@ class TrajectoryFollowing:
         if not self.abort(f'{why}: publish the trajectory again'):
             self._node.get_logger().warning(f'{why}: if it was a trajectory, publish it again')
 
-    def _update_follower(self) -> None:
-        """Pass the joint states of the twist servo, and their largest age, to the follower."""
-        self.follower.rollers = self._servo.inputs.rollers
-        self.follower.timeout = self._servo.settings.timeout
-
     def _read(self, goal: Any) -> RollerGoal:
         """Return the content of a goal; raise an error if it is invalid."""
         servo, now = self._servo, self._node.now()
         if servo.inputs.halt is not None:
             raise MessageError(servo.inputs.halt[1])
-        self._update_follower()
-        timeout = servo.settings.timeout
+        timeout = self.follower.timeout = servo.settings.timeout
         (rollers,) = require_fresh(now, timeout, joint_states=servo.inputs.rollers)
         asked = read_roller_goal(goal, servo.robot, rollers.value.positions, now, timeout)
         self.follower.check_start(asked.trajectory, now)
@@ -189,7 +183,7 @@ class TrajectoryFollowing:
     def _publish_feedback(self) -> None:
         """Publish desired and measured states of the rollers to the goal's client."""
         goal = next((goal for goal in self._goals if goal.active), None)
-        wanted, measured = self.follower.wanted, self._servo.inputs.rollers
+        wanted, measured = self.follower.desired_state, self._servo.inputs.rollers
         if goal is None or wanted is None or not isinstance(measured, StampedInput):
             return
         actual, robot = measured.value.positions, self._servo.robot

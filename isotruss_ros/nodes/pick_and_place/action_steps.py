@@ -159,11 +159,13 @@ class ActionStep:
         if ended.status != GoalStatus.STATUS_UNKNOWN:
             return ended.result
         if sent.done() and not sent.result().accepted:
-            raise StepError(StepOutcome.NOT_READY, f'the action {self._name} rejects goals now')
+            raise StepError(
+                StepOutcome.NOT_READY,
+                f'the action {self._name} rejected the goal: its node must be active',
+            )
         raise StepError(
             StepOutcome.STOPPED,
-            f'the node that offers the action {self._name} does not know the goal: it was '
-            'started again',
+            f'the node that offers the action {self._name} was restarted and has lost the goal',
         )
 
     def _request_result(

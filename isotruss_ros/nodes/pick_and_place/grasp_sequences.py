@@ -225,7 +225,8 @@ class GraspSequences:
         if found is not None and found.held:
             members = ', '.join(found.grasping_members)
             raise StepError(
-                StepOutcome.BAD_GOAL, f'the object is held already, by {members}: place it first'
+                StepOutcome.BAD_GOAL,
+                f'the object is already held by {members}: first place the object',
             )
 
     def _plan_grasp(self, goal: PickObject.Goal, lay: PoseStamped) -> Steps:
@@ -274,7 +275,9 @@ class GraspSequences:
         moved = math.hypot(x, y)
         way = f'{1e3 * moved:.3g} mm and {math.degrees(turned):+.2g}°'
         return PlaceObject.Result(
-            message=f'free, {way} from where it was held', displacement=moved, rotation=turned
+            message=f'the object is free; displacement since the goal: {way}',
+            displacement=moved,
+            rotation=turned,
         )
 
     def move(self, goal: MoveObject.Goal) -> Steps:
@@ -314,10 +317,13 @@ class GraspSequences:
             # The object is held: the next motion can start at its current pose.
             why = f' ({error})'
         left, _ = self._measure_error(lay)
-        return f', {1e3 * left:.3g} mm from where it lay, after {1e3 * moved:.3g} mm{why}'
+        return (
+            f'; closing displaced the object by {1e3 * moved:.3g} mm, corrected to '
+            f'{1e3 * left:.3g} mm{why}'
+        )
 
     def _drive(self, trajectory: Any, change: float, before: int, after: int) -> Steps:
-        """Move the rollers along a trajectory; the stage changes after `change` seconds."""
+        """Move the rollers; the stage is `before` until `change` [s], and then `after`."""
         end = read_duration(trajectory.points[-1].time_from_start)
 
         def progress(feedback: Any) -> float:
@@ -333,7 +339,7 @@ class GraspSequences:
             raise StepError(StepOutcome.STOPPED, result.error_string)
 
     def _confirm(self, held: bool) -> Steps:
-        """Wait until the analysis of the resting robot finds the object held, or free."""
+        """Wait until an analysis of the robot at rest reports the object as held, or as free."""
         arrived = self._node.now()
         while True:
             now, analysed = self._node.now(), -np.inf
@@ -342,8 +348,8 @@ class GraspSequences:
                 found = state.code in (GraspState.OK, GraspState.WRINKLED) and state.held == held
                 if found and analysed > arrived:
                     return state
-            # Timed by stamps of analyses, which are late on a busy machine; by the clock without
-            # any.
+            # The wait is timed by the stamps of the analyses, which are late on a busy machine, or
+            # by the clock if no analyses arrive.
             waited = max(analysed, now - self._timeout) - arrived
             if waited > CONFIRMATION_TIMEOUT:
                 outcome = StepOutcome.NOT_HELD if analysed > arrived else StepOutcome.NOT_READY

@@ -32,30 +32,31 @@ SPECS = (
     FixedSpec(
         'plant',
         KINEMATIC,
-        'kinematic: the object is at rest in the grasp frame but for rolling; '
-        'elastic: it is where the equilibrium with the elastic tubes puts it, and can slip; '
-        'mujoco: a dynamics engine moves robot and object',
+        'kinematic: the object rolls on the grasping members without slip; '
+        'elastic: the object is in equilibrium with the elastic tubes, and can slip; '
+        'mujoco: MuJoCo simulates the dynamics of robot and object',
     ),
     common.RATE,
     common.COMMAND_TIMEOUT,
-    FixedSpec('stuck_roller', '', 'Roller t/j that does not move; none if empty'),
+    FixedSpec('stuck_roller', '', 'Name t/j of a roller that does not move; empty: none'),
     FixedSpec(
         'roller_slip',
         0.0,
-        'Mean slip of the tube as a share of the roller travel, not measured by encoders [-]',
+        'Mean slip of the tube relative to the roller travel, which encoders do not measure [-]',
         (0.0, 0.5),
     ),
-    FixedSpec('seed', 0, 'Seed of the noise and the slip', (0, 2**31 - 1)),
+    FixedSpec(
+        'seed', 0, 'Random seed of noise, dropouts, slip and roller offsets', (0, 2**31 - 1)
+    ),
     FixedSpec(
         'zero_deviation',
         0.0,
-        "How far from the robot file's home the encoders read zero, drawn by `seed`: standard "
-        'deviation of the travel [m]',
+        'Standard deviation of the initial roller offsets, which are drawn with `seed` [m]',
         (0.0, 0.1),
     ),
     CLOCK_SPEED,
     *SENSOR_SPECS,
-    FixedSpec('recording', '', 'File of the states of MuJoCo for later rendering; none if empty'),
+    FixedSpec('recording', '', 'File for the states of MuJoCo, for later rendering; empty: none'),
 )
 
 
@@ -128,7 +129,7 @@ class Simulator(ManagedNode):
             self._plant.command(message.data)
         except ConfigurationError as error:
             self._plant.stop()
-            self.warn('command', f'rollers stopped: {error}')
+            self.reasons.note('command', f'rollers stopped: {error}')
         self._commanded = self._time
 
     def _set_object_pose(self, message: PoseStamped) -> None:
@@ -137,7 +138,7 @@ class Simulator(ManagedNode):
             check_frame('set_object_pose', message.header, self.robot.frame)
             pose = read_pose('set_object_pose', message.pose)
         except MessageError as error:
-            self.warn('set_object_pose', str(error))
+            self.reasons.note('set_object_pose', str(error))
             return
         self._plant.place_object(pose)
 
@@ -146,7 +147,7 @@ class Simulator(ManagedNode):
         try:
             self._plant.pull(read_external_wrench(message, self.robot.frame, angle))
         except MessageError as error:
-            self.warn('external_wrench', str(error))
+            self.reasons.note('external_wrench', str(error))
 
     def _advance(self, now: float) -> None:
         """Simulate the motion up to a time; a command is valid for `command_timeout`."""
@@ -157,7 +158,7 @@ class Simulator(ManagedNode):
                 self._plant.advance(elapsed)
         except ConfigurationError as error:
             self._plant.stop()
-            self.warn('blocked', f'rollers blocked: {error}')
+            self.reasons.note('blocked', f'rollers blocked: {error}')
         if now > expiry:
             self._plant.stop()
             # Each interval is integrated exactly once.

@@ -46,24 +46,25 @@ SPECS = (
     FixedSpec(
         'indentation',
         0.0,
-        'Indentation of the tubes by the object at home, 0 for contact without force [m]',
+        'Initial indentation of the tubes by the object [m]; 0: contact without force',
         (0.0, 0.1),
     ),
     FixedSpec(
         'object_is_free',
         False,
-        'The object is free at object_pose until friction closes a grasp; grasped if false',
+        'Whether the object is free at object_pose at the start; if false, it is held',
     ),
     FixedSpec(
         'object_pose',
         [0.6, 0.3, 0.0],
-        'Pose (x, y, angle) of the free object; a grasped object has its angle [m, rad]',
+        'Initial pose (x, y, angle) of a free object [m, rad]; of a held object only the angle is '
+        'used',
     ),
     replace(common.FRICTION, read_only=True),
     FixedSpec(
         'ground_friction',
         0.0,
-        'Friction force of the object on the ground along x or y, mujoco only [N]',
+        'Friction force of the ground on the object along x or y, only in the plant mujoco [N]',
         (0.0, 1e3),
     ),
 )
@@ -79,7 +80,7 @@ def place_at_start(robot: Robot, values: Parameters) -> ConvexObject:
     """
     if len(values.object_pose) != 3:
         raise ParameterError(
-            f'parameter object_pose: {list(values.object_pose)}: must be three numbers'
+            f'parameter object_pose: {list(values.object_pose)}: must be three numbers x, y, angle'
         )
     place, indentation = Pose(*values.object_pose), values.indentation
     described = common.read_described(values)

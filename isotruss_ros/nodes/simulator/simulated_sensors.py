@@ -27,29 +27,32 @@ MARK_DISTANCE = 0.1
 TIME_TOLERANCE = 1e-6
 ALL_JOINTS = 'all'
 SENSOR_SPECS = (
-    Spec('encoder_delay', 0.0, 'Delay of joint_states after their stamp [s]', (0.0, 10.0)),
+    Spec('encoder_delay', 0.0, 'Delay of joint_states relative to their stamps [s]', (0.0, 10.0)),
     Spec('encoder_step', 0.0, 'Resolution of the encoders [m]', (0.0, 0.1)),
     Spec(
         'tracker_rate',
         0.0,
-        'Rate of object_pose and joint_markers; 0: one message per cycle [Hz]',
+        'Rate of object_pose and joint_markers [Hz]; 0: one message per cycle',
         (0.0, 1000.0),
     ),
     Spec(
         'tracker_delay',
         0.0,
-        'Delay of object_pose and joint_markers after their stamp [s]',
+        'Delay of object_pose and joint_markers relative to their stamps [s]',
         (0.0, 10.0),
     ),
-    Spec('tracker_dropouts', 0.0, 'Probability of the loss of a pose or marker [-]', (0.0, 1.0)),
+    Spec('tracker_dropouts', 0.0, 'Probability that a pose or a marker is lost [-]', (0.0, 1.0)),
     Spec(
         'tracker_noise',
         0.0,
-        f'Standard deviation of their coordinates [m]; of the angle: over {MARK_DISTANCE} m [rad]',
+        'Standard deviation of the coordinates of poses and markers [m]; that of the angle of a '
+        f'pose is this value divided by {MARK_DISTANCE} m [rad]',
         (0.0, 0.1),
     ),
     FixedSpec(
-        'marker_joints', [''], f"Joints that have markers; ['{ALL_JOINTS}'], or [''] for none"
+        'marker_joints',
+        [''],
+        f"Names of the joints with markers; ['{ALL_JOINTS}'], or [''] for none",
     ),
 )
 

@@ -30,7 +30,7 @@ from isotruss_ros.nodes.framework.runner import StoppableNode
 from isotruss_ros.nodes.framework.topics import LATCHED, RELIABLE, subscribe_newest
 from isotruss_ros.nodes.viewer.view_requests import Calls, make_calls, NodeRestart, ObjectGoals
 from isotruss_ros.viewer.control import ZERO
-from isotruss_ros.viewer.drag import LEVER_LENGTH, PATIENCE, place_on_circle
+from isotruss_ros.viewer.drag import LEVER_LENGTH, place_on_circle, PROGRESS_TIME
 from isotruss_ros.viewer.message_checks import PictureError
 from isotruss_ros.viewer.names import (
     DRAGGED,
@@ -61,15 +61,17 @@ if TYPE_CHECKING:
 SPECS = (
     ROBOT,
     *common.OBJECT_SPECS,
-    FixedSpec('host', LOCAL, 'Address of the server, by default reachable from this machine only'),
+    FixedSpec(
+        'host', LOCAL, 'Address of the server; the default is reachable only from this machine'
+    ),
     FixedSpec('port', 8080, 'Port of the server; 0: any free port', (0, 65535)),
     FixedSpec(
         'browser_timeout',
         0.5,
-        'Timeout of the heartbeat of the page with control [s]',
+        'Longest time without a heartbeat after which a page loses control [s]',
         (0.2, 60.0),
     ),
-    FixedSpec('rate', 20.0, 'Pictures per second [Hz]', (5.0, 60.0)),
+    FixedSpec('rate', 20.0, 'Displayed frames per second [Hz]', (5.0, 60.0)),
     Spec('max_speed', 0.05, 'Largest speed of the dragged object or joint [m/s]', (0.001, 1.0)),
 )
 #: Parameters of other nodes that each request sets, by the name of the request.
@@ -126,8 +128,8 @@ class Viewer(StoppableNode):
         self._view = View(self.picture, host, self.values.port)
         if 'token=' in self._view.address:
             self.get_logger().warning(
-                f'host {host}: whoever has the address with its token can watch the robot and '
-                'command it; the network can read it on its way'
+                f'host {host}: whoever knows the token in the address can watch and command the '
+                'robot; the token is sent without encryption'
             )
         self._controls = Controls(
             self._view.server,
@@ -164,7 +166,7 @@ class Viewer(StoppableNode):
         try:
             receive(message, time.monotonic())
         except (PictureError, MessageError, ConfigurationError) as error:
-            self.warn(topic, str(error))
+            self.reasons.note(topic, str(error))
 
     def _receive_object_pose(self, message: PoseStamped, now: float) -> None:
         self.picture.take_pose(self._frame.read_pose(message), now)
@@ -206,16 +208,16 @@ class Viewer(StoppableNode):
 
     def _give_up(self, position: tuple[float, float] | None, now: float) -> None:
         control = self._controls.control
-        left = 'its place is unknown'
+        left = 'its position is unknown'
         if position is not None:
             way = math.dist(position, control.drag.target)
             left = f'{1e3 * way:.0f} mm left'
             if control.drag.turns:
                 left = f'{math.degrees(way / LEVER_LENGTH):.0f}° left'
         control.drag = None
-        words = f'{self._controls.dragged}: no progress for {PATIENCE:.0f} s, {left}'
-        why = self.picture.describe_hindrance(now, PATIENCE)
-        self._report_goal(f'drag given up: {words}; {why}')
+        words = f'{self._controls.dragged}: no progress for {PROGRESS_TIME:.0f} s, {left}'
+        why = self.picture.describe_hindrance(now, PROGRESS_TIME)
+        self._report_goal(f'drag aborted: {words}; {why}')
         self.get_logger().warning(self.picture.goal_report)
 
     def _publish_twist(self, position: tuple[float, float] | None, now: float) -> None:
@@ -277,7 +279,7 @@ class Viewer(StoppableNode):
 
     def _report_refusal(self, words: str) -> None:
         self.picture.goal_report = words
-        self.warn('browser', words)
+        self.reasons.note('browser', words)
 
     def _report_goal(self, words: str) -> None:
         self.picture.goal_report = words
@@ -290,13 +292,13 @@ class Viewer(StoppableNode):
             if response.success or time.monotonic() > end:
                 self.get_logger().info(f'release: {response.message}')
                 return
-        self.warn('release', 'no node offers release_emergency_stop')
+        self.reasons.note('release', 'no node offers release_emergency_stop')
 
     def _send_parameters(self, node: str, values: dict[str, float | str]) -> None:
         """Set parameters of another node, and log the parameters that it rejects."""
         client = self._set[node]
         if not client.service_is_ready():
-            self.warn(node, f'node {node} does not exist: its parameters are not set')
+            self.reasons.note(node, f'node {node} does not exist: its parameters are not set')
             return
 
         def report(future: Future) -> None:

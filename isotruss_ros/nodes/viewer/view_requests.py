@@ -27,7 +27,7 @@ SIMULATOR, MANIPULATION = 'simulator', 'manipulation'
 #: Names of the simulator's parameters that define whether its object is free, and its grip.
 IS_FREE, *GRIP = ('object_is_free', 'grip', 'grip_module')
 #: Nodes other than the simulator that read the parameter `object` when they are configured.
-OTHERS = ('grasp_analysis', MANIPULATION, 'path_follower', 'grasp_planner', 'pick_and_place')
+OTHER_NODES = ('grasp_analysis', MANIPULATION, 'path_follower', 'grasp_planner', 'pick_and_place')
 
 #: Generator that yields service calls and receives their responses.
 Calls = Generator[Callable[[], Future], Any, None]
@@ -99,7 +99,10 @@ class NodeRestart:
     def __init__(self, node: Node, report: Callable[[str], None]) -> None:
         self._report = report
         self._change, self._set = (
-            {name: node.create_client(kind, f'{name}/{service}') for name in (SIMULATOR, *OTHERS)}
+            {
+                name: node.create_client(kind, f'{name}/{service}')
+                for name in (SIMULATOR, *OTHER_NODES)
+            }
             for kind, service in ((ChangeState, 'change_state'), (SetParameters, 'set_parameters'))
         )
         self._get = node.create_client(GetParameters, f'{SIMULATOR}/get_parameters')
@@ -127,14 +130,14 @@ class NodeRestart:
         :param kind: word for the kind of the object.
         :param description: value of the parameter `object` of the nodes.
         """
-        others = [name for name in OTHERS if self._change[name].service_is_ready()]
+        others = [name for name in OTHER_NODES if self._change[name].service_is_ready()]
         self._begin(f'object {kind}', squeeze, [SIMULATOR, *others], {'object': description})
 
     def _begin(self, what: str, squeeze: float, names: list[str], values: dict[str, str]) -> None:
         if not (
             self._change[SIMULATOR].service_is_ready() and self._set[SIMULATOR].service_is_ready()
         ):
-            self._report(f'{what}: there is no simulator')
+            self._report(f'{what}: the node simulator is not running')
             return
         self._calls.close()
         self._report(f'{what}: sent')
@@ -168,7 +171,7 @@ class NodeRestart:
         self._report(f'{what}: {rejected or "active"}')
 
     def _restore_grip(self, squeeze: float) -> Generator[Callable[[], Future], Any, str]:
-        """Set the grip of `manipulation` to the simulator's; a pick may have changed it before."""
+        """Set the grip of `manipulation` to that of the simulator; a pick may have changed it."""
         names = [IS_FREE, *GRIP]
         answer = yield partial(self._get.call_async, GetParameters.Request(names=names))
         is_free, *grip = answer.values

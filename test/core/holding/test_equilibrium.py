@@ -12,7 +12,7 @@ from isotruss_ros.core.holding.attach_grip import attach_grip, rest
 from isotruss_ros.core.holding.build_statics import build_statics, start_at
 from isotruss_ros.core.holding.contact_forces import ANGLE, CENTER
 from isotruss_ros.core.holding.contact_statics import TubeModel
-from isotruss_ros.core.holding.roll_grip import NOTHING, stick
+from isotruss_ros.core.holding.roll_grip import NO_CONTACTS, stick
 import numpy as np
 import pytest
 
@@ -40,12 +40,12 @@ def test_rolling_conditions_hold_at_rest_and_follow_the_tube(statics):
     )
     travel, angles = np.array([0.01, -0.02]), np.angle(state.normals) - 0.3
     anchors = statics.anchors(state.unknowns, state.normals, travel, angles)
-    closure = stick(statics, anchors, travel, angles, NOTHING)
+    closure = stick(statics, anchors, travel, angles, NO_CONTACTS)
     same = statics.solve(start_at(statics, DISC), UNLOADED, closure)
     assert same.unknowns == pytest.approx(state.unknowns, abs=1e-9)
     # Both tubes run past the object alike: it turns in place (17), as far as 2 travel / d.
     along = 0.02
-    closure = stick(statics, anchors, travel - along * statics.sides, angles, NOTHING)
+    closure = stick(statics, anchors, travel - along * statics.sides, angles, NO_CONTACTS)
     turned = statics.solve(state.unknowns, UNLOADED, closure)
     assert turned.unknowns[ANGLE] == pytest.approx(0.3 + along / statics.body.arm, abs=1e-9)
     places = state.places

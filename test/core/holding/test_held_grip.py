@@ -80,7 +80,7 @@ def touched_points(grip):
     push = (state.normal_forces + 1j * state.friction_forces) * state.normals
     bent = statics.bent
     local = push * bent.axis.conj()
-    skin = statics.tube_radius - statics.indentation(state.normal_forces)[0]
+    skin = statics.tube_radius - statics.dents(state.normal_forces)[0]
     loads = np.column_stack([local.real, local.imag, -skin * state.friction_forces])
     assert state.loads == pytest.approx(loads, abs=1e-9)
     give = bent.respond(loads, state.feet)
@@ -351,7 +351,7 @@ def test_a_face_dents_less_than_a_corner_and_a_disc_as_in_its_own_table():
     assert flat(5.0)[0] == pytest.approx(5.0 / (0.15 * 4.0 * np.pi * pressure / 3.0), rel=0.25)
     grip = attach_grip(CONFIG, CYLINDER)
     table = corner_dents(NINE, 0, Disc(0.3), 0.0, 0, both)
-    depths, _ = grip.statics.indentation(np.array([10.0, 30.0]))
+    depths, _ = grip.statics.dents(np.array([10.0, 30.0]))
     assert [table(10.0)[0], table(30.0)[0]] == pytest.approx(depths, rel=0.02)
 
 

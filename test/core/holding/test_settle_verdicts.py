@@ -51,7 +51,7 @@ def judge(shift=0.0, other=-0.01, needed=0.3, friction=0.5, stable=True, used=0.
         ({'needed': 0.51}, HoldStatus.SLIPS, '0.51 against 0.5'),
         ({'stable': False}, HoldStatus.UNSTABLE, ''),
         ({'used': 1.0}, HoldStatus.HELD, ''),
-        ({'used': 1.01}, HoldStatus.WRINKLES, f'{NAMES[0]} bears 1.01 of its wrinkling moment'),
+        ({'used': 1.01}, HoldStatus.WRINKLES, f'{NAMES[0]} has 1.01 times its wrinkling moment'),
         ({'shift': 1.0, 'other': 0.1, 'stable': False}, HoldStatus.FAR, 'too far'),
     ],
 )

@@ -130,7 +130,7 @@ def test_dense_and_sparse_factors_agree(kind, up_to, monkeypatch):
         ([0.0, np.nan], 'must be 2 finite numbers'),
         ([5.0, -5.0], r'make member main/L-R -3\.98 m long; must be positive'),
         ([1e308, 0.0], r'm long; must be positive'),
-        ([0.9, 0.9], r'no shape of the robot beyond \d+(\.\d+)? % of the way'),
+        ([0.9, 0.9], r'no configuration exists beyond \d+(\.\d+)? % of the way'),
     ],
 )
 def test_unreachable_travel_is_refused(travel, message):
@@ -174,7 +174,7 @@ def test_singular_configuration_has_no_node_jacobian():
     # All joints in line: nothing in (12) holds them there.
     flat = robot.home.points.real.astype(complex)
     config = Configuration(robot, np.zeros(2), flat)
-    with pytest.raises(ConfigurationError, match='is not rigid; stay away from it'):
+    with pytest.raises(ConfigurationError, match='is singular; choose other roller positions'):
         config.predict(np.array([1e-3, 0.0]))
 
 
@@ -213,5 +213,5 @@ def test_tracker_reuses_the_factor_of_the_prediction(robot, rng):
 
 
 def test_a_path_near_a_singular_configuration_is_refused():
-    with pytest.raises(ConfigurationError, match='next to a singular shape, none found in 50'):
+    with pytest.raises(ConfigurationError, match='near a singular one, none found in 50'):
         load_robot('triangle').configuration([-0.42376568, 0.5962088])

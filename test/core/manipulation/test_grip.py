@@ -99,9 +99,9 @@ def test_a_member_that_does_not_touch_is_named():
     ('share', 'height', 'message'),
     [
         (0.01, 0.2, 'member north/P-Z'),
-        (-0.01, 0.2, r'member north/Z-R .* would touch at -0\.01 of its length'),
+        (-0.01, 0.2, r'member north/Z-R .* would be at -0\.01 of its length'),
         (0.99, 0.2, 'member north/P-Z'),
-        (1.01, 0.2, r'member north/Z-R .* would touch at 1\.01 of its length'),
+        (1.01, 0.2, r'member north/Z-R .* would be at 1\.01 of its length'),
         (0.05, 0.4, r'member north/Z-R .* the gap is 0\.199 m'),
         # The disc is on neither side.
         (0.0, 0.0, 'member north/Z-R does not touch'),
@@ -156,7 +156,9 @@ def test_a_face_may_reach_beyond_the_end_of_a_member_and_not_lie_there():
         )
     for x, share in ((1.05, '1.05'), (-0.25, '-0.05')):
         body = ConvexObject(BOX, Pose(x, 0.5 * TUBE, 0.0))
-        with pytest.raises(GraspError, match=f'{NAMES[0]} .* it would touch at {share} of its'):
+        with pytest.raises(
+            GraspError, match=f'{NAMES[0]} .* the contact would be at {share} of its'
+        ):
             find_contacts(config, Grip(NAMES, body))
 
 

@@ -132,5 +132,5 @@ def test_a_member_is_touched_up_to_its_end():
     slope = (share(0.6) - share(0.2)) / 0.4
     fitting, large = (0.2 + (wanted - share(0.2)) / slope for wanted in (0.95, 1.05))
     assert share(fitting) == pytest.approx(0.95)
-    with pytest.raises(GraspError, match=r'touch them at \[1\.05, 1\.05\] of their lengths'):
+    with pytest.raises(GraspError, match=r'would be at \[1\.05, 1\.05\] of their lengths'):
         tangent_center(config, 'main/T', large)

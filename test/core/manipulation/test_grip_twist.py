@@ -154,7 +154,7 @@ def test_members_that_touch_one_corner_do_not_hold_it():
     ends = [robots.member_ends(config, member) for member in corner.members]
     inward = np.mean([random_grips.toward(corner.center, *e) for e in ends]) * -1.0
     grip = Grip(corner.members, ConvexObject(wedge, (*corner.body.pose[:2], np.angle(inward))))
-    with pytest.raises(GraspError, match='touch the object in one point'):
+    with pytest.raises(GraspError, match='touch the object at one point'):
         solve_twist(config, grip, [0.01, 0.0, 0.0])
 
 

@@ -3,10 +3,11 @@
 
 """A limit of one's own: a supply that no two rollers together exceed."""
 
+from dataclasses import replace
 import itertools
 
 from grips import disc_grip
-from isotruss_ros.core import load_robot, RollingGrip, solve_twist, Status, TwistServo
+from isotruss_ros.core import load_robot, Robot, RollingGrip, solve_twist, Status, TwistServo
 from isotruss_ros.core.inputs import RollerState, StampedInput
 from isotruss_ros.core.manipulation.limit_handling import LimitHandling
 from isotruss_ros.core.manipulation.limits import default_limits, Rows
@@ -64,8 +65,8 @@ def test_a_scaled_twist_names_the_limit(slide):
 
 def test_a_loop_keeps_the_limit_that_it_is_given():
     limits = (SupplyLimit(SPEED),)
-    settings = ServoSettings(GRIP, 0.01, timeout=1.0, limits=limits, max_acceleration=np.inf)
-    servo = TwistServo(ROBOT, settings)
+    robot = Robot(replace(ROBOT.description, max_acceleration=np.inf))
+    servo = TwistServo(robot, ServoSettings(GRIP, 0.01, timeout=1.0, limits=limits))
     servo.receive(twist=StampedInput(TWIST, 0.0))
     zeros = np.zeros(len(ROBOT.roller_names))
     servo.receive(

@@ -84,7 +84,7 @@ def test_a_grounded_joint_stays_and_failed_rollers_stand_still():
 @pytest.mark.parametrize(
     ('velocities', 'words'),
     [
-        ({}, 'must be of one or more of P'),
+        ({}, 'give one or more, of the joints P'),
         ({'W': VELOCITY}, "'W'"),
         ({'Z': (1.0,)}, 'joint Z'),
         ({'Z': (np.nan, 0.0)}, 'joint Z'),

@@ -317,7 +317,10 @@ def test_the_cost_of_the_paper_is_that_of_the_node_velocities():
 NO_COSTS = {
     'too few rows': (np.eye(6)[:5], '5 rows; must be 6'),
     'not a number': (np.full((6, 6), np.nan), 'must be 6 finite numbers'),
-    'semidefinite': (np.diag([1.0, 1.0, 1.0, 1.0, 1.0, 0.0]), 'add a small part of the identity'),
+    'semidefinite': (
+        np.diag([1.0, 1.0, 1.0, 1.0, 1.0, 0.0]),
+        'add a small multiple of the identity',
+    ),
     'not symmetric': (6.0 * np.eye(6) + np.eye(6, k=1), 'must be symmetric'),
 }
 

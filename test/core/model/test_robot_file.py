@@ -99,7 +99,7 @@ def test_coordinate_that_is_not_finite_is_refused(value, tmp_path):
 #: Changes to a file, and what is said then; without a value a key is taken out.
 REFUSALS = r"""
 tubes.south.joints: [P, Q, W] -> tubes.south.joints: unknown joint 'W' | known are P, Q, X
-joints.W: [3.0, 3.0] -> joints.W: on no tube | let a tube visit it or take it out
+joints.W: [3.0, 3.0] -> joints.W: no tube has this joint | add it to a tube, or remove it
 supports.W: [y] -> supports.W: unknown joint 'W' | known are P, Q, X
 supports.Q: [z] -> supports.Q.0: 'z' | must be x or y
 supports.Q: [y, y] -> supports.Q: ['y', 'y'] | [x], [y] or [x, y]
@@ -109,7 +109,7 @@ tubes.south.joints: [P, Q, P, X] -> tubes.south.joints: | three or more differen
 joints.a/b: [3.0, 3.0] -> 'a/b' | letters, digits and underscores
 "joints.W\n": [3.0, 3.0] -> 'W\n' | letters, digits and underscores
 joints.X -> joints: | three or more joints
-joints.X: [1.0, 0.0] -> joints.X: [1.0, 0.0] | joint Q is there too | must be apart
+joints.X: [1.0, 0.0] -> joints.X: [1.0, 0.0] | joint Q is at this position | must differ
 module.rod_lenght: 0.1 -> unknown key 'rod_lenght' | did you mean rod_length? | known are pinch_sep
 module.rod_length -> module: key 'rod_length' is missing | h, joint to the midpoint
 colour: red -> top level: unknown key 'colour' | known are name, frame, joints
@@ -124,9 +124,9 @@ members: {min_length: 3.0, max_length: 0.25} -> min_length: 3.0 | be less than m
 members.max_length: 0.7 -> members: south/P-Q is | must be from min_length 0.25 to max_length 0.7
 module.guide_ring_distance: 0.6 -> guide_ring_distance: 0.6 | south/P-Q | must be less than
 module.rod_length: 1.5 -> does not fit its corner | rod_length 1.5 | smaller module
-tube.diameter: 10.2 -> tube.diameter: 10.2: | from 0.02 to 0.5; in cm it would be 0.102 m
-tube.pressure: 34.5 -> tube.pressure: 34.5: | in kPa it would be 34500 Pa
-joints.Q: [1000.0, 0.0] -> joints.Q.0: 1000.0: | in mm it would be 1 m
+tube.diameter: 10.2 -> tube.diameter: 10.2: | from 0.02 to 0.5; if it is in cm, it is 0.102 m
+tube.pressure: 34.5 -> tube.pressure: 34.5: | if it is in kPa, it is 34500 Pa
+joints.Q: [1000.0, 0.0] -> joints.Q.0: 1000.0: | if it is in mm, it is 1 m
 joints.X: [2.0, 0.0] -> module south/P does not fit its corner | between 1 and 179 degrees
 """
 
@@ -372,7 +372,7 @@ def test_laws_require_members_longer_than_their_guide_rings():
     [
         (0.0, 'tube.pressure: 0.0: must be gauge pressure, a positive number [Pa], or one for'),
         ('high', "tube.pressure: 'high': must be gauge pressure"),
-        ({}, 'tube.pressure: tube south is missing; give one number, or one for each'),
+        ({}, 'tube.pressure: tube south is missing; give one number, or one per tube'),
         ({'south': 0}, 'tube.pressure.south: 0: must be gauge pressure of this tube'),
         ({'south': 2e4, 'west': 2e4}, "tube.pressure: unknown tube 'west'; known are south"),
     ],

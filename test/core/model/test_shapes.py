@@ -182,7 +182,7 @@ WRONG = {
     'uneven': (((0, 0), (1, [0]), (0, 1)), 'vertex 2'),
     'not finite': (((0, 0), (1, float('nan')), (0, 1)), 'vertex 2'),
     'far': (((0, 0), (1e10, 0), (0, 1)), 'vertex 2 .* within'),
-    'twice': (((0, 0), (1, 0), (1, 0), (0, 1)), r'vertex 2 \(1, 0\) m: .* same place'),
+    'twice': (((0, 0), (1, 0), (1, 0), (0, 1)), r'vertex 2 \(1, 0\) m: .* same position'),
     'a line': (((0, 0), (1, 0), (2, 0)), 'on one line'),
     'straight': (((0, 0), (1, 0), (2, 0), (0, 1)), r'vertex 2 \(1, 0\) m: on one line'),
     'concave': (((0, 0), (2, 0), (1, 0.2), (1, 2)), r'vertex 3 \(1, 0.2\) m: .* concave'),
@@ -191,7 +191,7 @@ WRONG = {
         [(np.cos(4 * np.pi * i / 5), np.sin(4 * np.pi * i / 5)) for i in range(5)],
         'cross each other',
     ),
-    'a grain': (((0, 0), (1.2e-9, 0), (0, 1.2e-9)), 'must have an extent'),
+    'a grain': (((0, 0), (1.2e-9, 0), (0, 1.2e-9)), 'must be 1e-18 m\\^2 or more'),
     'around twice': (
         [(np.cos(a), np.sin(a)) for a in 2 * np.pi * np.arange(7) * 2 / 7],
         'cross each other',

@@ -8,7 +8,7 @@ import math
 from hypothesis import given, strategies
 from isotruss_ros.core import ObjectPath, Pose, Status
 from isotruss_ros.core.errors import PathError
-from isotruss_ros.core.inputs import InputError, RejectedInput, StampedInput
+from isotruss_ros.core.inputs import InputError, LatestInputs, RejectedInput, StampedInput
 from isotruss_ros.core.paths.path_servo import PathOutcome, PathServo, ServoFeedback
 from isotruss_ros.core.paths.path_tracking import PathPhase, TrackingSettings
 import numpy as np
@@ -22,15 +22,15 @@ OBEYS = ServoFeedback(Status.OK, 1.0, '')
 
 def begun(**settings):
     """Return a servo on its path, in the cycle before time 10, with an object that obeys."""
-    servo = PathServo(PERIOD, TIMEOUT)
+    servo = PathServo(PERIOD, TIMEOUT, LatestInputs())
     tell(servo, 10.0 - PERIOD)
     servo.begin(PATH, TrackingSettings(**settings), 10.0 - PERIOD)
     return servo
 
 
 def tell(servo, now, pose=(0.0, 0.0, 0.0), answer=OBEYS):
-    servo.pose = StampedInput(Pose(*pose), now)
-    servo.servo_feedback = StampedInput(answer, now)
+    servo.inputs.pose = StampedInput(Pose(*pose), now)
+    servo.inputs.servo_feedback = StampedInput(answer, now)
 
 
 def run(servo, seconds, start=10.0, answer=OBEYS, follows=True):
@@ -52,8 +52,8 @@ def test_age_of_the_pose_is_that_of_its_stamp():
         now = 10.0 + cycle * PERIOD
         past.append(pose)
         age = min(cycle, 10) * PERIOD
-        servo.pose = StampedInput(Pose(*past[max(0, cycle - 10)]), now - age)
-        servo.servo_feedback = StampedInput(OBEYS, now)
+        servo.inputs.pose = StampedInput(Pose(*past[max(0, cycle - 10)]), now - age)
+        servo.inputs.servo_feedback = StampedInput(OBEYS, now)
         step = servo.decide(now)
         errors.append(step.tracking.position_error)
         pose = pose + PERIOD * step.twist
@@ -72,7 +72,7 @@ def test_age_of_the_pose_is_that_of_its_stamp():
 )
 def test_invalid_pose_stops_the_path(pose, words):
     servo = begun()
-    servo.pose = pose
+    servo.inputs.pose = pose
     step = servo.decide(10.0)
     assert step.outcome is PathOutcome.STOPPED
     assert words in step.message
@@ -104,7 +104,7 @@ def test_invalid_pose_stops_the_path(pose, words):
 )
 def test_path_time_stops_while_the_robot_is_halted(servo_feedback):
     servo = begun()
-    servo.servo_feedback = servo_feedback
+    servo.inputs.servo_feedback = servo_feedback
     step = servo.decide(10.0)
     assert step.outcome is None
     assert step.tracking.phase is PathPhase.HELD
@@ -132,7 +132,7 @@ def test_says_why_the_robot_stood_still_when_it_gives_up():
 
 @pytest.mark.parametrize('pose', [(0.0, 0.011, 0.0), (0.0, 0.0, 0.21), (0.0, 0.0, math.pi)])
 def test_path_must_begin_where_the_object_is(pose):
-    servo = PathServo(PERIOD, TIMEOUT)
+    servo = PathServo(PERIOD, TIMEOUT, LatestInputs())
     tell(servo, 10.0, pose)
     with pytest.raises(PathError, match='the path begins'):
         servo.begin(PATH, TrackingSettings(), 10.0)
@@ -171,7 +171,7 @@ samples = strategies.none() | strategies.builds(RejectedInput, strategies.text(m
 def test_no_input_raises_or_exceeds_the_speed(cycles):
     servo = begun()
     for now, pose, servo_feedback in cycles:
-        servo.pose, servo.servo_feedback = pose, servo_feedback
+        servo.inputs.pose, servo.inputs.servo_feedback = pose, servo_feedback
         step = servo.decide(now)
         assert np.isfinite(step.twist).all()
         assert np.hypot(*step.twist[:2]) <= 1.5 * PATH.speed * (1.0 + 1e-9)

@@ -21,6 +21,7 @@ from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.inputs import (
     InputError,
     InputFault,
+    LatestInputs,
     RejectedInput,
     RollerState,
     StampedInput,
@@ -67,7 +68,7 @@ class Run:
         self.robot = SimulatedRobot(
             config, RigidObject.in_grip(RollingGrip.attach(ROBOT.home, GRASP)), faults, seed
         )
-        self.servo = RollerTrajectoryServo(ROBOT, TIMEOUT)
+        self.servo = RollerTrajectoryServo(ROBOT, TIMEOUT, LatestInputs())
         self.now, self.commands, self.places = 100.0, [], []
         self._late = [self.state()] * (late + 1)
         self.measure()
@@ -82,7 +83,7 @@ class Run:
     def measure(self):
         """Hand the servo what it gets to see."""
         self._late = [*self._late[1:], self.state()]
-        self.servo.rollers = self._late[0]
+        self.servo.inputs.rollers = self._late[0]
 
     def cycle(self, period=PERIOD):
         """Go on by one cycle; return what the servo decided."""
@@ -209,7 +210,7 @@ def test_a_clock_that_stands_or_runs_back_moves_the_path_no_further():
         run.cycle()
     time = run.servo.time
     for back in (PERIOD, PERIOD, 0.05, 0.1):
-        run.servo.rollers = run.servo.rollers._replace(time=run.now - back)
+        run.servo.inputs.rollers = run.servo.inputs.rollers._replace(time=run.now - back)
         step = run.servo.decide(run.now - back)
         assert not step.ended
         assert run.servo.time == time
@@ -247,13 +248,13 @@ def test_rollers_that_pass_by_the_end_have_not_arrived():
 def test_rollers_that_come_no_nearer_have_arrived_where_they_are_near(off, arrives):
     """As encoders of half a millimetre have it."""
     path = RollerTrajectory(ROBOT, [[0.0] * N, [0.02] * N], [0.0, 1.0])
-    servo = RollerTrajectoryServo(ROBOT, 0.2)
-    servo.rollers = StampedInput(RollerState(np.zeros(N), np.zeros(N)), 0.0)
+    servo = RollerTrajectoryServo(ROBOT, 0.2, LatestInputs())
+    servo.inputs.rollers = StampedInput(RollerState(np.zeros(N), np.zeros(N)), 0.0)
     servo.begin(path, 0.0)
     for k in range(1, 1000):
         now = k * PERIOD
         positions = path.at(now).positions - off
-        servo.rollers = StampedInput(RollerState(positions, np.zeros(N)), now)
+        servo.inputs.rollers = StampedInput(RollerState(positions, np.zeros(N)), now)
         step = servo.decide(now)
         if step.ended:
             break
@@ -305,7 +306,7 @@ def test_progress_timeout_restarts_with_each_lag():
 def at_end(run, off):
     """Tell the servo that all rollers are off the end of PATH by that much; return the step."""
     state = RollerState(PATH.at(PATH.duration).positions + off, np.zeros(N))
-    run.servo.rollers = StampedInput(state, run.now)
+    run.servo.inputs.rollers = StampedInput(state, run.now)
     step = run.servo.decide(run.now)
     run.now += PERIOD
     return step
@@ -338,12 +339,12 @@ def test_rollers_have_arrived_when_they_stay_there_without_interruption():
 def broken(run, how):
     """Make the measurements unusable in one of the ways; return words of the reason."""
     if how == 'missing':
-        run.servo.rollers = None
+        run.servo.inputs.rollers = None
         return 'joint states: none received yet'
     if how == 'refused':
-        run.servo.rollers = RejectedInput('joint states: nonsense')
+        run.servo.inputs.rollers = RejectedInput('joint states: nonsense')
         return 'joint states: nonsense'
-    run.servo.rollers = run.servo.rollers._replace(time=run.now - how)
+    run.servo.inputs.rollers = run.servo.inputs.rollers._replace(time=run.now - how)
     return 'joint states: '
 
 
@@ -363,7 +364,7 @@ def test_ends_at_rest_without_joint_states(how):
     run.cycle()  # begins at rest
     for _ in range(20):
         assert run.cycle().speeds.any()
-    run.servo.rollers = run.servo.rollers._replace(time=run.now - 0.99 * TIMEOUT)
+    run.servo.inputs.rollers = run.servo.inputs.rollers._replace(time=run.now - 0.99 * TIMEOUT)
     assert not run.servo.decide(run.now).ended
     words = broken(run, how)
     step = run.servo.decide(run.now)
@@ -377,7 +378,7 @@ def test_ends_at_rest_without_joint_states(how):
     # It does not go on by itself.
     run.measure()
     step = run.servo.decide(run.now)
-    assert (step.ended, step.failure) == (True, 'there is no trajectory to follow')
+    assert (step.ended, step.failure) == (True, 'the servo has no trajectory; start one first')
     assert not step.speeds.any()
 
 
@@ -411,7 +412,7 @@ def test_speeds_are_within_the_limit(rng, measured):
     for positions in measured:
         state = RollerState(np.array(positions), np.zeros(N))
         for _ in range(rng.integers(1, 20)):
-            run.servo.rollers = StampedInput(state, run.now)
+            run.servo.inputs.rollers = StampedInput(state, run.now)
             step = run.servo.decide(run.now)
             check_speeds(step.speeds)
             run.now += PERIOD

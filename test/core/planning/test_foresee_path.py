@@ -9,7 +9,7 @@ from carries import FRICTION, make_robot, place
 from held_grips import APART, inclined_grip, NINE, numbers
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.grip_record import GripRecord
-from isotruss_ros.core.holding.held_grip import LEFT_MARGIN
+from isotruss_ros.core.holding.held_grip import MIN_RELATIVE_MARGIN
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.planning.foresee_path import foresee_grip, foresee_path
 import numpy as np
@@ -42,7 +42,7 @@ def test_a_path_ends_where_the_margin_is_the_least_one():
     grip = held('box')
     found = foresee(grip, (0.3, 0.2, 0.0))
     assert 0.0 < found.share < 0.5
-    assert LEFT_MARGIN <= found.slip_margin / grip.squeeze < LEFT_MARGIN + 0.01
+    assert MIN_RELATIVE_MARGIN <= found.slip_margin / grip.squeeze < MIN_RELATIVE_MARGIN + 0.01
     assert 'the slip margin is' in found.why
 
 
@@ -51,7 +51,7 @@ def test_a_path_ends_where_friction_is_insufficient():
     start = np.array(grip.pose)
     found = foresee_path(grip, 0.9 * grip.required_friction, np.array([start, start + 0.1]))
     assert found.share == 0.0
-    assert found.why == 'the balance needs more friction than there is'
+    assert found.why == 'the equilibrium needs a larger coefficient of friction than the given one'
 
 
 def test_a_path_is_foreseen_from_the_grip_that_the_loop_has():

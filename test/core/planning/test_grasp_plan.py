@@ -95,7 +95,7 @@ def test_the_closest_violation_is_the_latest_one_and_of_bounds_the_nearest():
         (None, 'there was no grasp candidate'),
         (
             Violation('min_margin', 0.2, 0.5),
-            'min_margin: the closure margin is 0.2 N, and must be 0.5 N',
+            'min_margin: the closure margin is 0.2 N; must be at least 0.5 N',
         ),
         (
             Violation('no step', 0.0, 0.0),
@@ -122,7 +122,7 @@ def test_tubes_wrinkle_from_where_they_bear_more_than_their_moment(grasp):
     for grasps, words in (
         ((even,), 'one grasp at north/Z'),
         ((beyond, even), '2 grasps, the best at north/Z'),
-        ((beyond, beyond), f'these numbers are {outside}; so it is in 1 of the others'),
+        ((beyond, beyond), f'these numbers are {outside}; a tube wrinkles in 1 of the others too'),
         ((even, beyond, beyond), f'in 2 of the others a tube wrinkles: {outside}'),
     ):
         said = plan_in_words(GraspPlan(grasps, True, None, 12, 3, 0.1))

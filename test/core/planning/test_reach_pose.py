@@ -16,11 +16,9 @@ from isotruss_ros.core import (
     reach_pose,
     Robot,
     RollingGrip,
-    ShapeGuard,
     Status,
     tangent_center,
 )
-from isotruss_ros.core.safety.shape_guard import ShapeBounds
 import numpy as np
 import pytest
 
@@ -66,9 +64,11 @@ def test_a_length_that_ends_the_way_is_named_with_the_place():
 
 
 def test_a_barrier_ends_the_way():
-    guard = ShapeGuard(ROBOT, ShapeBounds(min_rigidity=0.9))
-    found = reach_pose(ROBOT.home, GRIP, np.add(GRIP.body.pose, (0.0, 0.4, 0.0)), guard)
-    assert found.status is Status.SLOWED_RIGIDITY
+    body = ConvexObject.disc(tangent_center(ROBOT.home, 'east/Q', 0.3), 0.3)
+    grip = Grip.at_module(ROBOT, 'east/Q', body)
+    found = reach_pose(ROBOT.home, grip, np.add(body.pose, (0.9, 0.0, 0.0)))
+    assert found.status is Status.SLOWED_SELF_COLLISION
+    assert found.why == 'limits of module south/P and member south/Q-X'
     assert 0.0 < found.share < 1.0
 
 

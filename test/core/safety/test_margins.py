@@ -33,7 +33,7 @@ def test_rigidity_does_not_depend_on_the_size_of_the_robot():
 def test_members_that_hold_an_object_are_those_of_the_robot():
     body = ConvexObject.disc((0.0, 0.0), 0.1)
     with pytest.raises(GraspError, match='no such members'):
-        shape_margins(load_robot('nine_member').home, body, ('north/X',))
+        object_distances(load_robot('nine_member').home, body, ('north/X',))
 
 
 @robots.examples(25)
@@ -45,14 +45,10 @@ def test_margins_are_the_least_distances_and_name_them(robot, rng):
     grip = Grip.at_module(robot, str(rng.choice(robot.module_names)), body)
     model = collision_model(robot)
     distances = model.distances(config)
-    found = shape_margins(config, body, grip.members)
+    found = shape_margins(config)
     assert found.clearance == distances.min()
     assert found.nearest == model.names(np.array([distances.argmin()]))[0]
-    for members in ((), grip.members):
-        distances = object_distances(config, body, members)
-        found = shape_margins(config, body, members)
-        assert found.object_clearance == distances.min()
-        assert found.nearest_to_object == model.part_names()[distances.argmin()]
+    distances = object_distances(config, body, grip.members)
     # It is what the guard goes by.
     barrier = ObjectBarrier(robot, BarrierLaw(0.0, 1.0))
     far = 1.5 * barrier.law.active_below

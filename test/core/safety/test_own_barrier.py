@@ -3,8 +3,10 @@
 
 """A barrier of one's own: the object stays above a height."""
 
+from dataclasses import replace
+
 from grips import disc_grip
-from isotruss_ros.core import load_robot, RollingGrip, Status, TwistServo
+from isotruss_ros.core import load_robot, Robot, RollingGrip, Status, TwistServo
 from isotruss_ros.core.inputs import RollerState, StampedInput
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.safety.barrier_law import (
@@ -66,9 +68,8 @@ def drive(barriers, steps=200):
         timeout=1.0,
         barriers=tuple(barriers),
         slide_along_limits=False,
-        max_acceleration=np.inf,
     )
-    servo = TwistServo(ROBOT, settings)
+    servo = TwistServo(Robot(replace(ROBOT.description, max_acceleration=np.inf)), settings)
     heights, velocities = [], np.zeros(len(ROBOT.roller_names))
     for step in range(steps):
         now = step * PERIOD

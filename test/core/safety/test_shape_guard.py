@@ -115,7 +115,7 @@ def test_weak_shapes_are_named_and_not_entered():
             command = weak.step([0.1 * np.cos(angle), 0.1 * np.sin(angle), 0.0])
             assert weak.margins[0] + walks.BOUNDS.min_rigidity > 0.9
             if command.status is Status.SLOWED_RIGIDITY:
-                assert 'the rigidity of the shape' in command.limiting
+                assert 'the rigidity index' in command.limiting
                 return
     pytest.fail('no shape was weak')
 

@@ -10,6 +10,7 @@ from isotruss_ros.core import (
     Grip,
     load_robot,
     Pose,
+    Robot,
     solve_joint_velocity,
     Status,
     tangent_center,
@@ -24,7 +25,7 @@ from nightly import some_now
 import numpy as np
 import pytest
 
-ROBOT = load_robot('nine_member')
+ROBOT = Robot(replace(load_robot('nine_member').description, max_acceleration=np.inf))
 MODULE, DIAMETER = 'north/Z', 0.3
 CENTER = tangent_center(ROBOT.home, MODULE, DIAMETER)
 GRIP = Grip.at_module(ROBOT, MODULE, ConvexObject.disc(CENTER, DIAMETER))
@@ -35,7 +36,7 @@ REST = np.zeros(len(ROBOT.roller_names))
 
 def servo(joint, **settings):
     """Return a servo that moves a joint, with joint states and a twist, but without a pose."""
-    settings = {'period': PERIOD, 'timeout': 0.2, 'max_acceleration': np.inf} | settings
+    settings = {'period': PERIOD, 'timeout': 0.2} | settings
     made = TwistServo(ROBOT, ServoSettings(GRIP, joint=joint, **settings))
     made.receive(
         rollers=StampedInput(RollerState(REST, REST), NOW),

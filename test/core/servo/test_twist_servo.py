@@ -11,6 +11,7 @@ from isotruss_ros.core import (
     load_robot,
     Pose,
     RigidObject,
+    Robot,
     RollerFaults,
     RollingGrip,
     SimulatedRobot,
@@ -24,7 +25,8 @@ from isotruss_ros.core.servo.servo_settings import ServoSettings, SqueezeSetting
 import numpy as np
 import pytest
 
-ROBOT = load_robot('nine_member')
+FILE = load_robot('nine_member').description
+ROBOT = Robot(dataclasses.replace(FILE, max_acceleration=np.inf))
 MODULE, DIAMETER = 'north/Z', 0.3
 CENTER = tangent_center(ROBOT.home, MODULE, DIAMETER)
 GRIP = Grip.at_module(ROBOT, MODULE, ConvexObject.disc(CENTER, DIAMETER))
@@ -38,10 +40,10 @@ def at(positions, velocities=0.0 * HOME):
     return RollerState(np.asarray(positions), np.asarray(velocities))
 
 
-def servo(settings=None, **given):
+def servo(settings=None, robot=ROBOT, **given):
     """Return a servo with good inputs at NOW, or those given."""
-    settings = {'period': 0.005, 'timeout': 0.2, 'max_acceleration': np.inf} | (settings or {})
-    made = TwistServo(ROBOT, ServoSettings(GRIP, **settings))
+    settings = {'period': 0.005, 'timeout': 0.2} | (settings or {})
+    made = TwistServo(robot, ServoSettings(GRIP, **settings))
     made.receive(
         twist=StampedInput((0.0, 0.02, 0.1), NOW),
         rollers=StampedInput(at(HOME), NOW),
@@ -52,7 +54,7 @@ def servo(settings=None, **given):
 
 
 def test_a_roller_that_fails_in_motion_is_commanded_zero_at_once():
-    made = servo({'max_acceleration': 1.0})
+    made = servo(robot=Robot(dataclasses.replace(FILE, max_acceleration=1.0)))
     made.command(np.full(len(HOME), 0.01), NOW - 0.01)
     made.receive(failed={ROBOT.roller_names[1]})
     command = made.decide(NOW).command

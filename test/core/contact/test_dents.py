@@ -9,10 +9,10 @@ from isotruss_ros.core.contact import dents
 from isotruss_ros.core.contact.contact import solve_contact
 from isotruss_ros.core.contact.contact_points import find_contact_points
 from isotruss_ros.core.contact.dents import (
+    Dents,
+    DentTable,
     DEPTH_EXPONENT,
-    Indentation,
-    skin_indentation,
-    SkinIndentation,
+    disc_dents,
 )
 from isotruss_ros.core.contact.flattening import flattening_of
 import numpy as np
@@ -34,12 +34,12 @@ def test_dents_agree_with_the_cubic_spline_of_scipy(rng, count, size):
         depths = np.cumsum(rng.uniform(5e-4, 1e-3, size))
         forces = 1e5 * rng.uniform(0.5, 2.0) * depths ** rng.uniform(1.2, 1.8)
         presses = [(1e-3, np.array([force])) for force in forces]
-        tables.append(SkinIndentation(depths, presses, flattening_of(ROBOT), 0))
+        tables.append(DentTable(depths, presses, flattening_of(ROBOT), 0))
         places = np.append(0.0, forces**DEPTH_EXPONENT)
         splines.append(CubicSpline(places, np.append(0.0, depths), bc_type='natural'))
         lasts.append(places[-1])
     pressing = 2.0 * rng.uniform(-1.0, 1.0, count) * np.array(lasts) ** (1.0 / DEPTH_EXPONENT)
-    found, slopes = Indentation(tables, scale=1.0)(pressing)
+    found, slopes = Dents(tables, scale=1.0)(pressing)
     for force, spline, last, depth, slope in zip(
         pressing, splines, lasts, found, slopes, strict=True
     ):
@@ -53,9 +53,9 @@ def test_dents_agree_with_the_cubic_spline_of_scipy(rng, count, size):
 
 
 def test_dents_of_softer_tubes_are_those_of_larger_forces():
-    tables = [skin_indentation(ROBOT, tube, 0.15) for tube in (0, 1)]
+    tables = [disc_dents(ROBOT, tube, 0.15) for tube in (0, 1)]
     forces = np.array([10.0, 20.0])
-    depth, slope = Indentation(tables, scale=0.5)(forces)
+    depth, slope = Dents(tables, scale=0.5)(forces)
     expected = np.array([table(2.0 * force) for table, force in zip(tables, forces, strict=True)])
     assert depth == pytest.approx(expected[:, 0])
     assert slope == pytest.approx(2.0 * expected[:, 1])
@@ -68,17 +68,17 @@ def test_dent_depends_on_the_pressure_of_its_tube():
     for tube in range(len(names)):
         even = (pressures[tube],) * len(names)
         for table in (
-            lambda gauge, tube=tube: skin_indentation(ROBOT, tube, 0.15, gauge),
+            lambda gauge, tube=tube: disc_dents(ROBOT, tube, 0.15, gauge),
             lambda gauge, tube=tube: dents.corner_dents(ROBOT, tube, shape, 1.57, 0, whole, gauge),
         ):
             assert table(pressures)(20.0) == pytest.approx(table(even)(20.0))
 
 
 @pytest.mark.parametrize('radius', [0.03, 0.15])
-def test_indentation_of_a_rigid_tube_agrees_with_the_table(radius):
+def test_dent_of_a_rigid_tube_agrees_with_the_table(radius):
     stiff = tubes.bare(0.8, 1e12, 1e12, 1e12)
     tube = 0.5 * ROBOT.description.tube_diameter
-    table, kernel = skin_indentation(ROBOT, 0, radius), flattening_of(ROBOT, None)
+    table, kernel = disc_dents(ROBOT, 0, radius), flattening_of(ROBOT, None)
     for depth in (0.002, 0.01, 0.02):
         surface = circle(0.4 + 1j * (tube + radius - depth), radius)
         points = find_contact_points(stiff, surface, 1e-3, kernel)
@@ -93,7 +93,7 @@ def test_pressure_derivative_agrees_with_finite_differences(shape, force):
     def table(pressure):
         given = (pressure,) * len(ROBOT.description.pressures)
         if shape == 'disc':
-            return skin_indentation(ROBOT, 0, 0.15, given)
+            return disc_dents(ROBOT, 0, 0.15, given)
         whole, ellipse = (np.inf, np.inf), Ellipse((0.2, 0.1))
         return dents.corner_dents(ROBOT, 0, ellipse, 1.57, 0, whole, given)
 
