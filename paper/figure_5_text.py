@@ -30,8 +30,8 @@ def report(shapes: Mapping[str, Shape]) -> Report:
         'vertical track, until the tubes buckled. Model and measurements put the shapes in the '
         'same '
         'order.',
-        computed='The stiffness grows with the steepness of the legs, '
-        f'{number(stiff.stiffness / soft.stiffness, 2)} times from obtuse to acute. '
+        computed='The stiffness increases with the steepness of the legs: that of the acute '
+        f'triangle is {number(stiff.stiffness / soft.stiffness, 2)} times that of the obtuse one. '
         f'{number(100 * min(axial), 2)} to {number(100 * max(axial), 2)} % of the strain energy '
         'is axial. Two hinged bars with the legs’ axial stiffness k have the stiffness 2 k sin²α, '
         f'which is {number(100 * (min(bars) - 1), 2)} to {number(100 * (max(bars) - 1), 2)} % '

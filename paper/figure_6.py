@@ -110,10 +110,10 @@ def report(result: Interference) -> Report:
         "cylinder; the paper's model, dotted, is far above; right, stiffness at the middle over "
         'the pressure',
         stated='Cylinders of 2.54, 10.2 and 20.3 cm were pressed into a tube (10.2 cm, 76.2 cm '
-        'long, 34.5 kPa). The model has discs of 12.7, 20.3 and 30.5 cm on the centre line. It '
-        'agrees with the measurements for small cylinders. The measured stiffness increases with '
-        'the diameter, but that of the model does not; the paper explains this by the compressed '
-        'gas.',
+        "long, 34.5 kPa). In the paper's model these are discs of 12.7, 20.3 and 30.5 cm on the "
+        'centre line of the tube. The model agrees with the measurements for small cylinders. The '
+        'measured stiffness increases with the diameter, but that of the model does not; the '
+        'paper explains this by the compressed gas.',
         computed="In the paper's model the section stays round. The largest cylinder at the "
         f'middle then has a stiffness that is {number(paper, 1)} % larger than that of the '
         'smallest. With a section '

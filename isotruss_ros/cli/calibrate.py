@@ -44,11 +44,11 @@ def stiffness(arguments: Sequence[str] | None = None) -> int:
     :return: exit code, 1 if the joints do not determine the result.
     """
     parser = _parser('calibrate_stiffness', 'Find how stiff the tubes are, from a known pull.')
-    parser.add_argument('before', type=Path, help=f'without the pull: {_FILE}')
-    parser.add_argument('under', type=Path, help='the same joints under the pull')
-    parser.add_argument('--joint', required=True, help='at which it pulls')
+    parser.add_argument('before', type=Path, help=f'joints without the force: {_FILE}')
+    parser.add_argument('under', type=Path, help='the same joints under the force')
+    parser.add_argument('--joint', required=True, help='joint on which the force acts')
     parser.add_argument(
-        '--force', required=True, nargs=2, type=float, metavar=('FX', 'FY'), help='of the pull [N]'
+        '--force', required=True, nargs=2, type=float, metavar=('FX', 'FY'), help='force [N]'
     )
     return _run(parser, arguments, _calibrate_stiffness)
 
@@ -58,8 +58,8 @@ _FILE = f'CSV file with the columns {",".join(COLUMNS)} and one for each roller 
 
 def _parser(name: str, description: str) -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog=f'isotruss {name}', description=description)
-    parser.add_argument('--robot', default='nine_member', help='preset or robot file')
-    parser.add_argument('--output', type=Path, help='robot file to be written')
+    parser.add_argument('--robot', default='nine_member', help='name of a preset, or path')
+    parser.add_argument('--output', type=Path, help='robot file to write')
     parser.add_argument(
         '--deviation',
         type=float,

@@ -53,7 +53,7 @@ def _parser() -> argparse.ArgumentParser:
         description='Write a robot at home as a MuJoCo model (MJCF).',
         epilog='exit codes: 0 written, 2 bad arguments',
     )
-    parser.add_argument('robot', help='preset, or path of a robot file')
+    parser.add_argument('robot', help='name of a preset, or path of a robot file')
     parser.add_argument('model', type=Path, help='file to write')
     parser.add_argument(
         '--object',
@@ -62,7 +62,7 @@ def _parser() -> argparse.ArgumentParser:
         action='append',
         default=[],
         metavar=('X', 'Y', 'D'),
-        help='a round object: centre and diameter [m]; may be repeated',
+        help='centre and diameter of a disc [m]; may be repeated',
     )
     parser.add_argument(
         '--shape',
@@ -70,10 +70,10 @@ def _parser() -> argparse.ArgumentParser:
         action='append',
         default=[],
         metavar=('FILE', 'X', 'Y', 'ANGLE'),
-        help='an object of a file, and its pose [m, rad]; may be repeated',
+        help='object file and pose of an object [m, rad]; may be repeated',
     )
     parser.add_argument(
-        '--friction', type=float, default=0.5, help='between tube and object (default %(default)s)'
+        '--friction', type=float, default=0.5, help='coefficient of friction (default %(default)s)'
     )
     return parser
 

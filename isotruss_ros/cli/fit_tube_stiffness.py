@@ -98,23 +98,23 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         'points',
         type=Path,
-        help=f'CSV file with the columns {",".join(COLUMNS)}, and maybe trial and '
-        'diameter (of the cylinder, in the mode interference)',
+        help=f'CSV file with the columns {",".join(COLUMNS)}; optional: trial, and the diameter '
+        'of the cylinder for the mode interference',
     )
     parser.add_argument(
         '--diameter',
         type=_positive,
         default=DEFAULT_DIAMETER,
-        help='of the tube [m] (default %(default)s)',
+        help='diameter of the tube [m] (default %(default)s)',
     )
-    parser.add_argument('--figure', type=Path, help='draw points and fits to this file')
-    parser.add_argument('--block', type=Path, help='write the robot-file block to this file too')
+    parser.add_argument('--figure', type=Path, help='file for a figure of points and fits')
+    parser.add_argument('--block', type=Path, help='file for the block of the robot file')
     parser.add_argument(
         '--tolerance',
         type=_positive,
         default=TOLERANCE,
-        help='the linear range ends where a cubic departs from a line by more than this part of '
-        'its rise (default %(default)s)',
+        help='largest deviation of a cubic from a line in the linear range, relative to the rise '
+        'of the line (default %(default)s)',
     )
     parser.add_argument(
         '--max-displacement',
@@ -122,7 +122,7 @@ def _parser() -> argparse.ArgumentParser:
         action='append',
         default=[],
         metavar='MODE=VALUE',
-        help='linear range of a mode [m or rad], instead of the test; may be repeated',
+        help='end of the linear range of a mode [m or rad]; may be repeated',
     )
     return parser
 

@@ -51,16 +51,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog='isotruss', description=__doc__)
     kinds = parser.add_subparsers(required=True)
-    pick = kinds.add_parser('pick', help='plan a grasp, close, confirm that it holds')
-    pick.add_argument('--squeeze', type=float, default=15.0, help='of each member [N]')
+    pick = kinds.add_parser('pick', help='plan a grasp, close the grip, confirm the hold')
+    pick.add_argument(
+        '--squeeze', type=float, default=15.0, help='normal force of each member [N]'
+    )
     pick.set_defaults(run=_pick)
     move = kinds.add_parser('move', help='move the held object straight to a pose')
-    move.add_argument('x', type=float, help='[m]')
-    move.add_argument('y', type=float, help='[m]')
-    move.add_argument('--angle', type=float, default=0.0, help='[degrees] (default %(default)s)')
+    move.add_argument('x', type=float, help='x of the target [m]')
+    move.add_argument('y', type=float, help='y of the target [m]')
+    move.add_argument('--angle', type=float, default=0.0, help='angle of the target [degrees]')
     move.set_defaults(run=_move)
-    kinds.add_parser('place', help='open the grip and back off').set_defaults(run=_place)
-    for name, words in (('stop', 'stop the robot'), ('release', 'release the stop')):
+    kinds.add_parser('place', help='open the grip and retreat').set_defaults(run=_place)
+    for name, words in (('stop', 'emergency stop'), ('release', 'release the stop')):
         service = 'emergency_stop' if name == 'stop' else 'release_emergency_stop'
         kinds.add_parser(name, help=words).set_defaults(run=_call, service=service)
     return parser

@@ -124,20 +124,20 @@ def _tell(plan: GraspPlan, needs: GraspRequirements) -> None:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog='isotruss plan_grasps',
-        description='Find grasps of an object that lies free inside a loop of the robot.',
+        description='Search for grasps of a free object inside a loop of the robot.',
         epilog='exit codes: 0 found, 1 none found, 2 bad arguments, 3 the search failed',
     )
     parser.add_argument(
         '--robot',
         default='nine_member',
-        help='preset, or path of a robot file (default %(default)s)',
+        help='name of a preset, or path of a robot file (default %(default)s)',
     )
     parser.add_argument(
         '--rollers',
         type=float,
         nargs='+',
         metavar='PHI',
-        help='where the rollers are, travel since home [m]; home if left out',
+        help='current travel of each roller since home [m]; default: home',
     )
     parser.add_argument(
         '--center',
@@ -145,13 +145,15 @@ def _parser() -> argparse.ArgumentParser:
         nargs=2,
         required=True,
         metavar=('X', 'Y'),
-        help='of the object [m]',
+        help='centre of the object [m]',
     )
     shape = parser.add_mutually_exclusive_group(required=True)
-    shape.add_argument('--diameter', type=float, help='of a disc [m]')
-    shape.add_argument('--object', metavar='YAML', help='any convex object: a file, or `{...}`')
+    shape.add_argument('--diameter', type=float, help='diameter of a disc [m]')
+    shape.add_argument(
+        '--object', metavar='YAML', help='path of an object file, or YAML text in braces'
+    )
     parser.add_argument(
-        '--angle', type=float, default=0.0, help='at which that one lies [rad] (default 0)'
+        '--angle', type=float, default=0.0, help='angle of this object [rad] (default 0)'
     )
     add_requirements(parser)
     group = add_search(parser)
@@ -160,9 +162,9 @@ def _parser() -> argparse.ArgumentParser:
         type=duration,
         default=0.0,
         metavar='S',
-        help='then the best so far is the answer [s]; no limit if 0 (default)',
+        help='time limit, at which the grasps found so far are printed [s]; 0 (default): none',
     )
-    group.add_argument('--json', type=Path, metavar='FILE', help='write all of it there too')
+    group.add_argument('--json', type=Path, metavar='FILE', help='file for all results')
     return parser
 
 

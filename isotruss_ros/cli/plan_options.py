@@ -18,25 +18,31 @@ from isotruss_ros.core.planning.workers import MAX_WORKERS
 
 #: Placeholder of the value, and help text, of the option for each requirement.
 OPTIONS = {
-    'friction': ('MU', 'between tubes and object (default %(default)s)'),
-    'external_wrench': (('FX', 'FY', 'M'), 'on the object about its centre [N, N m]'),
-    'module': ('T/J', 'the module that is to grip; any if left out'),
-    'members': ('T/J-K', 'the two or three members that are to grip, in place of a module'),
-    'squeeze': ('N', 'normal force of each grasping member [N]; the best one if left out'),
-    'min_slip_margin': ('N', 'wrench at which a member slips, the object free [N]'),
-    'min_margin': ('N', 'smallest closure margin of the fixed object [N]; any if left out'),
-    'max_contact_force': ('N', 'of one member on the object [N]'),
-    'max_total_force': ('N', 'of all members [N]'),
-    'max_utilisation': ('U', 'bending over wrinkling moment of any member (default %(default)s)'),
-    'min_rigidity': ('R', 'on the whole path, against 1 at home (default %(default)s)'),
-    'min_length': ('M', 'of members [m]'),
-    'max_length': ('M', 'of members [m]'),
-    'measure': (None, 'what the grasps are ranked by (default slip_margin)'),
+    'friction': ('MU', 'coefficient of friction between tubes and object (default %(default)s)'),
+    'external_wrench': (
+        ('FX', 'FY', 'M'),
+        'external wrench on the object about its centre [N, N m]',
+    ),
+    'module': ('T/J', 'module at which two grasping members meet; default: any'),
+    'members': ('T/J-K', 'two or three grasping members, instead of a module'),
+    'squeeze': ('N', 'normal force of each grasping member [N]; default: optimal for the measure'),
+    'min_slip_margin': ('N', 'smallest slip margin of the free object [N]'),
+    'min_margin': ('N', 'smallest closure margin of the fixed object [N]; default: not required'),
+    'max_contact_force': ('N', 'largest normal force of one member [N]'),
+    'max_total_force': ('N', 'largest sum of the normal forces [N]'),
+    'max_utilisation': (
+        'U',
+        'largest ratio of bending moment to wrinkling moment (default %(default)s)',
+    ),
+    'min_rigidity': ('R', 'smallest rigidity index along the path (default %(default)s)'),
+    'min_length': ('M', 'smallest member length [m]'),
+    'max_length': ('M', 'largest member length [m]'),
+    'measure': (None, 'criterion by which grasps are ranked (default slip_margin)'),
     'direction': (
         ('DX', 'DY', 'DTHETA'),
-        'for the measure stiffness: along what motion of the object [m, m, rad]',
+        'motion of the object for the measure stiffness [m, m, rad]',
     ),
-    'count': ('N', 'of distinct grasps (default %(default)s)'),
+    'count': ('N', 'largest number of distinct grasps (default %(default)s)'),
 }
 
 
@@ -71,13 +77,13 @@ def add_search(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:
     :param parser: parser of the options.
     """
     group = parser.add_argument_group('search')
-    group.add_argument('--seed', type=_seed, default=0, help='the same seed, the same answer')
+    group.add_argument('--seed', type=_seed, default=0, help='random seed of the search')
     group.add_argument(
         '--workers',
         type=_worker_count,
         default=0,
         metavar='N',
-        help='processes on this machine; as many as there are cores if 0 (default)',
+        help='number of processes on this machine; 0 (default): one for each core',
     )
     return group
 

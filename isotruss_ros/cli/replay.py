@@ -103,12 +103,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     parser = argparse.ArgumentParser(prog='isotruss replay', description=__doc__)
     parser.add_argument('file', type=Path, help='MCAP file of the node record')
-    parser.add_argument('--robot', default='nine_member', help='preset, or path of a robot file')
-    parser.add_argument('--diameter', type=float, default=0.3, help='of the object [m]')
-    parser.add_argument('--speed', type=float, default=1.0, help='against that of the recording')
-    parser.add_argument('--port', type=int, default=8080, help='of the server')
-    parser.add_argument('--once', action='store_true', help='end after the recording')
-    parser.add_argument('--page', type=Path, help='HTML file to write, in place of serving')
+    parser.add_argument(
+        '--robot', default='nine_member', help='name of a preset, or path of a robot file'
+    )
+    parser.add_argument('--diameter', type=float, default=0.3, help='diameter of the object [m]')
+    parser.add_argument('--speed', type=float, default=1.0, help='playback speed, 1: as recorded')
+    parser.add_argument('--port', type=int, default=8080, help='port of the server')
+    parser.add_argument('--once', action='store_true', help='play the recording only once')
+    parser.add_argument('--page', type=Path, help='HTML file to write instead')
     options = parser.parse_args(arguments)
     if not options.speed > 0.0:
         parser.error(f'--speed {options.speed}: must be positive')

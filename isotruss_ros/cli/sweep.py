@@ -122,12 +122,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     :return: exit code.
     """
     parser = argparse.ArgumentParser(prog='python -m isotruss_ros.cli.sweep', description=__doc__)
-    parser.add_argument('robots', nargs='+', help='presets or robot files')
+    parser.add_argument('robots', nargs='+', help='names of presets, or paths of robot files')
     parser.add_argument('--objects', type=Path, required=True, help='CSV file: x,y,diameter [m]')
     parser.add_argument('--output', type=Path, required=True, help='CSV file to write')
     add_requirements(parser)
     add_search(parser).add_argument(
-        '--scheduler', metavar='ADDRESS', help='of a Dask cluster; one on this machine if left out'
+        '--scheduler', metavar='ADDRESS', help='address of a Dask cluster; default: this machine'
     )
     options = parser.parse_args(arguments)
     try:

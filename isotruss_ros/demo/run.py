@@ -79,21 +79,21 @@ def run(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument(
         '--output', type=Path, default=Path('demo_output'), help='folder for pictures and logs'
     )
-    parser.add_argument('--rate', type=float, default=100.0, help='of the nodes [Hz]')
-    parser.add_argument('--plant', choices=PLANTS, default=ELASTIC, help='of the simulator')
+    parser.add_argument('--rate', type=float, default=100.0, help='rate of the nodes [Hz]')
+    parser.add_argument('--plant', choices=PLANTS, default=ELASTIC, help='simulated plant')
     parser.add_argument(
         '--sensors',
         choices=(PERFECT, REAL),
         default=PERFECT,
-        help='real: with noise, delay, dropouts and what else the sensors of a laboratory have',
+        help='real: with noise, delay, dropouts, roller offsets and slip',
     )
     parser.add_argument(
         '--clock-speed',
         type=float,
         default=1.0,
-        help='of the time that MuJoCo simulates, against that of the clock on the wall',
+        help='ratio of simulated time to real time, with the plant mujoco',
     )
-    # ros2 launch and friends append arguments of their own.
+    # Programs such as ros2 launch append arguments of their own.
     options, _ = parser.parse_known_args(arguments)
     options.output.mkdir(parents=True, exist_ok=True)
     console, round_tubes = Console(), options.plant == MUJOCO

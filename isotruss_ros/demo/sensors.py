@@ -22,9 +22,9 @@ REAL_SENSORS = {
     'tracker_delay': 0.03,
     'tracker_dropouts': 0.3,
     'tracker_noise': 1e-3,
-    # Three that tell all zeros.
+    # These three determine all roller offsets.
     'marker_joints': ['Q', 'R', 'Z'],
-    # What encoders cannot tell.
+    # Encoders measure neither slip nor roller offsets.
     'roller_slip': 0.02,
     'zero_deviation': 0.01,
 }
@@ -39,9 +39,9 @@ def truth_table(records: Sequence[PhaseRecord], robot: Robot, squeeze: float) ->
     :param squeeze: desired squeeze [N].
     """
     table = make_table(
-        'True squeeze against its target; against the truth:\n'
-        'estimated squeeze, estimated joints and joints by encoders alone;\n'
-        'true object against the twists',
+        'Error of the true squeeze relative to its target; errors of the\n'
+        'estimated squeeze, of estimated joints and of joints by encoders\n'
+        'alone; error of the true pose relative to the twists',
         ('phase',),
         (
             'squeeze, end\n%',

@@ -36,7 +36,7 @@ def make_table(
 def plan_table(plan: PlanGrasp.Result) -> Table:
     """Return a table of the planned grasps, best first; the robot executes the first."""
     table = make_table(
-        f'Planned: {plan.evaluations} configurations evaluated, {plan.analyses} of them '
+        f'Plan: {plan.evaluations} configurations evaluated, {plan.analyses} of them '
         f'by statics, in {plan.computing_time:.1f} s',
         ('module', 'grasping members'),
         ('squeeze\nN', 'slips\nat N', 'wrinkling\n%', 'travel\nm', 'least\nrigidity'),
@@ -58,7 +58,7 @@ def plan_table(plan: PlanGrasp.Result) -> Table:
 def motion_table(records: Sequence[PhaseRecord]) -> Table:
     """Return a table of the object's displacement and errors in each phase."""
     table = make_table(
-        'Object: dx, dy in mm and rotation in degrees; roller: largest speed of any',
+        'Displacement of the object: dx, dy in mm, rotation in degrees; largest roller speed',
         ('phase',),
         ('commanded', 'measured', 'error\nmm', 'error\ndeg', 'roller\nmm/s', 'loop\nHz'),
     )
@@ -87,10 +87,10 @@ def grasp_table(records: Sequence[PhaseRecord]) -> Table:
     :param records: records of the phases.
     """
     table = make_table(
-        'Grasp: share of analyses by which the object is held; mean\n'
-        'normal force of a member; smallest further wrench at which it\n'
-        'slips, and along which arrow; share of friction used; length of\n'
-        'contact at the end; largest bending over wrinkling moment',
+        'Grasp: fraction of analyses with a held object; mean normal\n'
+        'force of a member; slip margin with its direction; largest\n'
+        'used fraction of friction; contact lengths at the end; largest\n'
+        'ratio of bending moment to wrinkling moment',
         ('phase',),
         (
             'held\n%',
@@ -130,8 +130,8 @@ def contact_table(records: Sequence[PhaseRecord]) -> Table:
     :param records: records of the phases.
     """
     table = make_table(
-        'Contact at the end of each phase, of the fixed object: length, largest\n'
-        'width and area of each region; mean and largest pressure on the object',
+        'Contact regions of the fixed object at the end of each phase: length,\n'
+        'largest width, area, mean and largest pressure',
         ('phase', 'member'),
         ('length\nmm', 'width\nmm', 'area\ncm\u00b2', 'mean\nkPa', 'peak\nkPa'),
     )

@@ -37,9 +37,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     :return: 0 after Ctrl-C, 1 if a node has ended.
     """
     parser = argparse.ArgumentParser(prog='isotruss view', description=__doc__)
-    parser.add_argument('--plant', choices=PLANTS, default=ELASTIC, help='of the simulator')
-    parser.add_argument('--port', type=int, default=8080, help='of the viewer')
-    parser.add_argument('--object', type=Path, help='YAML file of one that is no disc')
+    parser.add_argument('--plant', choices=PLANTS, default=ELASTIC, help='simulated plant')
+    parser.add_argument('--port', type=int, default=8080, help='port of the viewer')
+    parser.add_argument('--object', type=Path, help='YAML file of an object')
     options = parser.parse_args(arguments)
     domain = keep_to_this_machine()
     shown: dict[str, float | str] = {'object_diameter': DIAMETER, 'friction': FRICTION}

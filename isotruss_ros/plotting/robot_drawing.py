@@ -98,8 +98,8 @@ def frame(axes: Axes, low: Array, high: Array) -> None:
     Set the limits of axes so that a box is visible, with equal scales of x and y.
 
     :param axes: the axes.
-    :param low: (2,) smallest x and y [m].
-    :param high: (2,) largest x and y [m].
+    :param low: (2,) smallest x and y of the box [m].
+    :param high: (2,) largest x and y of the box [m].
     """
     axes.set_aspect('equal')
     axes.set_xlim(low[0], high[0])

@@ -213,7 +213,7 @@ class Picture:
         :param now: current time on the clock of the messages' arrival [s].
         """
         if not self.is_fresh('status', now):
-            return 'no manipulation'
+            return 'manipulation: no status'
         if self.status.code == Status.HALT_NO_TWIST and self.goal is None:
             return 'manipulation: at rest, nothing is commanded'
         return _describe_status(self.status)

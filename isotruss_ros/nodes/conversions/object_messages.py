@@ -75,7 +75,7 @@ def to_object_message(body: ConvexObject) -> ObjectMessage:
     Convert an object without its pose to a message.
 
     :param body: the object at any pose.
-    :raises GraspError: messages cannot describe its shape.
+    :raises GraspError: messages cannot describe the shape of the object.
     """
     shape: Any = body.shape
     numbers = {SHAPES[name]: number for number, name in SHAPE_NAMES.items()}

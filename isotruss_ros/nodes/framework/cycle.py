@@ -131,8 +131,8 @@ class PacedExecutor(SingleThreadedExecutor):
     """
     Executor that runs, in each period, each ready callback once and then the control cycle.
 
-    Before each wait, rclpy collects all entities of a node in Python, and its executor waits once
-    per message. This executor waits only once per cycle. With `SingleThreadedExecutor`, which
+    Before each wait, rclpy collects all entities of a node in Python. The executors of rclpy wait
+    once per message, this executor only once per cycle. With `SingleThreadedExecutor`, which
     works as well, `manipulation` takes 1.25 to 1.6 times the CPU time (three runs in turn at 100
     Hz on a busy machine).
 

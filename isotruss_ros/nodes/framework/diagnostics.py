@@ -39,7 +39,7 @@ class ReasonLog:
     """
     Log of the reasons for a node's stops and warnings, without repetitions.
 
-    A reason is logged if it differs from the last one of its kind in more than numbers.
+    Two texts of one kind that differ only in numbers are the same reason, which is logged once.
 
     :param log: function that writes a line to the node's log.
     """

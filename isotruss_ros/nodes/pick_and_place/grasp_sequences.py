@@ -339,7 +339,7 @@ class GraspSequences:
             raise StepError(StepOutcome.STOPPED, result.error_string)
 
     def _confirm(self, held: bool) -> Steps:
-        """Wait until the analysis of the resting robot finds the object held, or free."""
+        """Wait until an analysis of the robot at rest reports the object as held, or as free."""
         arrived = self._node.now()
         while True:
             now, analysed = self._node.now(), -np.inf
