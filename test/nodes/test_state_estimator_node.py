@@ -108,6 +108,19 @@ def test_estimate_is_robust_to_late_swapped_and_missing_markers():
     assert found.used_joints == sorted(NAMES)
 
 
+def test_markers_wait_for_joint_states_of_their_time():
+    places = dict(zip(NAMES, ROBOT.home.nodes[: len(NAMES)].tolist(), strict=True))
+    with world(estimator()) as w:
+        markers = listen(w)
+        w.spin(0.3, w.probe.send_joints)
+        w.spin(0.1)
+        send_markers(w, markers, places)
+        w.spin(0.1)
+        assert last_estimate(w).used_joints == []
+        w.spin(0.1, w.probe.send_joints)
+        assert last_estimate(w).used_joints == sorted(NAMES)
+
+
 def test_stale_pressures_give_a_warning_and_the_estimate_continues():
     with world(estimator(pressure_timeout=0.3)) as w:
         listen(w)

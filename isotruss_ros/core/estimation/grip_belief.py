@@ -123,7 +123,8 @@ class GripBelief:
         self._searched = 0.0
         self._corrected = np.zeros(count)
         self._travelled = np.array(grasp.pose)  # by what the rollers did alone
-        self._way.add(0.0, self._travelled)
+        self._measured = 0.0, self._travelled  # time of the last measured rollers, and value there
+        self._way.add(*self._measured)
         self._lag = CorrectionLag()  # of pose and squeeze
         self._by_considered = ConsideredRates.of(grasp)
         self._take(grasp)
@@ -244,6 +245,7 @@ class GripBelief:
         config: Configuration,
         elapsed: float,
         pressures: Pressures,
+        rollers: tuple[Array, float] | None = None,
     ) -> HoldStatus:
         """
         Roll the equilibrium to the current configuration; return the new hold status.
@@ -251,9 +253,11 @@ class GripBelief:
         If a contact slips or opens in the model, the equilibrium near the estimated pose is
         searched once.
 
-        :param config: configuration of the robot.
+        :param config: configuration of the robot, which may be predicted.
         :param elapsed: time since the last call [s].
         :param pressures: (t,) gauge pressure of each tube [Pa]; None: as in the robot file.
+        :param rollers: (r,) measured roller positions from which the configuration was predicted
+            [m], and their age [s]; None: the configuration is measured.
         """
         before = self.grasp
         given = replace(with_pressures(before, pressures), anchors=self._anchors)
@@ -265,15 +269,21 @@ class GripBelief:
             return HoldStatus.HELD if self.attach(config, pressures) else hold
         change = pose_difference(rolled.pose, np.array(before.pose) + self._pending[:3])
         travel = config.roller_positions - before.config.roller_positions
+        rates = grip_jacobian(before.config, self.grip)
         if self._moved_zeros.any():
             # Corrected offsets do not move the object: its model was off by so much.
             travel = travel - self._moved_zeros
-            moved = grip_jacobian(before.config, self.grip)[:3] @ travel
-            moved = moved + elapsed * self.drift[:3]
+            moved = rates[:3] @ travel + elapsed * self.drift[:3]
             self.bias, change = self.bias - self._even * (change - moved), moved
         else:
-            self._learn(before, rolled, travel, change, elapsed)
+            self._learn(before, rolled, travel, change, elapsed, rates @ travel)
         self._travelled = self._travelled + change
+        positions, age = rollers or (config.roller_positions, 0.0)
+        ahead = rates[:3] @ (config.roller_positions - positions)
+        # Rollers that follow their commands late were not where the last call predicted them.
+        self._way.add(*self._measured)
+        self._measured = self._time - age, self._travelled - ahead
+        self._way.add(*self._measured)
         self._way.add(self._time, self._travelled)
         self._way.discard_before(self._time - HISTORY_DURATION)
         self._take(rolled)
@@ -495,13 +505,18 @@ class GripBelief:
         return float((reserve / size).min())
 
     def _learn(
-        self, before: HeldGrip, grasp: HeldGrip, travel: Array, change: Array, elapsed: float
+        self,
+        before: HeldGrip,
+        grasp: HeldGrip,
+        travel: Array,
+        change: Array,
+        elapsed: float,
+        moved: Array,
     ) -> None:
         """Compute the drift, and how slip margin and utilisation change with roller travel."""
         if grasp.contacts is not before.contacts:  # a step, which the next travel does not repeat
             self.usage, self.drift = UsageLimits(grasp), np.zeros(4)
             return
-        moved = grip_jacobian(before.config, self.grip) @ travel
         pressed = grasp.squeeze - before.squeeze - self._pending[3]
         pressed -= before.squeeze_stiffness() * moved[3]
         beyond = np.append(change - moved[:3], pressed)

@@ -38,8 +38,6 @@ from numpy.typing import ArrayLike
 #: Number of successive messages without a consistent marker after which the roller offsets are
 #: regarded as unknown [-].
 MAX_INCONSISTENT_MESSAGES = 5
-#: Largest time by which a measurement may be later than the last encoder reading [s].
-AHEAD = 0.05
 
 
 class StateEstimator:
@@ -300,9 +298,9 @@ class StateEstimator:
         return self.settings.encoders**2 * rates @ rates.T
 
     def _in_time(self, time: float) -> bool:
-        """Return whether encoder readings exist near the time of a measurement."""
+        """Return whether there are encoder readings before and after a measurement."""
         known = self._readings
-        return bool(known) and known.first[0] <= time <= known.last[0] + AHEAD
+        return bool(known) and known.first[0] <= time <= known.last[0]
 
 
 def _positive(deviations: ArrayLike, count: int, what: str) -> Array:
