@@ -170,7 +170,7 @@ def open_gaps(away: Points, normals: Points, surface: Surface) -> Array:
 
 def guess_contact(contact_points: ContactPoints, gaps: Array) -> Flags:
     """
-    Return a mask (c,) that is true at the points of each member that overlap the object most.
+    Return a mask (c,) that is true for the deepest points of each member in the object.
 
     :param contact_points: candidate contact points.
     :param gaps: (c,) gaps of the undeformed tubes [m].

@@ -149,10 +149,9 @@ class ContactPoints:
 
     def is_parallel(self, bent: BentTubes, spacing: float) -> bool:
         """
-        Return whether other points have equal spacing and nearly equal positions on the members.
+        Return whether other points have nearly the positions of these points on the members.
 
-        :param bent: the linearised tubes with the other points as load points; they borrow the
-            factorised matrix from `ContactPoints.bent`.
+        :param bent: the linearised tubes with the other points as load points, after `lend`.
         :param spacing: spacing of the other points [m].
         """
         return spacing == self.spacing and bent.tangent.chains is self.bent.tangent.chains
@@ -160,6 +159,8 @@ class ContactPoints:
     def normal_compliance(self, normals: Points) -> Array:
         """
         Return the compliance of the skin along the normals, W = N^T (S^-1 + C) N of (8).
+
+        S is the stiffness of the frame, and C the compliance of the dents.
 
         :param normals: (c,) unit normals, x + iy.
         :return: (c, c) compliance, symmetric up to rounding [m/N].

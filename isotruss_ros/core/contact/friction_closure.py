@@ -71,7 +71,7 @@ def balance_by_friction(
 def _balance(
     segments: Array, facets: tuple[Array, Array], load: Array, friction: float
 ) -> tuple[Array, float]:
-    """Return friction factors (k,) in [-mu, mu] that balance a load, and the residual wrench."""
+    """Return ratios (k,) of friction to normal force that balance a load, and the residual [N]."""
     normals, support = facets
     offs, size = normals @ load, float(np.linalg.norm(load))
     room = friction * np.tile(support, 2) + np.concatenate([offs, -offs])
@@ -88,7 +88,7 @@ def _balance(
 
 
 def _smallest(segments: Array, wanted: Array, friction: float) -> Array:
-    """Return the smallest friction factors (k,) that exert a wrench, or the closest wrench."""
+    """Return the smallest friction ratios (k,) that produce a wrench, or the closest wrench."""
     shares = solve_least_squares(segments.T, wanted)
     if np.abs(shares).max() <= friction:
         return shares

@@ -120,7 +120,7 @@ class GraspAnalysis(
         """
         Return the robot's stiffness against motion of the object, (3, 3) [N/m, N, N m].
 
-        It is the derivative of the wrench (fx, fy, m) with respect to the displacement (dx, dy,
+        The stiffness is the derivative of the wrench (fx, fy, m) by the displacement (dx, dy,
         dtheta), without slip at the contacts.
 
         :raises SolverError: the contact compliance is not positive definite.

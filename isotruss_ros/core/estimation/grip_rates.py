@@ -23,7 +23,7 @@ LOAD, BIAS, DELAY, SHIFTS = slice(0, 3), slice(3, 6), 6, 7
 
 
 class StateRates(NamedTuple):
-    """Derivatives of pose and squeeze with respect to the state (n,); rotations times the arm."""
+    """Derivatives of pose, rotations times the characteristic radius, and squeeze by the state."""
 
     pose: Array  #: (3, n) derivatives of the object's pose
     squeeze: Array  #: (n,) derivatives of the squeeze

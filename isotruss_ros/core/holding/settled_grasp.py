@@ -151,8 +151,8 @@ class SettledGrasp(
         """
         Return the robot's stiffness against motion of the object, (3, 3) [N/m, N, N m].
 
-        It is the derivative of the wrench (fx, fy, m) with respect to the displacement (dx, dy,
-        dtheta), without slip at the contacts. It is zero if there is no equilibrium.
+        The stiffness is the derivative of the wrench (fx, fy, m) by the displacement (dx, dy,
+        dtheta), without slip at the contacts. Without an equilibrium, zero is returned.
         """
         response = None if self.equilibrium is None else self.equilibrium.response
         return np.zeros((3, 3)) if response is None else response.stiffness

@@ -122,7 +122,7 @@ def find_facing(
     """
     Return directions of two members that admit force closure, near the current directions.
 
-    They minimise a weighted sum of the required friction angle and the rotation.
+    The directions minimise a weighted sum of required friction angle and rotation.
 
     :param body: the object at its pose.
     :param normals: (2,) current unit vectors from the object toward the members, robot frame.

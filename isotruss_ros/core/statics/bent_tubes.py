@@ -365,7 +365,7 @@ class BentTubes:
         return moved, nodes
 
     def _ways(self, loads: Array, places: Array) -> Array:
-        """Return the factors (p,) on `_changes`: changes of loads and places, then 1."""
+        """Return the factors (p,) on the columns of `_changes`: changes of loads and places, 1."""
         known = 0.0 if self.before is None else self.before.loads
         return np.concatenate([(loads - known).ravel(), places - self._cut[2], [1.0]])
 

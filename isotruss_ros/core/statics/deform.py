@@ -91,7 +91,7 @@ class Deformation(Record, headline=('reactions', 'displacements')):
         """
         Return the factor on all loads at which the structure becomes unstable [-].
 
-        It is infinite if it exceeds 100.
+        Infinity is returned if the factor exceeds 100.
 
         :raises SolverError: neither the limit load nor 100 times the loads was reached.
         """
