@@ -14,7 +14,8 @@ foundation,
     G_n = pi p R^2 (1 + 1/n^2) / 2 + pi R G t f_n / n^2,
     f_n = E t / (E t + G t n^2 lambda_n^2 / R^2),   lambda_n = sqrt(G_n / k_n),
 
-where G_n is due to the wall tension p R / 2 and the shear of the fabric. The compliance of a mode
+where w is the amplitude of the mode, q the load per length, and G_n is due to the wall tension
+p R / 2 and the shear of the fabric. The compliance of a mode
 at a distance s is exp(-s / lambda_n) / (2 sqrt(k_n G_n)). All but the first few modes decay so
 fast along the tube that they deform only the loaded section.
 """

@@ -31,7 +31,7 @@ class StateRates(NamedTuple):
     @classmethod
     def of(cls, grasp: HeldGrip, anchored: Array) -> StateRates:
         """
-        Return the derivatives of pose and squeeze at an equilibrium.
+        Return the derivatives of pose and squeeze by the state at an equilibrium.
 
         :param grasp: the equilibrium; its `response` is not None.
         :param anchored: derivatives of the unknowns of the equilibrium, see `anchor_rates`.
@@ -61,7 +61,7 @@ class ConsideredRates(NamedTuple):
     @classmethod
     def of(cls, grasp: HeldGrip) -> ConsideredRates:
         """
-        Return the derivatives of pose and squeeze at an equilibrium.
+        Return the derivatives by roller offsets and stiffness at an equilibrium.
 
         :param grasp: the equilibrium.
         """

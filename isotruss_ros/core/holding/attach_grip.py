@@ -271,7 +271,7 @@ def _solve_nearby(
 
 
 def _choices(contacts: PressedContacts) -> list[PressedContacts]:
-    """Return contact hypotheses: first all face ends in contact, then fewer and fewer."""
+    """Return contact hypotheses: first all face ends in contact, then fewer face ends."""
     faces = [own.tolist() for own in contacts.ends if len(own) > 1]
     found = []
     for dropped in itertools.product(*([None, *own] for own in faces)):

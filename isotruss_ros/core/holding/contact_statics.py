@@ -136,7 +136,7 @@ class ContactStatics:
         return np.einsum('lnk,nkc->klc', self._push(unknowns).rates, bending)
 
     def _push(self, unknowns: Array) -> _Pushes:
-        """Return the loads of the contacts on the tubes, with derivatives."""
+        """Return the loads of the contacts on the tubes, with derivatives by the unknowns."""
         begin = self.places.inclinations.start
         turned, normal, friction = unknowns[begin:].reshape(3, -1)
         local = self._aside * np.exp(1j * turned)

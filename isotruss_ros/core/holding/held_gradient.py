@@ -38,10 +38,10 @@ class HeldGradient:
 @single_threaded
 def held_gradient(grip: HeldGrip) -> HeldGradient:
     """
-    Return the derivatives of pose, forces and joints of a held object with sticking contacts.
+    Return the derivatives of pose, forces and joints by the parameters of `HeldGradient`.
 
-    From the equilibrium equations F(y, x) = 0 follows y' = -F_y^-1 F_x, see `grasp_gradient`.
-    Joint positions include the displacements due to contact forces.
+    The contacts stick. From the equilibrium equations F(y, x) = 0 follows y' = -F_y^-1 F_x, see
+    `grasp_gradient`. Joint positions include the displacements due to contact forces.
 
     :param grip: equilibrium of the object.
     :raises GraspError: the equilibrium is neutral (its Jacobian is singular).

@@ -355,7 +355,7 @@ class BentTubes:
         return float(max(moved, slid))
 
     def _displace(self, ways: Array) -> tuple[Array, Array]:
-        """Return the changes of the nodes' displacements (n, 3), and of their positions (n, 3)."""
+        """Return the changes by `ways` of the nodes' displacements (n, 3) and positions (n, 3)."""
         nodes = self._changes[0] @ ways
         moved = nodes.copy()
         if self.before is not None:
@@ -365,7 +365,7 @@ class BentTubes:
         return moved, nodes
 
     def _ways(self, loads: Array, places: Array) -> Array:
-        """Return the factors (p,) on the columns of `_changes`: changes of loads and places, 1."""
+        """Return `ways` (p,), factors on the columns of `_changes`: loads, places, and 1."""
         known = 0.0 if self.before is None else self.before.loads
         return np.concatenate([(loads - known).ravel(), places - self._cut[2], [1.0]])
 
@@ -480,7 +480,7 @@ class BentTubes:
         return self.stiffness / self.share * ends, 0.0 * pull if self.linear else pull
 
     def _force_changes(self, ways: Array, nodes: Array) -> tuple[Array, Array]:
-        """Return the changes of the members' N, M1 and M2 (c, 3) and chord lengths (c,)."""
+        """Return the changes of N, M1 and M2 (c, 3) and chord lengths (c,) by `ways`."""
         changes, longer = self.tangent.force_changes(nodes[..., None])
         changes, slid = changes[..., 0], np.tile(ways[self._moving], 2)
         np.add.at(changes, self._parts[0], self._place_rates[2] * slid[:, None])
