@@ -71,8 +71,7 @@ def analyze_grasp(
         the pressure of the robot file is used.
     :param previous: analysis of a similar grasp, from which the iteration starts. If a deep
         indentation has several equilibria, this start decides which of them is found.
-    :param paper_model: True for the paper's model, which is linear about straight tubes with round
-        sections.
+    :param paper_model: True for the paper's model: linear statics, straight tubes, round sections.
     :raises GraspError: an argument is invalid.
     :raises StructureError: the robot is a mechanism, a pressure is invalid, or the stiffness laws
         contradict each other.

@@ -148,7 +148,7 @@ class GraspAnalysis(
         """
         Return the relative increase of the contact forces due to geometric nonlinearity [-].
 
-        The forces are compared with those of a model that is linear about the straight tubes. The
+        The forces are compared with those of a linear model with straight tubes. The
         increase is computed to first order, from the work of the contact forces. It is zero in the
         paper's model.
         """

@@ -41,7 +41,7 @@ class GraspParameters(NamedTuple):
     @classmethod
     def of(cls, config: Configuration) -> GraspParameters:
         """
-        Return the columns of the parameters for grasps by a robot.
+        Return the column indices of all parameters of grasps by a robot.
 
         :param config: configuration of the robot.
         """

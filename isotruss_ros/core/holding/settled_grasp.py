@@ -94,7 +94,7 @@ class SettledGrasp(
 
     @property
     def required_friction(self) -> float:
-        """Return the smallest coefficient of friction for equilibrium; infinite if none exists."""
+        """Return the smallest friction coefficient without slip; infinite without equilibrium."""
         return math.inf if self.equilibrium is None else self.equilibrium.required_friction
 
     @cached_property
