@@ -148,7 +148,8 @@ def chord_stiffness(length: Array, forces: EndForces) -> Array:
     """
     Return the stiffness (k, 4, 4) of bent members in the coordinates of `chord_motions`.
 
-    These are the chord's length, both end rotations relative to the chord, and its rotation.
+    These are the chord's length, both end rotations relative to the chord, and the rotation of the
+    chord.
 
     :param length: (k,) lengths of the chords [m].
     :param forces: forces of the members, with the derivatives of the forces.

@@ -27,9 +27,10 @@ from isotruss_ros.core.statics.tangent import end_forces, Slopes, Tangent
 import numpy as np
 
 #: Tubes are linearised again if a node has moved farther than this from the linearised state [m]:
-#: in a moving robot, and for a single equilibrium. The predicted displacements have an error of
-#: `TUBE_CURVATURE` times the square of the motion, a stiffness one of `TUBE_CURVATURE` times the
-#: motion. With ten times of the second value, differences of stiffnesses err by up to 5e-6.
+#: for a moving robot, and for a single equilibrium. The error of predicted displacements is
+#: `TUBE_CURVATURE` times the square of the motion; the relative error of a stiffness is
+#: `TUBE_CURVATURE` times the motion. With ten times the second value, differences of stiffnesses
+#: have errors of up to 5e-6.
 FOLLOWED_MOTION, SETTLED_MOTION = 1e-4, 1e-10
 #: Weight of a load point's motion relative to a node's motion in `BentTubes.distance` [-].
 PLACE_SHARE = 0.2
