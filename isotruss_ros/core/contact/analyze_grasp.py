@@ -220,7 +220,7 @@ def _pressed(
 
 
 def _about_middle(body: ConvexObject, wrench: Array) -> Array:
-    """Convert a wrench about the origin of the object's frame to one about the centroid [N]."""
+    """Return (fx, fy, m / arm) about the centroid [N] of a wrench about the frame's origin."""
     away = body.middle - body.center
     x, y, moment = wrench
     return np.array([x, y, (moment - away.real * y + away.imag * x) / body.arm])

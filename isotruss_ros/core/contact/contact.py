@@ -94,7 +94,7 @@ def solve_contact(
 def _settle_normals(
     contact_points: ContactPoints, places: Indices, normals: Points, gaps: Array, surface: Surface
 ) -> Points:
-    """Return forces x + iy [N] that close the gaps of a points, with their normals updated."""
+    """Return the forces (a,), x + iy [N], that close the gaps (a,) and have updated normals."""
     count = len(places)
     if count == 0:
         return np.zeros(0, dtype=np.complex128)

@@ -249,7 +249,7 @@ def find_contact_points(
     :param structure: structural model of the robot.
     :param surface: surface that the points meet. It is the object's surface, or for round tubes
         the object's surface offset by the tube radius.
-    :param spacing: distance of the points along the tube [m].
+    :param spacing: distance between successive points along the tube [m].
     :param flattening: local compliance of the tubes; None for the paper's model.
     :param windows: (m, 2) interval of each member in which points are placed, from the member's
         start [m]; None: the whole member.

@@ -78,7 +78,7 @@ def _balance(
     nearest = find_nearest(np.concatenate([normals, -normals]).T, room, size, 0.0)
     left = np.zeros(3) if nearest is None else nearest.point
     # Friction is at its bound at each contact whose friction wrench has a component along the
-    # residual. Only the factors of the few contacts without such a component are unknown.
+    # residual. Only the ratios of the few contacts without such a component are unknown.
     lever, reach = segments @ left, np.linalg.norm(segments, axis=1) * np.linalg.norm(left)
     free = np.abs(lever) <= NEGLIGIBLE_SHARE * reach
     shares = np.where(free, 0.0, -friction * np.sign(lever))

@@ -79,10 +79,10 @@ class GraspAnalysis(
     :ivar peak_pressures: largest contact pressure, for each member in contact [Pa].
     :ivar flattened: names of the members whose contact is as wide as half of the circumference.
         Their section is flat there, and the model no longer holds for depth and force.
-    :ivar utilisation: ratio of the largest bending moment to the wrinkling moment, for each member
-        [-]. At 1 and above the tube wrinkles, and the model no longer holds.
-    :ivar utilisation_places: distance of the largest bending moment from the member's start, for
-        each member [m].
+    :ivar utilisation: largest ratio of bending moment to wrinkling moment, for each member [-]. At
+        1 and above the tube wrinkles, and the model no longer holds.
+    :ivar utilisation_places: distance of the largest utilisation from the member's start, for each
+        member [m].
     :ivar center: origin of the object's frame, x + iy [m].
     :ivar structure: structural model of the robot.
     :ivar solved: the solved contact from which this analysis was computed.

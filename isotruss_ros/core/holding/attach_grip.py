@@ -16,10 +16,10 @@ from dataclasses import replace
 import itertools
 
 from isotruss_ros.core.holding.build_statics import (
-    AS_MODELLED,
     build_statics,
     find_dents,
     find_pressed,
+    NOMINAL_TUBES,
     start_at,
 )
 from isotruss_ros.core.holding.contact_forces import (
@@ -73,7 +73,7 @@ def attach_grip(
     body: ConvexObject,
     members: Indices | None = None,
     external_wrench: Array | None = None,
-    tubes: TubeModel = AS_MODELLED,
+    tubes: TubeModel = NOMINAL_TUBES,
     before: HeldGrip | None = None,
     quick: bool = False,
 ) -> HeldGrip:
