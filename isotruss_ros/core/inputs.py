@@ -253,31 +253,35 @@ def steady_pressures(
 
 
 class Timeline:
-    """Piecewise linear function of time, with scalars or arrays as values."""
+    """
+    Piecewise linear function of time, with numbers or arrays as values.
+
+    Values of other kinds can be stored as well, but not interpolated.
+    """
 
     def __init__(self) -> None:
-        self._known: deque[tuple[float, float | Array]] = deque()
+        self._known: deque[tuple[float, Any]] = deque()
 
     def __bool__(self) -> bool:
         """Return whether the function has a value at any time."""
         return bool(self._known)
 
     @property
-    def first(self) -> tuple[float, float | Array]:
+    def first(self) -> tuple[float, Any]:
         """Return the first time [s] and the function's value at this time."""
         return self._known[0]
 
     @property
-    def last(self) -> tuple[float, float | Array]:
+    def last(self) -> tuple[float, Any]:
         """Return the last time [s] and the function's value at this time."""
         return self._known[-1]
 
     @property
-    def values(self) -> list[float | Array]:
+    def values(self) -> list[Any]:
         """Return all values of the function in order of time."""
         return [value for _, value in self._known]
 
-    def add(self, time: float, value: float | Array) -> None:
+    def add(self, time: float, value: Any) -> None:
         """
         Add a value at a time; remove earlier added values at this time or later.
 
@@ -301,7 +305,7 @@ class Timeline:
         while len(self._known) > 1 and self._known[1][0] <= time:
             self._known.popleft()
 
-    def at(self, time: float) -> float | Array:
+    def at(self, time: float) -> Any:
         """
         Return the interpolated value at a time; the function is constant beyond its end points.
 

@@ -59,7 +59,7 @@ SPECS = (
     ),
     FixedSpec(
         'zero_deviation',
-        PRIOR.zeros,
+        PRIOR.zero_deviation,
         'Prior standard deviation of the roller offsets [m]; after calibrate_home, set 0.001',
         (1e-6, 1.0),
     ),
@@ -128,14 +128,14 @@ class StateEstimatorNode(ManagedNode):
         values = self.values
         self.inputs.clear()
         settings = EstimatorSettings(
-            zeros=values.zero_deviation,
+            zero_deviation=values.zero_deviation,
             slip=values.slip,
             stiffness=values.stiffness_deviation,
         )
         self._estimator, self._last = StateEstimator(self.robot, settings), None
-        #: Updates by poses and markers received since the last cycle, for which the model is
-        #: evaluated once.
-        self._waiting: list[Callable[[], object]] = []
+        #: Times of poses and markers that are later than the joint states of the last cycle [s],
+        #: and updates by them, for which the model is evaluated once.
+        self._waiting: list[tuple[float, Callable[[], object]]] = []
         self._apply()
 
     def _apply(self) -> None:
@@ -152,16 +152,28 @@ class StateEstimatorNode(ManagedNode):
     def _take_pose(self, given: StampedInput) -> None:
         values, estimator = self.values, self._estimator
         deviations = values.pose_deviation, values.pose_deviation, values.angle_deviation
-        self._waiting.append(partial(estimator.take_pose, given.time, given.value, deviations))
+        take = partial(estimator.take_pose, given.time, given.value, deviations)
+        self._waiting.append((given.time, take))
 
     def _take_markers(self, given: StampedInput) -> None:
         estimator, deviation = self._estimator, self.values.marker_deviation
-        self._waiting.append(partial(estimator.take_markers, given.time, given.value, deviation))
+        take = partial(estimator.take_markers, given.time, given.value, deviation)
+        self._waiting.append((given.time, take))
 
-    def _take_waiting(self) -> None:
-        """Update the estimate with new poses and markers; reject and log invalid input."""
+    def _take_waiting(self, now: float) -> None:
+        """
+        Update the estimate with new poses and markers; reject and log invalid input.
+
+        Those later than the joint states wait for joint states of their time.
+        """
+        rollers = self.inputs.rollers
+        last = rollers.time if isinstance(rollers, StampedInput) else -math.inf
         waiting, self._waiting = self._waiting, []
-        for take in waiting:
+        for time, take in waiting:
+            if time > last:
+                if time > now - HISTORY_DURATION:
+                    self._waiting.append((time, take))
+                continue
             try:
                 take()
             except IsotrussError as error:
@@ -188,7 +200,7 @@ class StateEstimatorNode(ManagedNode):
 
     def _step(self, now: float) -> None:
         stale, inputs = self._take_pressures(now), self.inputs
-        self._take_waiting()
+        self._take_waiting(now)
         try:
             require_fresh(now, self.values.command_timeout, joint_states=inputs.rollers)
             estimate = self._estimator.estimate()

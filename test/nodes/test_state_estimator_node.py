@@ -85,7 +85,7 @@ def test_prior_of_the_robot_is_that_of_the_parameters(monkeypatch):
 
     monkeypatch.setattr(state_estimator, 'StateEstimator', make)
     with world(estimator(zero_deviation=0.002, slip=0.03, stiffness_deviation=0.2)):
-        expected = state_estimate.EstimatorSettings(zeros=0.002, slip=0.03, stiffness=0.2)
+        expected = state_estimate.EstimatorSettings(zero_deviation=0.002, slip=0.03, stiffness=0.2)
         assert made[-1] == expected
 
 
@@ -106,6 +106,19 @@ def test_estimate_is_robust_to_late_swapped_and_missing_markers():
         found = last_estimate(w)
     assert np.abs(found.offsets).max() < 2e-4
     assert found.used_joints == sorted(NAMES)
+
+
+def test_markers_wait_for_joint_states_of_their_time():
+    places = dict(zip(NAMES, ROBOT.home.nodes[: len(NAMES)].tolist(), strict=True))
+    with world(estimator()) as w:
+        markers = listen(w)
+        w.spin(0.3, w.probe.send_joints)
+        w.spin(0.1)
+        send_markers(w, markers, places)
+        w.spin(0.1)
+        assert last_estimate(w).used_joints == []
+        w.spin(0.1, w.probe.send_joints)
+        assert last_estimate(w).used_joints == sorted(NAMES)
 
 
 def test_stale_pressures_give_a_warning_and_the_estimate_continues():

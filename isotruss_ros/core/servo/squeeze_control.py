@@ -127,9 +127,9 @@ class SqueezeControl:
         if belief is None:
             return
         if fresh and covariance is not None:
-            belief.take_zeros(covariance)
+            belief.set_zero_covariance(covariance)
         if before is not None and not np.array_equal(offsets, before):
-            belief.move_zeros(offsets - before)
+            belief.correct_zeros(offsets - before)
 
     def note(self) -> str:
         """Return a sentence that describes the fault of the grip; empty if there is none."""
@@ -159,6 +159,7 @@ class SqueezeControl:
         elapsed: float,
         sample: tuple[Pose, float] | None = None,
         gripped: bool = False,
+        rollers: tuple[Array, float] | None = None,
     ) -> HoldStatus:
         """
         Update the estimated grip and the desired pose for a new configuration and measured pose.
@@ -174,6 +175,7 @@ class SqueezeControl:
         :param gripped: whether the client reports that the object is gripped. Then an equilibrium
             with the desired squeeze is assumed if only wrong roller offsets can explain the
             measured pose.
+        :param rollers: measured roller positions, see `GripBelief.follow`.
         :return: hold status of the object according to the model.
         :raises GraspError: see `find_contacts`.
         :raises ConfigurationError: the configuration is singular.
@@ -184,7 +186,7 @@ class SqueezeControl:
             self.reference = self.reference + elapsed * self._velocity
         if belief is None:
             return self._begin(config, grip, gripped)
-        hold = belief.follow(config, elapsed, self._pressures)
+        hold = belief.follow(config, elapsed, self._pressures, rollers)
         if hold is not HoldStatus.HELD:
             self.belief, self._lost = None, hold
             return hold

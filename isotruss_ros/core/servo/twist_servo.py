@@ -28,6 +28,7 @@ from isotruss_ros.core.inputs import (
     LatestInputs,
     require_fresh,
     StampedInput,
+    Timeline,
 )
 from isotruss_ros.core.kinematics.configuration import Configuration, ConfigurationTracker
 from isotruss_ros.core.kinematics.robot import Robot
@@ -79,6 +80,7 @@ class TwistServo:
         self.squeeze: SqueezeControl | None = None
         self._history = CommandHistory(len(robot.roller_names))
         self._regulated: float | None = None  # time of the last cycle of the squeeze control
+        self._poses = Timeline()  # last pose up to the time of the rollers, and the later ones
         self._detected: float | None = None  # time of the roller state that was compared last
         self._tracker = ConfigurationTracker(robot.home)
         self.settings = settings
@@ -349,12 +351,12 @@ class TwistServo:
         squeeze: SqueezeControl,
         config: Configuration,
         grip: Grip,
-        measured: Sequence[StampedInput],
+        inputs: Sequence[StampedInput],
         now: float,
         gripped: bool = False,
     ) -> HoldStatus:
         """Propagate the belief of the held object to the midpoint of the cycle."""
-        (rollers, pose), settings, estimate = measured, self.settings, self.inputs.estimate
+        (rollers, pose), settings, estimate = inputs, self.settings, self.inputs.estimate
         covariance = estimate.value.covariance if isinstance(estimate, StampedInput) else None
         squeeze.take_offsets(rollers.value.offsets, covariance)
         pressures = self.inputs.pressures
@@ -362,9 +364,16 @@ class TwistServo:
         # In a late loop, commands are valid for longer than the period.
         before, self._regulated = self._regulated, now
         elapsed = 0.0 if before is None else min(now - before, settings.timeout)
-        sample = pose.value, now + 0.5 * settings.period - pose.time
+        if squeeze.belief is None:
+            self._poses.clear()
+        # Poses later than the measured rollers wait until the travel up to them is measured.
+        self._poses.add(pose.time, pose.value)
+        self._poses.discard_before(rollers.time)
+        time, seen = self._poses.first
+        middle = now + 0.5 * settings.period
         here = settings.grip.moved_to(grip.body.pose)
-        return squeeze.follow(config, here, elapsed, sample, gripped)
+        sample, measured = (seen, middle - time), (rollers.value.positions, middle - rollers.time)
+        return squeeze.follow(config, here, elapsed, sample, gripped, measured)
 
     def _regulate(
         self,

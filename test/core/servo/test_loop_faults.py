@@ -3,12 +3,17 @@
 
 """Late loops and corrected zeros, as the loop deals with them."""
 
-from grips import gripped
+import math
+
+from grips import gripped, MASSLESS
 from isotruss_ros.core import (
     ConvexObject,
+    ElasticObject,
     Grip,
     load_robot,
     Pose,
+    RollerFaults,
+    SimulatedRobot,
     Status,
     tangent_center,
     TwistServo,
@@ -94,3 +99,38 @@ def test_an_object_that_is_taken_away_at_rest_is_no_fault():
     for number in range(1, 60):
         decide(made, positions, Pose(5.0, 5.0, 0.0), NOW + number * PERIOD)
     assert made.squeeze.fault is made.squeeze.belief is None
+
+
+@pytest.mark.parametrize(
+    ('rollers_late', 'pose_late', 'every'),
+    [(0, 0, 1), (1, 0, 1), (5, 0, 1), (0, 5, 1), (0, 1, 2)],
+)
+def test_a_turn_by_rollers_that_follow_late_is_no_slip(rollers_late, pose_late, every):
+    config, body = gripped(35.0, squeeze=0.1)
+    held, period, sent, lengths = ElasticObject(body, 0.5), 0.01, [], []
+    plant = SimulatedRobot(config, held, RollerFaults())
+    plant.advance(0.0)
+    squeeze = SqueezeSettings(held.grasp.squeeze, max_utilisation=math.inf, **MASSLESS)
+    grip = Grip.at_module(config.robot, 'north/Z', body, 0.5)
+    servo = TwistServo(config.robot, ServoSettings(grip, period, 1.0, squeeze=squeeze))
+    for number in range(110):
+        now = number * period
+        # A busy machine: the rollers keep their last command, and nothing is measured.
+        stands = 40 <= number < 89
+        if not stands:
+            state = RollerState(plant.roller_positions, plant.roller_velocities)
+            sent.append((number, StampedInput(state, now), StampedInput(plant.object_pose, now)))
+        if number % every == 0:
+            rollers = [each for when, each, _ in sent if when <= max(number - rollers_late, 0)]
+            poses = [each for when, _, each in sent if when <= max(number - pose_late, 0)]
+            twist = StampedInput((0.0, 0.0, 0.4 * now), now)
+            servo.receive(twist=twist, rollers=rollers[-1], pose=poses[-1])
+            decision = servo.decide(now)
+            assert decision.command.status < Status.HALT_NO_TWIST
+            lengths.append(servo.squeeze.belief.walk.length)
+        if not stands:
+            plant.command(decision.command.roller_velocities)
+        plant.advance(period)
+    assert held.grasp.squeeze == pytest.approx(squeeze.force, rel=0.05)
+    assert max(lengths) < 5e-4
+    assert servo.squeeze.belief.delay < 5e-3
