@@ -128,7 +128,9 @@ class _Loop(Regulated):
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
         robot = self.servo.robot
-        self.estimator = StateEstimator(robot, EstimatorSettings(zeros=ZEROS, stiffness=MEASURED))
+        self.estimator = StateEstimator(
+            robot, EstimatorSettings(zero_deviation=ZEROS, stiffness=MEASURED)
+        )
         self.estimator.grip = self.servo.settings.grip.moved_to(self.plant.object_pose())
         self.joints = robot.topology.joint_names
         self.offsets = np.zeros(len(robot.roller_names))

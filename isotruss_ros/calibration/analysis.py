@@ -24,8 +24,8 @@ from isotruss_ros.core.numerics.arrays import Array, Indices
 import numpy as np
 
 #: Plausible ranges of the constants of a tube: E t and G t from rubber film to metal foil [N/m],
-#: and c [-]. They detect wrong units: displacements in mm reduce E t and G t by the factor 1000,
-#: pressures in kPa increase c by the factor 1000.
+#: and the end softening c [-]. They detect wrong units: displacements in mm reduce E t and G t by
+#: the factor 1000, pressures in kPa increase c by the factor 1000.
 PLAUSIBLE_RANGES = {
     'membrane_modulus': (1e3, 1e7),
     'membrane_shear_modulus': (3e2, 1e7),
@@ -159,7 +159,9 @@ def _beam(slopes: Mapping[str, Sequence[Slope]], radius: float) -> FittedBeam:
 
 def _local(presses: Presses, fitted: FittedBeam | None) -> FittedLocalStiffness:
     if fitted is None:
-        raise MeasurementError('no beam was fitted, and interference bends the tube as well')
+        raise MeasurementError(
+            'no beam was fitted; interference bends the tube as well, so its fit needs the beam'
+        )
     return fit_local_stiffness(presses, fitted.beam)
 
 

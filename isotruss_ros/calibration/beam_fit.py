@@ -31,7 +31,7 @@ SEARCH_FACTOR = 1e6
 #: outlier [-]. With a third of the latter, correct groups of tubes that do not behave like this
 #: beam are removed; with three times of it, groups that are wrong by a factor of 8 are not
 #: removed.
-COMMON_MISFIT, LEAST_MISFIT = 0.1, 0.7
+COMMON_MISFIT, MIN_OUTLIER_MISFIT = 0.1, 0.7
 #: Largest fraction of outlying groups [-]; if more are outlying, the model does not apply.
 MAX_OUTLIER_SHARE = 0.2
 #: Smallest singular value, relative to the largest, at which a combination of constants counts as
@@ -100,13 +100,13 @@ def fit_beam(
     found = _search(modes, lengths, pressures, stiffnesses, radius, **tight)
     _require_determined(found.jac)
     width = half_widths(found.jac, found.fun)
-    # Without effect, any larger or smaller constant fits as well.
+    # A constant without effect on the stiffnesses is unbounded.
     width = np.where(np.linalg.norm(found.jac, axis=0) > MIN_SINGULAR_RATIO, width, np.inf)
     constants = np.exp(found.x)
     if constants.max() > MAX_MAGNITUDE:
         raise MeasurementError(
-            f'{BeamConstants._fields[constants.argmax()]} = {constants.max():g} exceeds the range '
-            'of robot files; are the units SI?'
+            f'{BeamConstants._fields[constants.argmax()]} = {constants.max():g}: must be at most '
+            f'{MAX_MAGNITUDE:g}, as in a robot file; are the units SI?'
         )
     with np.errstate(over='ignore'):
         low, high = np.exp(found.x - width), np.exp(found.x + width)
@@ -137,7 +137,7 @@ def outlying_ratios(
     """
     robust = {'loss': 'cauchy', 'f_scale': COMMON_MISFIT}
     off = -_search(modes, lengths, pressures, stiffnesses, radius, **robust).fun
-    out = np.abs(off) > LEAST_MISFIT
+    out = np.abs(off) > MIN_OUTLIER_MISFIT
     return (
         np.exp(np.where(out, off, 0.0)) if out.mean() <= MAX_OUTLIER_SHARE else np.ones(len(off))
     )
@@ -181,7 +181,8 @@ def _estimate(
 ) -> Array:
     """Return initial estimates of the logarithms of the beam's constants."""
     axial, transverse, rotary = (modes == mode for mode in range(3))
-    # Between EI/L and 4 EI/L; equal compliance by bending and shear, by ends and wall.
+    # Rotary stiffnesses are taken as 2 EI/L, between EI/L and 4 EI/L. Bending and shear have equal
+    # shares of the compliance, as have the ends and the wall.
     bending = np.where(rotary, 0.5 * stiffnesses * lengths, stiffnesses * lengths**3 / 6.0)
     shear = np.where(rotary, 4.0 * stiffnesses / lengths, 2.0 * stiffnesses * lengths)
     across = transverse | rotary
@@ -203,7 +204,7 @@ def _require_modes(modes: Indices) -> None:
         missing.append('no transverse or rotary points: bending and shear need them')
     if not missing and len(modes) < 4:
         missing.append(
-            f'{len(modes)} groups of points leave nothing to judge three constants by; '
+            f'{len(modes)} groups of points cannot check a fit of three constants; '
             'measure four or more'
         )
     if missing:

@@ -35,12 +35,12 @@ def find_mistake(robot: Robot, postures: Sequence[Posture], deviation: float) ->
             fit = fit_home(robot, corrected)
         except ConfigurationError:
             continue
-        if _tells(fit.jacobian) and fit.worst(deviation) is None:
+        if _is_overdetermined(fit.jacobian) and fit.worst(deviation) is None:
             found[text] = float((fit.residuals**2).sum())
     return min(found, key=found.__getitem__) if found else _moved_frame(robot, postures, deviation)
 
 
-def _tells(jacobian: Array) -> bool:
+def _is_overdetermined(jacobian: Array) -> bool:
     """Return whether a fit has more measured coordinates than unknowns, so that it can fail."""
     return jacobian.shape[0] > jacobian.shape[1]
 
@@ -90,11 +90,11 @@ def _moved_frame(robot: Robot, postures: Sequence[Posture], deviation: float) ->
         fit = fit_home(robot, postures, moved=True)
     except ConfigurationError:
         return ''
-    if not _tells(fit.jacobian) or fit.worst(deviation) is not None:
+    if not _is_overdetermined(fit.jacobian) or fit.worst(deviation) is not None:
         return ''
     x, y, angle = fit.motion
     x, y, degrees = (round(value, 3) + 0.0 for value in (x, y, math.degrees(angle)))
     return (
-        f'the frame of the tracker is not that of the robot: its origin is there at ({x:.3f}, '
-        f'{y:.3f}) m, turned by {degrees:.1f} degrees: publish that transform'
+        f"the tracker's frame is not the robot's frame: in the robot's frame its origin is at ("
+        f'{x:.3f}, {y:.3f}) m, turned by {degrees:.1f} degrees: publish this transform'
     )

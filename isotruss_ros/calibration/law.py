@@ -91,12 +91,12 @@ def _missing(pressures: Array, lengths: Array, logs: Array, n: int) -> list[str]
         return missing
     if np.linalg.matrix_rank(logs - logs.mean(axis=0), tol=1e-9) < 2:
         missing.append(
-            'exponents a and b cannot be told apart because pressure and length change together; '
+            'a and b cannot be distinguished, because pressure and length change together; '
             'measure another length at one of the pressures'
         )
     elif n < 4:
         missing.append(
-            f'{n} pairs of pressure and length leave nothing to judge the fit by; '
+            f'{n} pairs of pressure and length cannot check a fit of three constants; '
             'measure four or more'
         )
     return missing

@@ -104,7 +104,7 @@ def _spread(group: Group, inside: Flags) -> Flags:
 def _is_linear(group: Group, inside: Flags, tolerance: float) -> bool:
     used = inside & _spread(group, inside)
     if not used.any():
-        return True  # there is no slope either
+        return True  # too few points for a slope as well
     slope, _, line_rest, line_freedom = _fit(group, used, 1)
     _, _, cubic_rest, freedom = _fit(group, used, 3)
     rise = abs(slope) * np.ptp(group.displacements[used])

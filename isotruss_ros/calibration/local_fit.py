@@ -26,7 +26,7 @@ from scipy.stats import t as student_t
 #: the search [-].
 SEARCH_FACTOR = 100.0
 #: Rounding tolerances of the logarithm of the factor, and of the logarithm of the load [-].
-TOLERANCE, EXACT = 1e-8, 1e-9
+TOLERANCE, LOAD_TOLERANCE = 1e-8, 1e-9
 #: Numerical tolerance of the logarithms of the confidence limits [-].
 LIMIT_TOLERANCE = 1e-4
 #: Smallest relative change of a load due to a change of the factor by 10 %, at which the load
@@ -67,7 +67,7 @@ def fit_local_stiffness(presses: Presses, beam: InflatableBeam) -> FittedLocalSt
         raise MeasurementError(
             f'the tube wrinkled at {len(wrinkled)} of {count} points of interference, outside of '
             f'the model; the first: {presses.loads[row]:.3g} N at {presses.pressures[row]:.5g} Pa '
-            f'on {presses.lengths[row]:.3g} m, which bears {bearable[row]:.3g} N. Leave them out'
+            f'on {presses.lengths[row]:.3g} m, which wrinkles at {bearable[row]:.3g} N. Omit them'
         )
 
     @functools.cache
@@ -87,9 +87,9 @@ def fit_local_stiffness(presses: Presses, beam: InflatableBeam) -> FittedLocalSt
             'the loads do not depend on the local stiffness: the tube bends and does not flatten; '
             'press a shorter piece, or narrower cylinders'
         )
-    # Profile likelihood interval: the sum of squares increases beyond noise outside.
+    # Profile likelihood interval: outside, the sum of squares exceeds the minimum by over `share`.
     share = student_t.ppf(0.975, count - 1) ** 2 / (count - 1)
-    bound = (1.0 + share) * least + count * EXACT**2
+    bound = (1.0 + share) * least + count * LOAD_TOLERANCE**2
     low, high = (
         brentq(
             lambda log_factor: misfit(log_factor) - bound,

@@ -63,7 +63,7 @@ def fit_oscillation(times: ArrayLike, poses: ArrayLike, arm: float) -> Oscillati
     # Dimensionless, so that the tolerances are relative to the motion.
     size = float(np.linalg.norm(moved))
     if size == 0.0:
-        raise MeasurementError('the poses are all the same: nothing oscillates')
+        raise MeasurementError('the poses are equal: the object must oscillate')
     first = _strongest_frequency(at, moved)
     found = scipy.optimize.least_squares(
         lambda shape: split(shape)[1].ravel() / size, [0.1 * first, first], x_scale=first
@@ -78,7 +78,7 @@ def fit_oscillation(times: ArrayLike, poses: ArrayLike, arm: float) -> Oscillati
         or not 0.0 <= decay < MAX_DAMPING_RATIO * frequency
     ):
         raise MeasurementError(
-            'the poses are not one damped oscillation: what is left of them is '
+            'the poses are not one damped oscillation: the residual is '
             f'{rest:.0%}, the damping ratio {decay / frequency:.2g}, and {periods:.2g} periods '
             'were measured'
         )

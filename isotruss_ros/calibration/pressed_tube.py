@@ -92,7 +92,7 @@ def _clamped_points(
     )
     own = np.linalg.inv(before[:, 3:, 3:] + behind[:, :3, :3])
     shapes = -own @ np.concatenate([before[:, 3:, :3], behind[:, :3, 3:]], axis=2)
-    # The start bears N, V and M of a load, from which the displacements up to the load follow.
+    # N, V and M at the start due to a load determine the displacements up to the load.
     pull, shear, moment = -(before[:, :3, 3:] @ own).transpose(1, 2, 0)
     axial, flexural, sheared = section
     x = places[:, None]

@@ -111,7 +111,7 @@ def law_table(analysis: Analysis) -> Table:
             fitted = analysis.laws[mode]
             law, low, high = fitted.law, fitted.low, fitted.high
             constants = [
-                # The interval of C is asymmetric: it is that of ln C.
+                # The interval of C is asymmetric, because ln C is fitted.
                 f'{law.C:.4g}\n{low.C:.4g} to {high.C:.4g}',
                 f'{law.a:.4f}\n± {high.a - law.a:.2g}',
                 f'{law.b:.4f}\n± {high.b - law.b:.2g}',

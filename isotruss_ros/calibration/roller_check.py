@@ -46,7 +46,7 @@ def judge_roller(
     if found != roller:
         return f'{found} turned in its place, by {1e3 * turned:+.1f} mm'
     if rest > 5.0 * deviation + MAX_TRAVEL_ERROR * abs(travel):
-        return f'the joints do not move as with any roller: {1e3 * rest:.0f} mm are left'
+        return f'no single roller explains the motion of the joints: residual {1e3 * rest:.0f} mm'
     if turned * travel < 0.0:
         return f'it turned the other way, by {1e3 * turned:+.1f} mm'
     if abs(turned - travel) > MAX_TRAVEL_ERROR * abs(travel):

@@ -59,7 +59,7 @@ SPECS = (
     ),
     FixedSpec(
         'zero_deviation',
-        PRIOR.zeros,
+        PRIOR.zero_deviation,
         'Prior standard deviation of the roller offsets [m]; after calibrate_home, set 0.001',
         (1e-6, 1.0),
     ),
@@ -128,7 +128,7 @@ class StateEstimatorNode(ManagedNode):
         values = self.values
         self.inputs.clear()
         settings = EstimatorSettings(
-            zeros=values.zero_deviation,
+            zero_deviation=values.zero_deviation,
             slip=values.slip,
             stiffness=values.stiffness_deviation,
         )

@@ -79,7 +79,9 @@ def test_loads_beyond_wrinkling_are_refused():
         values = loads(1.0).copy()
         values[0] = share * 8.0 * (2e4 * np.pi * RADIUS**3 / 2.0) / 0.5
         if beyond:
-            with pytest.raises(MeasurementError, match=r'wrinkled at 1 of 8 .* bears 66\.7 N'):
+            with pytest.raises(
+                MeasurementError, match=r'wrinkled at 1 of 8 .* wrinkles at 66\.7 N'
+            ):
                 fit_local_stiffness(presses(values), TUBE)
         else:
             assert fit_local_stiffness(presses(values), TUBE).count == len(CASES)

@@ -160,11 +160,11 @@ MISTAKES = {
     ),
     'frame shifted': (
         places(lambda _, z: z + 0.3),
-        r'the frame of the tracker is not that of the robot: .* \(-0.30\d, .* turned by -?0.0',
+        r"the tracker's frame is not the robot's frame: .* \(-0.30\d, .* turned by -?0.0",
     ),
     'frame turned': (
         places(lambda _, z: (z - 0.2j) * np.exp(-0.1j)),
-        r'the frame of the tracker is not .* turned by 5.7 degrees: publish that transform',
+        r"the tracker's frame is not .* turned by 5.7 degrees: publish this transform",
     ),
     'one marker off': (
         places(lambda name, z: z + 0.05j * (name == 'R')),

@@ -138,6 +138,12 @@ def random_state(robot, rng, reach=0.05):
     return robot.configuration(rng.uniform(-step, step, len(robot.roller_names)))
 
 
+def dense_matrix(config):
+    """Return the matrix of (12) in a configuration as a dense array."""
+    matrix = config.robot.constraints.matrix(config.points)
+    return matrix if isinstance(matrix, np.ndarray) else matrix.toarray()
+
+
 def far_state(robot, rng, reach):
     """Return a configuration farther from home, if there is one."""
     try:

@@ -116,7 +116,7 @@ def test_every_parameter_of_the_servo_reaches_it():
         period=0.02,
         timeout=0.3,
         joint='Z',
-        squeeze=SqueezeSettings(30.0, frequency=8.0, load=4.0, zeros=0.002),
+        squeeze=SqueezeSettings(30.0, frequency=8.0, load=4.0, zero_deviation=0.002),
         bounds=ShapeBounds(0.21, 0.011, 0.013),
         failure_time=3.0,
         pressure_timeout=9.0,

@@ -85,7 +85,7 @@ def test_prior_of_the_robot_is_that_of_the_parameters(monkeypatch):
 
     monkeypatch.setattr(state_estimator, 'StateEstimator', make)
     with world(estimator(zero_deviation=0.002, slip=0.03, stiffness_deviation=0.2)):
-        expected = state_estimate.EstimatorSettings(zeros=0.002, slip=0.03, stiffness=0.2)
+        expected = state_estimate.EstimatorSettings(zero_deviation=0.002, slip=0.03, stiffness=0.2)
         assert made[-1] == expected
 
 

@@ -24,7 +24,7 @@ class _Sum(NamedTuple):
     time: float  #: time of the correction [s]
     moved: Array  #: (3,) sum of all earlier corrections of the pose [m]
     walked: Array  #: (3, 3) covariance of the random walk [m^2]
-    unsure: Array  #: (3, 3) covariance of contacts and unexplained pose [m^2]
+    prior: Array  #: (3, 3) covariance of contacts and unexplained pose [m^2]
     considered: Array  #: (3, c) derivatives of the pose with respect to considered states
 
 
@@ -68,7 +68,7 @@ class ContactWalk:
         self,
         time: float,
         moved: Array,
-        unsure: Array,
+        prior: Array,
         noise: Array,
         considered: Array,
         spread: Array,
@@ -78,7 +78,7 @@ class ContactWalk:
 
         :param time: time of the correction [s].
         :param moved: (3,) correction of the pose by contacts and unexplained pose [m].
-        :param unsure: (3, 3) covariance of contacts and unexplained pose before the correction
+        :param prior: (3, 3) covariance of contacts and unexplained pose before the correction
             [m^2].
         :param noise: (3, 3) covariance of pose noise and load [m^2].
         :param considered: (3, c) derivatives of the pose with respect to the considered states:
@@ -87,17 +87,17 @@ class ContactWalk:
         :param spread: (c, c) covariance of the considered states.
         """
         considered = considered - self._attached
-        added = _Sum(time, self._moved, self._walked, unsure, considered)
+        added = _Sum(time, self._moved, self._walked, prior, considered)
         self._moved = self._moved + moved
         for sums, interval in zip(self._sums, SUM_INTERVALS, strict=True):
             sums.append(added)
             while time - sums[0].time > interval:
                 sums.popleft()
-        _, before, walked, unsure, changed = map(
+        _, before, walked, prior, changed = map(
             np.array, zip(*(sums[0] for sums in self._sums), strict=True)
         )
         moved, changed = self._moved - before, considered - changed
-        allowed = unsure + self._walked - walked + noise
+        allowed = prior + self._walked - walked + noise
         allowed += changed @ spread @ changed.transpose(0, 2, 1)
         squares = np.einsum('ij,ij->i', moved, np.linalg.solve(allowed, moved))
         self.length = float(np.hypot.reduce(moved, axis=1).max())

@@ -6,9 +6,10 @@ Gaussian belief of the grip: a Kalman filter about the equilibrium of the held o
 
 The contacts roll with the tubes, so the equilibrium follows the configuration. Measured poses
 correct four states: the load w, which is an external wrench; the shift a of the contacts along the
-members; the unexplained pose b; and the delay of the poses. Two states are considered: the roller
-offsets dphi and the stiffness s. A considered state has an uncertainty, but poses do not correct
-it. With the roller positions q, the compliance C and white noise v, the measured pose is
+members; the unexplained pose b, which is measured minus modelled; and the delay of the poses. Two
+states are considered: the roller offsets dphi and the stiffness s. A considered state has an
+uncertainty, but poses do not correct it. With the roller positions q, the compliance C and white
+noise v, the measured pose is
 
     e = (w, b, a, delay | dphi, s),   z = equilibrium(q + dphi, a, s) + C w + b + v
 """
@@ -77,13 +78,13 @@ class GripBelief:
     :ivar walk: sums of the pose corrections, from which slip is detected.
     :ivar jump: length of the last innovation if it was inconsistent, otherwise 0 [m].
     :ivar searches: number of searches for an equilibrium with unknown contact history [-].
-    :param grasp: equilibrium near the measured pose; its `response` is not None.
+    :param grasp: equilibrium near the measured pose, see `attach_model`.
     :param grip: grip with the object at its measured pose.
     :param settings: prior standard deviations.
-    :param zeros: (r, r) covariance of the roller offsets [m^2]; None: uncorrelated offsets with
-        the standard deviation of the settings.
+    :param zero_covariance: (r, r) covariance of the roller offsets [m^2]; None: uncorrelated
+        offsets with the standard deviation of the settings.
     :param noise: (3,) prior standard deviations of the measured poses [m, rad].
-    :param supposed: whether the object is assumed to be held, because only wrong roller offsets
+    :param is_assumed: whether the object is assumed to be held, because only wrong roller offsets
         can explain the measured pose.
     """
 
@@ -99,21 +100,23 @@ class GripBelief:
         grasp: HeldGrip,
         grip: Grip,
         settings: EstimatorSettings,
-        zeros: Array | None = None,
+        zero_covariance: Array | None = None,
         noise: Array = PRIOR_DEVIATIONS,
-        supposed: bool = False,
+        is_assumed: bool = False,
     ) -> None:
         self.settings, self._given, self._friction = settings, grip, grip.friction
-        # Nothing is gripped in many supposed starts. An object that lies still is reported after
-        # 9 to 16 mm of path; by the whole deviations after 24 mm.
-        self._most = (0.7 if supposed else 1.0) * MAX_DEVIATIONS
+        # In many assumed starts nothing is gripped. The factor 0.7 makes this show after 9 to 16
+        # mm of path; with the factor 1 it shows after 24 mm.
+        self._most = (0.7 if is_assumed else 1.0) * MAX_DEVIATIONS
         self._even = np.array([1.0, 1.0, grasp.arm])
         count, shifts = len(grasp.config.roller_positions), len(grasp.members)
         variances, considered = np.zeros(SHIFTS + shifts), np.zeros((count + 1, count + 1))
         variances[DELAY] = DELAY_DEVIATION**2
         considered[-1, -1] = settings.stiffness**2
         self._filter = SchmidtFilter(variances, considered)
-        self.take_zeros(settings.zeros**2 * np.eye(count) if zeros is None else zeros)
+        if zero_covariance is None:
+            zero_covariance = settings.zero_deviation**2 * np.eye(count)
+        self.set_zero_covariance(zero_covariance)
         self.load, self.delay = np.zeros(3), 0.0
         self.innovation, self.jump, self.searches = 0.0, 0.0, 0
         self.bias = np.zeros(3)
@@ -122,14 +125,14 @@ class GripBelief:
         self._time, self._way, self._poses = 0.0, Timeline(), 0
         self._searched = 0.0
         self._corrected = np.zeros(count)
-        self._travelled = np.array(grasp.pose)  # by what the rollers did alone
-        self._measured = 0.0, self._travelled  # time of the last measured rollers, and value there
+        self._travelled = np.array(grasp.pose)  # pose by roller travel alone
+        self._measured = 0.0, self._travelled  # time of the last measured rollers, and pose then
         self._way.add(*self._measured)
-        self._lag = CorrectionLag()  # of pose and squeeze
+        self._lag = CorrectionLag()  # lag of pose and squeeze
         self._by_considered = ConsideredRates.of(grasp)
         self._take(grasp)
-        self._spare = 0.0  # slip margin that the history of the contacts costs [N]
-        if supposed:
+        self._spare = 0.0  # slip margin lost by the contact history [N]
+        if is_assumed:
             self._initialise()
             self.bias = self._even * pose_difference(grip.body.pose, grasp.pose)
         else:
@@ -170,8 +173,8 @@ class GripBelief:
 
         It exceeds the coefficient of friction by two relative standard deviations of the squeeze.
         """
-        unsure = 2.0 * self.squeeze_deviation
-        return self._friction * (1.0 + unsure / self.squeeze) if self.squeeze > 0.0 else math.inf
+        relative = 2.0 * self.squeeze_deviation
+        return self._friction * (1.0 + relative / self.squeeze) if self.squeeze > 0.0 else math.inf
 
     @property
     def pose_covariance(self) -> Array:
@@ -271,7 +274,7 @@ class GripBelief:
         travel = config.roller_positions - before.config.roller_positions
         rates = grip_jacobian(before.config, self.grip)
         if self._moved_zeros.any():
-            # Corrected offsets do not move the object: its model was off by so much.
+            # Corrections of offsets do not move the object; the unexplained pose changes instead.
             travel = travel - self._moved_zeros
             moved = rates[:3] @ travel + elapsed * self.drift[:3]
             self.bias, change = self.bias - self._even * (change - moved), moved
@@ -280,7 +283,7 @@ class GripBelief:
         self._travelled = self._travelled + change
         positions, age = rollers or (config.roller_positions, 0.0)
         ahead = rates[:3] @ (config.roller_positions - positions)
-        # Rollers that follow their commands late were not where the last call predicted them.
+        # The last call's prediction is replaced, because rollers may follow their commands late.
         self._way.add(*self._measured)
         self._measured = self._time - age, self._travelled - ahead
         self._way.add(*self._measured)
@@ -288,15 +291,15 @@ class GripBelief:
         self._way.discard_before(self._time - HISTORY_DURATION)
         self._take(rolled)
         self._predict(elapsed, self._even * change, np.abs(travel))
-        # One noisy pose is not enough, and large corrections are beyond the first order.
+        # The first equilibrium used one noisy pose; after large corrections the rates are invalid.
         due = self._poses == FIRST_POSES or np.abs(self._corrected).max() > MAX_FIRST_ORDER_TRAVEL
         self._poses += due
-        # A search sooner would see loads that pass.
+        # An earlier search would attribute transient loads to the contacts.
         waited = self._time - self._searched > self.settings.load_time
         slips = rolled.required_friction > self._friction and waited
         if due or slips:
             self.attach(config, pressures)
-        return HoldStatus.HELD  # whether it slips is judged by the poses
+        return HoldStatus.HELD  # slip is detected from the poses
 
     def observe(self, pose: Pose, age: float) -> None:
         """
@@ -328,7 +331,7 @@ class GripBelief:
         pose, squeeze = self.pose - self.grasp.response.pose @ self.load, self.squeeze
         try:
             near = self._given.moved_to(pose)
-            found = attach_model(config, near, pressures, self.settings.zeros)
+            found = attach_model(config, near, pressures, self.settings.zero_deviation)
         except NotHeldError:
             return False
         if found.hold(math.inf) is not HoldStatus.HELD:
@@ -353,7 +356,7 @@ class GripBelief:
         """
         grasp, self._spare = self.grasp, 0.0
         shifts = np.zeros(len(grasp.members))
-        for _ in range(2):  # the second step corrects the first, at the derivatives there
+        for _ in range(2):  # the second step has the derivatives at the first solution
             gain, known = self._initialise(), self.grasp
             off = self._even * pose_difference(pose, known.pose)
             moved = (gain @ (off + self._rates.pose[:, SHIFTS:] @ shifts))[SHIFTS:] - shifts
@@ -362,7 +365,8 @@ class GripBelief:
                 shifts + moved,
                 roll_grip(replace(known, anchors=anchors), known.config),
             )
-            # Forces that friction does not carry are those of wrong offsets.
+            # Forces beyond friction are attributed to wrong offsets, so the shifts are not
+            # applied.
             if placed is None or self._hold(placed) is not HoldStatus.HELD:
                 break
             self._spare = self._margin(grasp) - self._margin(placed)
@@ -378,7 +382,7 @@ class GripBelief:
         variances[LOAD], variances[BIAS] = given.load**2, given.pose_error**2
         variances[SHIFTS:] = shifts**2
         known.reset(np.diag(variances))
-        # Wrong offsets and stiffness explain what shifts within the friction do not.
+        # The part of the pose that shifts within friction do not explain: offsets and stiffness.
         rates, by_considered = self._rates.pose, self._by_considered.pose
         shifted = rates[:, SHIFTS:] * variances[SHIFTS:] @ rates[:, SHIFTS:].T
         own = given.pose_error**2 * np.eye(3)
@@ -392,7 +396,7 @@ class GripBelief:
             return HoldStatus.UNSTABLE
         return grasp.hold((1.0 + 2.0 * self.settings.squeeze_error) * self._friction)
 
-    def take_zeros(self, covariance: Array) -> None:
+    def set_zero_covariance(self, covariance: Array) -> None:
         """
         Replace the covariance of the considered roller offsets.
 
@@ -400,7 +404,7 @@ class GripBelief:
         """
         self._filter.considered[:-1, :-1] = covariance
 
-    def move_zeros(self, moved: Array) -> None:
+    def correct_zeros(self, moved: Array) -> None:
         """
         Correct the roller offsets without changing the object's pose.
 
@@ -421,7 +425,7 @@ class GripBelief:
         unsure = walking @ prior @ walking.T
         spread = rates @ prior @ rates.T + noise
         self.innovation, self.jump = float(off @ np.linalg.solve(spread, off)), 0.0
-        if self.innovation > MAX_DEVIATIONS**2:  # contacts and pose are free to go there
+        if self.innovation > MAX_DEVIATIONS**2:  # contacts and unexplained pose may be anywhere
             self.jump = math.hypot(*off)
             freed = np.zeros(len(prior))
             freed[BIAS] = freed[SHIFTS:] = self.jump**2
@@ -482,7 +486,7 @@ class GripBelief:
     def _take(self, grasp: HeldGrip) -> None:
         """Set the equilibrium, and the Jacobian of the measured pose at this equilibrium."""
         self.grasp, self.grip = grasp, grasp.touching(self._friction)
-        # Corrections of the contacts since, with which the equilibrium is not solved yet.
+        # Corrections of the contacts that the equilibrium does not contain yet.
         self._anchors = grasp.anchors
         self._pending = np.zeros(4)
         self._moved_zeros = np.zeros(len(grasp.config.roller_positions))
@@ -513,8 +517,8 @@ class GripBelief:
         elapsed: float,
         moved: Array,
     ) -> None:
-        """Compute the drift, and how slip margin and utilisation change with roller travel."""
-        if grasp.contacts is not before.contacts:  # a step, which the next travel does not repeat
+        """Compute the drift, and the rates of slip margin and utilisation with roller travel."""
+        if grasp.contacts is not before.contacts:  # a discontinuity
             self.usage, self.drift = UsageLimits(grasp), np.zeros(4)
             return
         pressed = grasp.squeeze - before.squeeze - self._pending[3]

@@ -18,17 +18,15 @@ Pressures = tuple[float, ...] | None
 
 
 def attach_model(
-    config: Configuration, grip: Grip, pressures: Pressures = None, zeros: float = 0.0
+    config: Configuration, grip: Grip, pressures: Pressures = None, zero_deviation: float = 0.0
 ) -> HeldGrip:
     """
-    Return the object's equilibrium near its measured pose.
-
-    Its `response` is not None.
+    Return the object's equilibrium near its measured pose, which has a `response` to wrenches.
 
     :param config: configuration of the robot.
     :param grip: grip with the object at its measured pose.
     :param pressures: (t,) gauge pressure of each tube [Pa]; None: as in the robot file.
-    :param zeros: standard deviation of the roller offsets [m], see `lay_faces`.
+    :param zero_deviation: standard deviation of the roller offsets [m], see `lay_faces`.
     :raises NotHeldError: no equilibrium exists, or its Jacobian is singular.
     :raises GraspError: the robot has no such members.
     :raises StructureError: see `structure_of`.
@@ -37,7 +35,7 @@ def attach_model(
     found = attach_grip(
         config, grip.body, members, tubes=TubeModel(pressure=pressures), quick=True
     )
-    found = lay_faces(found, grip.friction, zeros)
+    found = lay_faces(found, grip.friction, zero_deviation)
     if found.response is None:
         raise NotHeldError(HoldStatus.UNSTABLE)
     return found

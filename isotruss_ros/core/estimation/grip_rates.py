@@ -99,5 +99,5 @@ def anchor_rates(grasp: HeldGrip) -> Array:
 
 
 def _anchors_by_offsets(grasp: HeldGrip) -> Array:
-    """Return the derivatives (k, r) of the rolling invariants by offsets, for contacts at rest."""
+    """Return the derivatives (k, r) of rolling invariants by offsets, for resting contacts."""
     return grasp.statics.sides[:, None] * travel_rates(grasp.config, grasp.contacts.members)

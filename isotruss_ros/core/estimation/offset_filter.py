@@ -41,7 +41,9 @@ class OffsetFilter:
         #: Jacobian of all marker positions with respect to the markers' constant errors.
         self._constant = np.column_stack([shift, lever.ravel(), np.eye(2 * joints)])
         sizes = settings.marker_shift, settings.marker_turn, settings.joint_error
-        variances = np.repeat([settings.zeros, *sizes], [self._count, 2, 1, 2 * joints]) ** 2
+        variances = (
+            np.repeat([settings.zero_deviation, *sizes], [self._count, 2, 1, 2 * joints]) ** 2
+        )
         self.belief = Belief(np.zeros(len(variances)), np.diag(variances))  #: belief of the state
 
     @property

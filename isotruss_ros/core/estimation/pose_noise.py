@@ -13,7 +13,7 @@ PRIOR_DEVIATIONS = np.array([1e-3, 1e-3, 0.009])
 #: Error of the model between two poses, rotations times the characteristic radius [m].
 MODEL_ERROR = 1e-4
 #: Number of averaged poses, and number of poses to which the prior is equivalent [-].
-MEMORY, GUESS = 50, 4
+AVERAGED_POSES, PRIOR_POSES = 50, 4
 #: Largest difference of poses that counts as noise, in standard deviations [-].
 MAX_STEP_SIGMAS = 3.0
 
@@ -31,7 +31,7 @@ class PoseNoise:
     def __init__(self, deviations: Array) -> None:
         self.variances = deviations**2
         self._last: Array | None = None
-        self._count = GUESS
+        self._count = PRIOR_POSES
 
     def add(self, off: Array) -> None:
         """
@@ -45,7 +45,7 @@ class PoseNoise:
             return
         most = MAX_STEP_SIGMAS**2 * self.variances
         found = np.minimum(0.5 * (off - last) ** 2, most)
-        self._count = min(self._count + 1, MEMORY)
+        self._count = min(self._count + 1, AVERAGED_POSES)
         mean = self.variances + (found - self.variances) / self._count
         self.variances = np.maximum(mean, MODEL_ERROR**2)
 

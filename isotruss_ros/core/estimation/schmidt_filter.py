@@ -39,18 +39,18 @@ class SchmidtFilter:
         self.covariance = covariance
         self.sensitivity = np.zeros((len(covariance), len(self.considered)))
 
-    def resize(self, size: int, kept: int, variance: float) -> None:
+    def resize(self, size: int, first: int, variance: float) -> None:
         """
         Replace the last components of the state by components with a prior variance.
 
         :param size: new number of components.
-        :param kept: number of first components that are not replaced.
+        :param first: number of components at the start of the state that are not replaced.
         :param variance: prior variance of the new components.
         """
         before, sensitivity = self.covariance, self.sensitivity
         self.reset(variance * np.eye(size))
-        self.covariance[:kept, :kept] = before[:kept, :kept]
-        self.sensitivity[:kept] = sensitivity[:kept]
+        self.covariance[:first, :first] = before[:first, :first]
+        self.sensitivity[:first] = sensitivity[:first]
 
     def spread(self, rates: Array, by_considered: Array) -> Array:
         """
@@ -62,15 +62,15 @@ class SchmidtFilter:
         whole = by_considered + rates @ self.sensitivity
         return rates @ self.covariance @ rates.T + whole @ self.considered @ whole.T
 
-    def predict(self, kept: Array, more: Array) -> None:
+    def predict(self, decay: Array, noise: Array) -> None:
         """
         Propagate the covariance of the state over time.
 
-        :param kept: (n,) factors by which the components of the state decay.
-        :param more: (n,) variances of the process noise.
+        :param decay: (n,) factors by which the components of the state decay.
+        :param noise: (n,) variances of the process noise.
         """
-        self.covariance = self.covariance * np.outer(kept, kept) + np.diag(more)
-        self.sensitivity = kept[:, None] * self.sensitivity
+        self.covariance = self.covariance * np.outer(decay, decay) + np.diag(noise)
+        self.sensitivity = decay[:, None] * self.sensitivity
 
     def condition(self, rates: Array, by_considered: Array, noise: Array) -> Array:
         """

@@ -32,25 +32,25 @@ class SlipWatch:
         self.slipping = np.zeros(count, dtype=bool)  #: (r,) mask of the slipping rollers
         self._kept: deque[tuple[float, Array, Array, Array]] = deque()
 
-    def add(self, time: float, travel: Array, zeros: Array, variances: Array) -> None:
+    def add(self, time: float, travel: Array, offsets: Array, variances: Array) -> None:
         """
         Add an estimate of the offsets, and compare it with earlier estimates.
 
         :param time: time of the estimate [s].
         :param travel: (r,) encoder readings [m].
-        :param zeros: (r,) estimated offsets [m].
+        :param offsets: (r,) estimated offsets [m].
         :param variances: (r,) variances of the offsets [m^2].
         """
         kept = self._kept
         while kept and time - kept[0][0] > SLIP_SHARES[-1][1]:
             kept.popleft()
-        self.slipping = np.zeros(len(zeros), dtype=bool)
+        self.slipping = np.zeros(len(offsets), dtype=bool)
         for share, span in SLIP_SHARES if kept else ():
             before = (each for each in reversed(kept) if time - each[0] >= span)
-            _, turned, zeros_then, variances_then = next(before, kept[0])
-            moved, way = zeros - zeros_then, travel - turned
+            _, turned, offsets_then, variances_then = next(before, kept[0])
+            moved, way = offsets - offsets_then, travel - turned
             sure = np.abs(moved) > SLIP_SIGMAS * np.sqrt(variances + variances_then)
             much = np.abs(moved) > np.maximum(MIN_SLIP, share * np.abs(way))
             # A slipping tube lags behind its roller.
             self.slipping |= sure & much & (moved * way < 0.0)
-        kept.append((time, travel, zeros, variances))
+        kept.append((time, travel, offsets, variances))

@@ -21,7 +21,8 @@ class EstimatorSettings:
     """
     Standard deviations of priors, process noise and measurements of the estimator.
 
-    :ivar zeros: standard deviation of the roller offsets [m]; 1 mm after calibration with markers.
+    :ivar zero_deviation: standard deviation of the roller offsets [m]; 1 mm after calibration with
+        markers.
     :ivar slip: slip of a roller, and of a contact, as a fraction of the roller's travel,
         independent in each 0.1 m of travel [-].
     :ivar drift: drift of the roller offsets in one second, also at rest [m].
@@ -37,7 +38,7 @@ class EstimatorSettings:
     :ivar squeeze_error: relative model error of the squeeze [-].
     """
 
-    zeros: float = 0.01
+    zero_deviation: float = 0.01
     slip: float = 0.02
     drift: float = 3e-4
     encoders: float = 1e-4

@@ -86,7 +86,7 @@ class StateEstimator:
         Advance the estimate to an encoder reading; ignore readings not later than the last.
 
         :param time: time of the reading [s].
-        :param readings: (r,) roller travel since home [m].
+        :param readings: (r,) encoder readings: roller travel since home minus roller offset [m].
         """
         if self._readings:
             before, last = self._readings.last
@@ -125,7 +125,7 @@ class StateEstimator:
         known = self.belief
         searches = 0 if known is None else known.searches
         self._roll()
-        # One search per pose bounds the time of a call; another pose follows.
+        # The time of a call is bounded, because one pose causes one search at most.
         searched, belief = known is not None and known.searches > searches, self.belief
         if belief is not None:
             belief.observe(pose, self._rolled - time)
@@ -184,8 +184,8 @@ class StateEstimator:
             lambda offsets: self._place_joints(readings, offsets),
         )
         if self.belief is not None:
-            self.belief.move_zeros(zeros.offsets - before)
-            self.belief.take_zeros(zeros.covariance)
+            self.belief.correct_zeros(zeros.offsets - before)
+            self.belief.set_zero_covariance(zeros.covariance)
             self._corrected = True
         variances = np.diag(zeros.covariance) + self.settings.joint_error**2
         self._slips.add(time, readings, zeros.offsets, variances)
@@ -263,12 +263,12 @@ class StateEstimator:
             self.belief = None
 
     def _attach(self, pose: Pose, deviations: Array) -> GripBelief | None:
-        """Return the belief of an object at its measured pose; None if it may not be held."""
+        """Return the belief of an object at its measured pose; None if it cannot be held."""
         zeros = self._zeros
         self._config = self._config.moved_to(self._readings.last[1] + zeros.offsets)
         grip = self._grip.moved_to(pose)
         try:
-            found = attach_model(self._config, grip, self._pressures, self.settings.zeros)
+            found = attach_model(self._config, grip, self._pressures, self.settings.zero_deviation)
             if found.hold(math.inf) is not HoldStatus.HELD:
                 return None
             belief = GripBelief(found, grip, self.settings, zeros.covariance, deviations)
@@ -294,7 +294,7 @@ class StateEstimator:
         return places + displaced + beyond @ (offsets - self._zeros.offsets), rates + beyond
 
     def _encoder_noise(self, rates: Array) -> Array:
-        """Return the covariance (m, m) of coordinates by encoder noise; Jacobian (m, r)."""
+        """Return the covariance (m, m) by encoder noise, from the Jacobian (m, r)."""
         return self.settings.encoders**2 * rates @ rates.T
 
     def _in_time(self, time: float) -> bool:

@@ -86,17 +86,6 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
         return self.robot.constraints.gradients(self.points)
 
     @cached_property
-    def matrix(self) -> Array:
-        """
-        Return the constraint Jacobian of equation (12) as a dense square matrix.
-
-        Its rows are the constraints of the tube lengths, of the modules, of the bisections (3),
-        and of the supports.
-        """
-        matrix = self.robot.constraints.matrix_of(self.gradients)
-        return matrix if isinstance(matrix, np.ndarray) else matrix.toarray()
-
-    @cached_property
     def factor(self) -> Factor:
         """
         Return the factorised matrix of (12) in this configuration.
@@ -110,12 +99,6 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
                 f'robot {self.robot.name}: the shape at roller positions '
                 f'{self.roller_positions.tolist()} m is singular; choose other roller positions'
             ) from error
-
-    def residual(self) -> Array:
-        """Return the residual of all constraints; bisection rows in [rad], other rows in [m]."""
-        return self.robot.constraints.residual(
-            self.points, _targets(self.robot, self.roller_positions)
-        )
 
     @cached_property
     @single_threaded

@@ -50,7 +50,7 @@ class BeliefStart:
         settings: SqueezeSettings,
         gripped: bool,
         pressures: tuple[float, ...] | None,
-        zeros: Array | None,
+        zero_covariance: Array | None,
     ) -> HoldStatus:
         """
         Search for an equilibrium near the measured pose, or assume one; return the hold status.
@@ -61,23 +61,25 @@ class BeliefStart:
         :param gripped: whether the client reports that the object is gripped; only then an
             equilibrium with the desired squeeze may be assumed.
         :param pressures: (t,) gauge pressure of each tube [Pa]; None: as in the robot file.
-        :param zeros: (r, r) covariance of the roller offsets [m^2]; None: uncorrelated offsets
-            with the standard deviation of the settings.
+        :param zero_covariance: (r, r) covariance of the roller offsets [m^2]; None: uncorrelated
+            offsets with the standard deviation of the settings.
         :raises GraspError: see `attach_model`.
         :raises StructureError: see `structure_of`.
         """
         self.belief = None
         self._assuming = gripped and self._missed and not self._assuming
         try:
-            near = self._place(config, grip, settings.zeros) if self._assuming else grip
-            found = attach_model(config, near, pressures, settings.zeros)
+            near = self._place(config, grip, settings.zero_deviation) if self._assuming else grip
+            found = attach_model(config, near, pressures, settings.zero_deviation)
         except NotHeldError as error:
             self._missed = True
             return error.hold
         if self._assuming and not self._is_desired(found, settings):
             return HoldStatus.NO_BALANCE
-        prior = replace(PRIOR, load=settings.load or PRIOR.load, zeros=settings.zeros)
-        belief = GripBelief(found, grip, prior, zeros, supposed=self._assuming)
+        prior = replace(
+            PRIOR, load=settings.load or PRIOR.load, zero_deviation=settings.zero_deviation
+        )
+        belief = GripBelief(found, grip, prior, zero_covariance, is_assumed=self._assuming)
         hold = belief.grasp.hold(belief.largest_friction)
         self._missed = hold is HoldStatus.NO_CONTACT
         if self._assuming and not belief.explains(grip.body.pose):
@@ -97,6 +99,6 @@ class BeliefStart:
         ratio = found.squeeze / settings.force
         if abs(ratio - 1.0) <= 2.0 * PRIOR.squeeze_error:
             return True
-        deeper = (self._depth or settings.zeros) / max(ratio, 0.25)
-        self._depth = min(deeper, 4.0 * settings.zeros)
+        deeper = (self._depth or settings.zero_deviation) / max(ratio, 0.25)
+        self._depth = min(deeper, 4.0 * settings.zero_deviation)
         return False

@@ -30,7 +30,8 @@ class SqueezeSettings:
     :ivar max_utilisation: upper bound on the utilisation of the tubes [-]. Motion toward the bound
         is slowed; beyond the bound, only motion that decreases the utilisation is executed.
     :ivar load: standard deviation of loads on the object [N]; 0: that of `EstimatorSettings`.
-    :ivar zeros: standard deviation of the roller offsets [m], used if no estimator provides it.
+    :ivar zero_deviation: standard deviation of the roller offsets [m], used if no estimator
+        provides it.
     """
 
     force: float
@@ -38,7 +39,7 @@ class SqueezeSettings:
     frequency: float | None = None
     max_utilisation: float = 1.0
     load: float = 0.0
-    zeros: float = 0.01
+    zero_deviation: float = 0.01
 
 
 @dataclass(frozen=True)

@@ -127,9 +127,9 @@ class SqueezeControl:
         if belief is None:
             return
         if fresh and covariance is not None:
-            belief.take_zeros(covariance)
+            belief.set_zero_covariance(covariance)
         if before is not None and not np.array_equal(offsets, before):
-            belief.move_zeros(offsets - before)
+            belief.correct_zeros(offsets - before)
 
     def note(self) -> str:
         """Return a sentence that describes the fault of the grip; empty if there is none."""

@@ -69,7 +69,7 @@ SPECS = (
     ),
     Spec(
         'zero_deviation',
-        SqueezeSettings(0.0).zeros,
+        SqueezeSettings(0.0).zero_deviation,
         'Standard deviation of the roller offsets [m], used with squeeze_force unless '
         'state_estimator runs; after calibrate_home, set 0.001',
         (1e-6, 1.0),
@@ -132,7 +132,7 @@ def make_settings(
             values.squeeze_force,
             frequency=values.frequency or None,
             load=values.expected_load,
-            zeros=values.zero_deviation,
+            zero_deviation=values.zero_deviation,
         )
     return ServoSettings(
         Grip(common.select_grip(robot, values), body, friction),

@@ -64,7 +64,7 @@ def test_error_of_the_squeeze_with_wrong_offsets_is_within_stated_deviations():
     for seed in range(12):
         off = 0.005 * np.random.default_rng(seed).normal(size=6)
         model = attach_model(CONFIG.moved_to(CONFIG.roller_positions + off), GRIP)
-        belief = GripBelief(model, GRIP, EstimatorSettings(zeros=0.005))
+        belief = GripBelief(model, GRIP, EstimatorSettings(zero_deviation=0.005))
         surprises.append((belief.squeeze - MODEL.squeeze) / belief.squeeze_deviation)
     assert np.abs(surprises).max() < 3.0
     assert 0.3 < np.sqrt(np.mean(np.square(surprises))) < 1.5
@@ -135,7 +135,7 @@ def test_corrections_of_the_offsets_leave_the_motion_by_travel():
     for number in range(1, 9):
         way = CONFIG.roller_positions + 0.2 * number * TRAVEL
         step = 2e-4 * (-1.0) ** number * np.arange(6.0)
-        corrected.move_zeros(step)
+        corrected.correct_zeros(step)
         offset = offset + step
         for belief, travel in ((corrected, way + offset), (other, way)):
             assert belief.follow(CONFIG.moved_to(travel), PERIOD, None) is HoldStatus.HELD
@@ -155,7 +155,7 @@ def test_a_box_tilted_off_its_face_has_the_squeeze_of_its_contacts(shifts):
         moved = 0.25 * np.array(shifts)[tilted.contacts.owners]
         tilted = roll_grip(replace(tilted, anchors=tilted.anchors + moved), BOX_HOME)
     measured = grip.moved_to(tilted.pose)
-    laid = attach_model(BOX_HOME, measured, zeros=0.01)
+    laid = attach_model(BOX_HOME, measured, zero_deviation=0.01)
     assert (len(tilted.anchors), len(laid.anchors)) == (2, 3)
     belief = GripBelief(laid, measured, EstimatorSettings())
     assert belief.squeeze == pytest.approx(tilted.squeeze, rel=0.01)

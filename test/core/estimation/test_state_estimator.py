@@ -29,7 +29,7 @@ THREE = ('Q', 'R', 'Z')
 PERIOD, MARKER, POSE = 0.05, 1e-3, np.array([1e-3, 1e-3, np.radians(0.5)])
 #: The model is that of the robot: nothing but what is drawn is wrong.
 EXACT = EstimatorSettings(
-    zeros=5e-3,
+    zero_deviation=5e-3,
     encoders=0.0,
     stiffness=0.0,
     joint_error=0.0,
@@ -60,7 +60,7 @@ class DrawnRobot:
         """
         self.rng = rng = np.random.default_rng(seed)
         self.settings, self.random_slip = settings, random_slip
-        self.offsets, self.readings = settings.zeros * rng.normal(size=6), np.zeros(6)
+        self.offsets, self.readings = settings.zero_deviation * rng.normal(size=6), np.zeros(6)
         self.config, self.grip, self.time = ROBOT.home.moved_to(self.offsets), None, 0.0
         self.speeds, self.wrench = speed * rng.uniform(-1.0, 1.0, 6), np.zeros(3)
         self.estimator, self.away = StateEstimator(ROBOT, settings), np.zeros(2)
@@ -142,7 +142,7 @@ def test_offsets_of_a_robot_without_object_agree_with_least_squares():
         drawn.estimator.take_markers(drawn.time, told[-1][1], MARKER)
 
     def misfit(zeros):
-        off = [zeros / EXACT.zeros]
+        off = [zeros / EXACT.zero_deviation]
         for readings, markers in told:
             joints = ROBOT.home.moved_to(readings + zeros).nodes[: len(NAMES)]
             off.append((joints - np.array([markers[name] for name in NAMES])).ravel() / MARKER)

@@ -67,7 +67,6 @@ def test_configuration_fulfils_independently_written_constraints(robot, rng):
     assert np.abs(rows).max() < 1e-11
     wanted = robot.home.member_lengths + roller_matrix(robot) @ config.roller_positions
     assert config.member_lengths == pytest.approx(wanted, abs=1e-11)
-    assert np.abs(config.residual()).max() < 1e-11
 
 
 @robots.examples(20)
@@ -117,9 +116,9 @@ def test_dense_and_sparse_factors_agree(kind, up_to, monkeypatch):
     other = robots.load(document)
     same = other.configuration(config.roller_positions)
     assert same.points == pytest.approx(config.points, abs=1e-11)
-    assert same.matrix == pytest.approx(config.matrix, abs=1e-9)
+    assert robots.dense_matrix(same) == pytest.approx(robots.dense_matrix(config), abs=1e-9)
     assert same.node_jacobian @ rates == pytest.approx(config.node_jacobian @ rates, abs=1e-9)
-    rows = np.eye(config.matrix.shape[1])
+    rows = np.eye(2 * len(config.points))
     assert same.roller_rows(rows) == pytest.approx(config.roller_rows(rows), abs=1e-9)
 
 

@@ -12,7 +12,7 @@ import robots
 
 def scaled_matrix(config):
     """Return the matrix of (12), its rows of angles times the rod length."""
-    m, matrix = config.robot.topology.n_modules, config.matrix.copy()
+    m, matrix = config.robot.topology.n_modules, robots.dense_matrix(config)
     matrix[slice(4 * m, 5 * m)] *= config.robot.description.module.rod_length
     return matrix
 

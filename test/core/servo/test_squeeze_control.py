@@ -108,7 +108,7 @@ def test_deviation_of_the_squeeze_grows_with_that_of_the_zeros(deviation):
 
 @pytest.mark.parametrize(('zeros', 'reduced'), [(1e-3, True), (4e-2, False)])
 def test_only_a_known_squeeze_is_reduced(zeros, reduced):
-    loop = Loop(more=0.6, zeros=zeros)
+    loop = Loop(more=0.6, zero_deviation=zeros)
     first = loop.squeeze
     loop.run((0.02, 0.0, 0.0), 3.0)
     assert loop.squeeze == pytest.approx(loop.target if reduced else 0.92 * first, rel=0.02)
@@ -150,7 +150,7 @@ def test_commands_toward_the_utilisation_bound_are_slowed():
 
 @pytest.mark.parametrize(('zeros', 'held'), [(1e-2, True), (1e-3, False)])
 def test_missing_friction_within_two_deviations_of_the_squeeze_is_no_halt(zeros, held):
-    control = SqueezeControl(SqueezeSettings(10.0, zeros=zeros))
+    control = SqueezeControl(SqueezeSettings(10.0, zero_deviation=zeros))
     here = measured_at(attach_grip(CONFIG, CYLINDER).pose, friction=0.3)
     assert attach_grip(CONFIG, CYLINDER).required_friction > 0.35
     expected = HoldStatus.HELD if held else HoldStatus.SLIPS
@@ -205,7 +205,9 @@ def test_the_servo_closes_in_place_and_carries():
 
 
 def test_servo_halts_without_an_equilibrium():
-    _, plant, decision, codes = servo_on_plant((0.01, 0.0, 0.0), 4, 24.0, friction=0.2, zeros=1e-3)
+    _, plant, decision, codes = servo_on_plant(
+        (0.01, 0.0, 0.0), 4, 24.0, friction=0.2, zero_deviation=1e-3
+    )
     assert set(codes) == {Status.HALT_NOT_HELD}
     assert 'friction' in decision.message
     assert not decision.command.roller_velocities.any()

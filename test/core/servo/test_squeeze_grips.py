@@ -97,7 +97,7 @@ def test_gripped_object_is_held_where_only_wrong_offsets_explain_its_pose(
     grip = place_between(HOME, CORNER, Disc(0.2), indentation=0.01)
     model = attach_grip(HOME, grip.body)
     pose = Pose(model.pose.x, model.pose.y + away, model.pose.angle)
-    control = SqueezeControl(SqueezeSettings(model.squeeze, zeros=zeros))
+    control = SqueezeControl(SqueezeSettings(model.squeeze, zero_deviation=zeros))
     measured = Grip(CORNER, grip.body.moved_to(pose), FRICTION)
     for _ in range(4):
         control.follow(HOME, measured, 0.02, gripped=gripped)
