@@ -11,7 +11,7 @@ PERIOD = 0.02  # [s]
 home = core.load_robot('nine_member').home
 body = core.ConvexObject.disc(core.tangent_center(home, 'north/Z', 0.3), 0.3)
 rolling = core.RollingGrip.attach(home, core.Grip.at_module(home.robot, 'north/Z', body))
-faults = core.RollerFaults(slip=0.05)  # every roller loses about 5 % of its travel, unseen
+faults = core.RollerFaults(slip=0.05)  # slip, which encoders do not measure
 robot = core.SimulatedRobot(home, core.RigidObject.in_grip(rolling), faults, seed=1)
 
 start = robot.object_pose

@@ -21,7 +21,7 @@ if __name__ == '__main__':
     ]
 
     settle = partial(core.settle_grasp, friction=0.8, members=MEMBERS)
-    # Spawned processes start clean, on every system alike.
+    # Spawned processes inherit no state of this process, on any operating system.
     with ProcessPoolExecutor(mp_context=multiprocessing.get_context('spawn')) as processes:
         grasps = list(processes.map(settle, shapes, bodies, chunksize=20))
 

@@ -10,7 +10,7 @@ PERIOD, MEMBERS = 0.05, ('north/P-Z', 'north/Z-R')  # [s]
 
 
 class CarryingTask:
-    """Move a held disc to a goal: the action is its twist, the reward minus its distance [m]."""
+    """Move a held disc to a goal: the action is a twist, the reward minus the distance [m]."""
 
     def reset(self, seed: int) -> np.ndarray:
         """Reset the grip of the disc, with up to 2 % of slip of the rollers; choose a goal."""

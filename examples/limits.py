@@ -15,7 +15,7 @@ print(f'too fast: {fast.status} scale {fast.scale:.3f}')
 assert fast.status is core.Status.SLOWED_ROLLER_SPEED
 assert 0.0 < fast.scale < 1.0
 
-# The joint of south/X is on the ground: of most twists only a part can be reached there.
+# The joint X is grounded, so most twists at the module south/X are only partly reachable.
 body = core.ConvexObject.disc(core.tangent_center(home, 'south/X', 0.3), 0.3)
 grounded = core.Grip.at_module(robot, 'south/X', body)
 part = core.solve_twist(home, grounded, twist=(0.02, 0.0, 0.0))

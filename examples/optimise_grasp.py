@@ -11,7 +11,7 @@ from scipy.optimize import minimize
 robot = core.load_robot('nine_member')
 members, load = ('north/P-Z', 'north/Z-R'), (0.5, -2.0, 0.0)
 body = core.place_between(robot.home, members, core.Disc(0.3), indentation=0.01).body
-# Travel of six rollers [m], pressures of three tubes against those of the robot file [-].
+# Travel of six rollers [m], pressures of three tubes relative to the robot file [-].
 unit = np.append(np.ones(6), [*robot.description.pressures.values()])
 start, bounds = np.repeat([0.0, 1.0], [6, 3]), [(-0.05, 0.05)] * 6 + [(0.7, 1.3)] * 3
 

@@ -6,11 +6,11 @@
 from isotruss_ros import core
 import numpy as np
 
-SIDES, RATE = ('south/P-Q', 'north/R-P'), 50.0  # of two tubes: the hole of the robot is between
+SIDES, RATE = ('south/P-Q', 'north/R-P'), 50.0  # sides of two tubes, with the hole between them
 robot = core.load_robot('nine_member')
 shape = core.Polygon([(-0.25, -0.2), (0.25, -0.2), (0.25, 0.2), (-0.25, 0.2)], corner_radius=0.02)
 lying = core.place_between(robot.home, SIDES, shape, angle=-0.5, indentation=-0.02)
-box = core.ElasticObject(lying.body, friction=0.9)  # elastic tubes press on it, and push it
+box = core.ElasticObject(lying.body, friction=0.9)  # pushed and held by elastic tubes
 plant = core.SimulatedRobot(robot.home, box, core.RollerFaults())
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 robot = core.load_robot('nine_member')
 box = core.Polygon([(-0.25, -0.2), (0.25, -0.2), (0.25, 0.2), (-0.25, 0.2)], corner_radius=0.02)
-sides = ('south/P-Q', 'north/R-P')  # of two tubes: the hole of the robot is between them
+sides = ('south/P-Q', 'north/R-P')  # of two tubes, with a hole between
 grip = core.place_between(robot.home, sides, box, angle=0.2, indentation=0.01)
 rolling = start = core.RollingGrip.attach(robot.home, grip)
 print('the box is at', np.round(start.pose, 3))

@@ -17,7 +17,7 @@ TELEOP = {
     'axis_linear.x': 0,
     'axis_linear.y': 1,
     'axis_angular.yaw': 3,
-    'scale_linear.x': -0.03,  # a stick counts to the left
+    'scale_linear.x': -0.03,  # left is positive on a stick
     'scale_linear.y': 0.03,
     'scale_angular.yaw': 0.2,
 }
@@ -29,9 +29,9 @@ JOY = {'autorepeat_rate': 20.0}
 def generate_launch_description() -> LaunchDescription:
     """Return both nodes; if one ends, the other ends as well and the object stops."""
     arguments = [
-        DeclareLaunchArgument('namespace', default_value='', description='Of the robot'),
+        DeclareLaunchArgument('namespace', default_value='', description='Namespace of the robot'),
         DeclareLaunchArgument(
-            'use_stamped_twist', default_value='false', description='As that of `manipulation`'
+            'use_stamped_twist', default_value='false', description='As in `manipulation`'
         ),
     ]
     stamped = ParameterValue(LaunchConfiguration('use_stamped_twist'), value_type=bool)

@@ -58,8 +58,8 @@ def spring_damping(stiffness: Array, along: Array, options: PlantOptions) -> Arr
     Return the damping (k,) of elastic joints [N s/m or N m s].
 
     :param stiffness: (k,) stiffness of the joints [N/m or N m].
-    :param along: (k,) mask of the slide joints along the tube. Their damping is only what keeps
-        the integration stable, because material losses would resist the rollers.
+    :param along: (k,) mask of the slide joints along the tube. Their damping only keeps the
+        integration stable, because material losses would resist the rollers.
     :param options: options, which contain the material losses of the tubes and the time step.
     """
     losses = np.where(along, 0.0, options.tube_relaxation)

@@ -57,7 +57,7 @@ def _collect(kind: Any, found: dict[str, str]) -> None:
 
 
 def _split(described: str) -> tuple[str, str]:
-    """Return the type of a field without array brackets, and the brackets or ''."""
+    """Return the type of a field without array brackets, and these brackets or ''."""
     sequence = re.fullmatch(r'sequence<([^,>]+)(?:, (\d+))?>', described)
     if sequence:
         bound = f'<={sequence[2]}' if sequence[2] else ''

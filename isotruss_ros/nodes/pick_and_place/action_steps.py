@@ -52,7 +52,7 @@ class StepOutcome(enum.IntEnum):
 
 
 class CancelledError(IsotrussError):
-    """Error that is thrown into the generator of a sequence if a client cancels it."""
+    """Error that is thrown into the generator of a sequence if a client cancels the goal."""
 
 
 class StepError(IsotrussError, RuntimeError):

@@ -171,7 +171,7 @@ class NodeRestart:
         self._report(f'{what}: {rejected or "active"}')
 
     def _restore_grip(self, squeeze: float) -> Generator[Callable[[], Future], Any, str]:
-        """Set the grip of `manipulation` to that of the simulator; a pick may have changed it."""
+        """Reset the grip of `manipulation`, which a pick may have changed, to the simulator's."""
         names = [IS_FREE, *GRIP]
         answer = yield partial(self._get.call_async, GetParameters.Request(names=names))
         is_free, *grip = answer.values
