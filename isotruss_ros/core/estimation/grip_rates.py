@@ -55,7 +55,7 @@ class ConsideredRates(NamedTuple):
 
     grasp: HeldGrip  #: equilibrium of the object
     gradient: HeldGradient  #: gradient of this equilibrium
-    pose: Array  #: (3, r + 1) derivatives of the pose, rotations times the arm
+    pose: Array  #: (3, r + 1) derivatives of the pose, see `StateRates`
     squeeze: Array  #: (r + 1,) derivatives of the squeeze
 
     @classmethod

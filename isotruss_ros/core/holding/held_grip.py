@@ -89,7 +89,7 @@ class HeldGrip:
     :ivar wrench: external wrench (fx, fy, m / arm) on the object, see `ConvexObject.arm` [N].
     :ivar tubes: model of the tubes.
     :ivar motion: changes of roller travel (r,) [m] and of the unknowns (3 + 4k,) since the
-        equilibrium of the previous configuration; None if there is none.
+        equilibrium of the previous configuration; None if there was no previous one.
     """
 
     config: Configuration

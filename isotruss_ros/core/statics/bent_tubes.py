@@ -492,7 +492,7 @@ class BentTubes:
         """
         Return the frame's changes for p changes of sections; loads and load points are constant.
 
-        In the paper's model, loads act with the factor `NEGLIGIBLE_SHARE`.
+        In the paper's model, the results are those under loads times `NEGLIGIBLE_SHARE`.
 
         :param changes: (4, c, p) changes of rest lengths [m], EA [N], EI [N m^2] and GA [N].
         :return: (n, 3, p) displacements of the nodes; (k, p) changes of the inclinations at the
