@@ -42,7 +42,7 @@ class ContactWalk:
         self.length = self.deviations = 0.0
         self._moved, self._walked = np.zeros(3), np.zeros((3, 3))
         self._attached: Array | float = 0.0  # changes of the considered derivatives, see `attach`
-        #: Sums of each interval in order.
+        #: Sums within each of `SUM_INTERVALS`, in order of time.
         self._sums: tuple[deque[_Sum], ...] = tuple(deque() for _ in SUM_INTERVALS)
 
     def spread(self, more: Array) -> None:
