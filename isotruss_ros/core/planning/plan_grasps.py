@@ -125,7 +125,7 @@ class _Search:
             self._judged += 1
             self.tally.add(tally)
             if grasp is not None:
-                # With the caller's robot, not that of another process.
+                # The result refers to the caller's robot, not to a copy from another process.
                 points, robot = grasp.config.points, self._config.robot
                 config = Configuration(robot, grasp.roller_positions, points)
                 self._grasps.append(replace(grasp, config=config))
