@@ -57,7 +57,7 @@ class ContactWalk:
         """
         Change the derivatives of the pose with respect to the considered states, see `add`.
 
-        They change after a new search for an equilibrium, which does not correct the pose.
+        The derivatives change after a search for an equilibrium, which does not correct the pose.
 
         :param change: (3, c) change of the derivatives of the pose with respect to the considered
             states, see `add`.

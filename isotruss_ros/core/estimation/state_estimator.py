@@ -233,7 +233,7 @@ class StateEstimator:
     def _name(
         self, names: Array, used: Array, measured: Array, expected: Array, covariance: Array
     ) -> None:
-        """Store names of used and swapped markers; reset roller offsets if markers disagree."""
+        """Store names of used and swapped markers; reset offsets after inconsistent messages."""
         self._used = tuple(sorted(names[used].tolist()))
         self._left_out = tuple(sorted(names[~used].tolist()))
         swapped = None

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from isotruss_ros.core.holding.build_statics import AS_MODELLED, facing_lines
+from isotruss_ros.core.holding.build_statics import facing_lines, NOMINAL_TUBES
 from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.distances import collision_model
@@ -38,7 +38,7 @@ class Closing:
     nominal_posture: Array | None = None
     #: (s,) desired unit vectors from the object to the members, x + iy; None: no desired rotation
     facing: Points | None = None
-    tubes: TubeModel = AS_MODELLED  #: model of the tubes
+    tubes: TubeModel = NOMINAL_TUBES  #: model of the tubes
     #: counts of the search, and the violation of the candidate closest to an admissible grasp
     tally: SearchTally = field(default_factory=SearchTally)
 

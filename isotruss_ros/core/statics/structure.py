@@ -130,7 +130,7 @@ class FrameLayout(NamedTuple):
     b: Indices  #: (m,) indices of the nodes B; C, D and E follow each
     members: Members  #: members of the frame, see `Structure`, without stiffness
     held: Flags  #: (n, 3) mask of ux, uy, theta fixed by supports
-    bisection: TurnRows  #: bisection constraints (3), without values
+    bisection: TurnRows  #: bisection constraints (3), not yet linearised
     pattern: FramePattern  #: sparsity pattern of the frame
     pieces: Indices  #: (3, m) indices of the tube pieces, see `Structure`
     owners: Indices  #: (3, m) index of the robot's member to which each piece belongs

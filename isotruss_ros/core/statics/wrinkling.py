@@ -67,9 +67,10 @@ def _use_pieces(
     structure: Structure, frame: Frame, end_forces: Array, pulls: Array
 ) -> tuple[Indices, Indices, Array, Array]:
     """
-    Return p tube pieces, their members, |M| / M_w (3, p), and its positions (3, p) [m].
+    Return the indices of p tube pieces and of their members, and |M| / M_w with its positions.
 
-    The values are those at the start, at the end and at the maximum inside the piece.
+    |M| / M_w (3, p) is computed at the start, at the end and at the maximum inside each piece. The
+    positions (3, p) are the distances of these points from the start of the robot's member [m].
     """
     config, (pieces, member) = structure.config, tube_pieces(structure, frame)
     ends, topology = end_forces[pieces], config.robot.topology
