@@ -29,8 +29,8 @@ class ContactPoints:
     is due to the displacements of the piece's ends, the second to forces on the piece while its
     ends are fixed. The compliance is stored in these two parts, along and across the bent members.
 
-    :ivar points: (c,) positions on the centre lines, extrapolated to zero contact forces, x + iy
-        [m].
+    :ivar points: (c,) positions on the centre lines that the linearised tubes have without contact
+        forces, x + iy [m].
     :ivar skin: (c,) positions on the skin, on the side of the object [m]; in the paper's model,
         equal to `points`.
     :ivar member: (c,) index of the member (pinch point to pinch point) of each point.

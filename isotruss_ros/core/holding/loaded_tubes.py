@@ -13,7 +13,7 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.core.numerics.tolerances import EPSILON, NEGLIGIBLE_SHARE, ROUNDING
 from isotruss_ros.core.statics.frame_rates import section_rates
-from isotruss_ros.core.statics.wrinkling import find_utilisation, use_sections
+from isotruss_ros.core.statics.wrinkling import evaluate_utilisation, find_utilisation
 import numpy as np
 
 
@@ -278,7 +278,7 @@ class LoadedTubes:
         small = NEGLIGIBLE_SHARE / np.maximum(size, np.finfo(float).tiny)
         ahead, behind = (
             np.take_along_axis(
-                use_sections(loads + step * changes, sections + step * others, radius)[0],
+                evaluate_utilisation(loads + step * changes, sections + step * others, radius)[0],
                 most.kind[None, :, None],
                 axis=0,
             )[0]

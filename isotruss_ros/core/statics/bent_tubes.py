@@ -335,9 +335,11 @@ class BentTubes:
 
     def respond(self, loads: Array, places: Array) -> Array:
         """
-        Return the linear prediction of the responses (k, 3) at given loads and places.
+        Return the displacements and inclinations (k, 3) at the load points, see `BentTubes`.
 
-        :param loads: (k, 3) loads at the load points.
+        They are affine functions of loads and places.
+
+        :param loads: (k, 3) forces along and across the members [N], and moments [N m].
         :param places: (k,) distances of the load points from the members' starts [m].
         """
         moved = np.einsum('iajb,jb->ia', self.matrix, loads)

@@ -30,9 +30,9 @@ class Structure:
     """
     Structural model of a robot in one configuration: a frame of members and nodes.
 
-    The first nodes are the joints, followed by B, C, D, E of each module. A robot with m modules
-    has m members of each kind, grouped by kind: sides AB, AC and BC, tube pieces BD and CE, and
-    long tube pieces DE' between two modules.
+    The first nodes are the joints, followed by B, C, D, E of each module. For m modules the frame
+    has 6 m members, m of each kind in this order: sides AB, AC and BC, tube pieces BD and CE, and
+    long tube pieces DE' to the ring E' of the following module.
 
     :param config: configuration of the robot.
     :param pressures: gauge pressures [Pa], see `tube_pressures`.
