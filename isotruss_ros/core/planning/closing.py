@@ -59,7 +59,7 @@ class SearchState:
     #: (3m,) gaps between the object and the members, modules and rods [m]; negative in an overlap
     gaps: Array
     gaps_by_nodes: Array  #: (3m, 2n) derivatives of the gaps with respect to node coordinates [-]
-    modes: Modes  #: smallest singular values of (12); the first is the rigidity index
+    modes: Modes  #: smallest singular values, see `Modes`; the first is the rigidity index
     distances: Array  #: (p,) distances of the pairs of `CollisionModel` [m]
 
     @property
