@@ -142,7 +142,11 @@ def press_on(
 
 
 def hold_at_home(
-    robot: Robot, body: ConvexObject, members: Sequence[str], options: PlantOptions
+    robot: Robot,
+    body: ConvexObject,
+    members: Sequence[str],
+    options: PlantOptions,
+    segments: int = NEAR,
 ) -> MujocoPlant:
     """
     Return a plant at home with an object in the grip, at rest.
@@ -151,8 +155,9 @@ def hold_at_home(
     :param body: object; it is fixed until the tubes have bent around it.
     :param members: names of the members that hold it.
     :param options: options of the plant.
+    :param segments: number of segments of the members in contact.
     """
-    plant = MujocoPlant(robot, body, options, mesh(robot, members))
+    plant = MujocoPlant(robot, body, options, mesh(robot, members, segments))
     plant.hold_object(body.pose)
     plant.settle(REST)
     plant.release_object()

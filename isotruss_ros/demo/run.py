@@ -56,7 +56,10 @@ RECORDING = 'plant.recording'
 #: the object [kg].
 LOAD, OBJECT_MASS = 5.0, 0.5
 PULL = (0.0, -LOAD, 0.0)
-#: Timeout of commands [s], longer than the default because the machine may be busy.
+#: Largest age of the inputs of the nodes [s]. It is longer than the default because processes
+#: pause on a busy machine: by 1.01 s with six times as many busy processes as cores.
+INPUT_TIMEOUT = 3.0
+#: Time after the last command at which the simulated rollers stop [s].
 COMMAND_TIMEOUT = 1.0
 #: Rate of grasp analyses [Hz]. Each takes 20 to 40 ms on a core that the control loop needs too.
 ANALYSIS_RATE = 5.0
@@ -137,11 +140,12 @@ def _play(
     output, rate, plant = options.output, options.rate, options.plant
     # A machine that is too slow for MuJoCo takes longer, and nothing lags.
     simulated = plant == MUJOCO
-    common = {'robot': robot, 'command_timeout': COMMAND_TIMEOUT, 'use_sim_time': simulated}
+    common = {'robot': robot, 'command_timeout': INPUT_TIMEOUT, 'use_sim_time': simulated}
     shared = common | {'object_diameter': OBJECT_DIAMETER, 'friction': FRICTION}
     gripping = shared | {'grip_module': GRIP_MODULE, 'rate': rate}
     x, y = OBJECT_CENTER
     lying = {'plant': plant, 'object_is_free': True, 'object_pose': [x, y, 0.0]}
+    lying |= {'command_timeout': COMMAND_TIMEOUT}
     # With noise, a loop that expects loads takes errors of a millimetre for some newtons.
     real = options.sensors == REAL
     pull = None if real else PULL
