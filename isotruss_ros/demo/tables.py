@@ -112,7 +112,7 @@ def grasp_table(records: Sequence[PhaseRecord]) -> Table:
         last, weakest = analyses[-1], min(settled, key=lambda grasp: grasp.slip_margin)
         table.add_row(
             record.name,
-            f'{100.0 * record.held:.0f}',
+            f'{100.0 * record.held_fraction:.0f}',
             f'{min(squeezes):.1f} - {max(squeezes):.1f}',
             f'{weakest.slip_margin:.1f} {arrow_of(weakest.slip_direction)}',
             f'{100.0 * max(max(grasp.friction_used) for grasp in settled):.0f}',
