@@ -58,7 +58,7 @@ def plan_table(plan: PlanGrasp.Result) -> Table:
 def motion_table(records: Sequence[PhaseRecord]) -> Table:
     """Return a table of the object's displacement and errors in each phase."""
     table = make_table(
-        'Displacement of the object: dx, dy in mm, rotation in degrees; largest roller speed',
+        'Object: displacement in mm and rotation in degrees; largest roller speed',
         ('phase',),
         ('commanded', 'measured', 'error\nmm', 'error\ndeg', 'roller\nmm/s', 'loop\nHz'),
     )
@@ -130,8 +130,8 @@ def contact_table(records: Sequence[PhaseRecord]) -> Table:
     :param records: records of the phases.
     """
     table = make_table(
-        'Contact regions of the fixed object at the end of each phase: length,\n'
-        'largest width, area, mean and largest pressure',
+        'Contact regions of the fixed object at\nthe end of each phase: length, largest\n'
+        'width, area, mean and largest pressure',
         ('phase', 'member'),
         ('length\nmm', 'width\nmm', 'area\ncm\u00b2', 'mean\nkPa', 'peak\nkPa'),
     )
