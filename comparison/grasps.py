@@ -57,7 +57,7 @@ def compare(
         'Forces, friction and stiffness of grasps',
         'An object of 0.3 m is pressed into the corner of the tube `north` at the joint `Z`. '
         'First the object is fixed and without friction: normal forces and their positions are '
-        f'compared with `analyze_grasp`. Then it is released with friction ({FRICTION:g}). '
+        f'compared with `analyze_grasp`. Then it is free, with friction ({FRICTION:g}). '
         'Its predicted displacement is the unbalanced wrench divided by the grasp stiffness; '
         'equilibrium, forces and required friction are compared with `settle_grasp`. Small '
         'wrenches measure the stiffness. No bound applies to grasps in which a tube wrinkles.',
@@ -201,8 +201,8 @@ def _tables(found: Sequence[Compared]) -> tuple[Table, ...]:
         ),
         Table(
             'grasps_free',
-            'Released object, held by friction; the give is the displacement of its centre on '
-            'release, and stiffness matrices are compared by their inverses, the compliances',
+            'Free object, held by friction. The give is the displacement of its centre when it is '
+            'no longer fixed. Stiffness matrices are compared by their inverses, the compliances',
             (
                 *wedge,
                 'give MuJoCo [mm]',

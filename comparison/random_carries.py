@@ -100,13 +100,13 @@ def compare_discs(count: int = 20) -> Section:
         'The measured poses have a noise of '
         f'{1e3 * NOISE[0]:g} mm and {np.degrees(NOISE[1]):.1f}°. In the row “{PULLED}”, '
         f'unexpected external forces of {PULL:g} times the slip margin act for half of a leg. '
-        f'First the control loop holds the object for {REST:g} s. Then the path is refused if the '
-        'model of the loop predicts that the object will be lost. “Halted, held” means that the '
-        'servo stopped while the object was held; “lost, reported” means that the object was lost '
-        'and the servo reported it, “lost, not reported” that the servo did not report it. “Off” '
-        'is the final distance of the object from the position to which the executed twists '
-        'lead, or the final deviation of the squeeze from its desired value. An object that '
-        'leaves the grip before the control starts is replaced by another random object.'
+        f'Before the first leg the control loop holds the object for {REST:g} s, and refuses the '
+        'path if its model predicts that the object will be lost. “Halted, held” means that the '
+        'control loop stopped while the object was held; “lost, reported” means that the object '
+        'was lost and the control loop reported it, “lost, not reported” that it did not. “Off '
+        '[mm]” is the final distance of the object from the position to which the executed twists '
+        'lead, “squeeze off” the final deviation of the squeeze from its desired value. An object '
+        'that leaves the grip before the control starts is replaced by another random object.'
     )
     return _compare(DISC, count, words)
 

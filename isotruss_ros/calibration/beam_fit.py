@@ -151,7 +151,7 @@ def _search(
     radius: float,
     **options: Any,
 ) -> OptimizeResult:
-    """Return the least-squares fit of the logarithms of the constants and stiffnesses."""
+    """Return the least-squares fit of the constants' logarithms to those of the stiffnesses."""
     _require_modes(modes)
     measured, target = (modes, lengths, pressures), np.log(stiffnesses)
     start, reach = _estimate(*measured, stiffnesses, radius), np.log(SEARCH_FACTOR)

@@ -113,7 +113,7 @@ def home_jacobian(robot: Robot, postures: Sequence[Posture]) -> Array:
     """
     Return the derivatives (2k, r) of joint positions with respect to roller offsets.
 
-    They are evaluated at zero offsets.
+    The derivatives are evaluated at zero offsets.
 
     :param robot: robot of the robot file.
     :param postures: postures of the robot without object.

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Least-squares fit of k = C p^a L^b to the stiffnesses of one mode, by their logarithms."""
+"""Least-squares fit of k = C p^a L^b to the logarithms of the stiffnesses of one mode."""
 
 from __future__ import annotations
 

@@ -26,7 +26,7 @@ SIGNIFICANCE = 0.01
 #: Values of d that the search tries, relative to the largest displacement [-].
 RANGES = np.linspace(1.0, 0.1, 19)
 
-ALONE = 'the only displacement of its trial in the linear range; a slope needs two'
+LONE_DISPLACEMENT = 'the only displacement of its trial in the linear range; a slope needs two'
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +70,7 @@ def _slope(group: Group, inside: Flags, limit: float) -> Slope:
     used = inside & _spread(group, inside)
     unit = 'rad' if group.mode == 'rotary' else 'm'
     outside = f'{group.name}: beyond {limit:.4g} {unit}, out of the linear range'
-    reasons = np.where(inside, np.where(used, '', ALONE), outside)
+    reasons = np.where(inside, np.where(used, '', LONE_DISPLACEMENT), outside)
     if not used.any():
         return _no_slope(
             group,

@@ -45,7 +45,7 @@ class MeasurementError(IsotrussError, ValueError):
 
 @dataclass(frozen=True, eq=False)
 class Group:
-    """Measured points with equal mode, pressure and length."""
+    """Measured points of one deformation mode at one pressure and one length."""
 
     mode: str  #: mode of the load: axial, transverse or rotary
     pressure: float  #: gauge pressure [Pa]

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Inputs of a control loop: check of stamps, latest valid values, and history of commands.
+Inputs of a control loop: check of stamps, latest valid values, and histories.
 
 From the history of commands, the roller travel since an old measurement is predicted.
 """
@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections import deque
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 import enum
 from operator import itemgetter
@@ -316,6 +317,65 @@ class Timeline:
             return self._known[min(after, len(self._known) - 1)][1]
         (start, value), (end, following) = self._known[after - 1], self._known[after]
         return value + (time - start) / (end - start) * (following - value)
+
+
+class RollerParts:
+    """
+    Last readings of each roller, from joint states with all or some of the rollers.
+
+    The merged state has the time of the oldest reading; newer readings are interpolated to this
+    time.
+
+    :param names: names of the rollers.
+    """
+
+    def __init__(self, names: Sequence[str]) -> None:
+        self._names = names
+        #: Position [m] + 1j speed [m/s] of each roller.
+        self._readings = [Timeline() for _ in names]
+
+    def clear(self) -> None:
+        """Discard the readings of all rollers."""
+        for readings in self._readings:
+            readings.clear()
+
+    def take(self, part: Mapping[int, tuple[float, float]], time: float, now: float) -> None:
+        """
+        Store the readings of a message that are newer than the stored readings.
+
+        :param part: position [m] and speed [m/s] for the index of each roller in the message.
+        :param time: time of the readings, not later than `now` [s].
+        :param now: current time on the same clock [s]. If the clock was set back, stored readings
+            later than `now` are discarded.
+        """
+        for number, reading in part.items():
+            readings = self._readings[number]
+            if readings and readings.last[0] > now:
+                readings.clear()
+            if not readings or time >= readings.last[0]:
+                readings.add(time, complex(*reading))
+
+    def merged(self) -> StampedInput | RejectedInput:
+        """Return the merged state of all rollers; a rejection if a roller was in no message."""
+        readings = self._readings
+        missing = [n for n, known in zip(self._names, readings, strict=True) if not known]
+        if missing:
+            return RejectedInput(
+                f'joint states: rollers {", ".join(missing)} are missing; must name '
+                f'{", ".join(self._names)}, in one message or in parts'
+            )
+        times = [known.last[0] for known in readings]
+        time, newest = min(times), max(times)
+        for known in readings:
+            known.discard_before(time)
+        values, behind = np.array([known.at(time) for known in readings]), None
+        if time < newest:
+            oldest = self._names[times.index(time)]
+            words = (
+                f'joint states: roller {oldest} was read {newest - time:.3f} s before the others'
+            )
+            behind = RejectedInput(words, InputFault.STALE)
+        return StampedInput(RollerState(values.real, values.imag), time, behind)
 
 
 class CommandHistory:

@@ -99,7 +99,7 @@ class GraspAnalysisNode(ManagedNode):
         return GraspQuery((), body, friction, unloaded, values.spacing, values.paper_model)
 
     def activate(self) -> None:
-        """Start the control cycle, and offer the service `analyze_grasp`."""
+        """Start the periodic analysis, and offer the service `analyze_grasp`."""
         self.cycle = Cycle(self, self._step, self.inputs.clear)
         self.create_service(AnalyzeGrasp, 'analyze_grasp', self._analyze)
 

@@ -177,7 +177,11 @@ def _bind(host: str, port: int) -> socket.socket:
 
 @contextlib.contextmanager
 def _serving(bound: socket.socket, gate: Gate) -> Iterator[list[bool]]:
-    """Make servers of `websockets` started inside the `with` block use a socket and a gate."""
+    """
+    Patch `websockets`: servers that start inside the `with` block use this socket and this gate.
+
+    The yielded list is not empty once such a server has started.
+    """
     module, served = websockets.asyncio.server, []
     serve = module.serve
 

@@ -5,7 +5,6 @@
 
 from hypothesis import given
 from hypothesis import strategies as st
-from isotruss_ros.core.estimation.roller_parts import RollerParts
 from isotruss_ros.core.inputs import (
     check_stamp,
     CLOCK_SKEW,
@@ -14,6 +13,7 @@ from isotruss_ros.core.inputs import (
     keep_latest,
     RejectedInput,
     require_fresh,
+    RollerParts,
     StampedInput,
     steady_pressures,
 )

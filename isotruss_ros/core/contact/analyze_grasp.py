@@ -71,8 +71,7 @@ def analyze_grasp(
         the pressure of the robot file is used.
     :param previous: analysis of a similar grasp, from which the iteration starts. If a deep
         indentation has several equilibria, this start decides which of them is found.
-    :param paper_model: True for the paper's model, which is linear about straight tubes with round
-        sections.
+    :param paper_model: True for the paper's model: linear statics, straight tubes, round sections.
     :raises GraspError: an argument is invalid.
     :raises StructureError: the robot is a mechanism, a pressure is invalid, or the stiffness laws
         contradict each other.
@@ -221,7 +220,7 @@ def _pressed(
 
 
 def _about_middle(body: ConvexObject, wrench: Array) -> Array:
-    """Convert a wrench about the origin of the object's frame to one about the centroid [N]."""
+    """Return (fx, fy, m / arm) about the centroid [N] of a wrench about the frame's origin."""
     away = body.middle - body.center
     x, y, moment = wrench
     return np.array([x, y, (moment - away.real * y + away.imag * x) / body.arm])

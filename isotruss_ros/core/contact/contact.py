@@ -94,7 +94,7 @@ def solve_contact(
 def _settle_normals(
     contact_points: ContactPoints, places: Indices, normals: Points, gaps: Array, surface: Surface
 ) -> Points:
-    """Return forces x + iy [N] that close the gaps of a points, with their normals updated."""
+    """Return the forces (a,), x + iy [N], that close the gaps (a,) and have updated normals."""
     count = len(places)
     if count == 0:
         return np.zeros(0, dtype=np.complex128)
@@ -170,7 +170,7 @@ def open_gaps(away: Points, normals: Points, surface: Surface) -> Array:
 
 def guess_contact(contact_points: ContactPoints, gaps: Array) -> Flags:
     """
-    Return a mask (c,) that is true at the points of each member that overlap the object most.
+    Return a mask (c,) that is true for the deepest points of each member in the object.
 
     :param contact_points: candidate contact points.
     :param gaps: (c,) gaps of the undeformed tubes [m].

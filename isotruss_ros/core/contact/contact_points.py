@@ -29,8 +29,8 @@ class ContactPoints:
     is due to the displacements of the piece's ends, the second to forces on the piece while its
     ends are fixed. The compliance is stored in these two parts, along and across the bent members.
 
-    :ivar points: (c,) positions on the centre lines, extrapolated to zero contact forces, x + iy
-        [m].
+    :ivar points: (c,) positions on the centre lines that the linearised tubes have without contact
+        forces, x + iy [m].
     :ivar skin: (c,) positions on the skin, on the side of the object [m]; in the paper's model,
         equal to `points`.
     :ivar member: (c,) index of the member (pinch point to pinch point) of each point.
@@ -149,10 +149,9 @@ class ContactPoints:
 
     def is_parallel(self, bent: BentTubes, spacing: float) -> bool:
         """
-        Return whether other points have equal spacing and nearly equal positions on the members.
+        Return whether other points have nearly the positions of these points on the members.
 
-        :param bent: the linearised tubes with the other points as load points; they borrow the
-            factorised matrix from `ContactPoints.bent`.
+        :param bent: the linearised tubes with the other points as load points, after `lend`.
         :param spacing: spacing of the other points [m].
         """
         return spacing == self.spacing and bent.tangent.chains is self.bent.tangent.chains
@@ -160,6 +159,8 @@ class ContactPoints:
     def normal_compliance(self, normals: Points) -> Array:
         """
         Return the compliance of the skin along the normals, W = N^T (S^-1 + C) N of (8).
+
+        S is the stiffness of the frame, and C the compliance of the dents.
 
         :param normals: (c,) unit normals, x + iy.
         :return: (c, c) compliance, symmetric up to rounding [m/N].
@@ -248,7 +249,7 @@ def find_contact_points(
     :param structure: structural model of the robot.
     :param surface: surface that the points meet. It is the object's surface, or for round tubes
         the object's surface offset by the tube radius.
-    :param spacing: distance of the points along the tube [m].
+    :param spacing: distance between successive points along the tube [m].
     :param flattening: local compliance of the tubes; None for the paper's model.
     :param windows: (m, 2) interval of each member in which points are placed, from the member's
         start [m]; None: the whole member.

@@ -14,9 +14,10 @@ foundation,
     G_n = pi p R^2 (1 + 1/n^2) / 2 + pi R G t f_n / n^2,
     f_n = E t / (E t + G t n^2 lambda_n^2 / R^2),   lambda_n = sqrt(G_n / k_n),
 
-where G_n is due to the wall tension p R / 2 and the shear of the fabric. The compliance of a mode
-at a distance s is exp(-s / lambda_n) / (2 sqrt(k_n G_n)). All but the first few modes decay so
-fast along the tube that they deform only the loaded section.
+where w is the amplitude of the mode, q the load per length, and G_n is due to the wall tension
+p R / 2 and the shear of the fabric. The compliance of a mode at a distance s is exp(-s / lambda_n)
+/ (2 sqrt(k_n G_n)). All but the first few modes decay so fast along the tube that they deform only
+the loaded section.
 """
 
 from __future__ import annotations
@@ -56,7 +57,7 @@ class Flattening:
         """
         Return the compliance of points on the skin by dents alone, without bending of the tubes.
 
-        Each point represents a piece of tube that is one spacing long; load and indentation are
+        Each point represents a piece of tube that is one spacing long; load and depth are
         averaged over this piece. Therefore the sum over many points equals the integral for any
         spacing.
 

@@ -71,14 +71,14 @@ def balance_by_friction(
 def _balance(
     segments: Array, facets: tuple[Array, Array], load: Array, friction: float
 ) -> tuple[Array, float]:
-    """Return friction factors (k,) in [-mu, mu] that balance a load, and the residual wrench."""
+    """Return ratios (k,) of friction to normal force that balance a load, and the residual [N]."""
     normals, support = facets
     offs, size = normals @ load, float(np.linalg.norm(load))
     room = friction * np.tile(support, 2) + np.concatenate([offs, -offs])
     nearest = find_nearest(np.concatenate([normals, -normals]).T, room, size, 0.0)
     left = np.zeros(3) if nearest is None else nearest.point
     # Friction is at its bound at each contact whose friction wrench has a component along the
-    # residual. Only the factors of the few contacts without such a component are unknown.
+    # residual. Only the ratios of the few contacts without such a component are unknown.
     lever, reach = segments @ left, np.linalg.norm(segments, axis=1) * np.linalg.norm(left)
     free = np.abs(lever) <= NEGLIGIBLE_SHARE * reach
     shares = np.where(free, 0.0, -friction * np.sign(lever))
@@ -88,7 +88,7 @@ def _balance(
 
 
 def _smallest(segments: Array, wanted: Array, friction: float) -> Array:
-    """Return the smallest friction factors (k,) that exert a wrench, or the closest wrench."""
+    """Return the smallest friction ratios (k,) that produce a wrench, or the closest wrench."""
     shares = solve_least_squares(segments.T, wanted)
     if np.abs(shares).max() <= friction:
         return shares

@@ -79,10 +79,10 @@ class GraspAnalysis(
     :ivar peak_pressures: largest contact pressure, for each member in contact [Pa].
     :ivar flattened: names of the members whose contact is as wide as half of the circumference.
         Their section is flat there, and the model no longer holds for depth and force.
-    :ivar utilisation: ratio of the largest bending moment to the wrinkling moment, for each member
-        [-]. At 1 and above the tube wrinkles, and the model no longer holds.
-    :ivar utilisation_places: distance of the largest bending moment from the member's start, for
-        each member [m].
+    :ivar utilisation: largest ratio of bending moment to wrinkling moment, for each member [-]. At
+        1 and above the tube wrinkles, and the model no longer holds.
+    :ivar utilisation_places: distance of the largest utilisation from the member's start, for each
+        member [m].
     :ivar center: origin of the object's frame, x + iy [m].
     :ivar structure: structural model of the robot.
     :ivar solved: the solved contact from which this analysis was computed.
@@ -120,7 +120,7 @@ class GraspAnalysis(
         """
         Return the robot's stiffness against motion of the object, (3, 3) [N/m, N, N m].
 
-        It is the derivative of the wrench (fx, fy, m) with respect to the displacement (dx, dy,
+        The stiffness is the derivative of the wrench (fx, fy, m) by the displacement (dx, dy,
         dtheta), without slip at the contacts.
 
         :raises SolverError: the contact compliance is not positive definite.
@@ -148,7 +148,7 @@ class GraspAnalysis(
         """
         Return the relative increase of the contact forces due to geometric nonlinearity [-].
 
-        The forces are compared with those of a model that is linear about the straight tubes. The
+        The forces are compared with those of a linear model with straight tubes. The
         increase is computed to first order, from the work of the contact forces. It is zero in the
         paper's model.
         """

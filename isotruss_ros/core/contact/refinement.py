@@ -196,7 +196,7 @@ class _Search:
 
     @property
     def room(self) -> Array:
-        """Return the extent of the points before and behind a contact region, (2,) [m]."""
+        """Return the offsets (2,) of the first and last point from the ends of a region [m]."""
         return self.spacing * np.array([-1.0, 1.0])
 
     def solve(self, before: SolvedContact, limited: bool) -> tuple[SolvedContact, bool]:
@@ -237,7 +237,7 @@ class _Search:
         return found
 
     def solve_everywhere(self) -> SolvedContact:
-        """Solve the contact with points on all tubes near the object, bent if in contact."""
+        """Solve the contact with points on all tubes near the object, and bend the tubes."""
         found = self.find(self.spacing, None, self.solver)
         return self.bend(found) if _touched(found.spans).any() else found
 

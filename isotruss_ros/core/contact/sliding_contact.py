@@ -150,7 +150,7 @@ def _slide(
 
 
 def _limit(normals: Points, bent: Points, side: Array) -> tuple[Points, Flags]:
-    """Return normals (c,) with bounded inclination, and a mask of the bounded normals."""
+    """Return normals (c,) with bounded inclination, and a mask of the changed normals."""
     local = normals * bent.conj()
     steep = side * local.imag < STEEPEST_TANGENT.real
     if not steep.any():

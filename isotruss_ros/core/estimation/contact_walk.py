@@ -42,7 +42,7 @@ class ContactWalk:
         self.length = self.deviations = 0.0
         self._moved, self._walked = np.zeros(3), np.zeros((3, 3))
         self._attached: Array | float = 0.0  # changes of the considered derivatives, see `attach`
-        #: Sums of each interval in order.
+        #: Sums within each of `SUM_INTERVALS`, in order of time.
         self._sums: tuple[deque[_Sum], ...] = tuple(deque() for _ in SUM_INTERVALS)
 
     def spread(self, more: Array) -> None:
@@ -57,7 +57,7 @@ class ContactWalk:
         """
         Change the derivatives of the pose with respect to the considered states, see `add`.
 
-        They change after a new search for an equilibrium, which does not correct the pose.
+        The derivatives change after a search for an equilibrium, which does not correct the pose.
 
         :param change: (3, c) change of the derivatives of the pose with respect to the considered
             states, see `add`.

@@ -517,7 +517,7 @@ class GripBelief:
         elapsed: float,
         moved: Array,
     ) -> None:
-        """Compute the drift, and the rates of slip margin and utilisation with roller travel."""
+        """Compute `drift`, and the derivatives of slip margin and utilisation by roller travel."""
         if grasp.contacts is not before.contacts:  # a discontinuity
             self.usage, self.drift = UsageLimits(grasp), np.zeros(4)
             return

@@ -21,7 +21,9 @@ def attach_model(
     config: Configuration, grip: Grip, pressures: Pressures = None, zero_deviation: float = 0.0
 ) -> HeldGrip:
     """
-    Return the object's equilibrium near its measured pose, which has a `response` to wrenches.
+    Return the object's equilibrium near its measured pose.
+
+    The equilibrium is not neutral, so its `response` to wrenches is not None.
 
     :param config: configuration of the robot.
     :param grip: grip with the object at its measured pose.

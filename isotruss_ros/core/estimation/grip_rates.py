@@ -23,7 +23,7 @@ LOAD, BIAS, DELAY, SHIFTS = slice(0, 3), slice(3, 6), 6, 7
 
 
 class StateRates(NamedTuple):
-    """Derivatives of pose and squeeze with respect to the state (n,); rotations times the arm."""
+    """Derivatives of pose, rotations times the characteristic radius, and squeeze by the state."""
 
     pose: Array  #: (3, n) derivatives of the object's pose
     squeeze: Array  #: (n,) derivatives of the squeeze
@@ -31,7 +31,7 @@ class StateRates(NamedTuple):
     @classmethod
     def of(cls, grasp: HeldGrip, anchored: Array) -> StateRates:
         """
-        Return the derivatives of pose and squeeze at an equilibrium.
+        Return the derivatives of pose and squeeze by the state at an equilibrium.
 
         :param grasp: the equilibrium; its `response` is not None.
         :param anchored: derivatives of the unknowns of the equilibrium, see `anchor_rates`.
@@ -55,13 +55,13 @@ class ConsideredRates(NamedTuple):
 
     grasp: HeldGrip  #: equilibrium of the object
     gradient: HeldGradient  #: gradient of this equilibrium
-    pose: Array  #: (3, r + 1) derivatives of the pose, rotations times the arm
+    pose: Array  #: (3, r + 1) derivatives of the pose, see `StateRates`
     squeeze: Array  #: (r + 1,) derivatives of the squeeze
 
     @classmethod
     def of(cls, grasp: HeldGrip) -> ConsideredRates:
         """
-        Return the derivatives of pose and squeeze at an equilibrium.
+        Return the derivatives by roller offsets and stiffness at an equilibrium.
 
         :param grasp: the equilibrium.
         """

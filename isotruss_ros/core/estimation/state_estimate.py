@@ -23,8 +23,8 @@ class EstimatorSettings:
 
     :ivar zero_deviation: standard deviation of the roller offsets [m]; 1 mm after calibration with
         markers.
-    :ivar slip: slip of a roller, and of a contact, as a fraction of the roller's travel,
-        independent in each 0.1 m of travel [-].
+    :ivar slip: slip of a roller as a fraction of its travel, and of a contact as a fraction of the
+        largest roller travel, independent in each 0.1 m of travel [-].
     :ivar drift: drift of the roller offsets in one second, also at rest [m].
     :ivar encoders: noise of an encoder reading [m].
     :ivar load: external wrench on a held object, moments divided by its characteristic radius [N].

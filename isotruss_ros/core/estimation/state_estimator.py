@@ -233,7 +233,7 @@ class StateEstimator:
     def _name(
         self, names: Array, used: Array, measured: Array, expected: Array, covariance: Array
     ) -> None:
-        """Store names of used and swapped markers; reset roller offsets if markers disagree."""
+        """Store names of used and swapped markers; reset offsets after inconsistent messages."""
         self._used = tuple(sorted(names[used].tolist()))
         self._left_out = tuple(sorted(names[~used].tolist()))
         swapped = None
@@ -294,7 +294,7 @@ class StateEstimator:
         return places + displaced + beyond @ (offsets - self._zeros.offsets), rates + beyond
 
     def _encoder_noise(self, rates: Array) -> Array:
-        """Return the covariance (m, m) by encoder noise, from the Jacobian (m, r)."""
+        """Return the covariance (m, m) of coordinates by encoder noise, for a Jacobian (m, r)."""
         return self.settings.encoders**2 * rates @ rates.T
 
     def _in_time(self, time: float) -> bool:

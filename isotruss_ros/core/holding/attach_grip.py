@@ -16,10 +16,10 @@ from dataclasses import replace
 import itertools
 
 from isotruss_ros.core.holding.build_statics import (
-    AS_MODELLED,
     build_statics,
     find_dents,
     find_pressed,
+    NOMINAL_TUBES,
     start_at,
 )
 from isotruss_ros.core.holding.contact_forces import (
@@ -73,7 +73,7 @@ def attach_grip(
     body: ConvexObject,
     members: Indices | None = None,
     external_wrench: Array | None = None,
-    tubes: TubeModel = AS_MODELLED,
+    tubes: TubeModel = NOMINAL_TUBES,
     before: HeldGrip | None = None,
     quick: bool = False,
 ) -> HeldGrip:
@@ -271,7 +271,7 @@ def _solve_nearby(
 
 
 def _choices(contacts: PressedContacts) -> list[PressedContacts]:
-    """Return contact hypotheses: first all face ends in contact, then fewer and fewer."""
+    """Return contact hypotheses: first all face ends in contact, then fewer face ends."""
     faces = [own.tolist() for own in contacts.ends if len(own) > 1]
     found = []
     for dropped in itertools.product(*([None, *own] for own in faces)):

@@ -29,7 +29,7 @@ from isotruss_ros.core.statics.structure import Structure, structure_of
 import numpy as np
 
 #: Tube model with flattening and with pressure and stiffness of the robot file.
-AS_MODELLED = TubeModel()
+NOMINAL_TUBES = TubeModel()
 #: Step of the angles of normals for which dents are tabulated [rad].
 ANGLE_STEP = 0.01
 
@@ -76,7 +76,7 @@ def build_statics(
     config: Configuration,
     body: ConvexObject,
     contacts: PressedContacts,
-    tubes: TubeModel = AS_MODELLED,
+    tubes: TubeModel = NOMINAL_TUBES,
     normals: Points | None = None,
 ) -> ContactStatics:
     """

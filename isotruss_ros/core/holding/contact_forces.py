@@ -51,7 +51,8 @@ class PressedContacts:
         """
         Return all contacts except a given contact.
 
-        If it is one end of a face, the extent of the contact at the other end becomes unlimited.
+        If this contact is one end of a face, the extent of the contact at the other end becomes
+        unlimited.
 
         :param dropped: index of the contact that is left out.
         """

@@ -10,8 +10,9 @@ The object has k contacts on two or three members:
     X_i = c + R(theta) p(nu_i) + rho_i nu_i                             touch
     w = sum f_i,  m = sum of arms x f_i,  f_i = (N_i + i T_i) nu_i      balance
 
-with the member's start P_i and direction e_i, the displacement u_i of the tube, the surface point
-p(nu) whose normal is nu, and the distance rho_i of this point from the centre line. A beam bends
+with the member's start P_i and direction e_i, the displacement u_i of the tube, the compliances C
+and D for loads f and positions s, the object's pose (c, theta), the surface point p(nu) whose
+normal is nu, and the distance rho_i of this point from the centre line. A beam bends
 away from the object, so a polygon touches it at corners or at both ends of a face. The unknowns
 are the object's pose, the positions of the contacts along the members, the inclinations of the
 bent tubes at the contacts, and the contact forces. The equations state that object and member
@@ -64,8 +65,7 @@ class TubeModel(NamedTuple):
     Model of the tubes that hold an object.
 
     :ivar stiffness_scale: ratio of the robot's true stiffness to its modelled stiffness [-].
-    :ivar paper_model: True for the paper's model, which is linear about straight tubes with round
-        sections.
+    :ivar paper_model: True for the paper's model: linear statics, straight tubes, round sections.
     :ivar pressure: gauge pressure [Pa], see `tube_pressures`; None: the pressure of the robot
         file.
     """
@@ -136,7 +136,7 @@ class ContactStatics:
         return np.einsum('lnk,nkc->klc', self._push(unknowns).rates, bending)
 
     def _push(self, unknowns: Array) -> _Pushes:
-        """Return the loads of the contacts on the tubes, with derivatives."""
+        """Return the loads of the contacts on the tubes, with derivatives by the unknowns."""
         begin = self.places.inclinations.start
         turned, normal, friction = unknowns[begin:].reshape(3, -1)
         local = self._aside * np.exp(1j * turned)

@@ -95,15 +95,15 @@ class GraspGradient(
 
     @property
     def slip_margin(self) -> Array:
-        """Return the derivatives (p,) of the slip margin of the first member in `gives_way`."""
+        """Return the slip margin's derivatives (p,) by the parameters, for `gives_way[0]`."""
         return self.slip_margins[0]
 
     @property
     def slip_margins(self) -> Array:
         """
-        Return the derivatives (t, p) of the slip margin for each of t critical slip conditions.
+        Return the slip margin's derivatives (t, p) by the parameters, for t critical conditions.
 
-        Critical are all conditions whose margin equals the smallest margin within rounding.
+        A condition is critical if its margin equals the smallest margin within rounding.
         """
         return self._margins[0]
 
@@ -120,7 +120,7 @@ class GraspGradient(
 
     @functools.cached_property
     def _response(self) -> Array:
-        """Return the derivatives (3 + 4k, p, 3) of the unknowns' response to a unit wrench."""
+        """Return the derivatives (3 + 4k, p, 3) of the response to a wrench by the parameters."""
         return _response_rates(self.settled.equilibrium, *self._changes)
 
     @functools.cached_property
@@ -185,7 +185,7 @@ def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
 
 
 def _lost_gradient(settled: SettledGrasp) -> GraspGradient:
-    """Return the derivatives of pose and slip margin for a grasp without equilibrium."""
+    """Return the gradient of a grasp without equilibrium: that of pose and slip margin."""
     parameters = GraspParameters.of(settled.lost.config)
     pose = np.zeros((3, parameters.size))
     pose[:, parameters.place] = np.eye(3)

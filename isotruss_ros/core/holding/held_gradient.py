@@ -23,8 +23,8 @@ class HeldGradient:
     Derivatives of pose, normal forces and joint positions of a held object.
 
     The p = r + 4 + k columns are the parameters: travel of the r rollers [m], external wrench (fx,
-    fy, m / arm) on the object [N], ratio of the robot's true stiffness to its modelled stiffness
-    [-], and rolling invariants of the k contacts [m].
+    fy, m / arm) on the object [N] with the characteristic radius arm, ratio of the robot's true
+    stiffness to its modelled stiffness [-], and rolling invariants of the k contacts [m].
     """
 
     pose: Array  #: (3, p) derivatives of the pose (x, y, angle)
@@ -38,10 +38,10 @@ class HeldGradient:
 @single_threaded
 def held_gradient(grip: HeldGrip) -> HeldGradient:
     """
-    Return the derivatives of pose, forces and joints of a held object with sticking contacts.
+    Return the derivatives of pose, forces and joints by the parameters of `HeldGradient`.
 
-    From the equilibrium equations F(y, x) = 0 follows y' = -F_y^-1 F_x, see `grasp_gradient`.
-    Joint positions include the displacements due to contact forces.
+    The contacts stick. From the equilibrium equations F(y, x) = 0 follows y' = -F_y^-1 F_x, see
+    `grasp_gradient`. Joint positions include the displacements due to contact forces.
 
     :param grip: equilibrium of the object.
     :raises GraspError: the equilibrium is neutral (its Jacobian is singular).

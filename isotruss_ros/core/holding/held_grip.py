@@ -89,7 +89,7 @@ class HeldGrip:
     :ivar wrench: external wrench (fx, fy, m / arm) on the object, see `ConvexObject.arm` [N].
     :ivar tubes: model of the tubes.
     :ivar motion: changes of roller travel (r,) [m] and of the unknowns (3 + 4k,) since the
-        equilibrium of the previous configuration; None if there is none.
+        equilibrium of the previous configuration; None if there was no previous one.
     """
 
     config: Configuration
@@ -173,7 +173,7 @@ class HeldGrip:
         """
         Return the smallest additional wrench at which a member slips [N].
 
-        Moments are about the centroid, divided by the arm. A member slips if |T| = mu N, where T
+        Moments are about the centroid, divided by `arm`. A member slips if |T| = mu N, where T
         and N are summed over its contacts. Forces are linear in the wrench, so each slip condition
         is a plane in the space of wrenches. The margin is the distance to the nearest plane. If
         one end of a face opens first, the other forces change, see `slip_rows`.
@@ -190,7 +190,8 @@ class HeldGrip:
         """
         Return the direction (3,) of the smallest wrench that causes slip, (fx, fy, m / arm).
 
-        If its moment is taken about the centroid, as in `slip_margin`, its norm is 1.
+        Its norm is 1 if the moment is taken about the centroid, as in `slip_margin`, and not about
+        the origin of the object's frame. For `arm` see `HeldGrip.arm`.
 
         :param friction: coefficient of friction between tube and object.
         """
@@ -203,8 +204,8 @@ class HeldGrip:
         """
         Return the matrix (3, 3) that moves a moment's reference point from centroid to origin.
 
-        It converts a wrench (fx, fy, m / arm) whose moment is about the centroid into the same
-        wrench with the moment about the origin of the object's frame.
+        The matrix converts a wrench (fx, fy, m / arm) whose moment is about the centroid into the
+        same wrench with the moment about the origin of the object's frame, see `arm`.
         """
         away = (self.body.middle - self.body.center) / self.arm
         return np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-away.imag, away.real, 1.0]])

@@ -30,7 +30,7 @@ def held_joints(grip: HeldGrip) -> Array:
     """
     Return the joint positions (j, 2) of a robot with a held object [m].
 
-    They include the displacements due to the contact forces. Their order is that of
+    The positions include the displacements due to the contact forces. Their order is that of
     `Topology.joint_names`.
 
     :param grip: equilibrium of the object.

@@ -13,7 +13,7 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.core.numerics.tolerances import EPSILON, NEGLIGIBLE_SHARE, ROUNDING
 from isotruss_ros.core.statics.frame_rates import section_rates
-from isotruss_ros.core.statics.wrinkling import find_utilisation, use_sections
+from isotruss_ros.core.statics.wrinkling import evaluate_utilisation, find_utilisation
 import numpy as np
 
 
@@ -41,7 +41,7 @@ class GraspParameters(NamedTuple):
     @classmethod
     def of(cls, config: Configuration) -> GraspParameters:
         """
-        Return the columns of the parameters for grasps by a robot.
+        Return the column indices of all parameters of grasps by a robot.
 
         :param config: configuration of the robot.
         """
@@ -154,7 +154,7 @@ class LoadedTubes:
 
     def contact_rates(self, change: Array) -> ContactRates:
         """
-        Return the derivatives of the contacts from those of the equilibrium's unknowns.
+        Convert derivatives of the equilibrium's unknowns to derivatives of the contacts.
 
         :param change: (3 + 4k, p) derivatives of the unknowns, see `ContactForces`.
         """
@@ -168,7 +168,7 @@ class LoadedTubes:
         )
 
     def equation_rates(self) -> Array:
-        """Return the derivatives (3 + 4k, p) of the equilibrium equations at constant unknowns."""
+        """Return the equations' derivatives (3 + 4k, p) by the parameters at fixed unknowns."""
         grip, spins = self._grip, self.spins
         statics, state, body = grip.statics, grip.state, grip.body
         places, axis, normals = state.places, self._bent.axis[:, None], state.normals[:, None]
@@ -199,7 +199,7 @@ class LoadedTubes:
 
     def respond(self, contacts: ContactRates) -> TubeRates:
         """
-        Return the derivatives of the tubes' displacements and forces from those of the contacts.
+        Convert derivatives of the contacts to derivatives of the tubes' displacements and forces.
 
         :param contacts: derivatives of the contacts with respect to the parameters.
         """
@@ -278,7 +278,7 @@ class LoadedTubes:
         small = NEGLIGIBLE_SHARE / np.maximum(size, np.finfo(float).tiny)
         ahead, behind = (
             np.take_along_axis(
-                use_sections(loads + step * changes, sections + step * others, radius)[0],
+                evaluate_utilisation(loads + step * changes, sections + step * others, radius)[0],
                 most.kind[None, :, None],
                 axis=0,
             )[0]

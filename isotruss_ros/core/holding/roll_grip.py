@@ -146,7 +146,8 @@ def stick(
 
         kappa_i (s_i - phi_i) - arc(arg nu_i - theta) = A_i
 
-    The symbols are explained in `ContactStatics.anchors`. New contacts have no friction instead.
+    The symbols are explained in `ContactStatics.anchors`. For new contacts, the condition is zero
+    friction.
 
     :param statics: equations of equilibrium.
     :param anchors: (k,) rolling invariants A_i [m].

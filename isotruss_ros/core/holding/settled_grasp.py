@@ -94,7 +94,7 @@ class SettledGrasp(
 
     @property
     def required_friction(self) -> float:
-        """Return the smallest coefficient of friction for equilibrium; infinite if none exists."""
+        """Return the smallest friction coefficient without slip; infinite without equilibrium."""
         return math.inf if self.equilibrium is None else self.equilibrium.required_friction
 
     @cached_property
@@ -151,8 +151,8 @@ class SettledGrasp(
         """
         Return the robot's stiffness against motion of the object, (3, 3) [N/m, N, N m].
 
-        It is the derivative of the wrench (fx, fy, m) with respect to the displacement (dx, dy,
-        dtheta), without slip at the contacts. It is zero if there is no equilibrium.
+        The stiffness is the derivative of the wrench (fx, fy, m) by the displacement (dx, dy,
+        dtheta), without slip at the contacts. Without an equilibrium, zero is returned.
         """
         response = None if self.equilibrium is None else self.equilibrium.response
         return np.zeros((3, 3)) if response is None else response.stiffness

@@ -28,11 +28,11 @@ import numpy as np
 
 def roll_off_faces(config: Configuration, grip: Grip, reach: Reach, twist: Array) -> Reach:
     """
-    Return the reachable twists of the subset of contacts that can best produce a twist.
+    Return the reachable twists if contacts at ends of faces may lift, to come closest to a twist.
 
     :param config: configuration of the robot.
     :param grip: the grip.
-    :param reach: reachable twists with all contacts; they are the result if no subset comes
+    :param reach: reachable twists with all contacts, returned if no subset of the contacts comes
         closer to the twist.
     :param twist: (3,) twist of the object, not zero [m/s, rad/s].
     :raises ConfigurationError: the configuration is singular.

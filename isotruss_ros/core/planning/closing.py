@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from isotruss_ros.core.holding.build_statics import AS_MODELLED, facing_lines
+from isotruss_ros.core.holding.build_statics import facing_lines, NOMINAL_TUBES
 from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.distances import collision_model
@@ -38,7 +38,7 @@ class Closing:
     nominal_posture: Array | None = None
     #: (s,) desired unit vectors from the object to the members, x + iy; None: no desired rotation
     facing: Points | None = None
-    tubes: TubeModel = AS_MODELLED  #: model of the tubes
+    tubes: TubeModel = NOMINAL_TUBES  #: model of the tubes
     #: counts of the search, and the violation of the candidate closest to an admissible grasp
     tally: SearchTally = field(default_factory=SearchTally)
 
@@ -59,7 +59,7 @@ class SearchState:
     #: (3m,) gaps between the object and the members, modules and rods [m]; negative in an overlap
     gaps: Array
     gaps_by_nodes: Array  #: (3m, 2n) derivatives of the gaps with respect to node coordinates [-]
-    modes: Modes  #: smallest singular values; the first is the rigidity index
+    modes: Modes  #: smallest singular values, see `Modes`; the first is the rigidity index
     distances: Array  #: (p,) distances of the pairs of `CollisionModel` [m]
 
     @property

@@ -153,11 +153,11 @@ def solve_step(state: SearchState, closing: Closing, targets: Array, share: floa
 
 def _bound_rows(state: SearchState, closing: Closing, targets: Array) -> tuple[Array, Array]:
     """
-    Return the rows (k, r) and bounds (k,) of the constraints rows u >= bounds of a step u.
+    Return the matrix (k, r) and the bounds (k,) of the constraints matrix @ u >= bounds.
 
-    They bound the gaps of grasping members (by targets (s,) [m]), the gaps of other parts to the
-    object, the rigidity, and the distances between parts of the robot. The last rows are the
-    limits of the robot file.
+    u is the roller travel of the step. The constraints bound the gaps of grasping members (by
+    targets (s,) [m]), the gaps of other parts to the object, the rigidity, and the distances
+    between parts of the robot. The last rows are the limits of the robot file.
     """
     config, members, robot = state.config, list(closing.members), state.config.robot
     collisions, length = collision_model(robot), robot.home.member_lengths.mean()

@@ -44,7 +44,7 @@ def contact_ends(body: ConvexObject, normals: Points, tube_radius: float) -> tup
 
 @functools.lru_cache(maxsize=64)
 def _patch_ends(shape: Shape, facing: bytes, tube_radius: float) -> tuple[Points, Points]:
-    """Return both ends of the contacts with members whose directions are in the object's frame."""
+    """Return `contact_ends` for directions in the object's frame, which are given as bytes."""
     normals = np.frombuffer(facing, dtype=np.complex128)
     if not shape.faces_at(0):
         points = shape.support_points(normals)
@@ -122,7 +122,7 @@ def find_facing(
     """
     Return directions of two members that admit force closure, near the current directions.
 
-    They minimise a weighted sum of the required friction angle and the rotation.
+    The directions minimise a weighted sum of required friction angle and rotation.
 
     :param body: the object at its pose.
     :param normals: (2,) current unit vectors from the object toward the members, robot frame.

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from isotruss_ros.core.errors import ConfigurationError, GraspError, SolverError
 from isotruss_ros.core.holding.attach_grip import attach_grip
-from isotruss_ros.core.holding.build_statics import AS_MODELLED
+from isotruss_ros.core.holding.build_statics import NOMINAL_TUBES
 from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.grip_record import GripRecord
 from isotruss_ros.core.holding.held_grip import (
@@ -50,7 +50,7 @@ def foresee_grip(
     friction: float,
     poses: Array,
     record: GripRecord | None = None,
-    tubes: TubeModel = AS_MODELLED,
+    tubes: TubeModel = NOMINAL_TUBES,
 ) -> Foresight | None:
     """
     Find the grip of an object, and predict its motion along a path by `foresee_path`.

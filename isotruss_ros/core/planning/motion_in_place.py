@@ -47,7 +47,7 @@ MAX_CONTRACTION = 0.7
 
 def hold_between(config: Configuration, closing: Closing) -> HeldGrip:
     """
-    Return the equilibrium of an object between given members, as the start of rolling.
+    Return the equilibrium of an object between given members, from which it can roll.
 
     :param config: configuration in which the members touch the object.
     :param closing: closing motion with members and object.
@@ -128,7 +128,7 @@ def squeeze_in_place(grasp: HeldGrip, force: float, closing: Closing) -> HeldGri
 
 
 def _missing(grasp: HeldGrip, force: float, body: ConvexObject) -> Array:
-    """Return the errors of squeeze [N], pose [m, rad], and the forces of three members [N]."""
+    """Return the errors of squeeze [N], pose [m, rad] and, for three members, forces [N]."""
     missing = np.append(force - grasp.squeeze, pose_difference(body.pose, grasp.pose))
     owners = grasp.contacts.owners
     if owners[-1] < 2:

@@ -57,7 +57,8 @@ def plan_grasps(
 
     Candidates are all pairs and triples of members around the object, unless the requirements name
     a module or members. Grasps are ranked by slip margin, unless the requirements name another
-    criterion. The plan depends on `seed`, but not on the number of cores.
+    criterion. The first round has the most promising candidates; further rounds start from random
+    postures. The plan depends on `seed`, but not on the number of cores.
 
     :param config: configuration of the robot.
     :param body: the object. If it has a coefficient of friction, this replaces the one in the
@@ -69,9 +70,9 @@ def plan_grasps(
     :param on_progress: callback at the start of each round and after each candidate.
     :param should_stop: function that is called before each candidate, and with an executor every
         `POLL_INTERVAL`. If it returns true, the search stops with the grasps found so far.
-    :param thorough: True to compute all candidates of a round; otherwise a round ends when enough
-        grasps are found.
-    :param max_rounds: largest number of rounds. No further round begins when enough grasps are
+    :param thorough: True to compute all candidates of a round; otherwise a round ends when
+        `requirements.count` grasps are found.
+    :param max_rounds: largest number of rounds. No further round begins when that many grasps are
         found.
     :raises GraspError: the robot has no such module or members, or the seed is invalid.
     :raises StructureError: the robot cannot be analysed.
@@ -125,7 +126,7 @@ class _Search:
             self._judged += 1
             self.tally.add(tally)
             if grasp is not None:
-                # With the caller's robot, not that of another process.
+                # The result refers to the caller's robot, not to a copy from another process.
                 points, robot = grasp.config.points, self._config.robot
                 config = Configuration(robot, grasp.roller_positions, points)
                 self._grasps.append(replace(grasp, config=config))

@@ -111,7 +111,7 @@ def _unload(
     config: Configuration, closing: Closing, held: HeldGrip | None
 ) -> tuple[list[Configuration], Closing]:
     """
-    Return the path of decreasing squeeze, and the closing motion at its end.
+    Return the path of decreasing squeeze, and `closing` with the object at its pose at the end.
 
     Without contact forces the path consists of its start only. With few rollers the object is
     displaced a little.

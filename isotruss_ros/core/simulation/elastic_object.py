@@ -143,7 +143,7 @@ class ElasticObject:
         return touch
 
     def _pressed(self, config: Configuration) -> bool:
-        """Return whether two members overlap the standing object; a single one only pushes it."""
+        """Return whether two members overlap the object; one member alone only pushes it."""
         return bool(np.sort(member_depths(config, self._body))[-2] > ROUNDING)
 
     def _roll(self, before: HeldGrip, config: Configuration) -> None:

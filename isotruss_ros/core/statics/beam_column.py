@@ -33,7 +33,7 @@ class EndForces(NamedTuple):
     """
     Forces of k bent members, and the derivatives of these forces with respect to (l, t1, t2).
 
-    These are the chord length l and the end rotations t1 and t2 relative to the chord.
+    l is the length of the chord; t1 and t2 are the end rotations relative to the chord.
 
     :ivar values: (k, 3) axial force N [N], and moments M1 and M2 at start and end [N m].
     :ivar stiffness: (k, 3, 3) derivatives of `values` with respect to (l, t1, t2).
@@ -148,7 +148,8 @@ def chord_stiffness(length: Array, forces: EndForces) -> Array:
     """
     Return the stiffness (k, 4, 4) of bent members in the coordinates of `chord_motions`.
 
-    These are the chord's length, both end rotations relative to the chord, and its rotation.
+    These are the chord's length, both end rotations relative to the chord, and the rotation of the
+    chord.
 
     :param length: (k,) lengths of the chords [m].
     :param forces: forces of the members, with the derivatives of the forces.

@@ -27,9 +27,10 @@ from isotruss_ros.core.statics.tangent import end_forces, Slopes, Tangent
 import numpy as np
 
 #: Tubes are linearised again if a node has moved farther than this from the linearised state [m]:
-#: in a moving robot, and for a single equilibrium. The predicted displacements have an error of
-#: `TUBE_CURVATURE` times the square of the motion, a stiffness one of `TUBE_CURVATURE` times the
-#: motion. With ten times of the second value, differences of stiffnesses err by up to 5e-6.
+#: for a moving robot, and for a single equilibrium. The error of predicted displacements is
+#: `TUBE_CURVATURE` times the square of the motion; the relative error of a stiffness is
+#: `TUBE_CURVATURE` times the motion. With ten times the second value, differences of stiffnesses
+#: have errors of up to 5e-6.
 FOLLOWED_MOTION, SETTLED_MOTION = 1e-4, 1e-10
 #: Weight of a load point's motion relative to a node's motion in `BentTubes.distance` [-].
 PLACE_SHARE = 0.2
@@ -84,7 +85,8 @@ class BentTubes:
     :ivar members: (k,) index of the member of each load point in `Robot.member_names`.
     :ivar places: (k,) distances of the load points from the members' starts [m].
     :ivar stiffness: factor on the modelled stiffness [-].
-    :ivar linear: whether the structure is linear about straight tubes, as in the paper.
+    :ivar linear: whether the model is linear, with straight tubes under all loads, as in the
+        paper.
     :ivar before: state about which the tubes are linearised; None: the state without loads.
     :ivar shortest: minimum length of the parts into which the load points cut the members [m].
     """
@@ -333,9 +335,11 @@ class BentTubes:
 
     def respond(self, loads: Array, places: Array) -> Array:
         """
-        Return the linear prediction of the responses (k, 3) at given loads and places.
+        Return the displacements and inclinations (k, 3) at the load points, see `BentTubes`.
 
-        :param loads: (k, 3) loads at the load points.
+        They are affine functions of loads and places.
+
+        :param loads: (k, 3) forces along and across the members [N], and moments [N m].
         :param places: (k,) distances of the load points from the members' starts [m].
         """
         moved = np.einsum('iajb,jb->ia', self.matrix, loads)
@@ -355,7 +359,7 @@ class BentTubes:
         return float(max(moved, slid))
 
     def _displace(self, ways: Array) -> tuple[Array, Array]:
-        """Return the changes of the nodes' displacements (n, 3), and of their positions (n, 3)."""
+        """Return the changes by `ways` of the nodes' displacements (n, 3) and positions (n, 3)."""
         nodes = self._changes[0] @ ways
         moved = nodes.copy()
         if self.before is not None:
@@ -365,7 +369,7 @@ class BentTubes:
         return moved, nodes
 
     def _ways(self, loads: Array, places: Array) -> Array:
-        """Return the factors (p,) on `_changes`: changes of loads and places, then 1."""
+        """Return `ways` (p,), factors on the columns of `_changes`: loads, places, and 1."""
         known = 0.0 if self.before is None else self.before.loads
         return np.concatenate([(loads - known).ravel(), places - self._cut[2], [1.0]])
 
@@ -480,7 +484,7 @@ class BentTubes:
         return self.stiffness / self.share * ends, 0.0 * pull if self.linear else pull
 
     def _force_changes(self, ways: Array, nodes: Array) -> tuple[Array, Array]:
-        """Return the changes of the members' N, M1 and M2 (c, 3) and chord lengths (c,)."""
+        """Return the changes of N, M1 and M2 (c, 3) and chord lengths (c,) by `ways`."""
         changes, longer = self.tangent.force_changes(nodes[..., None])
         changes, slid = changes[..., 0], np.tile(ways[self._moving], 2)
         np.add.at(changes, self._parts[0], self._place_rates[2] * slid[:, None])
@@ -490,7 +494,7 @@ class BentTubes:
         """
         Return the frame's changes for p changes of sections; loads and load points are constant.
 
-        In the paper's model, loads act with the factor `NEGLIGIBLE_SHARE`.
+        In the paper's model, the results are those under loads times `NEGLIGIBLE_SHARE`.
 
         :param changes: (4, c, p) changes of rest lengths [m], EA [N], EI [N m^2] and GA [N].
         :return: (n, 3, p) displacements of the nodes; (k, p) changes of the inclinations at the

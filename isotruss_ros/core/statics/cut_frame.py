@@ -59,7 +59,7 @@ class CutFrame(Frame):
 
     def locate(self, piece: Indices, within: Array) -> tuple[Indices, Array]:
         """
-        Return the parts (c,) of members at given points, and the distances (c,) from their starts.
+        Return the parts (c,) that contain points, and the distances (c,) from the parts' starts.
 
         :param piece: (c,) index of the member of the uncut frame at each point.
         :param within: (c,) distances of the points from the members' starts [m].

@@ -91,7 +91,7 @@ class Deformation(Record, headline=('reactions', 'displacements')):
         """
         Return the factor on all loads at which the structure becomes unstable [-].
 
-        It is infinite if it exceeds 100.
+        Infinity is returned if the factor exceeds 100.
 
         :raises SolverError: neither the limit load nor 100 times the loads was reached.
         """
@@ -128,7 +128,8 @@ def deform(
         module's pinch points [N, N m].
     :param tube_loads: array (l, 4) for each member name. A row is (s, fx, fy, m), with the
         distance s of the load from the member's start [m, N, N m].
-    :param paper_model: True for a structure that is linear about straight tubes, as in the paper.
+    :param paper_model: True for the paper's model, which is linear, with straight tubes under all
+        loads.
     :raises StructureError: the robot has no such joint, module or member; a load is not finite or
         outside of its member; a pressure is invalid; the robot is a mechanism (the message names
         the moving parts); or the loads exceed the limit load (the message names it).
@@ -180,7 +181,7 @@ def _load_tubes(structure: Structure, tube_loads: Mapping[str, ArrayLike]) -> tu
 
 
 def _bend(frame: Frame, loads: Array) -> FrameState:
-    """Return the bent frame linearised about its equilibrium under loads."""
+    """Return displacements, reactions and member forces of a bent frame in equilibrium."""
     with np.errstate(over='ignore', invalid='ignore'):
         found = frame.bend(loads)
     if found is None:

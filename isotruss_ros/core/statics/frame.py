@@ -193,7 +193,7 @@ class Frame(FrameAssembly):
         """
         Return the members (c,) that contain points, and the points' distances from their starts.
 
-        :param piece: (c,) index of the member of the uncut frame at each point.
+        :param piece: (c,) index of the member at each point, of a `CutFrame` before it is cut.
         :param within: (c,) distances of the points from the starts of these members [m].
         """
         return piece, within
@@ -203,7 +203,7 @@ class Frame(FrameAssembly):
         Return the displacements (c, 3) of points inside members, with cubic centre lines.
 
         :param displacements: (n, 3) displacements ux, uy [m], theta [rad] of the nodes.
-        :param piece: (c,) index of the member of the uncut frame at each point.
+        :param piece: (c,) index of the member at each point, of a `CutFrame` before it is cut.
         :param within: (c,) distances of the points from the starts of these members [m].
         """
         part, inside = self.locate(piece, within)

@@ -30,9 +30,9 @@ class Structure:
     """
     Structural model of a robot in one configuration: a frame of members and nodes.
 
-    The first nodes are the joints, followed by B, C, D, E of each module. A robot with m modules
-    has m members of each kind, grouped by kind: sides AB, AC and BC, tube pieces BD and CE, and
-    long tube pieces DE' between two modules.
+    The first nodes are the joints, followed by B, C, D, E of each module. For m modules the frame
+    has 6 m members, m of each kind in this order: sides AB, AC and BC, tube pieces BD and CE, and
+    long tube pieces DE' to the ring E' of the following module.
 
     :param config: configuration of the robot.
     :param pressures: gauge pressures [Pa], see `tube_pressures`.
@@ -130,7 +130,7 @@ class FrameLayout(NamedTuple):
     b: Indices  #: (m,) indices of the nodes B; C, D and E follow each
     members: Members  #: members of the frame, see `Structure`, without stiffness
     held: Flags  #: (n, 3) mask of ux, uy, theta fixed by supports
-    bisection: TurnRows  #: bisection constraints (3), without values
+    bisection: TurnRows  #: bisection constraints (3), not yet linearised
     pattern: FramePattern  #: sparsity pattern of the frame
     pieces: Indices  #: (3, m) indices of the tube pieces, see `Structure`
     owners: Indices  #: (3, m) index of the robot's member to which each piece belongs

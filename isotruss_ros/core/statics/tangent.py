@@ -349,9 +349,10 @@ def end_forces(forces: Array, length: Array) -> Array:
 
 def _condense(matrices: Array, chains: Chains) -> CondensedChains:
     """
-    Eliminate the nodes at cuts; in `matrices`, condensed members replace their first parts.
+    Condense the stiffness of cut members to the displacements of their end nodes.
 
-    :param matrices: (k, 6, 6) stiffness of all parts against (ux, uy, theta) at both ends.
+    :param matrices: (k, 6, 6) stiffness of all parts against (ux, uy, theta) at both ends. At the
+        index of a member's first part, the condensed stiffness of the member is stored.
     :param chains: the cut members.
     """
     several, count = chains.parts.shape

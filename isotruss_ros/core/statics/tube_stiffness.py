@@ -38,8 +38,8 @@ class Section:
     """
     Constant EA, EI and GA for all lengths, given at one pressure.
 
-    At other pressures, EI changes with P R^2 / 2 and GA with P, where P = p pi R^2 as in
-    `InflatableBeam`.
+    At other pressures, EI changes by the change of P R^2 / 2, and GA by the change of P, where P =
+    p pi R^2 as in `InflatableBeam`.
 
     :param axial_rigidity: EA [N].
     :param flexural_rigidity: EI [N m^2].

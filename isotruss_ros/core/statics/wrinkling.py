@@ -67,15 +67,16 @@ def _use_pieces(
     structure: Structure, frame: Frame, end_forces: Array, pulls: Array
 ) -> tuple[Indices, Indices, Array, Array]:
     """
-    Return p tube pieces, their members, |M| / M_w (3, p), and its positions (3, p) [m].
+    Return the indices of p tube pieces and of their members, and |M| / M_w with its positions.
 
-    The values are those at the start, at the end and at the maximum inside the piece.
+    |M| / M_w (3, p) is computed at the start, at the end and at the maximum inside each piece. The
+    positions (3, p) are the distances of these points from the start of the robot's member [m].
     """
     config, (pieces, member) = structure.config, tube_pieces(structure, frame)
     ends, topology = end_forces[pieces], config.robot.topology
     begun, ended = (_wall_pull(structure, member) + pull for pull in (-ends[:, 0], ends[:, 3]))
     least = np.minimum(begun, ended)
-    used, inside = use_sections(
+    used, inside = evaluate_utilisation(
         (-ends[:, 2], ends[:, 5], np.stack([begun, ended, least]), pulls[pieces]),
         np.stack([frame.length[pieces], *(each[pieces] for each in frame.members[3:5])]),
         0.5 * config.robot.description.tube_diameter,
@@ -108,19 +109,19 @@ def tube_pieces(structure: Structure, frame: Frame) -> tuple[Indices, Indices]:
     return pieces, structure.owners.ravel()[frame.whole[pieces] - first]
 
 
-def use_sections(
+def evaluate_utilisation(
     loads: Array | tuple[Array, ...], sections: Array, radius: float
 ) -> tuple[Array, Array]:
     """
     Return the utilisation of tube pieces, and the position of the maximum inside each piece.
 
-    :param loads: four arrays: bending moments (...) at start and end [N m]; tension of the wall
-        [N], (3, ...) at start, end and inner maximum, or (...) if constant; axial force (...) that
-        amplifies the moment [N].
+    :param loads: bending moment at the start (...), and at the end (...) [N m]; tension of the
+        wall (3, ...) at start, end and inner maximum, or (...) if it is constant [N]; and axial
+        force (...), which amplifies the moment between the ends [N].
     :param sections: (3, ...) length [m], EI [N m^2] and GA [N] of the pieces.
     :param radius: tube radius [m].
-    :return: |M| / M_w (3, ...) at start, end and inner maximum, zero without an inner maximum; and
-        the distance (...) of the inner maximum from the start [m].
+    :return: |M| / M_w (3, ...) at start, end and inner maximum, where the last row is zero for
+        pieces without inner maximum; and the distance (...) of this maximum from the start [m].
     """
     begin, end, left, pull = loads
     length, flexural, shear = sections

@@ -44,8 +44,8 @@ def read_goal(
 
     :param goal: goal of the action.
     :param robot: the robot.
-    :param described: object at any pose that is used if the goal describes no object; None: the
-        goal must describe an object.
+    :param described: object for goals that describe none, its pose is not used; None: the goal
+        must describe an object.
     :raises MessageError: the goal has no pose, another frame, no object, two objects, or a number
         out of range.
     :raises GraspError: an object or requirement is invalid, or a module or member is unknown.

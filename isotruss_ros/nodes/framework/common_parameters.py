@@ -67,7 +67,7 @@ def read_described(values: Parameters) -> ConvexObject | None:
     """
     Return the object that the parameter `object` describes; None if the parameter is empty.
 
-    If it is empty, the object is a disc; the parameter `object_diameter` is its diameter.
+    For None, nodes use a disc with the diameter `object_diameter`, see `read_body`.
 
     :param values: parameters of a node.
     :raises IsotrussError: the description is invalid.

@@ -15,7 +15,6 @@ from geometry_msgs.msg import PoseStamped
 from isotruss_msgs.msg import GraspState, HeldGrip, StateEstimate
 from isotruss_ros.core import Configuration, Robot
 from isotruss_ros.core.errors import ConfigurationError
-from isotruss_ros.core.estimation.roller_parts import RollerParts
 from isotruss_ros.core.inputs import (
     Input,
     InputFault,
@@ -23,6 +22,7 @@ from isotruss_ros.core.inputs import (
     LatestInputs,
     RejectedInput,
     require_fresh,
+    RollerParts,
     RollerState,
     StampedInput,
 )

@@ -186,7 +186,7 @@ def _analyze(
 
 
 def _alike(record: GripRecord | None, other: GripRecord | None) -> bool:
-    """Return whether the unknowns of two held grips differ by less than `MIN_GRIP_CHANGE`."""
+    """Return whether poses, contacts and forces of two grips agree within `MIN_GRIP_CHANGE`."""
     if record is None or other is None:
         return record is other
     if len(record.unknowns) != len(other.unknowns):
