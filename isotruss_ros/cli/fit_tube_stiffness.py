@@ -50,7 +50,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _run(options: argparse.Namespace) -> int:
     measurements = read_measurements(options.points)
     if not measurements.rows:
-        raise MeasurementError(f'{options.points}: no points below the header')
+        raise MeasurementError(
+            f'{options.points}: no points below the header; must have four groups or more'
+        )
     ranges = dict(options.max_displacement)
     analysis = analyse(measurements, options.diameter, options.tolerance, ranges)
     if measurements.ignored_columns:

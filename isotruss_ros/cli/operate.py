@@ -86,10 +86,10 @@ def _send(node: Node, kind: Any, name: str, goal: Any) -> int:
     """Send a goal and wait for its result; Ctrl-C cancels the goal."""
     client = ActionClient(node, kind, name)
     if not client.wait_for_server(DISCOVERY_TIMEOUT):
-        return _fail(f'no action {name}: pick_and_place is not running')
+        return _fail(f'no node offers the action {name}: start pick_and_place')
     handle = _await(node, client.send_goal_async(goal))
     if not handle.accepted:
-        return _fail(f'{name} was rejected: another goal runs, or the node is inactive')
+        return _fail(f'{name} was rejected: pick_and_place must be active, without another goal')
     ended = handle.get_result_async()
     try:
         result = _await(node, ended).result
@@ -105,7 +105,7 @@ def _call(node: Node, options: argparse.Namespace) -> int:
     """Call a service of the node `manipulation`."""
     client = node.create_client(Trigger, options.service)
     if not client.wait_for_service(DISCOVERY_TIMEOUT):
-        return _fail(f'no service {options.service}: manipulation is not running')
+        return _fail(f'no node offers the service {options.service}: start manipulation')
     answer = _await(node, client.call_async(Trigger.Request()))
     print(f'{options.service}: {answer.message}')
     return 0 if answer.success else 1

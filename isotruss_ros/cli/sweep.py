@@ -110,7 +110,7 @@ def read_objects(path: Path) -> list[ConvexObject]:
                 f'{path}: row {number}: {error}; must have numbers x, y, diameter'
             ) from error
     if not found:
-        raise IsotrussError(f'{path}: no objects below the header')
+        raise IsotrussError(f'{path}: no objects below the header; must have one or more')
     return found
 
 

@@ -70,7 +70,7 @@ class PhaseRecord:
         return abs(float((self.measured - self.accepted)[2]))
 
     @property
-    def refused(self) -> float:
+    def shortfall(self) -> float:
         """Return the distance between the displacements by commanded and executed twists [m]."""
         return float(np.linalg.norm((self.accepted - self.commanded)[:2]))
 
@@ -85,7 +85,7 @@ class PhaseRecord:
         return [grasp for grasp in self.grasps if grasp.code <= GraspState.WRINKLED]
 
     @property
-    def held(self) -> float:
+    def held_fraction(self) -> float:
         """Return the fraction of grasp analyses with a held object; 0 without analyses."""
         return float(np.mean([grasp.held for grasp in self.analyses])) if self.analyses else 0.0
 

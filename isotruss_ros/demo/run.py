@@ -226,17 +226,17 @@ def _verdict(records: Sequence[PhaseRecord], real: bool, console: Console) -> in
     for record in records:
         if not real:
             _print_anomalies(record, console)
-        if record.refused > limit + record.delay:
-            refused = f'{1e3 * record.refused:.1f} mm'
+        if record.shortfall > limit + record.delay:
+            shortfall = f'{1e3 * record.shortfall:.1f} mm'
             console.print(
-                f'{record.name}: limits shortened the motion by {refused}', style='yellow'
+                f'{record.name}: limits shortened the motion by {shortfall}', style='yellow'
             )
         faults = []
         if real and min(record.squeezes) <= 0.0:
             faults.append('the object was not held')
-        if not real and record.held < 1.0:
+        if not real and record.held_fraction < 1.0:
             faults.append(
-                f'the object was held in only {100.0 * record.held:.1f} % of the analyses'
+                f'the object was held in only {100.0 * record.held_fraction:.1f} % of the analyses'
             )
         # A command that is executed for longer than one cycle moves the object too far.
         turned = not real and record.angle_error > MAX_ANGLE_ERROR + record.delay / LEVER_ARM

@@ -58,7 +58,7 @@ def plan_table(plan: PlanGrasp.Result) -> Table:
 def motion_table(records: Sequence[PhaseRecord]) -> Table:
     """Return a table of the object's displacement and errors in each phase."""
     table = make_table(
-        'Displacement of the object: dx, dy in mm, rotation in degrees; largest roller speed',
+        'Object: displacement in mm and rotation in degrees; largest roller speed',
         ('phase',),
         ('commanded', 'measured', 'error\nmm', 'error\ndeg', 'roller\nmm/s', 'loop\nHz'),
     )
@@ -112,7 +112,7 @@ def grasp_table(records: Sequence[PhaseRecord]) -> Table:
         last, weakest = analyses[-1], min(settled, key=lambda grasp: grasp.slip_margin)
         table.add_row(
             record.name,
-            f'{100.0 * record.held:.0f}',
+            f'{100.0 * record.held_fraction:.0f}',
             f'{min(squeezes):.1f} - {max(squeezes):.1f}',
             f'{weakest.slip_margin:.1f} {arrow_of(weakest.slip_direction)}',
             f'{100.0 * max(max(grasp.friction_used) for grasp in settled):.0f}',
@@ -130,8 +130,8 @@ def contact_table(records: Sequence[PhaseRecord]) -> Table:
     :param records: records of the phases.
     """
     table = make_table(
-        'Contact regions of the fixed object at the end of each phase: length,\n'
-        'largest width, area, mean and largest pressure',
+        'Contact regions of the fixed object at\nthe end of each phase: length, largest\n'
+        'width, area, mean and largest pressure',
         ('phase', 'member'),
         ('length\nmm', 'width\nmm', 'area\ncm\u00b2', 'mean\nkPa', 'peak\nkPa'),
     )

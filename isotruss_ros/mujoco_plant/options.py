@@ -65,8 +65,8 @@ class PlantOptions:
     :raises PlantError: a value is invalid.
     """
 
-    friction: float = DEFAULT_FRICTION  #: friction coefficient of tube and object [-]
-    object_mass: float = 0.5  #: mass of each object [kg]
+    friction: float = DEFAULT_FRICTION  #: coefficient of friction between tube and object [-]
+    object_mass: float = 0.5  #: mass of an object [kg]
     gravity: tuple[float, float] = (0.0, 0.0)  #: gravity (x, y) in the robot's plane [m/s^2]
     time_step: float = 0.002  #: time step of the integrator [s]
     segments: int = 8  #: number of segments of a member; with fewer, the squeeze is too small

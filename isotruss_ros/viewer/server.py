@@ -83,9 +83,9 @@ class Gate:
 
     def guard(self, answer: Answer) -> Answer:
         """
-        Return a handler that refuses requests that have no access.
+        Return a handler that refuses unauthorised requests.
 
-        :param answer: handler for requests that have access; None for requests to the websocket.
+        :param answer: handler of authorised requests; None for requests to the websocket.
         """
 
         def answer_or_refuse(connection: ServerConnection, request: Request) -> Response | None:

@@ -11,8 +11,7 @@ from types import SimpleNamespace
 from geometry_msgs.msg import PoseStamped, Twist
 from isotruss_ros.nodes.framework.cycle import Cycle, PacedExecutor
 from isotruss_ros.nodes.framework.topics import subscribe_newest
-from isotruss_ros.nodes.manipulation.node import Manipulation
-from probe import begin_context, Probe
+from probe import begin_context, manipulation, Probe
 import pytest
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
@@ -25,7 +24,7 @@ from std_srvs.srv import Trigger
 def nodes():
     """Return a running node, a probe and the node's executor."""
     begin_context()
-    node = Manipulation([Parameter('rate', value=200.0), Parameter('command_timeout', value=10.0)])
+    node = manipulation(rate=200.0, command_timeout=10.0)()
     probe = Probe(Twist)
     yield node, probe, PacedExecutor(node)
     node.stop()

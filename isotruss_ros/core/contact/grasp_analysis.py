@@ -57,7 +57,7 @@ class GraspAnalysis(
     :ivar normal_forces: (k,) normal forces along `normals`, not negative [N].
     :ivar friction_forces: (k,) friction on the object along its tangents, counter-clockwise [N].
     :ivar normal_wrench: wrench (fx, fy, m) of the tubes on the object without friction, about the
-        origin of its frame [N, N m]. Its forces are normal to the bent centre lines.
+        origin of the object's frame [N, N m]. The forces are normal to the bent centre lines.
     :ivar closed_by_friction: whether the object has contact and friction balances the normal
         forces and the external wrench, equation (10). For a free object see `SettledGrasp`.
     :ivar closure_residual: norm of the wrench that friction does not balance [N]; moments are

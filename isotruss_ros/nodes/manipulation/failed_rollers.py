@@ -24,13 +24,14 @@ class FailedRollers:
     """
     Record of the named and of the detected failed rollers, in any state of the node.
 
+    :ivar named: rollers that the last message names as failed, known to the robot or not.
     :param node: node that has the subscription and the service until it is destroyed.
     :param changed: callback that is called when the named rollers change.
     """
 
     def __init__(self, node: ManagedNode, changed: Callable[[], None]) -> None:
         self._changed = changed
-        self._named: frozenset[str] = frozenset()
+        self.named: frozenset[str] = frozenset()
         #: Failure detector of the last servo; None before the first servo.
         self._detector: FailureDetector | None = None
         #: Reason why the rollers that the topic names are unknown; None if they are known.
@@ -39,14 +40,6 @@ class FailedRollers:
             node, DiagnosticArray, NAME, self._receive, self._report_missing, every=True
         )
         node.offer(SERVICE, self._reset)
-
-    def select_named(self, robot: Robot) -> frozenset[str]:
-        """
-        Return the rollers of the robot that the last message names as failed.
-
-        :param robot: the robot.
-        """
-        return self._named & frozenset(robot.roller_names)
 
     def find_fault(self, robot: Robot) -> str | None:
         """
@@ -57,7 +50,7 @@ class FailedRollers:
         if self._unknown is not None:
             return self._unknown
         try:
-            check_roller_names(f'the topic {NAME}', self._named, robot.roller_names)
+            check_roller_names(f'the topic {NAME}', self.named, robot.roller_names)
         except GraspError as error:
             return str(error)
         return None
@@ -76,8 +69,8 @@ class FailedRollers:
     def _receive(self, messages: list[DiagnosticArray]) -> None:
         works = (DiagnosticStatus.OK, DiagnosticStatus.WARN)
         named = frozenset(each.name for each in messages[-1].status if each.level not in works)
-        if named != self._named or self._unknown is not None:
-            self._named, self._unknown = named, None
+        if named != self.named or self._unknown is not None:
+            self.named, self._unknown = named, None
             self._changed()
 
     def _report_missing(self, why: str) -> None:

@@ -179,7 +179,7 @@ class Manipulation(ManagedNode):
         """Command zero velocity to the failed rollers that the topic or the parameter names."""
         if self._servo is not None:
             by_parameter = set(self.values.failed_rollers) - {''}
-            named = self._failed_rollers.select_named(self.robot)
+            named = self._failed_rollers.named & set(self.robot.roller_names)
             self._servo.receive(failed=named | by_parameter)
 
     def _check(self, new: dict[str, Value]) -> None:

@@ -180,7 +180,7 @@ class ActionStep:
     def _supervise(self, info: GoalInfo, missing: StepOutcome) -> None:
         """Publish this client's heartbeat if the server supervises its clients."""
         if not self._client.server_is_ready():
-            raise StepError(missing, f'no node offers the action {self._name}')
+            raise StepError(missing, f'no node offers the action {self._name}: start its node')
         self._beat(info)
 
 
@@ -219,7 +219,10 @@ def set_parameters(client: Client, values: dict[str, float | str]) -> Steps:
 
     def require_service() -> None:
         if not client.service_is_ready():
-            raise StepError(StepOutcome.NOT_READY, f'no node offers the service {client.srv_name}')
+            raise StepError(
+                StepOutcome.NOT_READY,
+                f'no node offers the service {client.srv_name}: start its node',
+            )
 
     request = request_parameters(values)
     answer = yield from _ask(lambda: client.call_async(request), require_service)

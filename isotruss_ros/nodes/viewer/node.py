@@ -292,7 +292,7 @@ class Viewer(StoppableNode):
             if response.success or time.monotonic() > end:
                 self.get_logger().info(f'release: {response.message}')
                 return
-        self.reasons.note('release', 'no node offers release_emergency_stop')
+        self.reasons.note('release', 'no node offers release_emergency_stop: start manipulation')
 
     def _send_parameters(self, node: str, values: dict[str, float | str]) -> None:
         """Set parameters of another node, and log the parameters that it rejects."""

@@ -73,7 +73,7 @@ class ObjectGoals:
             self._report(f'{name}: sent')
             make_calls(self._send(name, kind.Goal(**values)))
         else:
-            self._report(f'{name}: no node offers the action {action}')
+            self._report(f'{name}: no node offers the action {action}: start pick_and_place')
 
     def _send(self, name: str, goal: Any) -> Calls:
         def note(message: Any) -> None:
