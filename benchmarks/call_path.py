@@ -157,8 +157,7 @@ def analysis_cycle() -> tuple[list[str], int]:
     monitor = GraspMonitor(ROBOT, query, 0.5, LatestInputs())
     for step in range(5):
         positions = np.full(len(ROBOT.roller_names), 1e-5 * step)
-        rollers = RollerState(positions, np.zeros(len(positions)))
-        monitor.inputs.rollers = StampedInput(rollers, float(step))
+        monitor.inputs.rollers = StampedInput(RollerState(positions, 0.0 * positions), float(step))
         pose = PRESSED.pose._replace(y=PRESSED.pose.y - 1e-5 * step)
         monitor.inputs.pose = StampedInput(pose, float(step))
         traced = trace(lambda step=step: monitor.report(float(step)))

@@ -168,9 +168,9 @@ class PaperProgram:
     def solve_kkt(self, state: State, twist: Array) -> Array:
         """Return the solution of (11) with (20) as one dense linear system, by NumPy."""
         config, topology = unprepared(state.config), self.robot.topology
-        lengths, fixed = np.split(
-            self.robot.constraints.matrix(config.points), [topology.n_modules]
-        )
+        matrix = self.robot.constraints.matrix(config.points)
+        dense = matrix if isinstance(matrix, np.ndarray) else matrix.toarray()
+        lengths, fixed = np.split(dense, [topology.n_modules])
         task, rolling = task_rows(config, state.grip)
         module = find_members(self.robot, state.grip.members).members[0]
         roller = topology.driven.searchsorted(module)

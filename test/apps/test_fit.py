@@ -118,11 +118,8 @@ def test_fit_is_the_joint_least_squares_solution_of_all_modes():
 
     best, covariance = curve_fit(model, None, np.log(k), p0=np.log(list(CONSTANTS.values())))
     reach = t_distribution.ppf(0.975, 24) * np.sqrt(np.diag(covariance))
-    for found, expected in (
-        (fitted.constants, best),
-        (fitted.low, best - reach),
-        (fitted.high, best + reach),
-    ):
+    pairs = (fitted.constants, best), (fitted.low, best - reach), (fitted.high, best + reach)
+    for found, expected in pairs:
         assert np.log(found) == pytest.approx(expected, rel=1e-4)
 
 
@@ -154,11 +151,8 @@ def test_fit_against_scipy():
 
     best, covariance = curve_fit(model, np.log([p, L]), logs, p0=(0.0, 1.0, 0.0))
     reach = t_distribution.ppf(0.975, 17) * np.sqrt(np.diag(covariance))
-    for law, expected in (
-        (fitted.law, best),
-        (fitted.low, best - reach),
-        (fitted.high, best + reach),
-    ):
+    pairs = (fitted.law, best), (fitted.low, best - reach), (fitted.high, best + reach)
+    for law, expected in pairs:
         assert [np.log(law.C), law.a, law.b] == pytest.approx(expected, rel=1e-4)
     rest = logs - model(np.log([p, L]), *best)
     assert fitted.r_squared == pytest.approx(1.0 - rest.var() / logs.var(), rel=1e-6)

@@ -273,22 +273,19 @@ class World(Watched):
     # -- What tests ask for --
 
     def until(
-        self,
-        what: Callable[[], bool],
-        each: Callable[[], None] = lambda: None,
-        period: float = 0.01,
+        self, ok: Callable[[], bool], each: Callable[[], None] = lambda: None, period: float = 0.01
     ) -> None:
         """Let time go on until something holds; fail at the deadline."""
         deadline = self.now + DEADLINE
         due = self.now
         while True:
             if self.now >= due:
-                if what():
+                if ok():
                     return
                 each()
                 self.deliver()
                 due += period
-            elif what():
+            elif ok():
                 return
             assert self.now < deadline, f'not within {DEADLINE} s'
             self.turn(due)

@@ -297,15 +297,12 @@ class World(Watched):
         return next(future.result() for future in sent if future.done())
 
     def until(
-        self,
-        what: Callable[[], bool],
-        each: Callable[[], None] = lambda: None,
-        period: float = 0.01,
+        self, ok: Callable[[], bool], each: Callable[[], None] = lambda: None, period: float = 0.01
     ) -> None:
         """Spin until something holds; fail at the deadline."""
         deadline = time.monotonic() + DEADLINE
         due = 0.0
-        while not what():
+        while not ok():
             assert time.monotonic() < deadline, (
                 f'not within {DEADLINE} s; last status: {self.probe.last("status")}'
             )

@@ -77,11 +77,11 @@ def random_convex_grip(robot, rng, kind, count=2, flat=False):
     """
     Return a random state and a random shape that touches members of a kind, or None.
 
-    :param flat: a polygon of which a face lies on the first member.
+    :param flat: True for a polygon of which a face lies on the first member; None for a disc.
     """
     config, round_grip = random_grip(robot, rng, kind, count)
-    if round_grip is None:
-        return config, None
+    if round_grip is None or flat is None:
+        return config, round_grip
     size = round_grip.body.arm
     shape = shapes.random_polygon(rng, size) if flat else shapes.random_shape(rng, size)
     center = round_grip.center

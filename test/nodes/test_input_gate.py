@@ -39,25 +39,14 @@ def others(w):
 # Joint states in parts
 
 
-def test_joint_states_of_other_joints_are_no_input():
-    with world(manipulation()) as w:
-
-        def send():
-            w.probe.send_all()
-            w.probe.send_joints(name=['gripper'], position=[0.1])
-
-        w.until_code(Status.OK, send)
-        w.spin(1.0, send)
-        assert codes(w) == {Status.OK}
-
-
-def test_joint_states_of_two_broadcasters_are_one_input():
+@pytest.mark.parametrize('parts', [(NAMES, ['gripper']), (NAMES[:3], NAMES[3:])])
+def test_joint_states_of_two_broadcasters_are_one_input(parts):
     with world(manipulation()) as w:
 
         def send():
             others(w)
-            for names in (NAMES[:3], NAMES[3:]):
-                w.probe.send_joints(name=names, position=[0.0] * 3)
+            for names in parts:
+                w.probe.send_joints(name=names, position=[0.0] * len(names))
 
         w.until_code(Status.OK, send)
         w.spin(1.0, send)

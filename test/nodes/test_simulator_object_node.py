@@ -10,12 +10,13 @@ from isotruss_ros.nodes.conversions.messages import to_pose_message
 from isotruss_ros.nodes.simulator.node import Simulator
 from manual_world import world
 import numpy as np
-from probe import maker
+from probe import CENTER, maker
 import pytest
 
 #: The box is between its two sides.
 HELD = {'object': BOX_FILE, 'grip': list(APART), 'indentation': DEPTH, 'rate': 50.0}
 node = maker(Simulator, object_pose=[0.6, 0.3, ANGLE], **HELD)
+elastic = maker(Simulator, plant='elastic', friction=0.8, indentation=0.05, rate=50.0)
 
 
 @pytest.mark.parametrize('is_free', [False, True])
@@ -70,3 +71,42 @@ def test_the_elastic_plant_holds_the_box():
         assert set(simulator._plant.elastic.grasp.member_names) == set(APART)
         command = solve_twist(HOME, box_between(), (0.02, 0.0, 0.0)).roller_velocities
         w.until(lambda: w.place()[0] - start[0] > 0.003, lambda: w.probe.send_command(command))
+
+
+def test_a_load_moves_the_object_and_lets_it_back():
+    with world(elastic()) as w:
+        w.until(lambda: w.place() is not None)
+        start = w.place()[:2]
+        assert start == pytest.approx(CENTER, abs=0.06)
+        w.until(
+            lambda: np.hypot(*(w.place()[:2] - start)) > 1e-4,
+            lambda: w.probe.send_wrench((0.0, 1.0, 0.0)),
+        )
+        w.until(
+            lambda: np.hypot(*(w.place()[:2] - start)) < 1e-9,
+            lambda: w.probe.send_wrench((0.0, 0.0, 0.0)),
+        )
+
+
+@pytest.mark.parametrize('plant', ['elastic', 'kinematic'])
+def test_the_object_is_put_elsewhere(plant):
+    with world(elastic(plant=plant)) as w:
+        places = w.probe.create_publisher(PoseStamped, 'set_object_pose', 1)
+        w.until(lambda: w.place() is not None)
+
+        def put(x, y, frame='truss'):
+            message = PoseStamped()
+            message.header.frame_id = frame
+            message.pose.position.x, message.pose.position.y = x, y
+            message.pose.orientation.w = 1.0
+            places.publish(message)
+            w.probe.seen['pose'].clear()
+            w.until(lambda: w.place() is not None)
+            return w.place()[:2]
+
+        start = w.place()[:2]
+        assert put(0.6, 0.3, 'map') == pytest.approx(start, abs=0.0)
+        assert put(0.6, 0.3) == pytest.approx((0.6, 0.3))
+        assert put(*start) == pytest.approx(start, abs=1e-3)
+        if plant == 'elastic':
+            assert w.nodes[1]._plant.elastic.grasp is not None

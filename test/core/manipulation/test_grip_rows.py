@@ -116,10 +116,7 @@ def differences(config, grip, pose, contacts):
 def test_rows_are_the_differences_of_rolling_shapes(flat, kind, count, data, rng):
     """Of discs, of any shapes, and of polygons on a face."""
     robot = data.draw(random_grips.robots_with(kind))
-    if flat is None:
-        config, grip = random_grips.random_grip(robot, rng, kind, count)
-    else:
-        config, grip = random_grips.random_convex_grip(robot, rng, kind, count, flat)
+    config, grip = random_grips.random_convex_grip(robot, rng, kind, count, flat)
     assume(grip is not None)
     found, contacts = constraint_of(config, grip)
     assert (len(contacts.owners) > count) >= bool(flat)

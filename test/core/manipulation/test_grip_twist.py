@@ -105,10 +105,7 @@ def test_reachable_twists_are_those_that_keep_the_contacts(kind, count, data, rn
 def test_rollers_are_those_of_the_least_cost_that_keep_the_contacts(flat, kind, count, data, rng):
     """Of discs, of any shapes, and of polygons on a face."""
     robot = data.draw(random_grips.robots_with(kind))
-    if flat is None:
-        config, grip = random_grips.random_grip(robot, rng, kind, count)
-    else:
-        config, grip = random_grips.random_convex_grip(robot, rng, kind, count, flat)
+    config, grip = random_grips.random_convex_grip(robot, rng, kind, count, flat)
     failed = some_failed(robot, rng)
     assume(grip is not None and well_posed(config, grip, failed))
     grip = replace(grip, friction=0.0)  # a polygon does not roll off its face

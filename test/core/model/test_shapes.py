@@ -6,6 +6,7 @@
 from hypothesis import given, strategies
 from isotruss_ros.core import ConvexObject, Disc, Ellipse, Polygon
 from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.model.convex_object import segment_gaps
 import numpy as np
 import pytest
 import robots
@@ -264,3 +265,86 @@ def test_an_object_moves_with_its_pose(seed):
     assert held.nearest(np.array([held.middle])).gaps[0] < 0.0
     normals = directions(generator)
     assert held.support(normals) == pytest.approx(shape.support(normals / turn), abs=1e-12)
+
+
+def arc(shape, angles):
+    """Return the arcs to the points with given normals; of no face."""
+    corners = [shape.corner_at(normal) for normal in np.exp(1j * angles).tolist()]
+    return shape.unroll(angles, np.array(corners))
+
+
+@robots.examples(40)
+@given(robots.generators())
+def test_unrolled_arcs_agree_with_outline_lengths(rng):
+    shape = random_shape(rng)
+    angles = np.sort(rng.uniform(-3.0, 3.0, 2))
+    first, last = shape.support_points(np.exp(1j * angles))
+    outline = dense_outline(shape, 40_000)
+    begin, end = (np.abs(outline - point).argmin() for point in (first, last))
+    steps = np.abs(np.roll(outline, -1) - outline)
+    along = np.roll(steps, -begin)[: (end - begin) % len(outline)].sum()
+    found = np.diff(arc(shape, angles))[0]
+    slack = 3e-4 * shape.perimeter
+    assert min(abs(found - along), abs(found - along + shape.perimeter)) < slack
+
+
+@pytest.mark.parametrize(
+    'shape',
+    [
+        Disc(0.3),
+        Ellipse((0.3, 0.1)),
+        Ellipse((0.1, 0.3)),
+        Polygon([(0.0, 0.0), (0.4, 0.0), (0.1, 0.3)]),
+        Polygon([(0.0, 0.0), (0.4, 0.0), (0.4, 0.3), (0.0, 0.3)], 0.05),
+    ],
+)
+@pytest.mark.parametrize('turns', [-7, -1, 1, 3])
+def test_a_whole_turn_unrolls_the_perimeter(shape, turns):
+    angles = np.linspace(-3.1, 3.0, 41)
+    after = arc(shape, angles + 2.0 * np.pi * turns)
+    assert after - arc(shape, angles) == pytest.approx(turns * shape.perimeter, abs=1e-12)
+    assert (np.diff(arc(shape, np.linspace(-20.0, 20.0, 1001))) >= -1e-12).all()
+
+
+BOX = Polygon([(-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)], corner_radius=0.02)
+SHAPES = [BOX, Ellipse((0.2, 0.12)), Disc(0.3), Polygon([(0.0, 0.0), (0.3, 0.05), (0.1, 0.25)])]
+
+
+@pytest.mark.parametrize('shape', SHAPES)
+def test_gaps_of_segments_are_those_of_their_points(shape):
+    rng = np.random.default_rng(1)
+    share = np.linspace(0.0, 1.0, 4001)
+    for _ in range(40):
+        body = ConvexObject(shape, (*rng.normal(size=2), rng.uniform(0.0, 6.0)))
+        start, end = body.middle + 0.4 * (rng.normal(size=2) + 1j * rng.normal(size=2))
+        found = segment_gaps(body, np.array([start]), np.array([end]))
+        points = body.nearest(start + share * (end - start)).gaps
+        if points.min() > 1e-3:
+            assert found.gaps[0] == pytest.approx(points.min(), abs=1e-4)
+            place = start + found.shares[0] * (end - start)
+            nearest = body.nearest(np.array([place]))
+            assert nearest.gaps[0] == pytest.approx(found.gaps[0], abs=1e-9)
+            assert found.normals[0] == pytest.approx(nearest.normals[0], abs=1e-6)
+        else:
+            assert found.gaps[0] < 2e-3
+        point = segment_gaps(body, np.array([start]), np.array([start]))
+        assert point.gaps == pytest.approx(body.nearest(np.array([start])).gaps, abs=1e-12)
+
+
+@pytest.mark.parametrize('shape', SHAPES)
+def test_gap_directions_are_independent_of_the_direction_of_lines(shape):
+    rng = np.random.default_rng(2)
+    body = ConvexObject(shape, (1.0, -0.5, 2.0))
+    starts, turned = body.middle + 0.4 * np.exp(1j * rng.uniform(0.0, 6.0, (2, 200)))
+    found, back = segment_gaps(body, starts, turned), segment_gaps(body, turned, starts)
+    inside = (found.shares > 0.0) & (found.shares < 1.0)
+    assert inside.sum() > 100
+    away = ((starts - body.middle) * found.normals.conj()).real[inside]
+    assert away.min() >= 0.0
+    reach = (
+        shape.support(found.normals / body.turn)
+        + ((body.center - body.middle) * found.normals.conj()).real
+    )
+    assert found.gaps[inside] == pytest.approx(away - reach[inside], abs=1e-12)
+    assert back.gaps == pytest.approx(found.gaps, abs=1e-12)
+    assert back.normals == pytest.approx(found.normals, abs=1e-12)
