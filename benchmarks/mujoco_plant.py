@@ -12,12 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from benchmarks.measuring import SHARE, Table, timed
-from isotruss_ros.core import (
-    ConvexObject,
-    load_robot,
-    RollerFaults,
-    tangent_center,
-)
+from isotruss_ros.core import ConvexObject, load_robot, RollerFaults, tangent_center
 from isotruss_ros.mujoco_plant.driven_robot import DrivenRobot
 from isotruss_ros.mujoco_plant.options import PlantOptions
 import numpy as np

@@ -35,12 +35,7 @@ from isotruss_ros.core.holding.contact_statics import (
     FRICTION_COMPLIANCE,
     TubeModel,
 )
-from isotruss_ros.core.holding.face_ends import (
-    far_end_depth,
-    is_short,
-    open_faces,
-    with_far_end,
-)
+from isotruss_ros.core.holding.face_ends import far_end_depth, is_short, open_faces, with_far_end
 from isotruss_ros.core.holding.held_grip import (
     HeldGrip,
     HoldStatus,

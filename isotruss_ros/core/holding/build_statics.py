@@ -12,11 +12,7 @@ from __future__ import annotations
 import cmath
 import math
 
-from isotruss_ros.core.contact.dents import (
-    corner_dents,
-    Dents,
-    disc_dents,
-)
+from isotruss_ros.core.contact.dents import corner_dents, Dents, disc_dents
 from isotruss_ros.core.holding.contact_forces import PressedContacts
 from isotruss_ros.core.holding.contact_statics import ContactStatics, TubeModel
 from isotruss_ros.core.kinematics.configuration import Configuration

@@ -8,12 +8,7 @@ from isotruss_ros.core import Ellipse, load_robot
 from isotruss_ros.core.contact import dents
 from isotruss_ros.core.contact.contact import solve_contact
 from isotruss_ros.core.contact.contact_points import find_contact_points
-from isotruss_ros.core.contact.dents import (
-    Dents,
-    DentTable,
-    DEPTH_EXPONENT,
-    disc_dents,
-)
+from isotruss_ros.core.contact.dents import Dents, DentTable, DEPTH_EXPONENT, disc_dents
 from isotruss_ros.core.contact.flattening import flattening_of
 import numpy as np
 import pytest

@@ -9,10 +9,7 @@ from comparison.wedge import pressed_into
 from isotruss_ros.core import Ellipse, load_robot, Polygon
 from isotruss_ros.core.contact.contact_points import find_contact_points
 from isotruss_ros.core.contact.flattening import flattening_of
-from isotruss_ros.core.contact.sliding_contact import (
-    solve_sliding_contact,
-    turn_at_corners,
-)
+from isotruss_ros.core.contact.sliding_contact import solve_sliding_contact, turn_at_corners
 from isotruss_ros.core.contact.surfaces import surface_of
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np

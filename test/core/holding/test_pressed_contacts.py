@@ -4,11 +4,7 @@
 """Where objects press into tubes: corners or faces by how they lie, and a start near to them."""
 
 from held_grips import HOME
-from isotruss_ros.core import (
-    ConvexObject,
-    Disc,
-    Polygon,
-)
+from isotruss_ros.core import ConvexObject, Disc, Polygon
 from isotruss_ros.core.holding.build_statics import build_statics, find_pressed
 import numpy as np
 import pytest

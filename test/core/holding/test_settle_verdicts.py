@@ -6,14 +6,7 @@
 from types import SimpleNamespace
 
 from held_grips import BOX, HOME
-from isotruss_ros.core import (
-    ConvexObject,
-    HoldStatus,
-    place_between,
-    Polygon,
-    Pose,
-    settle_grasp,
-)
+from isotruss_ros.core import ConvexObject, HoldStatus, place_between, Polygon, Pose, settle_grasp
 from isotruss_ros.core.holding import settle_grasp as settle_grasp_module
 from isotruss_ros.core.holding.settle_grasp import _judge
 import numpy as np

@@ -6,10 +6,7 @@
 from grips import disc_grip, rolled
 from hypothesis import given
 from isotruss_ros.core import RollingGrip, solve_twist, Status
-from isotruss_ros.core.manipulation.limits import (
-    MemberLengthLimit,
-    RollerSpeedLimit,
-)
+from isotruss_ros.core.manipulation.limits import MemberLengthLimit, RollerSpeedLimit
 import numpy as np
 import pytest
 import robots

@@ -4,13 +4,7 @@
 """Grips of any members near their bounds, and what else is rare in the shapes of a robot."""
 
 from held_grips import box_between, NINE
-from isotruss_ros.core import (
-    Configuration,
-    load_robot,
-    RollingGrip,
-    ShapeGuard,
-    Status,
-)
+from isotruss_ros.core import Configuration, load_robot, RollingGrip, ShapeGuard, Status
 from isotruss_ros.core.manipulation.status import RollerCommand
 from isotruss_ros.core.safety.barriers import ObjectBarrier
 from isotruss_ros.core.safety.margins import object_distances, shape_margins

@@ -6,13 +6,7 @@
 from comparison import walks
 from grips import disc_grip, rolled
 from hypothesis import assume, given, strategies
-from isotruss_ros.core import (
-    RollingGrip,
-    ShapeGuard,
-    solve_twist,
-    Status,
-    TwistServo,
-)
+from isotruss_ros.core import RollingGrip, ShapeGuard, solve_twist, Status, TwistServo
 from isotruss_ros.core.errors import ConfigurationError, GraspError
 from isotruss_ros.core.inputs import RollerState, StampedInput
 from isotruss_ros.core.safety.barrier_law import BarrierLaw

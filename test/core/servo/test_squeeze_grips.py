@@ -5,15 +5,7 @@
 
 import math
 
-from isotruss_ros.core import (
-    Disc,
-    Ellipse,
-    Grip,
-    load_robot,
-    place_between,
-    Polygon,
-    Pose,
-)
+from isotruss_ros.core import Disc, Ellipse, Grip, load_robot, place_between, Polygon, Pose
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.servo.squeeze_control import SqueezeControl, SqueezeSettings
 from nightly import some_now
