@@ -60,6 +60,8 @@ class SwingWatch:
         :param noise: standard deviation of the measured pose [m].
         :param elapsed: time since the previous cycle [s].
         """
+        if elapsed > math.pi * self._filter_time:
+            self.forget()  # the cycle is longer than half a period of the lowest mode
         passed = -math.expm1(-elapsed / self._filter_time)
         self._error = self._error + passed * (error - self._error)
         least = max(MIN_SWING, MAX_DEVIATIONS * noise)

@@ -46,3 +46,12 @@ def test_swings_within_the_noise_of_the_pose_are_no_oscillation(noise, detected)
 
 def test_noise_is_no_oscillation():
     assert detect(lambda t: 0.0, noise=1e-3, duration=300.0) is None
+
+
+def test_errors_after_cycles_longer_than_a_half_period_are_no_oscillation():
+    watch = SwingWatch(12.0)
+    # Lengths of cycles [s] and pose errors [mm], recorded on a busy machine.
+    late = [(0.7, 1.0), (1.01, 2.4), (0.46, 1.9), (0.08, 13.9), (0.62, -11.4), (0.06, 16.6)]
+    decay = [(0.055, 13.2), (0.05, 11.3), (0.05, 9.2), (0.04, 7.5), (0.06, 6.5), (0.03, 5.4)]
+    for elapsed, error in late + decay:
+        assert not watch.update(np.array([0.0, 1e-3 * error, 0.0]), 1e-4, elapsed)
