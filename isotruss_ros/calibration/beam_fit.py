@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Fit of the three constants of an inflatable beam to the end stiffnesses of all modes.
+Fit of the constants of an inflatable beam to its axial, transverse and rotary end stiffness.
 
 The constants are E t and G t of the fabric and the softening c of the pinched ends. They determine
 all end stiffnesses at any length and pressure, see `InflatableBeam`. The logarithms of the

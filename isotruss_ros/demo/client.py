@@ -194,7 +194,7 @@ class DemoClient(Node):
         :param ready: function that returns whether the condition holds.
         :param check: function that raises an error if the condition can no longer become true.
         :param what: text that names the condition, for the error message.
-        :param deadline: longest waiting time, on the clock of the phases [s].
+        :param deadline: longest waiting time, in simulated time if it is used [s].
         :param meanwhile: function that is called every `PERIOD`.
         :raises DemoError: the condition did not hold in time.
         """

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Node `record`, which records the topics that the viewer shows to an MCAP file."""
+"""Node `record`, which writes the topics shown by the viewer into an MCAP file."""
 
 from __future__ import annotations
 

@@ -294,7 +294,7 @@ class StateEstimator:
         return places + displaced + beyond @ (offsets - self._zeros.offsets), rates + beyond
 
     def _encoder_noise(self, rates: Array) -> Array:
-        """Return the covariance (m, m) of coordinates by encoder noise, for a Jacobian (m, r)."""
+        """Return the covariance (m, m) of joint coordinates by encoder noise, for a Jacobian."""
         return self.settings.encoders**2 * rates @ rates.T
 
     def _in_time(self, time: float) -> bool:

@@ -281,12 +281,14 @@ def rest(statics: ContactStatics, body: ConvexObject) -> ContactConditions:
     """
     Return the conditions that replace rolling conditions if the contact history is unknown.
 
-    With two members, the squeeze follows from the measured position across the chord between the
-    contacts. With three members, it follows from statics. Without a face contact, the angle is
-    measured. With a face contact between two members, the ratio |T| / N of friction to normal
-    force is equal at both members, which determines the angle. Three members have no friction if
-    there is a face contact; otherwise their friction forces are equal. The ratio T / N is equal at
-    both ends of a face.
+    T is the friction force and N the normal force of a member, or of an end of a face.
+
+    - Two members: the object is at its measured position across the chord between the contacts,
+      which determines the squeeze. Without a face contact it has its measured angle; with a face
+      contact |T| / N is equal at both members instead.
+    - Three members: the squeeze follows from statics. Without a face contact the object has its
+      measured angle, and all T are equal; with a face contact no member has friction.
+    - T / N is equal at both ends of each face.
 
     :param statics: equations of equilibrium.
     :param body: the object at its measured pose.

@@ -24,7 +24,8 @@ class HeldGradient:
 
     The p = r + 4 + k columns are the parameters: travel of the r rollers [m], external wrench (fx,
     fy, m / arm) on the object [N] with the characteristic radius arm, ratio of the robot's true
-    stiffness to its modelled stiffness [-], and rolling invariants of the k contacts [m].
+    stiffness to its modelled stiffness [-], and rolling invariants of the k contacts [m], see
+    `ContactStatics.anchors`.
     """
 
     pose: Array  #: (3, p) derivatives of the pose (x, y, angle)

@@ -314,7 +314,7 @@ class HeldGrip:
 
     @functools.cached_property
     def response(self) -> GripResponse | None:
-        """Return the object's linear response to a wrench; None if the Jacobian is singular."""
+        """Return the object's linear response to a wrench; None if `tangent` is singular."""
         places, count, members = self.state.places, len(self.anchors), len(self.members)
         apart = self.statics.bent.axis.conj() * _opening(self.statics, self.state)
         ends = np.flatnonzero(np.bincount(self.contacts.owners)[self.contacts.owners] > 1)

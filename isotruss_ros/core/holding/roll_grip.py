@@ -172,7 +172,12 @@ def stick(
 
 
 def _lift_ends(grip: HeldGrip, changes: Iterator[int]) -> HeldGrip | None:
-    """Return the grip after removal of all contacts in tension at face ends and third members."""
+    """
+    Return the grip without the face ends, and without the third member, that are in tension.
+
+    The contact with the largest tension is removed, and the equilibrium is computed again.
+    `changes` bounds the number of removals. The result is None if no equilibrium exists.
+    """
     found: HeldGrip | None = grip
     while found is not None:
         lifted = found.most_pulling(third=True)

@@ -96,7 +96,7 @@ def find_contradictions(
 def _contradiction(
     laws: Mapping[str, Law], pressure: float, limits: tuple[float, float], ring: float, case: str
 ) -> Iterator[str]:
-    """Yield the range of lengths at which no beam has the transverse and the rotary stiffness."""
+    """Yield a fault that names the lengths at which no beam fits both bending laws."""
     transverse, rotary = laws['transverse'], laws['rotary']
     slope = rotary.b - transverse.b - 2.0
     level = (

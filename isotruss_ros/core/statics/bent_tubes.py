@@ -119,7 +119,7 @@ class BentTubes:
 
     @cached_property
     def _cut(self) -> tuple[Frame, Array, Array]:
-        """Return the frame with nodes at load points, and the arrays `ahead` and `cuts`."""
+        """Return what the properties `frame`, `ahead` and `cuts` return."""
         frame = self.structure.frame
         if not len(self.members):
             return frame, self.places, self.places
@@ -270,7 +270,7 @@ class BentTubes:
 
     @cached_property
     def _parts(self) -> tuple[Indices, Indices]:
-        """Return the parts (2 k,) on both sides of load points, and their ends there (2 or 1)."""
+        """Return the parts before, then behind the load points (2 k,), and which end is there."""
         count = len(self.members)
         return np.append(self.frame.before, self.frame.behind), np.repeat([2, 1], count)
 

@@ -84,9 +84,9 @@ class TurnRows(NamedTuple):
 
     def curvature(self, spans: Points, multipliers: Array) -> Array:
         """
-        Return the geometric stiffness (4 h,) of the constraints, in the order of `pairs`.
+        Return the geometric stiffness (4 h,) of the constraints, in the order of `TurnRows.pairs`.
 
-        :param spans: (s,) spans of the displaced nodes, x + iy [m].
+        :param spans: (s,) spans, see `TurnRows`, of the displaced nodes, x + iy [m].
         :param multipliers: (c,) multipliers of the constraints.
         """
         bent = -(self.weight * multipliers[self.owner] / spans**2)[self.span]
@@ -182,7 +182,7 @@ class FramePattern:
 
 class Chains(NamedTuple):
     """
-    Group of b members, no two with a common end node; each has p cuts.
+    Group of b members, each divided at p cuts into p + 1 parts; no two share an end node.
 
     :ivar parts: (b, p + 1) indices of the parts of each member, from start to end.
     :ivar inner: (b, 3 p) indices of the displacements at the cuts, in the order of the parts.

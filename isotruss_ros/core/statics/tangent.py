@@ -62,7 +62,7 @@ class Slopes(NamedTuple):
 
 class FactoredFrame(NamedTuple):
     """
-    Factorised matrix of (4), which is also used in similar states.
+    Factorised matrix of (4), which similar states use instead of their own, see `Tangent.borrow`.
 
     :ivar factor: factorisation of the scaled matrix.
     :ivar scale: (f + c,) scaling of its rows and columns: f unknown displacements, c constraints.

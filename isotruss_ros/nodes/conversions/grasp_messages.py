@@ -144,7 +144,7 @@ def _planar(wrench: Wrench) -> tuple[float, float, float]:
 
 def to_state_message(report: GraspReport, frame: str) -> GraspState:
     """
-    Convert a grasp report to a message, which has the most cautious values without a result.
+    Convert a grasp report to a message; for a report without result, with the worst values.
 
     :param report: report of the grasp monitor.
     :param frame: name of the robot frame.

@@ -146,7 +146,7 @@ class PacedExecutor(SingleThreadedExecutor):
 
     def spin_once(self, timeout_sec: float | None = None) -> None:
         """
-        Wait for the next cycle and run it; if the node has no steady cycle, wait as rclpy does.
+        Wait for the next control cycle and run it; without a cycle on the steady clock, as rclpy.
 
         :param timeout_sec: longest wait if the node has no steady cycle [s].
         :raises Exception: a callback raised this exception.
