@@ -131,7 +131,7 @@ def _without_outlying_groups(
 
 
 def _require_plausible(fitted: FittedBeam) -> None:
-    """Raise MeasurementError if a constant that the points determine is implausible."""
+    """Raise MeasurementError if a constant that the measurements determine is implausible."""
     for name, (low, high) in PLAUSIBLE_RANGES.items():
         value = getattr(fitted.constants, name)
         known = getattr(fitted.high, name) < np.inf

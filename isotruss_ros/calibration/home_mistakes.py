@@ -83,7 +83,7 @@ def _with_names(posture: Posture, names: Mapping[str, str]) -> Posture:
 
 
 def _moved_frame(robot: Robot, postures: Sequence[Posture], deviation: float) -> str:
-    """Return a sentence about a moved tracker frame if this explains the joints, or ''."""
+    """Return a sentence about a moved tracker frame if this explains the residuals, or ''."""
     if 2 * sum(len(each.joints) for each in postures) < len(robot.roller_names) + 3:
         return ''
     try:

@@ -216,7 +216,7 @@ class DemoClient(Node):
                 self._own_executor.spin_once(timeout_sec=MAX_SPIN_TIME)
 
     def _seconds(self) -> float:
-        """Return the time on the clock of the phases: `/clock`, or the machine's clock [s]."""
+        """Return the time of `/clock` in simulated time, otherwise of the machine's clock [s]."""
         if self._sim_time:
             return 1e-9 * self.get_clock().now().nanoseconds
         return time.monotonic()

@@ -5,9 +5,9 @@
 Actuators and sensors of an exported MuJoCo model, named after rollers, joints and objects.
 
 A roller is a slide joint with the roller's name; its position is the roller travel. The rest
-length of a member changes by phi_i - phi_j, the difference of the travels at its ends. So each
-elastic slide joint with position q, in a segment that is the fraction s of the member, is replaced
-by a fixed tendon with the same stiffness and the length q - s (phi_i - phi_j).
+length of a member changes by phi_i - phi_j, the difference of the travels at its ends. So the
+stiffness and damping of each elastic slide joint with position q, in a segment that is the
+fraction s of the member, are moved to a fixed tendon with the length q - s (phi_i - phi_j).
 """
 
 from __future__ import annotations

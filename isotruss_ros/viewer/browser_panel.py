@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Control panel of one browser, which names the browser in control and has its commands."""
+"""Control panel of one browser; it has commands while this browser is in control."""
 
 from __future__ import annotations
 

@@ -249,7 +249,7 @@ class _Search:
         bent: BentTubes | None = None,
         before: SolvedContact | None = None,
     ) -> SolvedContact:
-        """Place candidate points at the spacing `distance`, and solve the contact."""
+        """Place points at the spacing `distance`, see `find_contact_points`; solve the contact."""
         known = None if before is None else (before.points, before.contact.push)
         points = find_contact_points(
             self.structure, self.surface, distance, self.flattening, windows, bent, known
@@ -348,7 +348,7 @@ def _division(regions: Array, spacing: float, budget: int | None = None) -> int:
 
 
 def _is_division_clear(regions: Array, spacing: float) -> bool:
-    """Return whether changes of the regions by `LENGTH_SPREAD` leave the divisor unchanged."""
+    """Return whether `_division` is the same if all regions are longer or shorter by a little."""
     shorter, longer = (
         _division((1.0 + change) * regions, spacing) for change in (-LENGTH_SPREAD, LENGTH_SPREAD)
     )

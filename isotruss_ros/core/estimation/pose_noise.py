@@ -51,5 +51,5 @@ class PoseNoise:
 
     @property
     def deviation(self) -> float:
-        """Return the largest of the three standard deviations of the pose noise [m]."""
+        """Return the largest standard deviation of x, y and the angle times a radius [m]."""
         return float(np.sqrt(self.variances.max()))

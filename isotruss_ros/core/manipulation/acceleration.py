@@ -68,7 +68,7 @@ def limit_change(speeds: Array, previous: Array, change: float) -> Array:
 
 
 def _keep_contacts(rows: Array | None, speeds: Array) -> Array:
-    """Return the projection of roller speeds (r,) on the null space of contact rows (g, r)."""
+    """Return roller speeds (r,), projected on the null space of contact constraints (g, r)."""
     if rows is None or not len(rows):
         return speeds
     return speeds - np.linalg.lstsq(rows, rows.dot(speeds), rcond=None)[0]

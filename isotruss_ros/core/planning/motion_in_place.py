@@ -71,7 +71,7 @@ def squeeze_in_place(grasp: HeldGrip, force: float, closing: Closing) -> HeldGri
 
     :param grasp: equilibrium of the object, a result of `roll_grip`.
     :param force: mean normal force of the members, positive [N].
-    :param closing: closing motion with members, object at the desired pose, and bounds.
+    :param closing: grasping members, object at the desired pose, and limits of the motion.
     :raises RequirementError: the motion would violate a requirement.
     :raises StructureError: see `structure_of`.
     """

@@ -42,8 +42,9 @@ def find_seeds(
     :param needs: requirements of the grasp. If they name a module or members, only these members
         are used.
     :param seed: seed of the random numbers.
-    :param number: index of the round, from 0. Later rounds have random postures and random angles
-        of the friction cones, and use the same members several times if there are few.
+    :param number: index of the round, from 0. Later rounds have random postures, and friction
+        cones of random half angles, from half of the friction angle to all of it. They use the
+        same members several times if there are few.
     :raises RequirementError: no members around the object are suitable.
     :raises GraspError: the robot has no such required module or members.
     """

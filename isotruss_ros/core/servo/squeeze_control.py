@@ -318,7 +318,7 @@ class SqueezeControl:
         self.gains = gains_of(self._softening * gain)
 
     def _look_for_swings(self, belief: GripBelief, elapsed: float) -> None:
-        """Latch a fault and halve the gain at an oscillation; clear it after `REST_TIME`."""
+        """Latch a fault and halve the gain at an oscillation, cleared after `REST_TIME`."""
         error, even = np.zeros(3), np.array([1.0, 1.0, belief.grasp.arm])
         if self.reference is not None:
             error = even * pose_difference(self.reference, belief.pose)

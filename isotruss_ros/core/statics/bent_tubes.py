@@ -85,8 +85,8 @@ class BentTubes:
     :ivar members: (k,) index of the member of each load point in `Robot.member_names`.
     :ivar places: (k,) distances of the load points from the members' starts [m].
     :ivar stiffness: factor on the modelled stiffness [-].
-    :ivar linear: whether the model is linear, with straight tubes under all loads, as in the
-        paper.
+    :ivar linear: whether the model is the paper's linear one, with the equilibrium of the
+        undeformed tubes.
     :ivar before: state about which the tubes are linearised; None: the state without loads.
     :ivar shortest: minimum length of the parts into which the load points cut the members [m].
     """

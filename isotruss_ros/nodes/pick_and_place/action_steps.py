@@ -78,7 +78,7 @@ class ActionStep:
     requested repeatedly: a restarted server does not know the goal and rejects the request. A
     server that sends no feedback for some time counts as lost.
 
-    :param node: node that has the client until it is destroyed.
+    :param node: node of the action client, which exists as long as the node.
     :param kind: type of the action.
     :param name: relative name of the action.
     :param beat: function that publishes this client's heartbeat for a goal; called in each tick.

@@ -77,7 +77,7 @@ class GraspSequences:
 
     The actions are those of `grasp_planner`, `manipulation` and `path_follower`.
 
-    :param node: node that has the clients until it is destroyed.
+    :param node: node of the action clients, which exist as long as the node.
     :param robot: the robot.
     :param inputs: latest inputs of the node.
     """
