@@ -57,8 +57,9 @@ RECORDING = 'plant.recording'
 LOAD, OBJECT_MASS = 5.0, 0.5
 PULL = (0.0, -LOAD, 0.0)
 #: Largest age of the inputs of the nodes [s]. It is longer than the default because processes
-#: pause on a busy machine: by 1.01 s with six times as many busy processes as cores.
-INPUT_TIMEOUT = 3.0
+#: pause on a busy machine. A third less aborts the path to the grasp after a pause of 1.01 s; with
+#: 3 s the pose predicted after 1.7 s without measurements left the contacts.
+INPUT_TIMEOUT = 1.5
 #: Time after the last command at which the simulated rollers stop [s].
 COMMAND_TIMEOUT = 1.0
 #: Rate of grasp analyses [Hz]. Each takes 20 to 40 ms on a core that the control loop needs too.
