@@ -119,7 +119,7 @@ class BentTubes:
 
     @cached_property
     def _cut(self) -> tuple[Frame, Array, Array]:
-        """Return what the properties `frame`, `ahead` and `cuts` return."""
+        """Return the values of the properties `frame`, `ahead` and `cuts`."""
         frame = self.structure.frame
         if not len(self.members):
             return frame, self.places, self.places
