@@ -123,9 +123,14 @@ class BentTubes:
         frame = self.structure.frame
         if not len(self.members):
             return frame, self.places, self.places
-        pieces, within, ahead = self.structure.locate(self.members, self.places)
-        inside = keep_apart(pieces, within, frame.length[pieces], self.shortest)
-        return CutFrame(frame, pieces, inside), ahead, self.places + ahead * (inside - within)
+        pieces, inside, ahead, cuts = self._locate_cuts(self.places)
+        return CutFrame(frame, pieces, inside), ahead, cuts
+
+    def _locate_cuts(self, places: Array) -> tuple[Indices, Array, Array, Array]:
+        """Return the pieces of tubes, the cuts in them, `ahead` and `cuts` for load points."""
+        pieces, within, ahead = self.structure.locate(self.members, places)
+        inside = keep_apart(pieces, within, self.structure.frame.length[pieces], self.shortest)
+        return pieces, inside, ahead, places + ahead * (inside - within)
 
     def bent_to(self, before: Displaced | None) -> BentTubes:
         """
@@ -352,6 +357,8 @@ class BentTubes:
         :param loads: (k, 3) loads at the load points.
         :param places: (k,) distances of the load points from the members' starts [m].
         """
+        if (self.cuts != self.places).any():  # the nodes stay beside a node or another load point
+            places = self._locate_cuts(places)[-1]
         ways = self._ways(loads, places)
         moved = np.abs(self._displace(ways)[0][:, :2]).max() / self.share
         # The state is less nonlinear in the places than in the displacements.
@@ -395,14 +402,8 @@ class BentTubes:
         :param places: (k,) distances of the load points from the members' starts [m].
         :param structure: new structural model of the robot; None: unchanged.
         """
-        return BentTubes(
-            structure or self.structure,
-            self.members,
-            places,
-            self.stiffness,
-            self.linear,
-            self.displace(loads, places),
-        )
+        found = replace(self, structure=structure or self.structure, places=places, before=None)
+        return found.bent_to(self.displace(loads, found.cuts))
 
     def bend(self, loads: Array, places: Array) -> BentTubes:
         """

@@ -7,6 +7,7 @@ import contextlib
 
 from isotruss_ros.core import deform, load_robot
 from isotruss_ros.core.errors import ConfigurationError, SolverError, StructureError
+from isotruss_ros.core.statics.bent_tubes import BentTubes
 from isotruss_ros.core.statics.load_path import follow_loads
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
@@ -130,3 +131,14 @@ def test_a_force_at_an_end_of_a_tube_is_that_of_a_place_nearby(end):
 def test_loads_on_unknown_parts_are_refused(loads, complaint):
     with pytest.raises(StructureError, match=complaint):
         deform(TRIANGLE, {}, **loads)
+
+
+@pytest.mark.parametrize('away', [-4e-4, 1e-5, 4e-4])
+def test_tubes_with_a_load_beside_a_guide_ring_bend_as_the_robot_does(away):
+    place = np.array([TRIANGLE.robot.description.module.guide_ring_distance + away])
+    member = np.array([TRIANGLE.robot.member_names.index(LEG)])
+    tubes, load = BentTubes(structure_of(TRIANGLE), member, place), np.array([[10.0, 40.0, 1.0]])
+    x, y = (tubes.axis * (10.0 + 40.0j)).view(float)
+    wanted = deform(TRIANGLE, {}, tube_loads={LEG: [(place[0], x, y, 1.0)]}).state.displacements
+    moved = tubes.bend(load, place).displacements(load, place)[:-1]
+    assert moved == pytest.approx(wanted[:-1], abs=1e-6)
