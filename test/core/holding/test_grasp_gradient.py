@@ -236,12 +236,10 @@ def test_gradients_agree_with_central_differences(wanted):
 
 
 def test_stiffness_that_hardly_changes_agrees_with_central_differences():
-    # Its parts change by 1e-4 of the stiffness.
     assert error(248, OTHERS) < 1e-6
 
 
 def test_utilisation_of_a_hardly_bent_member_agrees_with_central_differences():
-    # Its moment is a millionth of that of the others.
     assert error(872, OTHERS) < 1e-6
 
 
