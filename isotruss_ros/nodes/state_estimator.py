@@ -39,8 +39,7 @@ SAG_PERIOD = 2.0
 #: Prior standard deviations for a robot whose home was not calibrated.
 PRIOR = EstimatorSettings()
 SPECS = (
-    common.OBJECT_DIAMETER,
-    common.OBJECT,
+    *common.OBJECT_SPECS,
     common.GRIP_MODULE,
     common.GRIP,
     replace(common.RATE, default=25.0, bounds=(1.0, 1000.0)),
@@ -141,8 +140,8 @@ class StateEstimatorNode(ManagedNode):
     def _apply(self) -> None:
         """Set object and grasping members of the estimator from the parameters."""
         values = self.values
-        members = common.select_grip(self.robot, values)
-        grip = Grip(members, common.read_body(values))
+        body = common.make_body(values, common.read_described(values))
+        grip = Grip(common.select_grip(self.robot, values), body)
         if grip != self._estimator.grip:
             self._estimator.grip = grip
 

@@ -137,7 +137,7 @@ def test_stale_pressures_give_a_warning_and_the_estimate_continues():
 @pytest.mark.parametrize('held', [False, True])
 def test_sag_is_reported_only_without_a_held_object(held, monkeypatch):
     monkeypatch.setattr(state_estimator, 'find_sag', lambda *_: Sag(np.zeros(2), 1.0, 0.1))
-    plant = {'plant': 'elastic', 'friction': 0.9, 'indentation': 0.02, 'marker_joints': ['all']}
+    plant = {'plant': 'elastic', 'friction': 0.9, 'indentation': 0.01, 'marker_joints': ['all']}
     free = {} if held else {'object_is_free': True, 'object_pose': [0.6, 5.0, 0.0]}
     with world(lambda: Simulator(overrides(**plant | free)), estimator()) as w:
         w.spin(2.0 * state_estimator.SAG_PERIOD)
@@ -224,7 +224,7 @@ def test_invalid_estimates_are_refused(changes):
 
 
 def test_over_dds_measured_pressures_stiffen_the_tubes_of_the_estimate():
-    plant = {'plant': 'elastic', 'friction': 0.9, 'indentation': 0.02, 'object_is_free': False}
+    plant = {'plant': 'elastic', 'friction': 0.9, 'indentation': 0.01, 'object_is_free': False}
     with probe.world(
         lambda: Simulator(overrides(marker_joints=['all'], **plant)), estimator()
     ) as w:
@@ -243,7 +243,7 @@ def test_over_dds_measured_pressures_stiffen_the_tubes_of_the_estimate():
 
 @pytest.mark.parametrize('estimated', some_now([True, False]))
 def test_squeeze_of_a_robot_with_wrong_offsets_is_controlled_by_the_estimate(estimated):
-    plant = {'plant': 'elastic', 'friction': 0.9, 'indentation': 0.02, 'object_is_free': False}
+    plant = {'plant': 'elastic', 'friction': 0.9, 'indentation': 0.01, 'object_is_free': False}
     marked = {'zero_deviation': 0.006, 'tracker_rate': 20.0, 'tracker_noise': 2e-4}
     marked |= {'marker_joints': ['all'], 'seed': 1}
     loop = {'squeeze_force': 30.0, 'friction': 0.9, 'rate': 20.0}
