@@ -163,14 +163,16 @@ class StateEstimatorNode(ManagedNode):
         """
         Update the estimate with new poses and markers; reject and log invalid input.
 
-        Those later than the joint states wait for joint states of their time.
+        Those later than the joint states wait for joint states of their time, until joint states
+        of this age would be stale.
         """
+        oldest = now - max(HISTORY_DURATION, self.values.command_timeout)
         rollers = self.inputs.rollers
         last = rollers.time if isinstance(rollers, StampedInput) else -math.inf
         waiting, self._waiting = self._waiting, []
         for time, take in waiting:
             if time > last:
-                if time > now - HISTORY_DURATION:
+                if time > oldest:
                     self._waiting.append((time, take))
                 continue
             try:

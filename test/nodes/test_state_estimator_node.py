@@ -163,6 +163,14 @@ def test_stale_encoders_give_no_estimate():
         assert count == len(w.probe.seen['estimate']) > 10
 
 
+def test_poses_wait_for_encoders_that_are_late_by_less_than_the_timeout():
+    plant = {'plant': 'elastic', 'friction': 0.9, 'indentation': 0.01, 'encoder_delay': 1.5}
+    values = {'rate': 20.0, 'command_timeout': 3.0}
+    with world(lambda: Simulator(overrides(**plant, **values)), estimator(**values)) as w:
+        listen(w)
+        w.until(lambda: last_estimate(w) is not None and last_estimate(w).held)
+
+
 def test_an_estimate_survives_a_round_trip():
     random, count = np.random.default_rng(2), 2 * len(NAMES)
     estimate = state_estimate.StateEstimate(

@@ -41,7 +41,9 @@ FRICTION = Spec(
 OBJECT_SPECS = (OBJECT_DIAMETER, OBJECT, FRICTION)
 # At least the rate of MemberLengthLimit, which guarantees the limits in loops of that rate.
 RATE = Spec('rate', 100.0, 'Cycles per second [Hz]', (10.0, 2000.0))
-COMMAND_TIMEOUT = Spec('command_timeout', 0.2, 'Largest age of inputs [s]', (0.001, 10.0))
+COMMAND_TIMEOUT = Spec(
+    'command_timeout', 0.2, 'Largest age of inputs [s]', (0.001, inputs.MAX_TIMEOUT)
+)
 PRESSURE_TIMEOUT = Spec(
     'pressure_timeout',
     inputs.PRESSURE_TIMEOUT,
