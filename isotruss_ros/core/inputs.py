@@ -25,8 +25,8 @@ import numpy as np
 CLOCK_SKEW = 0.01
 #: Largest age of pressures [s]; they change slowly and are measured rarely.
 PRESSURE_TIMEOUT = 2.0
-#: Largest admissible timeout of inputs [s]; motions are stored for this time, so that a measurement
-#: is compared with the state at its own time.
+#: Largest admissible timeout of inputs [s]. Motions are stored for this time, so that a
+#: measurement is compared with the state at its own time.
 MAX_TIMEOUT = 10.0
 #: Time for which the estimator of the state stores encoder readings [s], and largest age of its
 #: measurements.
