@@ -51,6 +51,17 @@ OSCILLATING_REST_DISTANCE = 1e-4
 NOISY_REST_DISTANCE = 5e-3
 #: Lever arm that converts rotations of the object to distances [m].
 LEVER_ARM = 0.1
+#: Halts of the manipulation node that do not end by themselves, and their duration by the stamps
+#: of the status after which the demonstration ends [s]. An object that was just gripped may count
+#: as not held for some cycles.
+FINAL_HALTS = (
+    Status.HALT_TRAJECTORY,
+    Status.HALT_SLIPPED,
+    Status.HALT_NOT_HELD,
+    Status.HALT_EMERGENCY_STOP,
+    Status.HALT_OTHER_COMMANDS,
+)
+MAX_HALT_TIME = 1.0
 #: Topics that have a single publisher unless two robots share a ROS domain.
 SINGLE_PUBLISHER_TOPICS = ('joint_states', 'object_pose')
 
@@ -94,6 +105,7 @@ class DemoClient(Node):
         self.rollers: np.ndarray | None = None
         self._offsets = np.zeros(len(roller_names))
         self._last_status: ManipulationStatus | None = None
+        self._halted = math.inf  # time at which one of `FINAL_HALTS` began [s]
         self._status_times: list[float] = []
         self._record = PhaseRecord('start')
         #: True normal forces received since the last message of the true pose [N].
@@ -161,6 +173,8 @@ class DemoClient(Node):
             self._record.accepted += held * last.scale * np.array([v.x, v.y, turn])
         self._record.statuses.add(Status(message.code))
         self._status_times.append(read_stamp(message.header))
+        halts = message.code in FINAL_HALTS
+        self._halted = min(self._halted, read_stamp(message.header)) if halts else math.inf
 
     def _take_grasp(self, message: GraspState) -> None:
         self._record.grasps.append(message)
@@ -196,7 +210,7 @@ class DemoClient(Node):
         :param what: text that names the condition, for the error message.
         :param deadline: longest waiting time, in simulated time if it is used [s].
         :param meanwhile: function that is called every `PERIOD`.
-        :raises DemoError: the condition did not hold in time.
+        :raises DemoError: the condition did not hold in time, or the manipulation node halted.
         """
         before, changed = self._seconds(), time.monotonic()
         end = before + deadline
@@ -209,11 +223,18 @@ class DemoClient(Node):
                 last = self._last_status.message if self._last_status else 'no status'
                 raise DemoError(f'{what}: not reached in {deadline:g} s; last status: {last}')
             check()
+            self._require_motion()
             if meanwhile is not None:
                 meanwhile()
             until = time.monotonic() + PERIOD
             while time.monotonic() < until:
                 self._own_executor.spin_once(timeout_sec=MAX_SPIN_TIME)
+
+    def _require_motion(self) -> None:
+        """Raise DemoError if the manipulation node has halted and does not resume by itself."""
+        last = self._last_status
+        if last is not None and read_stamp(last.header) - self._halted >= MAX_HALT_TIME:
+            raise DemoError(f'manipulation: {Status(last.code)}: {last.message}')
 
     def _seconds(self) -> float:
         """Return the time of `/clock` in simulated time, otherwise of the machine's clock [s]."""
@@ -261,7 +282,7 @@ class DemoClient(Node):
         :param phase: phase with twists as a function of time.
         :param check: function that raises an error if a node has ended.
         :param progress: callback that receives the completed fraction of the phase, 0 to 1.
-        :raises DemoError: the object did not come to rest.
+        :raises DemoError: the object did not come to rest, or the manipulation node halted.
         """
         record = self.begin(phase.name)
         begin, turned = np.array(self.pose[:2]), self._turned
@@ -269,6 +290,7 @@ class DemoClient(Node):
         tick = 0
         while now - start < phase.duration:
             check()
+            self._require_motion()
             twist = phase.twist(now - start)
             self._twists.publish(to_twist_message(twist))
             self._pull(phase.wrench(now - start))

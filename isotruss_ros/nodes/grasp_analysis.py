@@ -15,8 +15,6 @@ from isotruss_msgs.srv import AnalyzeGrasp
 from isotruss_ros.core.errors import IsotrussError
 from isotruss_ros.core.holding.settled_grasp import SettledGrasp
 from isotruss_ros.core.inputs import StampedInput
-from isotruss_ros.core.model.convex_object import ConvexObject
-from isotruss_ros.core.model.shapes import Disc
 from isotruss_ros.core.statics.wrinkling import MAX_UTILISATION
 from isotruss_ros.nodes.conversions.grasp_messages import (
     read_external_wrench,
@@ -91,11 +89,10 @@ class GraspAnalysisNode(ManagedNode):
         return read_external_wrench(message, self.robot.frame, pose.value.angle if known else None)
 
     def _make_query(self) -> GraspQuery:
-        """Return the query that the parameters define; the object's friction has precedence."""
-        values = self.values
-        body = self._described or ConvexObject(Disc(values.object_diameter))
-        friction = values.friction if body.friction is None else body.friction
-        unloaded = (0.0, 0.0, 0.0)
+        """Return the query that the parameters define."""
+        values, unloaded = self.values, (0.0, 0.0, 0.0)
+        body = common.make_body(values, self._described)
+        friction = body.friction_or(None)
         return GraspQuery((), body, friction, unloaded, values.spacing, values.paper_model)
 
     def activate(self) -> None:

@@ -39,8 +39,7 @@ SAG_PERIOD = 2.0
 #: Prior standard deviations for a robot whose home was not calibrated.
 PRIOR = EstimatorSettings()
 SPECS = (
-    common.OBJECT_DIAMETER,
-    common.OBJECT,
+    *common.OBJECT_SPECS,
     common.GRIP_MODULE,
     common.GRIP,
     replace(common.RATE, default=25.0, bounds=(1.0, 1000.0)),
@@ -132,8 +131,8 @@ class StateEstimatorNode(ManagedNode):
     def _apply(self) -> None:
         """Set object and grasping members of the estimator from the parameters."""
         values = self.values
-        members = common.select_grip(self.robot, values)
-        grip = Grip(members, common.read_body(values))
+        body = common.make_body(values, common.read_described(values))
+        grip = Grip(common.select_grip(self.robot, values), body)
         if grip != self._estimator.grip:
             self._estimator.grip = grip
 
@@ -155,14 +154,16 @@ class StateEstimatorNode(ManagedNode):
         """
         Update the estimate with new poses and markers; reject and log invalid input.
 
-        Those later than the joint states wait for joint states of their time.
+        Those later than the joint states wait for joint states of their time, until joint states
+        of this age would be stale.
         """
+        oldest = now - max(HISTORY_DURATION, self.values.command_timeout)
         rollers = self.inputs.rollers
         last = rollers.time if isinstance(rollers, StampedInput) else -math.inf
         waiting, self._waiting = self._waiting, []
         for time, take in waiting:
             if time > last:
-                if time > now - HISTORY_DURATION:
+                if time > oldest:
                     self._waiting.append((time, take))
                 continue
             try:

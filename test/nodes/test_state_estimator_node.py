@@ -143,7 +143,7 @@ def test_stale_pressures_give_a_warning_and_the_estimate_continues():
 @pytest.mark.parametrize('held', [False, True])
 def test_sag_is_reported_only_without_a_held_object(held, monkeypatch):
     monkeypatch.setattr(state_estimator, 'find_sag', lambda *_: Sag(np.zeros(2), 1.0, 0.1))
-    plant = {'plant': 'elastic', 'friction': 0.9, 'indentation': 0.02, 'marker_joints': ['all']}
+    plant = {'plant': 'elastic', 'friction': 0.9, 'indentation': 0.01, 'marker_joints': ['all']}
     free = {} if held else {'object_is_free': True, 'object_pose': [0.6, 5.0, 0.0]}
     with world(lambda: Simulator(overrides(**plant | free)), estimator()) as w:
         w.spin(2.0 * state_estimator.SAG_PERIOD)
@@ -167,6 +167,14 @@ def test_stale_encoders_give_no_estimate():
         count = len(w.probe.seen['estimate'])
         w.spin(0.5)
         assert count == len(w.probe.seen['estimate']) > 10
+
+
+def test_poses_wait_for_encoders_that_are_late_by_less_than_the_timeout():
+    plant = {'plant': 'elastic', 'friction': 0.9, 'indentation': 0.01, 'encoder_delay': 1.5}
+    values = {'rate': 20.0, 'command_timeout': 3.0}
+    with world(lambda: Simulator(overrides(**plant, **values)), estimator(**values)) as w:
+        listen(w)
+        w.until(lambda: last_estimate(w) is not None and last_estimate(w).held)
 
 
 def test_an_estimate_survives_a_round_trip():
@@ -230,7 +238,7 @@ def test_invalid_estimates_are_refused(changes):
 
 
 def test_over_dds_measured_pressures_stiffen_the_tubes_of_the_estimate():
-    plant = {'plant': 'elastic', 'friction': 0.9, 'indentation': 0.02, 'object_is_free': False}
+    plant = {'plant': 'elastic', 'friction': 0.9, 'indentation': 0.01, 'object_is_free': False}
     with probe.world(
         lambda: Simulator(overrides(marker_joints=['all'], **plant)), estimator()
     ) as w:
@@ -251,7 +259,7 @@ def test_over_dds_measured_pressures_stiffen_the_tubes_of_the_estimate():
 
 @pytest.mark.parametrize('estimated', some_now([True, False]))
 def test_squeeze_of_a_robot_with_wrong_offsets_is_controlled_by_the_estimate(estimated):
-    plant = {'plant': 'elastic', 'friction': 0.9, 'indentation': 0.02, 'object_is_free': False}
+    plant = {'plant': 'elastic', 'friction': 0.9, 'indentation': 0.01, 'object_is_free': False}
     marked = {'zero_deviation': 0.006, 'tracker_rate': 20.0, 'tracker_noise': 2e-4}
     marked |= {'marker_joints': ['all'], 'seed': 1}
     loop = {'squeeze_force': 30.0, 'friction': 0.9, 'rate': 20.0}

@@ -38,7 +38,7 @@ from isotruss_ros.core.estimation.schmidt_filter import SchmidtFilter
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings, MAX_KNOWN_DEVIATION
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, NotHeldError, travel_rates
 from isotruss_ros.core.holding.roll_grip import roll_grip, with_pressures
-from isotruss_ros.core.inputs import HISTORY_DURATION, Timeline
+from isotruss_ros.core.inputs import MAX_TIMEOUT, Timeline
 from isotruss_ros.core.kinematics.configuration import Configuration, MAX_FIRST_ORDER_TRAVEL
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
@@ -297,7 +297,7 @@ class GripBelief:
         self._measured = self._time - age, self._travelled - ahead
         self._way.add(*self._measured)
         self._way.add(self._time, self._travelled)
-        self._way.discard_before(self._time - HISTORY_DURATION)
+        self._way.discard_before(self._time - MAX_TIMEOUT)
         self._take(rolled)
         self._predict(elapsed, self._even * change, np.abs(travel))
         # The first equilibrium used one noisy pose; after large corrections the rates are invalid.

@@ -248,7 +248,7 @@ class GraspSequences:
         state = yield from self._await_held(StepOutcome.NOT_READY)
         pose = self._inputs.pose.value  # type: ignore[union-attr]
         config = self._inputs.configuration(self._node.now())
-        body = common.read_body(self._node.values).moved_to(pose)
+        body = common.make_body(self._node.values, self._described).moved_to(pose)
         record = find_fresh(self._node.now(), self._timeout, self._inputs.held_grip)
         most = goal.max_rotation or MAX_ROTATION
         planned: Future[Release] = self._thread.submit(

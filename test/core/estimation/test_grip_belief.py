@@ -97,6 +97,22 @@ def test_the_delay_of_poses_is_estimated_where_the_speed_changes():
     assert belief.delay < 0.01
 
 
+@pytest.mark.parametrize('age', [0.5, 2.0])
+def test_a_late_pose_is_compared_with_the_motion_up_to_its_stamp(age):
+    belief, grasp, poses = believed(), MODEL, [MODEL.pose]
+    carry(belief, 0.5)
+    for k in range(1, round(2.0 * age / PERIOD) + 1):
+        way = np.sin(0.5 * np.pi * k * PERIOD / age) * TRAVEL
+        grasp = roll_grip(grasp, CONFIG.moved_to(CONFIG.roller_positions + way))
+        belief.follow(grasp.config, PERIOD, None)
+        poses.append(grasp.pose)
+    there = poses[len(poses) // 2]
+    assert np.linalg.norm(np.subtract(there, poses[-1])) > 5e-3
+    before = np.array(belief.pose)
+    belief.observe(there, age)
+    assert np.array(belief.pose) == pytest.approx(before, abs=1e-5)
+
+
 def test_a_constant_offset_of_the_pose_is_no_squeeze():
     belief = believed()
     carry(belief, 3.0, 1e-4)
