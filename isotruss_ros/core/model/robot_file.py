@@ -59,7 +59,9 @@ def describe_robot(path: Path, content: Any) -> RobotDescription:
     supports = {joint: tuple(axes) for joint, axes in content['supports'].items()}
     limits = {key: float(value) for key, value in content['members'].items()}
     pressure = content['tube']['pressure']
+    calibration = content.get('calibration', {})
     refuse_if_any(path, _cross_check(joints, tubes, supports, limits, pressure))
+    refuse_if_any(path, _check_calibration(calibration, tubes))
     if not isinstance(pressure, Mapping):
         pressure = dict.fromkeys(content['tubes'], pressure)
     pressures = {tube.name: float(pressure[tube.name]) for tube in tubes}
@@ -82,7 +84,7 @@ def describe_robot(path: Path, content: Any) -> RobotDescription:
         max_acceleration=float(
             content['rollers'].get('max_acceleration', max_speed / DEFAULT_RISE_TIME)
         ),
-        calibration=content.get('calibration', {}),
+        calibration=calibration,
         **limits,
         **{
             name: float(content['tube'][key])
@@ -109,6 +111,17 @@ def _check_stiffness(
             "tube.stiffness: key 'pressure' is missing; where tubes have different pressures "
             'it is the gauge pressure at which the three numbers hold [Pa]'
         )
+
+
+def _check_calibration(calibration: Mapping[str, Any], tubes: tuple[Tube, ...]) -> Iterator[str]:
+    """Yield a fault for each name in the block `calibration` that is not a roller."""
+    rollers = [
+        f'{tube.name}/{joint}' for tube in tubes for joint in tube.joints if joint != tube.passive
+    ]
+    for key in ('zero_deviations', 'checked_rollers'):
+        for name in calibration.get(key, ()):
+            if name not in rollers:
+                yield f'calibration.{key}: unknown roller {name!r}; known are {", ".join(rollers)}'
 
 
 def _cross_check(
