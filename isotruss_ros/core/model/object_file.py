@@ -49,7 +49,8 @@ def read_object(path_or_text: str | Path) -> ConvexObject:
             path = Path(path_or_text)
         except TypeError as problem:
             raise ObjectFileError(
-                f'object {path_or_text!r}: must be the path of a file, or a text that begins with {{'
+                f'object {path_or_text!r}: must be the path of a file, or a text that begins '
+                'with {'
             ) from problem
         text = read_text(path, 'an object file', ObjectFileError)
     return make_object(parse_yaml(source, text, 'object files', ObjectFileError), source)
