@@ -65,12 +65,6 @@ SPECS = (
     FixedSpec(
         'slip', PRIOR.slip, 'Expected slip of a roller relative to its travel [-]', (0.0, 1.0)
     ),
-    FixedSpec(
-        'stiffness_deviation',
-        PRIOR.stiffness,
-        'Relative standard deviation of the stiffness of the tubes [-]',
-        (0.0, 1.0),
-    ),
 )
 
 
@@ -126,11 +120,8 @@ class StateEstimatorNode(ManagedNode):
         """Reset the estimate to the prior, at the start and after a jump of the clock."""
         values = self.values
         self.inputs.clear()
-        settings = EstimatorSettings(
-            zero_deviation=values.zero_deviation,
-            slip=values.slip,
-            stiffness=values.stiffness_deviation,
-        )
+        settings = replace(PRIOR, zero_deviation=values.zero_deviation, slip=values.slip)
+        settings = settings.calibrated(self.robot.description)
         self._estimator, self._last = StateEstimator(self.robot, settings), None
         #: Times of poses and markers that are later than the joint states of the last cycle [s],
         #: and updates by them, for which the model is evaluated once.

@@ -3,6 +3,8 @@
 
 """The node `state_estimator`, and the nodes that use what it publishes."""
 
+from pathlib import Path
+
 from isotruss_msgs.msg import StateEstimate
 from isotruss_ros.core.estimation import state_estimate
 from isotruss_ros.core.estimation.state_estimator import StateEstimator
@@ -76,17 +78,21 @@ def test_joints_of_a_robot_with_wrong_offsets_are_estimated():
     assert not found.held
 
 
-def test_prior_of_the_robot_is_that_of_the_parameters(monkeypatch):
-    made = []
+def test_prior_of_the_robot_is_that_of_parameters_and_calibration(monkeypatch, tmp_path):
+    made, file = [], tmp_path / 'calibrated.yaml'
+    text = Path(ROBOT.description.source).read_text(encoding='utf-8')
+    file.write_text(f'{text}\ncalibration: {{stiffness_deviation: 0.02}}\n')
 
     def make(robot, settings):
         made.append(settings)
         return StateEstimator(robot, settings)
 
     monkeypatch.setattr(state_estimator, 'StateEstimator', make)
-    with world(estimator(zero_deviation=0.002, slip=0.03, stiffness_deviation=0.2)):
-        expected = state_estimate.EstimatorSettings(zero_deviation=0.002, slip=0.03, stiffness=0.2)
-        assert made[-1] == expected
+    for robot, stiffness in (('nine_member', 0.3), (str(file), 0.02)):
+        with world(estimator(zero_deviation=0.002, slip=0.03, robot=robot)):
+            assert made[-1] == state_estimate.EstimatorSettings(
+                zero_deviation=0.002, slip=0.03, stiffness=stiffness
+            )
 
 
 def test_estimate_is_robust_to_late_swapped_and_missing_markers():
@@ -244,7 +250,9 @@ def test_over_dds_measured_pressures_stiffen_the_tubes_of_the_estimate():
         def last():
             return w.probe.last('estimate')
 
-        w.until(lambda: last() and last().held and last().squeeze_deviation < 0.1 * last().squeeze)
+        w.until(
+            lambda: last() and last().held and last().squeeze_deviation < 0.32 * last().squeeze
+        )
         before = last().squeeze
         w.until(lambda: last().squeeze > 1.15 * before, send)
 

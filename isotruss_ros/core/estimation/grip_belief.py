@@ -6,12 +6,13 @@ Gaussian belief of the grip: a Kalman filter about the equilibrium of the held o
 
 The contacts roll with the tubes, so the equilibrium follows the configuration. Measured poses
 correct four states: the load w, which is an external wrench; the shift a of the contacts along the
-members; the unexplained pose b, which is measured minus modelled; and the delay of the poses. Two
-states are considered: the roller offsets dphi and the stiffness s. A considered state has an
-uncertainty, but poses do not correct it. With the roller positions q, the compliance C and white
-noise v, the measured pose is
+members; the unexplained pose b, which is measured minus modelled; and the delay of the poses. The
+roller offsets dphi are considered: they are uncertain, but poses do not correct them. With the
+roller positions q, the compliance C and white noise v, the measured pose is
 
-    e = (w, b, a, delay | dphi, s),   z = equilibrium(q + dphi, a, s) + C w + b + v
+    e = (w, b, a, delay | dphi),   z = equilibrium(q + dphi, a) + C w + b + v
+
+The stiffness of the tubes is no state: it scales all forces and moves nothing.
 """
 
 from __future__ import annotations
@@ -110,13 +111,11 @@ class GripBelief:
         self._most = (0.7 if is_assumed else 1.0) * MAX_DEVIATIONS
         self._even = np.array([1.0, 1.0, grasp.arm])
         count, shifts = len(grasp.config.roller_positions), len(grasp.members)
-        variances, considered = np.zeros(SHIFTS + shifts), np.zeros((count + 1, count + 1))
+        variances = np.zeros(SHIFTS + shifts)
         variances[DELAY] = DELAY_DEVIATION**2
-        considered[-1, -1] = settings.stiffness**2
-        self._filter = SchmidtFilter(variances, considered)
         if zero_covariance is None:
             zero_covariance = settings.zero_deviation**2 * np.eye(count)
-        self.set_zero_covariance(zero_covariance)
+        self._filter = SchmidtFilter(variances, zero_covariance)
         self.load, self.delay = np.zeros(3), 0.0
         self.innovation, self.jump, self.searches = 0.0, 0.0, 0
         self.bias = np.zeros(3)
@@ -156,10 +155,19 @@ class GripBelief:
         return self._by_considered.grasp
 
     @property
-    def squeeze_deviation(self) -> float:
-        """Return the standard deviation of the squeeze, including the model error [N]."""
+    def geometric_deviation(self) -> float:
+        """
+        Return the standard deviation of the squeeze for the stiffness of the robot file [N].
+
+        It includes the model error.
+        """
         variance = self._filter.spread(self._rates.squeeze, self._by_considered.squeeze)
         return math.sqrt(variance + (self.settings.squeeze_error * self.squeeze) ** 2)
+
+    @property
+    def squeeze_deviation(self) -> float:
+        """Return the standard deviation of the squeeze, with model and stiffness errors [N]."""
+        return math.hypot(self.geometric_deviation, self.settings.stiffness * self.squeeze)
 
     @property
     def squeeze_is_unknown(self) -> bool:
@@ -171,9 +179,10 @@ class GripBelief:
         """
         Return the largest required friction at which an equilibrium still counts as held [-].
 
-        It exceeds the coefficient of friction by two relative standard deviations of the squeeze.
+        It exceeds the coefficient of friction by two relative standard deviations of the squeeze,
+        for the given stiffness, which does not change the required friction.
         """
-        relative = 2.0 * self.squeeze_deviation
+        relative = 2.0 * self.geometric_deviation
         return self._friction * (1.0 + relative / self.squeeze) if self.squeeze > 0.0 else math.inf
 
     @property
@@ -184,7 +193,7 @@ class GripBelief:
 
     def explains(self, pose: Pose) -> bool:
         """
-        Return whether errors of offsets, stiffness and measurement suffice to explain a pose.
+        Return whether errors of offsets and measurement suffice to explain a pose.
 
         :param pose: measured pose of the object.
         """
@@ -199,7 +208,7 @@ class GripBelief:
 
         The object's pose is held constant.
         """
-        return self._by_considered.joint_rates(self._filter.sensitivity[SHIFTS:, :-1])
+        return self._by_considered.joint_rates(self._filter.sensitivity[SHIFTS:])
 
     @property
     def regulated_pose(self) -> Array:
@@ -382,7 +391,7 @@ class GripBelief:
         variances[LOAD], variances[BIAS] = given.load**2, given.pose_error**2
         variances[SHIFTS:] = shifts**2
         known.reset(np.diag(variances))
-        # The part of the pose that shifts within friction do not explain: offsets and stiffness.
+        # The part of the pose that shifts within friction do not explain: roller offsets.
         rates, by_considered = self._rates.pose, self._by_considered.pose
         shifted = rates[:, SHIFTS:] * variances[SHIFTS:] @ rates[:, SHIFTS:].T
         own = given.pose_error**2 * np.eye(3)
@@ -402,7 +411,7 @@ class GripBelief:
 
         :param covariance: (r, r) covariance of the roller offsets [m^2].
         """
-        self._filter.considered[:-1, :-1] = covariance
+        self._filter.considered = covariance
 
     def correct_zeros(self, moved: Array) -> None:
         """
@@ -412,7 +421,7 @@ class GripBelief:
         """
         grasp = self.grasp
         travel = travel_rates(grasp.config, grasp.contacts.members) @ moved
-        shifts = self._filter.sensitivity[SHIFTS:, :-1] @ moved
+        shifts = self._filter.sensitivity[SHIFTS:] @ moved
         self._anchors = self._anchors + grasp.statics.sides * travel
         self._anchors = self._anchors + shifts[grasp.contacts.owners]
         self._moved_zeros = self._moved_zeros + moved
@@ -469,7 +478,8 @@ class GripBelief:
         self.walk.spread(self._rates.pose * more @ self._rates.pose.T)
         more[LOAD] = given.load**2 * (1.0 - left**2)
         self._filter.predict(kept, more)
-        self._filter.considered[:-1, :-1] += np.diag(given.slip**2 * SLIP_LENGTH * travel)
+        considered = self._filter.considered
+        self._filter.considered = considered + np.diag(given.slip**2 * SLIP_LENGTH * travel)
         decayed, response = (left - 1.0) * self.load, self.grasp.response
         self._lag.add(np.append(response.pose @ decayed, response.squeeze @ decayed))
         self.load = self.load + decayed

@@ -5,7 +5,7 @@
 Linearised model of a held object: derivatives of pose and squeeze.
 
 The state is (load, unexplained pose, delay, shifts of the contacts along the members); the
-considered parameters are the roller offsets and the stiffness, see `grip_belief`.
+considered parameters are the roller offsets, see `grip_belief`.
 """
 
 from __future__ import annotations
@@ -48,20 +48,20 @@ class StateRates(NamedTuple):
 
 class ConsideredRates(NamedTuple):
     """
-    Derivatives of pose and squeeze with respect to roller offsets and stiffness.
+    Derivatives of pose and squeeze with respect to roller offsets.
 
-    The offsets change while the contacts do not move along the members.
+    The contacts do not move along the members.
     """
 
     grasp: HeldGrip  #: equilibrium of the object
     gradient: HeldGradient  #: gradient of this equilibrium
-    pose: Array  #: (3, r + 1) derivatives of the pose, see `StateRates`
-    squeeze: Array  #: (r + 1,) derivatives of the squeeze
+    pose: Array  #: (3, r) derivatives of the pose, see `StateRates`
+    squeeze: Array  #: (r,) derivatives of the squeeze
 
     @classmethod
     def of(cls, grasp: HeldGrip) -> ConsideredRates:
         """
-        Return the derivatives by roller offsets and stiffness at an equilibrium.
+        Return the derivatives by roller offsets at an equilibrium.
 
         :param grasp: the equilibrium.
         """
@@ -70,8 +70,7 @@ class ConsideredRates(NamedTuple):
         even = np.array([[1.0], [1.0], [grasp.arm]])
         given = np.vstack([even * found.pose, found.normal_forces.mean(axis=0)])
         by_offsets = given[:, :count] + given[:, anchors] @ along
-        considered = np.append(by_offsets, given[:, [count + 3]], axis=1)
-        return cls(grasp, found, considered[:3], considered[3])
+        return cls(grasp, found, by_offsets[:3], by_offsets[3])
 
     def joint_rates(self, shifts: Array) -> Array:
         """

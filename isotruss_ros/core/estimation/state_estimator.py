@@ -274,7 +274,7 @@ class StateEstimator:
             belief = GripBelief(found, grip, self.settings, zeros.covariance, deviations)
         except (ConfigurationError, GraspError, StructureError):
             return None
-        return belief if belief.squeeze > belief.squeeze_deviation else None
+        return belief if belief.squeeze > belief.geometric_deviation else None
 
     def _place_joints(self, readings: Array, offsets: Array) -> tuple[Array, Array]:
         """

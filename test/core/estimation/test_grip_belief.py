@@ -14,6 +14,7 @@ from isotruss_ros.core.estimation.grip_belief import GripBelief, MAX_DEVIATIONS
 from isotruss_ros.core.estimation.grip_model import attach_model
 from isotruss_ros.core.estimation.pose_noise import PoseNoise
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings
+from isotruss_ros.core.holding.held_gradient import held_gradient
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.servo.loop_gains import gains_of
 from nightly import some_now
@@ -64,10 +65,27 @@ def test_error_of_the_squeeze_with_wrong_offsets_is_within_stated_deviations():
     for seed in range(12):
         off = 0.005 * np.random.default_rng(seed).normal(size=6)
         model = attach_model(CONFIG.moved_to(CONFIG.roller_positions + off), GRIP)
-        belief = GripBelief(model, GRIP, EstimatorSettings(zero_deviation=0.005))
+        belief = GripBelief(model, GRIP, EstimatorSettings(zero_deviation=0.005, stiffness=0.0))
         surprises.append((belief.squeeze - MODEL.squeeze) / belief.squeeze_deviation)
     assert np.abs(surprises).max() < 3.0
     assert 0.3 < np.sqrt(np.mean(np.square(surprises))) < 1.5
+
+
+def test_stiffness_of_the_tubes_scales_the_squeeze_and_moves_nothing():
+    found, stiffness = held_gradient(MODEL), len(CONFIG.roller_positions) + 3
+    assert found.pose[:, stiffness] == pytest.approx(0.0, abs=1e-8)
+    assert found.normal_forces[:, stiffness].mean() == pytest.approx(MODEL.squeeze, rel=1e-6)
+
+
+@pytest.mark.parametrize('stiffness', [0.6, 1.5])
+def test_error_of_the_squeeze_with_unmeasured_stiffness_is_within_stated_deviations(stiffness):
+    belief = believed(zero_deviation=1e-3)
+    error = (stiffness - 1.0) * belief.squeeze
+    assert abs(error) < 2.0 * belief.squeeze_deviation
+    assert abs(error) > 4.0 * believed(zero_deviation=1e-3, stiffness=0.02).squeeze_deviation
+    # A calibration states a smaller deviation.
+    known = replace(CONFIG.robot.description, calibration={'stiffness_deviation': 0.02})
+    assert EstimatorSettings().calibrated(known).stiffness == 0.02
 
 
 def test_the_delay_of_poses_is_estimated_where_the_speed_changes():
