@@ -59,9 +59,7 @@ def describe_robot(path: Path, content: Any) -> RobotDescription:
     supports = {joint: tuple(axes) for joint, axes in content['supports'].items()}
     limits = {key: float(value) for key, value in content['members'].items()}
     pressure = content['tube']['pressure']
-    calibration = content.get('calibration', {})
-    refuse_if_any(path, _cross_check(joints, tubes, supports, limits, pressure))
-    refuse_if_any(path, _check_calibration(calibration, tubes))
+    refuse_if_any(path, _cross_check(joints, tubes, supports, limits, content))
     if not isinstance(pressure, Mapping):
         pressure = dict.fromkeys(content['tubes'], pressure)
     pressures = {tube.name: float(pressure[tube.name]) for tube in tubes}
@@ -84,7 +82,7 @@ def describe_robot(path: Path, content: Any) -> RobotDescription:
         max_acceleration=float(
             content['rollers'].get('max_acceleration', max_speed / DEFAULT_RISE_TIME)
         ),
-        calibration=calibration,
+        calibration=content.get('calibration', {}),
         **limits,
         **{
             name: float(content['tube'][key])
@@ -129,7 +127,7 @@ def _cross_check(
     tubes: tuple[Tube, ...],
     supports: Mapping[str, tuple[str, ...]],
     limits: Mapping[str, float],
-    pressure: float | Mapping[str, float],
+    content: Mapping[str, Any],
 ) -> Iterator[str]:
     """Yield faults that the schema cannot express, such as names of joints that do not exist."""
     known = ', '.join(joints)
@@ -149,6 +147,7 @@ def _cross_check(
     for joint in supports:
         if joint not in joints:
             yield f'supports.{joint}: unknown joint {joint!r}; known are {known}'
+    pressure = content['tube']['pressure']
     if isinstance(pressure, Mapping):
         names = [tube.name for tube in tubes]
         for name in pressure:
@@ -157,6 +156,7 @@ def _cross_check(
         for name in names:
             if name not in pressure:
                 yield f'tube.pressure: tube {name} is missing; give one number, or one per tube'
+    yield from _check_calibration(content.get('calibration', {}), tubes)
     places: dict[tuple[float, float], str] = {}
     for joint, place in joints.items():
         other = places.setdefault(place, joint)
