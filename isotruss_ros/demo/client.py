@@ -18,8 +18,9 @@ from isotruss_ros.demo.path import Phase, Wrench
 from isotruss_ros.demo.record import PhaseRecord, Snapshot
 from isotruss_ros.nodes.conversions.grasp_messages import to_wrench_message
 from isotruss_ros.nodes.conversions.messages import (
+    ALIGNED_OBJECT,
     make_header,
-    name_aligned_frame,
+    name_frame,
     read_pose,
     read_stamp,
     to_twist_message,
@@ -326,7 +327,7 @@ class DemoClient(Node):
         if pulls:
             record.pull, record.pulled = wrench, (min(record.pulled[0], seconds), seconds)
         message = WrenchStamped(wrench=to_wrench_message(wrench))
-        message.header = make_header(1e-9 * now.nanoseconds, name_aligned_frame(self.frame_id))
+        message.header = make_header(seconds, name_frame(self.frame_id, ALIGNED_OBJECT))
         self._wrenches.publish(message)
 
     def wait_for_rest(self, check: Callable[[], None], what: str) -> None:

@@ -23,7 +23,7 @@ from isotruss_ros.nodes.conversions.grasp_messages import (
     to_state_message,
 )
 from isotruss_ros.nodes.conversions.markers import to_marker_array
-from isotruss_ros.nodes.conversions.messages import make_header, name_aligned_frame
+from isotruss_ros.nodes.conversions.messages import ALIGNED_OBJECT, make_header, name_frame
 from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.gate import Topic
@@ -130,7 +130,7 @@ class GraspAnalysisNode(ManagedNode):
         words, level = f'{report.code}: {report.message}', DiagnosticStatus.ERROR
         if report.grasp is not None:
             # A wrench message has no code: without a result none is published.
-            header = make_header(report.time, name_aligned_frame(self.robot.frame))
+            header = make_header(report.time, name_frame(self.robot.frame, ALIGNED_OBJECT))
             self._wrenches.publish(WrenchStamped(header=header, wrench=state.normal_wrench))
             grasp = report.grasp
             contacts = find_contact_frames(grasp.analysis, self.robot)

@@ -220,11 +220,9 @@ def _rejection(given: Input) -> str:
 
 def _describe_doubts(estimate: StateEstimate) -> str:
     """Return a sentence that names the suspected faults; empty if there are none."""
-    doubts = []
-    if estimate.swapped:
-        doubts.append(f'swapped markers: {" and ".join(estimate.swapped)}')
-    if estimate.left_out:
-        doubts.append(f'inconsistent markers: {", ".join(estimate.left_out)}')
-    if estimate.slipping:
-        doubts.append(f'slipping rollers: {", ".join(estimate.slipping)}')
-    return '; '.join(doubts)
+    suspects = {
+        'swapped markers': estimate.swapped,
+        'inconsistent markers': estimate.left_out,
+        'slipping rollers': estimate.slipping,
+    }
+    return '; '.join(f'{what}: {", ".join(names)}' for what, names in suspects.items() if names)

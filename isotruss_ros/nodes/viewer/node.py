@@ -17,9 +17,10 @@ from isotruss_ros.core import load_robot, Pose, read_object
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.nodes.conversions.grasp_messages import to_wrench_message
 from isotruss_ros.nodes.conversions.messages import (
+    ALIGNED_OBJECT,
     make_header,
     MessageError,
-    name_aligned_frame,
+    name_frame,
     request_parameters,
     to_twist_message,
 )
@@ -240,7 +241,7 @@ class Viewer(StoppableNode):
         wrench = self._controls.control.wrench
         if wrench == ZERO and not self._pulling:
             return
-        header = make_header(self.now(), name_aligned_frame(self.picture.robot.frame))
+        header = make_header(self.now(), name_frame(self.picture.robot.frame, ALIGNED_OBJECT))
         self._wrenches.publish(WrenchStamped(header=header, wrench=to_wrench_message(wrench)))
         # Twists continue once published: old ones expire.
         self._pulling = True
