@@ -554,7 +554,7 @@ class GripBelief:
     def _forget_motion(self, grasp: HeldGrip) -> None:
         """Reset the quantities that are derived from the last motion, at a new equilibrium."""
         self.usage, self.drift = UsageLimits(grasp), np.zeros(4)
-        #: Roller travel of the last motion, and changes of pose and squeeze beyond (19).
+        #: Roller travel of the last motion, and errors of the predicted pose and squeeze.
         self._motion, self._beyond = np.zeros_like(self._corrected), np.zeros(4)
 
     def _learn(
