@@ -33,7 +33,7 @@ from isotruss_ros.core.estimation.grip_rates import (
     StateRates,
 )
 from isotruss_ros.core.estimation.offset_filter import SLIP_LENGTH
-from isotruss_ros.core.estimation.pose_noise import PoseNoise, PRIOR_DEVIATIONS
+from isotruss_ros.core.estimation.pose_noise import MODEL_ERROR, PoseNoise, PRIOR_DEVIATIONS
 from isotruss_ros.core.estimation.schmidt_filter import SchmidtFilter
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings, MAX_KNOWN_DEVIATION
 from isotruss_ros.core.holding.held_grip import (
@@ -57,17 +57,14 @@ import numpy as np
 #: Random walk of the unexplained pose as a fraction of the object's motion, with the correlation
 #: length `SLIP_LENGTH` [-].
 POSE_WALK = 0.03
-#: Prior standard deviation of the time by which poses are older than their stamps say [s].
+#: Prior standard deviation of the time by which poses are older than their stamps say, and
+#: interval over which the object's velocity is measured [s].
 DELAY_DEVIATION = 0.03
 #: Number of poses after which the equilibrium is searched again [-].
 FIRST_POSES = 15
-#: Interval over which the object's velocity is measured [s].
-SPEED_TIME = 0.05
 #: Smallest time between two equilibria [s]. In cycles between them, (19) predicts pose and
 #: squeeze, and the error of this prediction in the last motion is extrapolated.
 EQUILIBRIUM_PERIOD = 0.02
-#: Smallest norm of the roller travel from which this error is extrapolated [m].
-MIN_MOTION = 1e-4
 #: Number of standard deviations [-]: a pose is inconsistent if its innovation is larger (one of
 #: 60000 valid poses is), and contacts have slipped if corrections and load are larger.
 MAX_DEVIATIONS = 5.0
@@ -289,7 +286,7 @@ class GripBelief:
         elapsed, corrected = self._time - self._rolled, bool(self._moved_zeros.any())
         travel = config.roller_positions - before.config.roller_positions - self._moved_zeros
         moved, known = self._contact_rates @ travel, self._motion
-        share = float(travel @ known) / max(float(known @ known), MIN_MOTION**2)
+        share = float(travel @ known) / max(float(known @ known), MODEL_ERROR**2)
         near = abs(share) <= MAX_EXTRAPOLATION
         share = max(-MAX_EXTRAPOLATION, min(share, MAX_EXTRAPOLATION))
         self._ahead = np.append(moved[:3], self.slope * moved[3]) + share * self._beyond
@@ -345,12 +342,13 @@ class GripBelief:
         """
         self._poses += self._poses != FIRST_POSES
         then = self._time - age - self.delay
-        there, speed = self._way.at(then), self._way.at(then) - self._way.at(then - SPEED_TIME)
+        there = self._way.at(then)
+        speed = (there - self._way.at(then - DELAY_DEVIATION)) / DELAY_DEVIATION
         expected = self.pose - pose_difference(self._way.last[1], there)
         off = self._even * pose_difference(pose, expected)
         self.noise.add(self._even * pose_difference(pose, there))
         rates = self._rates.pose.copy()
-        rates[:, DELAY] = -self._even * speed / SPEED_TIME
+        rates[:, DELAY] = -self._even * speed
         noise = np.diag(self.noise.variances)
         self._correct(off, rates, noise)
 
