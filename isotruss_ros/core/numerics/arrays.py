@@ -69,9 +69,11 @@ def _finite(
     if not fits or (np.abs(array) > most).any():
         given = repr(values.tolist() if isinstance(values, np.ndarray) else values)
         given = given if len(given) <= 80 else given[:77] + '...'
-        count = ' x '.join(map(str, shape))
+        count = ' x '.join(map(str, shape)) + ' finite numbers'
+        if shape == (1,):
+            given, count = given.removeprefix('[').removesuffix(']'), 'a finite number'
         bound = '' if most == np.inf else f', at most {most:g}'
-        raise error(f'{what}: {given}: must be {count} finite numbers{bound}')
+        raise error(f'{what}: {given}: must be {count}{bound}')
     return array.astype(np.float64)
 
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 from carries import FRICTION, make_robot, place
 from isotruss_ros.core import place_between, Pose
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.estimation.belief import FALSE_ALARM_PROBABILITY
+from isotruss_ros.core.estimation.marker_gate import FALSE_ALARM_PROBABILITY
 from isotruss_ros.core.estimation.slip_watch import SlipWatch
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings
 from isotruss_ros.core.estimation.state_estimator import StateEstimator
