@@ -61,9 +61,6 @@ MAX_FORCE_CHANGE = 0.3
 #: Largest number of contact hypotheses in a quick search [-]. A quick search finds 95 of the 100
 #: equilibria of boxes that the whole search finds.
 QUICK_SETS = 2
-#: Largest gap at the far end of a face that the inclination of loaded tubes explains, relative to
-#: the tube radius [-].
-MAX_END_GAP = 0.5
 
 
 def attach_grip(
@@ -147,7 +144,7 @@ def prefer_far_ends(found: HeldGrip, friction: float) -> HeldGrip:
     if found.required_friction <= friction:
         return found
     measured = found.statics.body.middle
-    faces = _with_far_ends(found, MAX_END_GAP * found.statics.tube_radius)
+    faces = _with_far_ends(found, found.statics.tube_radius)
     ends = (contacts.without(near) for contacts, near in faces)
     others = [found, *_find_held(found, ends, friction)]
     return min(others, key=lambda each: abs(each.body.middle - measured))
