@@ -34,6 +34,9 @@ import numpy as np
 FOLLOWED_MOTION, SETTLED_MOTION = 1e-4, 1e-10
 #: Weight of a load point's motion relative to a node's motion in `BentTubes.distance` [-].
 PLACE_SHARE = 0.2
+#: Largest motion of a load point up to which the displacement of its node is extrapolated, relative
+#: to the shorter of its parts [-]; beyond it, the displacement is interpolated on the bent member.
+MAX_PLACE_STEP = 0.5
 #: Minimum length of the parts into which the load points cut the members [m].
 SHORTEST_PART = 1e-3
 
@@ -403,7 +406,11 @@ class BentTubes:
         :param structure: new structural model of the robot; None: unchanged.
         """
         found = replace(self, structure=structure or self.structure, places=places, before=None)
-        return found.bent_to(self.displace(loads, found.cuts))
+        parts = self.frame.length[self._parts[0]].reshape(2, -1).min(axis=0)
+        if (np.abs(found.cuts - self.cuts) <= MAX_PLACE_STEP * parts).all():
+            return found.bent_to(self.displace(loads, found.cuts))
+        known = self.bent_to(self.displace(loads, self.cuts))
+        return found.bent_to(found.bent_like(known).before._replace(loads=loads))
 
     def bend(self, loads: Array, places: Array) -> BentTubes:
         """
