@@ -37,8 +37,6 @@ PLACE_SHARE = 0.2
 #: Largest motion of a load point up to which the displacement of its node is extrapolated, relative
 #: to the shorter of its parts [-]; beyond it, the displacement is interpolated on the bent member.
 MAX_PLACE_STEP = 0.5
-#: Minimum length of the parts into which the load points cut the members [m].
-SHORTEST_PART = 1e-3
 
 
 class Displaced(NamedTuple):
@@ -66,7 +64,7 @@ class PlaceChanges(NamedTuple):
 
     :ivar nodes: (n, 3, p) displacements of the nodes [m, rad].
     :ivar inclined: (k, p) changes of the inclinations at the load points [rad].
-    :ivar forces: (c, 3, p) changes of the axial forces N [N] and end moments M1, M2 [N m].
+    :ivar forces: (c, 3, p) changes of the members' forces, see `EndForces`.
     """
 
     nodes: Array
@@ -91,7 +89,6 @@ class BentTubes:
     :ivar linear: whether the model is the paper's linear one, with the equilibrium of the
         undeformed tubes.
     :ivar before: state about which the tubes are linearised; None: the state without loads.
-    :ivar shortest: minimum length of the parts into which the load points cut the members [m].
     """
 
     structure: Structure
@@ -100,7 +97,6 @@ class BentTubes:
     stiffness: float = 1.0
     linear: bool = False
     before: Displaced | None = None
-    shortest: float = SHORTEST_PART
 
     @cached_property
     def start(self) -> Points:
@@ -132,7 +128,7 @@ class BentTubes:
     def _locate_cuts(self, places: Array) -> tuple[Indices, Array, Array, Array]:
         """Return the pieces of tubes, the cuts in them, `ahead` and `cuts` for load points."""
         pieces, within, ahead = self.structure.locate(self.members, places)
-        inside = keep_apart(pieces, within, self.structure.frame.length[pieces], self.shortest)
+        inside = keep_apart(pieces, within, self.structure.frame.length[pieces])
         return pieces, inside, ahead, places + ahead * (inside - within)
 
     def bent_to(self, before: Displaced | None) -> BentTubes:
@@ -252,7 +248,7 @@ class BentTubes:
         Return the derivatives of loads, inclinations and forces with respect to `places`.
 
         :return: derivatives at fixed nodes: of the loads that the members carry (3 n, k), of the
-            inclinations at the load points (k, k), and of N, M1 and M2 of the parts before and
+            inclinations at the load points (k, k), and of the forces of the parts before and
             behind the load points (2 k, 3).
         """
         frame, tangent, count = self.frame, self.tangent, len(self.members)
@@ -492,7 +488,7 @@ class BentTubes:
         return self.stiffness / self.share * ends, 0.0 * pull if self.linear else pull
 
     def _force_changes(self, ways: Array, nodes: Array) -> tuple[Array, Array]:
-        """Return the changes of N, M1 and M2 (c, 3) and chord lengths (c,) by `ways`."""
+        """Return the changes of forces (c, 3), see `EndForces`, and chord lengths (c,) by `ways`."""
         changes, longer = self.tangent.force_changes(nodes[..., None])
         changes, slid = changes[..., 0], np.tile(ways[self._moving], 2)
         np.add.at(changes, self._parts[0], self._place_rates[2] * slid[:, None])
