@@ -5,7 +5,8 @@
 Planar beam-columns: the stiffness (2) of a straight member, with terms in the axial force.
 
 A member has the chord length l, the rest length l0, and end rotations t1 = s + b and t2 = s - b
-relative to the chord: the rotation s bends it to an S, and b to a bow. Its axial force N is the value at which the energy U is stationary,
+relative to the chord: the rotation s bends it to an S, and b to a bow. Its axial force N is the
+value at which the energy U is stationary,
 
     U = N (l - l0) - N^2 l0 / (2 EA) + Ks s^2 + Ka b^2,
     Ks = 6 EI / l0 / (1 + phi - y/15 + 2 y^2/315),   Ka = 2 EI / l0 (1 + y/3 - y^2/45),
@@ -91,8 +92,9 @@ class BeamColumns:
         pinned = pinned_start | pinned_end
         one_pin = 2.0 * _reciprocal(skew / 6.0 + 0.5 * bow_back)
         both = np.where(pinned_end, one_pin, -one_pin)
-        one, two = [one_pin, both, one_pin], [4.0 * sway, 0.0 * both, 4.0 * bow]
-        self.rotary = np.where(bar, 0.0, bend) * np.where(pinned, np.stack(one, 1), np.stack(two, 1))
+        one_end = np.stack([one_pin, both, one_pin], axis=1)
+        both_ends = np.stack([4.0 * sway, 0.0 * sway, 4.0 * bow], axis=1)
+        self.rotary = np.where(bar, 0.0, bend) * np.where(pinned, one_end, both_ends)
 
     def evaluate(self, longer: Array, turns: Array, known: Array | None = None) -> EndForces:
         """
@@ -139,8 +141,8 @@ def chord_motions(axis: Points, length: Array) -> Array:
 
     :param axis: (k,) unit vectors of the chords, x + iy.
     :param length: (k,) lengths of the chords [m].
-    :return: (k, 4, 6) derivatives of length, of the rotations s and b relative to the chord, and of
-        the rotation of the chord with respect to (ux, uy, theta) at start and end.
+    :return: (k, 4, 6) derivatives of length, rotations s and b, and rotation of the chord with
+        respect to (ux, uy, theta) at start and end.
     """
     values, x, y = np.zeros((11, len(axis))), axis.real, axis.imag
     values[1], values[10] = 0.5, -0.5

@@ -34,8 +34,8 @@ import numpy as np
 FOLLOWED_MOTION, SETTLED_MOTION = 1e-4, 1e-10
 #: Weight of a load point's motion relative to a node's motion in `BentTubes.distance` [-].
 PLACE_SHARE = 0.2
-#: Largest motion of a load point up to which the displacement of its node is extrapolated, relative
-#: to the shorter of its parts [-]; beyond it, the displacement is interpolated on the bent member.
+#: Largest motion of a load point for which the displacement of its node is extrapolated, relative
+#: to its shorter part [-]; after a larger motion it is interpolated on the bent member.
 MAX_PLACE_STEP = 0.5
 
 
@@ -488,7 +488,7 @@ class BentTubes:
         return self.stiffness / self.share * ends, 0.0 * pull if self.linear else pull
 
     def _force_changes(self, ways: Array, nodes: Array) -> tuple[Array, Array]:
-        """Return the changes of forces (c, 3), see `EndForces`, and chord lengths (c,) by `ways`."""
+        """Return the changes of `EndForces.values` (c, 3) and chord lengths (c,) by `ways`."""
         changes, longer = self.tangent.force_changes(nodes[..., None])
         changes, slid = changes[..., 0], np.tile(ways[self._moving], 2)
         np.add.at(changes, self._parts[0], self._place_rates[2] * slid[:, None])

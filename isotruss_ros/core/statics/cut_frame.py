@@ -14,9 +14,9 @@ from isotruss_ros.core.statics.frame_pattern import cut_pattern
 from isotruss_ros.core.statics.tangent import Tangent
 import numpy as np
 
-#: Minimum length of the parts into which cuts divide the members [m]. At a tenth of it, stiffnesses
-#: of bent members have relative rounding errors of up to 1e-6; at ten times of it, a contact beside
-#: a guide ring is so far from its node that derivatives err by 1e-6.
+#: Minimum length of the parts into which cuts divide the members [m]. Loads and contacts nearer to
+#: a guide ring act at this distance, by which displacements err by 1e-7. The relative rounding
+#: errors of stiffnesses are inversely proportional to it.
 SHORTEST_PART = 1e-8
 
 
