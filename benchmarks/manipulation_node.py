@@ -37,7 +37,7 @@ COMING_UP = 60
 DURATION = max(0.5, 12.0 * SHARE)
 #: Diameter [m], friction [-] and depth [m] of the object held by elastic tubes.
 HELD = {'object_diameter': 0.3, 'friction': 0.8}
-INDENTATION, SQUEEZE = 0.01, 10.0
+INDENTATION, SQUEEZE = 0.005, 10.0
 
 
 @dataclass(frozen=True)

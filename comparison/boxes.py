@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 from comparison.box_picked import BOX, draw, FRICTION, PHASES, pick, Picked, SIDES
 from comparison.carrying import RATE
-from comparison.grasps import FINE, STEPS
-from comparison.grips import press_on, release, round_robot
+from comparison.grasps import STEPS
+from comparison.grips import FINE, press_on, release, round_robot
 from comparison.section import Check, Section
 from isotruss_ros.core import (
     analyze_grasp,

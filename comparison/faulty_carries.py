@@ -47,9 +47,6 @@ ZEROS, SLIP, STIFFNESS, LESS_FRICTION = 0.01, 0.02, (0.6, 1.5), 0.7
 #: Pull relative to the slip margin [-], the same for a pull that must break the grip [-], and
 #: duration [s].
 PULL, LOSING, PULL_TIME = 0.5, 4.0, 1.5
-#: Number of segments of the members in contact [-]. Without faults the final squeeze of five boxes
-#: has an error of up to 1.5 %; with 8 segments up to 3.5 %.
-SEGMENTS = 16
 #: Time of the first pose [s].
 BEGIN = 0.2
 #: Time with fewer than two contacts after which an object counts as lost [s].
@@ -267,7 +264,7 @@ def _hold(true: Robot, grip: Grip) -> tuple[MujocoPlant, object]:
     body, angle = grip.body, grip.body.pose.angle
     body = place_between(true.home, grip.members, body.shape, angle, 0.01).body
     body = replace(body, mass=0.5, friction=FRICTION)
-    return hold_at_home(true, body, grip.members, PlantOptions(), SEGMENTS), body
+    return hold_at_home(true, body, grip.members, PlantOptions()), body
 
 
 def _follow(loop: Loop, legs: Array, held: HeldGrip, found: Carry) -> None:

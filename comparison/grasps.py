@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 import itertools
 
-from comparison.grips import press, PressedCase, release
+from comparison.grips import FINE, press, PressedCase, release
 from comparison.section import Check, Section
 from isotruss_ros.core import analyze_grasp, Configuration, settle_grasp
 from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
@@ -22,8 +22,6 @@ WEDGES, INDENTATIONS = (55.0, 40.0, 30.0), (0.01, 0.02, 0.04)
 STEPS = "MuJoCo's tubes bend only between segments, and its friction creeps"
 #: Coefficient of friction at which each wedge holds [-].
 FRICTION = 0.8
-#: Number of segments of members in contact [-], twice the usual.
-FINE = 16
 #: Small wrenches that measure the stiffness [N, N, N m], and rest under each [s].
 PULLS, REST = np.diag([0.3, 0.3, 0.03]), 2.0
 

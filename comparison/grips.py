@@ -26,8 +26,10 @@ AWAY = (5.0, 5.0, 0.0)
 STILL = PlantOptions(joint_drag=25.0)
 #: Duration of a motion of the rollers, period of its commands, and rest after it [s].
 MOTION, CYCLE, REST = 2.0, 0.01, 1.0
-#: Numbers of segments of members in contact, and of other members [-].
-NEAR, COARSE = 8, 4
+#: Numbers of segments of members in contact, and of other members [-], and the number for objects
+#: that are carried or not round. Five boxes carried without faults end with an error of the
+#: squeeze of up to 1.5 %; with 8 segments, of up to 3.5 % in half of the time.
+NEAR, COARSE, FINE = 8, 4, 16
 
 
 @dataclass(frozen=True)
@@ -146,7 +148,6 @@ def hold_at_home(
     body: ConvexObject,
     members: Sequence[str],
     options: PlantOptions,
-    segments: int = NEAR,
 ) -> MujocoPlant:
     """
     Return a plant at home with an object in the grip, at rest.
@@ -155,9 +156,8 @@ def hold_at_home(
     :param body: object; it is fixed until the tubes have bent around it.
     :param members: names of the members that hold it.
     :param options: options of the plant.
-    :param segments: number of segments of the members in contact.
     """
-    plant = MujocoPlant(robot, body, options, mesh(robot, members, segments))
+    plant = MujocoPlant(robot, body, options, mesh(robot, members, FINE))
     plant.hold_object(body.pose)
     plant.settle(REST)
     plant.release_object()

@@ -42,8 +42,9 @@ NOISE = (1e-3, np.radians(0.5))
 LEGS, LEG_TIME, REACH = 2, 3.0, np.array([0.04, 0.04, 0.12])
 #: Rest before and after the path [s], and largest time of a slowed leg relative to its time [-].
 REST, LONGEST = 1.0, 3.0
-#: Smallest slip margin of a carry [N], and pull relative to the slip margin [-].
-LEAST_MARGIN, PULL = 0.5, 0.5
+#: Smallest slip margin of a carry [N], largest utilisation of the tubes at home [-], which changes
+#: along the path, and pull relative to the slip margin [-].
+LEAST_MARGIN, MOST_USED, PULL = 0.5, 0.9, 0.5
 #: Position error at which an object has left its path [m].
 OFF = 0.02
 DISC, BOX = 'discs', 'boxes'
@@ -93,7 +94,8 @@ def compare_discs(count: int = 20) -> Section:
     """
     words = (
         f'{count} discs of 0.1 to 0.3 m are pressed into the corner at home by '
-        f'{1e3 * INDENTATION:.0f} mm with a coefficient of friction of {FRICTION:g}. Each disc '
+        f'{1e3 * INDENTATION:.0f} mm with a coefficient of friction of {FRICTION:g}. The '
+        f'utilisation of the tubes is then at most {MOST_USED:g}. Each disc '
         f'is carried along {LEGS} random straight legs of up to {1e3 * REACH[0]:.0f} mm and '
         f'{REACH[2]:g} rad, each in {LEG_TIME:g} s, or longer if the control loop slows the '
         'motion. '
@@ -210,7 +212,8 @@ def draw_grip(robot: Robot, kind: str, rng: np.random.Generator) -> tuple[Grip, 
             continue
         if held.hold(FRICTION) is not HoldStatus.HELD:
             continue
-        if held.slip_margin(FRICTION) > LEAST_MARGIN:
+        used = float(held.sections.used.max())
+        if held.slip_margin(FRICTION) > LEAST_MARGIN and used < MOST_USED:
             return Grip(members, body, FRICTION), held
 
 

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from comparison.grasps import FINE, STEPS
-from comparison.grips import press_on, round_robot
+from comparison.grasps import STEPS
+from comparison.grips import FINE, press_on, round_robot
 from comparison.section import Check, Section
 from comparison.wedge import closed_to, MODULE, pressed_into
 from isotruss_ros.core import analyze_grasp, Disc, Ellipse, Polygon

@@ -3,7 +3,7 @@
 
 """Print the state of the grasp: one message of `grasp/state`.
 
-First: `ros2 launch isotruss_ros simulation.launch.py indentation:=0.01`, or your robot and
+First: `ros2 launch isotruss_ros simulation.launch.py indentation:=0.005`, or your robot and
 `grasp_analysis`.
 """
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from isotruss_ros.nodes.framework.launching import describe_launch
 from launch import LaunchDescription
 
-DEFAULTS = {'command_timeout': 1.0, 'plant': 'elastic', 'indentation': 0.01, 'friction': 0.8}
+DEFAULTS = {'command_timeout': 1.0, 'plant': 'elastic', 'indentation': 0.005, 'friction': 0.8}
 
 
 def generate_launch_description() -> LaunchDescription:

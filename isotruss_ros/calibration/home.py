@@ -28,12 +28,12 @@ MIN_SINGULAR_RATIO = 1e-2
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class HomeCalibration(Record, headline=('zeros', 'deviations', 'residuals')):
+class HomeCalibration(Record, headline=('offsets', 'deviations', 'residuals')):
     """Fitted roller offsets, and the robot's description with the corrected home."""
 
     #: (r,) roller travel since the home of the robot file at which the encoders read zero [m]
-    zeros: Array
-    deviations: Array  #: (r,) standard deviations of `zeros` [m]
+    offsets: Array
+    deviations: Array  #: (r,) standard deviations of `offsets` [m]
     residuals: Array  #: (k, 2) measured minus fitted joint positions, posture after posture [m]
     description: RobotDescription  #: the robot with the fitted home, where the encoders read zero
 
@@ -75,14 +75,14 @@ def calibrate_home(
         raise MeasurementError(find_mistake(robot, postures, deviation) or text) from error
     _refuse_misfit(robot, postures, found, deviation)
     errors = found.residuals.ravel()
-    free = len(errors) - len(found.zeros)
+    free = len(errors) - len(found.offsets)
     scatter = float(np.sqrt(errors @ errors / free)) if free else 0.0
     spread = np.linalg.inv(found.jacobian.T @ found.jacobian)
     return HomeCalibration(
-        found.zeros,
+        found.offsets,
         max(deviation, scatter) * np.sqrt(np.diag(spread)),
         found.residuals,
-        move_home(robot, found.zeros),
+        move_home(robot, found.offsets),
     )
 
 
@@ -95,8 +95,8 @@ def _require_determined(robot: Robot, known: Sequence[str], jacobian: Array) -> 
     names = robot.topology.joint_names
     most = names[int(np.hypot.reduce(nodes[: len(names)], axis=1).argmax())]
     raise MeasurementError(
-        f'joints {", ".join(known)}: they do not determine all zeros; measure joint {most} as '
-        'well, or more postures'
+        f'joints {", ".join(known)}: they do not determine all roller offsets; measure joint '
+        f'{most} as well, or more postures'
     )
 
 
@@ -116,15 +116,15 @@ def _refuse_misfit(
     )
 
 
-def move_home(robot: Robot, zeros: Array) -> RobotDescription:
+def move_home(robot: Robot, travel: Array) -> RobotDescription:
     """
     Return the description of a robot with another configuration as home.
 
     :param robot: the robot.
-    :param zeros: (r,) roller travel from the present home to the other [m].
+    :param travel: (r,) roller travel from the present home to the other [m].
     :raises ConfigurationError: no configuration exists at this travel.
     """
-    nodes = robot.home.moved_to(zeros).nodes
+    nodes = robot.home.moved_to(travel).nodes
     names = robot.topology.joint_names
     joints = {name: tuple(nodes[number].tolist()) for number, name in enumerate(names)}
     return replace(robot.description, joints=joints)

@@ -38,7 +38,7 @@ class HomeFit(NamedTuple):
     """Roller offsets and tracker frame fitted by `fit_home`, with the residuals."""
 
     #: (r,) roller travel since the home of the robot file at which the encoders read zero [m]
-    zeros: Array
+    offsets: Array
     #: transform (dx, dy, angle) from the tracker's frame to the robot's frame [m, rad]
     motion: Array
     residuals: Array  #: (k, 2) measured minus fitted joint positions, posture after posture [m]

@@ -31,7 +31,7 @@ def home(arguments: Sequence[str] | None = None) -> int:
     :param arguments: arguments of the command line; None: the arguments of the process.
     :return: exit code, 1 if the joints do not determine the result.
     """
-    parser = _parser('calibrate_home', 'Find where the encoders read zero.')
+    parser = _parser('calibrate_home', 'Fit the roller offsets to measured joints.')
     parser.add_argument('joints', type=Path, help=_FILE)
     return _run(parser, arguments, _calibrate_home)
 
@@ -88,8 +88,10 @@ def _calibrate_home(options: argparse.Namespace) -> None:
     robot = load_robot(options.robot)
     found = calibrate_home(robot, read_postures(options.joints, robot), options.deviation)
     print('roller    offset [mm]')
-    for name, zero, sure in zip(robot.roller_names, found.zeros, found.deviations, strict=True):
-        print(f'{name:10s} {1e3 * zero:+7.2f} +- {1e3 * sure:.2f}')
+    for name, offset, sure in zip(
+        robot.roller_names, found.offsets, found.deviations, strict=True
+    ):
+        print(f'{name:10s} {1e3 * offset:+7.2f} +- {1e3 * sure:.2f}')
     rms = float(np.sqrt((found.residuals**2).mean()))
     print(f'residual of the joint positions: {1e3 * rms:.2f} mm (RMS)')
     if options.output:

@@ -25,7 +25,11 @@ import numpy as np
 CLOCK_SKEW = 0.01
 #: Largest age of pressures [s]; they change slowly and are measured rarely.
 PRESSURE_TIMEOUT = 2.0
-#: Largest age of a measurement from which the state is predicted by commands [s].
+#: Largest admissible timeout of inputs [s]. Motions are stored for this time, so that a
+#: measurement is compared with the state at its own time.
+MAX_TIMEOUT = 10.0
+#: Time for which the estimator of the state stores encoder readings [s], and largest age of its
+#: measurements.
 HISTORY_DURATION = 1.0
 #: Smallest relative change of a pressure that is not regarded as noise [-]. The noise of pressure
 #: sensors changes the estimated squeeze by 0.1 %.

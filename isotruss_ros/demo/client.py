@@ -18,8 +18,9 @@ from isotruss_ros.demo.path import Phase, Wrench
 from isotruss_ros.demo.record import PhaseRecord, Snapshot
 from isotruss_ros.nodes.conversions.grasp_messages import to_wrench_message
 from isotruss_ros.nodes.conversions.messages import (
+    ALIGNED_OBJECT,
     make_header,
-    name_aligned_frame,
+    name_frame,
     read_pose,
     read_stamp,
     to_twist_message,
@@ -51,6 +52,15 @@ OSCILLATING_REST_DISTANCE = 1e-4
 NOISY_REST_DISTANCE = 5e-3
 #: Lever arm that converts rotations of the object to distances [m].
 LEVER_ARM = 0.1
+#: Halts of the manipulation node that end the demonstration after this duration by the stamps of
+#: the status [s]. The equilibrium of an object that was just gripped may be searched for a while.
+FINAL_HALTS = {
+    Status.HALT_TRAJECTORY: 0.0,
+    Status.HALT_SLIPPED: 0.0,
+    Status.HALT_EMERGENCY_STOP: 0.0,
+    Status.HALT_OTHER_COMMANDS: 5.0,
+    Status.HALT_NOT_HELD: 10.0,
+}
 #: Topics that have a single publisher unless two robots share a ROS domain.
 SINGLE_PUBLISHER_TOPICS = ('joint_states', 'object_pose')
 
@@ -94,6 +104,7 @@ class DemoClient(Node):
         self.rollers: np.ndarray | None = None
         self._offsets = np.zeros(len(roller_names))
         self._last_status: ManipulationStatus | None = None
+        self._began = 0.0  # time at which the last status code began [s]
         self._status_times: list[float] = []
         self._record = PhaseRecord('start')
         #: True normal forces received since the last message of the true pose [N].
@@ -161,6 +172,8 @@ class DemoClient(Node):
             self._record.accepted += held * last.scale * np.array([v.x, v.y, turn])
         self._record.statuses.add(Status(message.code))
         self._status_times.append(read_stamp(message.header))
+        if last is None or message.code != last.code:
+            self._began = read_stamp(message.header)
 
     def _take_grasp(self, message: GraspState) -> None:
         self._record.grasps.append(message)
@@ -196,7 +209,7 @@ class DemoClient(Node):
         :param what: text that names the condition, for the error message.
         :param deadline: longest waiting time, in simulated time if it is used [s].
         :param meanwhile: function that is called every `PERIOD`.
-        :raises DemoError: the condition did not hold in time.
+        :raises DemoError: the condition did not hold in time, or the manipulation node halted.
         """
         before, changed = self._seconds(), time.monotonic()
         end = before + deadline
@@ -209,11 +222,19 @@ class DemoClient(Node):
                 last = self._last_status.message if self._last_status else 'no status'
                 raise DemoError(f'{what}: not reached in {deadline:g} s; last status: {last}')
             check()
+            self._require_motion()
             if meanwhile is not None:
                 meanwhile()
             until = time.monotonic() + PERIOD
             while time.monotonic() < until:
                 self._own_executor.spin_once(timeout_sec=MAX_SPIN_TIME)
+
+    def _require_motion(self) -> None:
+        """Raise DemoError if the manipulation node has halted and does not resume by itself."""
+        last = self._last_status
+        most = math.inf if last is None else FINAL_HALTS.get(Status(last.code), math.inf)
+        if most < math.inf and read_stamp(last.header) - self._began >= most:
+            raise DemoError(f'manipulation: {Status(last.code)}: {last.message}')
 
     def _seconds(self) -> float:
         """Return the time of `/clock` in simulated time, otherwise of the machine's clock [s]."""
@@ -261,7 +282,7 @@ class DemoClient(Node):
         :param phase: phase with twists as a function of time.
         :param check: function that raises an error if a node has ended.
         :param progress: callback that receives the completed fraction of the phase, 0 to 1.
-        :raises DemoError: the object did not come to rest.
+        :raises DemoError: the object did not come to rest, or the manipulation node halted.
         """
         record = self.begin(phase.name)
         begin, turned = np.array(self.pose[:2]), self._turned
@@ -269,6 +290,7 @@ class DemoClient(Node):
         tick = 0
         while now - start < phase.duration:
             check()
+            self._require_motion()
             twist = phase.twist(now - start)
             self._twists.publish(to_twist_message(twist))
             self._pull(phase.wrench(now - start))
@@ -304,7 +326,7 @@ class DemoClient(Node):
         if pulls:
             record.pull, record.pulled = wrench, (min(record.pulled[0], seconds), seconds)
         message = WrenchStamped(wrench=to_wrench_message(wrench))
-        message.header = make_header(1e-9 * now.nanoseconds, name_aligned_frame(self.frame_id))
+        message.header = make_header(seconds, name_frame(self.frame_id, ALIGNED_OBJECT))
         self._wrenches.publish(message)
 
     def wait_for_rest(self, check: Callable[[], None], what: str) -> None:

@@ -19,7 +19,7 @@ from isotruss_ros.viewer.names import ELASTIC, PLANTS
 
 DIAMETER = 0.3
 #: Initial indentation of each grasping tube by the object, which gives the squeeze [m].
-INDENTATION = 0.01
+INDENTATION = 0.005
 #: Coefficient of friction [-]; a grip in a corner of 60 degrees needs at least 0.58.
 FRICTION = 0.8
 #: Friction force of the ground on a free object in the plant mujoco, which brings it to rest [N].

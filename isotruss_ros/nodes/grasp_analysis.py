@@ -15,8 +15,6 @@ from isotruss_msgs.srv import AnalyzeGrasp
 from isotruss_ros.core.errors import IsotrussError
 from isotruss_ros.core.holding.settled_grasp import SettledGrasp
 from isotruss_ros.core.inputs import StampedInput
-from isotruss_ros.core.model.convex_object import ConvexObject
-from isotruss_ros.core.model.shapes import Disc
 from isotruss_ros.core.statics.wrinkling import MAX_UTILISATION
 from isotruss_ros.nodes.conversions.grasp_messages import (
     read_external_wrench,
@@ -25,7 +23,7 @@ from isotruss_ros.nodes.conversions.grasp_messages import (
     to_state_message,
 )
 from isotruss_ros.nodes.conversions.markers import to_marker_array
-from isotruss_ros.nodes.conversions.messages import make_header, name_aligned_frame
+from isotruss_ros.nodes.conversions.messages import ALIGNED_OBJECT, make_header, name_frame
 from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.cycle import Cycle
 from isotruss_ros.nodes.framework.gate import Topic
@@ -91,11 +89,10 @@ class GraspAnalysisNode(ManagedNode):
         return read_external_wrench(message, self.robot.frame, pose.value.angle if known else None)
 
     def _make_query(self) -> GraspQuery:
-        """Return the query that the parameters define; the object's friction has precedence."""
-        values = self.values
-        body = self._described or ConvexObject(Disc(values.object_diameter))
-        friction = values.friction if body.friction is None else body.friction
-        unloaded = (0.0, 0.0, 0.0)
+        """Return the query that the parameters define."""
+        values, unloaded = self.values, (0.0, 0.0, 0.0)
+        body = common.make_body(values, self._described)
+        friction = body.friction_or(None)
         return GraspQuery((), body, friction, unloaded, values.spacing, values.paper_model)
 
     def activate(self) -> None:
@@ -133,7 +130,7 @@ class GraspAnalysisNode(ManagedNode):
         words, level = f'{report.code}: {report.message}', DiagnosticStatus.ERROR
         if report.grasp is not None:
             # A wrench message has no code: without a result none is published.
-            header = make_header(report.time, name_aligned_frame(self.robot.frame))
+            header = make_header(report.time, name_frame(self.robot.frame, ALIGNED_OBJECT))
             self._wrenches.publish(WrenchStamped(header=header, wrench=state.normal_wrench))
             grasp = report.grasp
             contacts = find_contact_frames(grasp.analysis, self.robot)

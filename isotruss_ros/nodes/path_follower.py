@@ -241,12 +241,11 @@ def _check_path(
     if state is None:
         return
     record = find_fresh(now, servo.timeout, servo.inputs.held_grip)
-    body = common.read_body(values)
-    friction = values.friction if body.friction is None else body.friction
+    body = common.make_body(values, common.read_described(values))
     config = robot.configuration(state.positions)
     try:
         here = body.moved_to(path.poses[0])
-        found = foresee_grip(config, here, friction, path.poses, record)
+        found = foresee_grip(config, here, body.friction_or(None), path.poses, record)
     except GraspError:
         return
     if found is not None and found.why:

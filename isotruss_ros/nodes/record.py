@@ -7,10 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 import contextlib
-import json
 from pathlib import Path
 import time
-from typing import Any, TYPE_CHECKING
+from typing import TYPE_CHECKING
 
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped, Twist, WrenchStamped
@@ -22,8 +21,6 @@ from isotruss_ros.nodes.framework.runner import StoppableNode
 from isotruss_ros.nodes.framework.topics import EVENTS, NEWEST_MESSAGES
 from isotruss_ros.nodes.framework.transforms import TFMessage
 from isotruss_ros.viewer.names import MissingPackageError
-from rclpy.duration import Duration
-from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Float64MultiArray
 from visualization_msgs.msg import MarkerArray
@@ -124,16 +121,12 @@ class Record(StoppableNode):
         self.count += 1
 
     def _register(self, topic: str) -> int:
-        """Add a channel for a topic, with its publishers' quality of service as in rosbag2."""
+        """Add a channel for a topic."""
         kind = TOPICS[topic]
         schema = self._writer.register_schema(
             type_name(kind), 'ros2msg', schema_text(kind).encode()
         )
-        offered = [p.qos_profile for p in self.get_publishers_info_by_topic(topic)]
-        # rosbag2 reads YAML, a superset of JSON.
-        qualities = {'offered_qos_profiles': json.dumps(list(map(_describe_quality, offered)))}
-        name = self.resolve_topic_name(topic)
-        return self._writer.register_channel(name, 'cdr', schema, qualities)
+        return self._writer.register_channel(self.resolve_topic_name(topic), 'cdr', schema)
 
     def _flush(self) -> None:
         if self._writer is not None:
@@ -153,16 +146,3 @@ class Record(StoppableNode):
             raise RecordError(
                 f'{self._stream.name}: {error.strerror}: `replay` shows the written part'
             ) from error
-
-
-def _describe_quality(profile: QoSProfile) -> dict[str, object]:
-    """Return a quality of service as a mapping with the keys and values of rosbag2."""
-
-    def plain(value: Any) -> object:
-        if isinstance(value, Duration):
-            seconds, nanoseconds = divmod(value.nanoseconds, 10**9)
-            return {'sec': seconds, 'nsec': nanoseconds}
-        return getattr(value, 'short_key', value)
-
-    names = [slot.strip('_') for slot in QoSProfile.__slots__]
-    return {name: plain(getattr(profile, name)) for name in names}

@@ -39,8 +39,7 @@ SAG_PERIOD = 2.0
 #: Prior standard deviations for a robot whose home was not calibrated.
 PRIOR = EstimatorSettings()
 SPECS = (
-    common.OBJECT_DIAMETER,
-    common.OBJECT,
+    *common.OBJECT_SPECS,
     common.GRIP_MODULE,
     common.GRIP,
     replace(common.RATE, default=25.0, bounds=(1.0, 1000.0)),
@@ -65,12 +64,6 @@ SPECS = (
     ),
     FixedSpec(
         'slip', PRIOR.slip, 'Expected slip of a roller relative to its travel [-]', (0.0, 1.0)
-    ),
-    FixedSpec(
-        'stiffness_deviation',
-        PRIOR.stiffness,
-        'Relative standard deviation of the stiffness of the tubes [-]',
-        (0.0, 1.0),
     ),
 )
 
@@ -127,11 +120,8 @@ class StateEstimatorNode(ManagedNode):
         """Reset the estimate to the prior, at the start and after a jump of the clock."""
         values = self.values
         self.inputs.clear()
-        settings = EstimatorSettings(
-            zero_deviation=values.zero_deviation,
-            slip=values.slip,
-            stiffness=values.stiffness_deviation,
-        )
+        settings = replace(PRIOR, zero_deviation=values.zero_deviation, slip=values.slip)
+        settings = settings.calibrated(self.robot.description)
         self._estimator, self._last = StateEstimator(self.robot, settings), None
         #: Times of poses and markers that are later than the joint states of the last cycle [s],
         #: and updates by them, for which the model is evaluated once.
@@ -141,8 +131,8 @@ class StateEstimatorNode(ManagedNode):
     def _apply(self) -> None:
         """Set object and grasping members of the estimator from the parameters."""
         values = self.values
-        members = common.select_grip(self.robot, values)
-        grip = Grip(members, common.read_body(values))
+        body = common.make_body(values, common.read_described(values))
+        grip = Grip(common.select_grip(self.robot, values), body)
         if grip != self._estimator.grip:
             self._estimator.grip = grip
 
@@ -164,14 +154,16 @@ class StateEstimatorNode(ManagedNode):
         """
         Update the estimate with new poses and markers; reject and log invalid input.
 
-        Those later than the joint states wait for joint states of their time.
+        Those later than the joint states wait for joint states of their time, until joint states
+        of this age would be stale.
         """
+        oldest = now - max(HISTORY_DURATION, self.values.command_timeout)
         rollers = self.inputs.rollers
         last = rollers.time if isinstance(rollers, StampedInput) else -math.inf
         waiting, self._waiting = self._waiting, []
         for time, take in waiting:
             if time > last:
-                if time > now - HISTORY_DURATION:
+                if time > oldest:
                     self._waiting.append((time, take))
                 continue
             try:
@@ -228,11 +220,9 @@ def _rejection(given: Input) -> str:
 
 def _describe_doubts(estimate: StateEstimate) -> str:
     """Return a sentence that names the suspected faults; empty if there are none."""
-    doubts = []
-    if estimate.swapped:
-        doubts.append(f'swapped markers: {" and ".join(estimate.swapped)}')
-    if estimate.left_out:
-        doubts.append(f'inconsistent markers: {", ".join(estimate.left_out)}')
-    if estimate.slipping:
-        doubts.append(f'slipping rollers: {", ".join(estimate.slipping)}')
-    return '; '.join(doubts)
+    suspects = {
+        'swapped markers': estimate.swapped,
+        'inconsistent markers': estimate.left_out,
+        'slipping rollers': estimate.slipping,
+    }
+    return '; '.join(f'{what}: {", ".join(names)}' for what, names in suspects.items() if names)

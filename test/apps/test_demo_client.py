@@ -3,10 +3,13 @@
 
 """The demonstration's node hears every topic, however many messages one of them has."""
 
+import contextlib
+
 from geometry_msgs.msg import PoseStamped
 from isotruss_msgs.msg import ManipulationStatus
-from isotruss_ros.core import load_robot
-from isotruss_ros.demo.client import DemoClient
+from isotruss_ros.core import load_robot, Status
+from isotruss_ros.demo.client import DemoClient, DemoError, FINAL_HALTS
+from isotruss_ros.nodes.conversions.messages import make_header
 from isotruss_ros.nodes.framework.topics import RELIABLE
 from probe import begin_context
 import pytest
@@ -42,3 +45,20 @@ def test_a_full_queue_of_one_topic_does_not_delay_other_topics(other):
 
     record = client.begin('flood')
     client.wait(lambda: record.statuses, lambda: None, 'a status', meanwhile=publish)
+
+
+@pytest.mark.parametrize('code', [*FINAL_HALTS, Status.HALT_STALE_JOINT_STATES])
+def test_a_halt_that_does_not_end_by_itself_ends_the_wait_with_its_reason(other, code):
+    client = DemoClient(load_robot('triangle').roller_names)
+    statuses = other.create_publisher(ManipulationStatus, 'manipulation/status', RELIABLE)
+    stamps = []
+
+    def publish():
+        stamps.append(0.1 * len(stamps))
+        header = make_header(stamps[-1])
+        statuses.publish(ManipulationStatus(header=header, code=code, message='1.01 s old'))
+
+    ends = code in FINAL_HALTS
+    expected = pytest.raises(DemoError, match=f'{code}: 1.01 s old')
+    with expected if ends else contextlib.nullcontext():
+        client.wait(lambda: not ends and len(stamps) > 150, lambda: None, 'arrival', 20.0, publish)

@@ -20,7 +20,7 @@ PRINTED = {
     'analyze_grasp': '30 contact points, 10.8 N in all',
     'deform_under_load': 'T: 1.09 mm, -4.01 mm, 0.0000 rad',
     'draw_grasp': 'the members press with 10.8 N: see drawing.png',
-    'estimate_zeros': 'to be added: [5. 5. 5. 5. 5. 5.] mm',
+    'estimate_roller_offsets': 'to be added: [5. 5. 5. 5. 5. 5.] mm',
     'failed_roller': 'failed: none: 3 independent motions left',
     'first_twist': 'south/P  -0.0033 m/s',
     'follow_path': 'reached 0.26 mm off',

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The zeros of the rollers, found from measured joints."""
+"""The roller offsets, fitted to measured joints."""
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -20,12 +20,12 @@ ALL, ENOUGH, FEW = tuple(NAMES), ('Q', 'R', 'Z'), ('P', 'R', 'Z')
 N = len(ROBOT.roller_names)
 
 
-def measure(zeros, readings, joints=ALL, noise=0.0, seed=0):
+def measure(offsets, readings, joints=ALL, noise=0.0, seed=0):
     """Return what is measured of a robot whose encoders read zero elsewhere."""
     rng = np.random.default_rng(seed)
     postures = []
     for reading in np.atleast_2d(readings):
-        nodes = ROBOT.configuration(reading + zeros).nodes + noise * rng.normal(
+        nodes = ROBOT.configuration(reading + offsets).nodes + noise * rng.normal(
             size=ROBOT.home.nodes.shape
         )
         postures.append(
@@ -34,24 +34,24 @@ def measure(zeros, readings, joints=ALL, noise=0.0, seed=0):
     return postures
 
 
-def draw_zeros(seed, size=0.015):
-    """Return random zeros."""
+def draw_offsets(seed, size=0.015):
+    """Return random roller offsets."""
     return size * np.random.default_rng(seed).normal(size=N)
 
 
 @settings(max_examples=25, deadline=None)
 @given(seed=st.integers(0, 10**6), joints=st.sampled_from([ALL, ENOUGH]))
 def test_exact_joint_positions_yield_exact_offsets(seed, joints):
-    zeros = draw_zeros(seed)
-    found = calibrate_home(ROBOT, measure(zeros, np.zeros(N), joints))
-    assert found.zeros == pytest.approx(zeros, abs=1e-9)
+    offsets = draw_offsets(seed)
+    found = calibrate_home(ROBOT, measure(offsets, np.zeros(N), joints))
+    assert found.offsets == pytest.approx(offsets, abs=1e-9)
 
 
 def test_calibrated_robot_agrees_with_the_measured_one():
-    zeros, reading = draw_zeros(3), 0.05 * np.random.default_rng(4).normal(size=N)
-    found = calibrate_home(ROBOT, measure(zeros, np.zeros(N)))
+    offsets, reading = draw_offsets(3), 0.05 * np.random.default_rng(4).normal(size=N)
+    found = calibrate_home(ROBOT, measure(offsets, np.zeros(N)))
     nodes = Robot(found.description).configuration(reading).nodes
-    assert nodes == pytest.approx(ROBOT.configuration(reading + zeros).nodes, abs=1e-8)
+    assert nodes == pytest.approx(ROBOT.configuration(reading + offsets).nodes, abs=1e-8)
 
 
 @pytest.mark.parametrize(('count', 'bound'), [(1, 1.5e-3), (3, 1.1e-3)])
@@ -59,11 +59,11 @@ def test_joints_are_within_the_noise_of_markers(count, bound):
     """The median over robots of the worst joint, markers of 1 mm."""
     rng, worst = np.random.default_rng(1), []
     for seed in range(40):
-        zeros = draw_zeros(seed)
+        offsets = draw_offsets(seed)
         readings = 0.05 * rng.normal(size=(count, N)) if count > 1 else np.zeros((1, N))
-        found = calibrate_home(ROBOT, measure(zeros, readings, noise=1e-3, seed=seed))
+        found = calibrate_home(ROBOT, measure(offsets, readings, noise=1e-3, seed=seed))
         nodes = Robot(found.description).home.nodes[: len(NAMES)]
-        off = nodes - ROBOT.configuration(zeros).nodes[: len(NAMES)]
+        off = nodes - ROBOT.configuration(offsets).nodes[: len(NAMES)]
         worst.append(np.hypot.reduce(off, axis=1).max())
     assert np.median(worst) < bound
 
@@ -72,23 +72,23 @@ def test_stated_deviations_agree_with_the_scatter_of_the_offsets():
     errors = []
     for seed in range(60):
         found = calibrate_home(
-            ROBOT, measure(draw_zeros(seed), np.zeros(N), noise=1e-3, seed=seed)
+            ROBOT, measure(draw_offsets(seed), np.zeros(N), noise=1e-3, seed=seed)
         )
-        errors.append((found.zeros - draw_zeros(seed)) / found.deviations)
+        errors.append((found.offsets - draw_offsets(seed)) / found.deviations)
     assert 0.75 < np.sqrt(np.mean(np.square(errors))) < 1.1
 
 
 def test_several_postures_compensate_for_unmeasured_joints():
-    zeros = draw_zeros(5)
+    offsets = draw_offsets(5)
     readings = 0.05 * np.random.default_rng(0).normal(size=(3, N))
-    found = calibrate_home(ROBOT, measure(zeros, readings, FEW))
-    assert found.zeros == pytest.approx(zeros, abs=1e-9)
+    found = calibrate_home(ROBOT, measure(offsets, readings, FEW))
+    assert found.offsets == pytest.approx(offsets, abs=1e-9)
     with pytest.raises(MeasurementError, match=r'P, R, Z: they do not .* measure joint [QY] as'):
-        calibrate_home(ROBOT, measure(zeros, np.zeros(N), FEW))
+        calibrate_home(ROBOT, measure(offsets, np.zeros(N), FEW))
 
 
 def test_an_inconsistent_marker_is_named():
-    (posture,) = measure(draw_zeros(6), np.zeros(N), noise=1e-3)
+    (posture,) = measure(draw_offsets(6), np.zeros(N), noise=1e-3)
     x, y = posture.joints['Q']
     posture.joints['Q'] = (x, y + 0.05)
     with pytest.raises(MeasurementError, match=r'joint [PQR] of posture 1: .* mm off the fit'):
@@ -113,7 +113,7 @@ def test_invalid_measurements_are_refused(joints, kind, words):
 def postures():
     """Return three postures of all joints, measured to 1 mm."""
     readings = 0.05 * np.random.default_rng(0).normal(size=(3, N))
-    return measure(draw_zeros(8), readings, noise=1e-3)
+    return measure(draw_offsets(8), readings, noise=1e-3)
 
 
 def places(change):

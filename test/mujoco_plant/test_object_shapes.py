@@ -3,8 +3,7 @@
 
 """Objects of any shape in MuJoCo: where their surface is, how they press, and files with them."""
 
-from comparison.grasps import FINE
-from comparison.grips import press_on, round_robot
+from comparison.grips import FINE, press_on, round_robot
 from comparison.wedge import closed_to, MODULE, pressed_into
 from isotruss_ros.cli.export_mujoco import main
 from isotruss_ros.core import analyze_grasp, ConvexObject, Disc, Ellipse, load_robot, Polygon

@@ -83,10 +83,10 @@ def write_checked(tmp_path):
     """Write a robot file as the tools of bring-up leave it."""
     path = tmp_path / 'checked.yaml'
     text = Path(ROBOT.description.source).read_text(encoding='utf-8')
-    zeros = ', '.join(f'{name}: 0.001' for name in ROBOT.roller_names)
+    offsets = ', '.join(f'{name}: 0.001' for name in ROBOT.roller_names)
     rollers = ', '.join(ROBOT.roller_names)
     path.write_text(
-        f'{text}\ncalibration: {{zero_deviations: {{{zeros}}}, checked_rollers: [{rollers}]}}\n'
+        f'{text}\ncalibration: {{zero_deviations: {{{offsets}}}, checked_rollers: [{rollers}]}}\n'
     )
     return str(path)
 
@@ -106,7 +106,7 @@ def fly(path, capsys, *, stop=True, pressed=False, mass=0.5, **values):
 
 LINES = (
     'encoders',
-    'zeros',
+    'roller offsets',
     'object pose',
     'emergency stop',
     'limits',
@@ -122,12 +122,12 @@ def test_a_robot_that_is_ready_passes(tmp_path, capsys):
     assert [line.split(':')[0] for line in said.splitlines()] == [
         f'ok    {name}' for name in LINES
     ]
-    assert 'ok    zeros: standard deviation up to 1.0 mm; marker' in said
+    assert 'ok    roller offsets: standard deviation up to 1.0 mm; marker' in said
 
 
 def test_a_robot_of_a_preset_is_not_ready(tmp_path, capsys):
     faults, said = fly('nine_member', capsys, stop=False, mass=0.0)
-    assert faults == ['zeros', 'emergency stop', 'roller signs', 'masses']
+    assert faults == ['roller offsets', 'emergency stop', 'roller signs', 'masses']
     assert 'run calibrate_home' in said
 
 
@@ -137,7 +137,7 @@ def test_a_robot_of_a_preset_is_not_ready(tmp_path, capsys):
         ({'encoder_delay': 0.8}, 'encoders', r'joint states: 0\.8\d* s old'),
         (
             {'zero_deviation': 0.03, 'seed': 2},
-            'zeros',
+            'roller offsets',
             'mm from the joint by the encoders; must be at most 10 mm',
         ),
         ({'tracker_delay': 0.8}, 'object pose', r'object pose: 0\.8\d* s old'),

@@ -16,10 +16,10 @@ from isotruss_msgs.action import (
     PlaceObject,
     PlanGrasp,
 )
-from isotruss_msgs.msg import RollerTolerance
+from isotruss_msgs.msg import GraspState, RollerTolerance
 from isotruss_ros.core import Pose
 from isotruss_ros.core.planning.searcher import Answer, SearchOutcome
-from isotruss_ros.nodes.conversions.messages import to_pose_message
+from isotruss_ros.nodes.conversions.messages import make_header, to_pose_message
 from isotruss_ros.nodes.grasp_planner import GraspPlanner
 from isotruss_ros.nodes.manipulation.node import Manipulation
 from isotruss_ros.nodes.path_follower import PathFollower
@@ -172,3 +172,24 @@ def test_a_second_goal_is_refused_with_the_name_of_the_active_one():
         _, result = second.result()
         assert result.code == PlaceObject.Result.NOT_READY
         assert 'PickObject has been executed for ' in result.message
+
+
+@pytest.mark.parametrize(
+    'values', [{'clearance': math.nan}, {'clearance': -1.0}, {'max_rotation': math.nan}]
+)
+def test_invalid_numbers_of_a_release_are_a_bad_goal(values):
+    with world(lambda: PickAndPlace(overrides())) as w:
+        states = w.probe.create_publisher(GraspState, 'grasp/state', 1)
+
+        def send():
+            w.probe.send_all()
+            state = GraspState(held=True, grasping_members=['north/P-Z', 'north/Z-R'])
+            state.header = make_header(w.probe.past(0.0), 'truss')
+            states.publish(state)
+
+        w.spin(0.1, send)
+        goal = w.send_goal(PlaceObject.Goal(**values))
+        w.until(lambda: goal.ended, send)
+        _, result = goal.result()
+        assert result.code == result.BAD_GOAL
+        assert next(iter(values)) in result.message

@@ -127,7 +127,6 @@ def path(*poses):
         ({'object_diameter': -0.3}, 'diameter -0.3 m: must be positive'),
         ({'external_wrench': torque(math.nan)}, 'torque.z must be finite'),
         ({'object_pose': PoseStamped()}, 'object_pose: missing'),
-        ({'module': 'north/Q'}, "module 'north/Q': robot nine_member has no such module"),
         (
             {'object': BENT, 'object_diameter': 0.3},
             'object_diameter 0.3 m, together with an `object`: must be 0',

@@ -61,7 +61,7 @@ def test_moves_the_box_and_halts_where_the_grip_is_another():
 
 def plant():
     """Return the elastic plant with an object in its grip."""
-    return Simulator(overrides(plant='elastic', friction=FRICTION, indentation=0.05, rate=RATE))
+    return Simulator(overrides(plant='elastic', friction=FRICTION, indentation=0.025, rate=RATE))
 
 
 squeezing = maker(Manipulation, squeeze_force=FORCE, friction=FRICTION, rate=RATE)

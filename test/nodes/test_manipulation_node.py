@@ -110,9 +110,9 @@ def test_every_parameter_of_the_servo_reaches_it():
     def settings(**others):
         return make_settings(ROBOT, SimpleNamespace(**given | others), None, 'Z')
 
-    body = ConvexObject(Disc(0.21), mass=1.5)
+    body = ConvexObject(Disc(0.21), mass=1.5, friction=0.7)
     assert settings() == ServoSettings(
-        Grip(('north/P-Z', 'north/Z-R'), body, 0.7),
+        Grip(('north/P-Z', 'north/Z-R'), body),
         period=0.02,
         timeout=0.3,
         joint='Z',

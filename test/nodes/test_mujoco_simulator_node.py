@@ -20,7 +20,7 @@ from probe import maker, N, ROBOT
 import pytest
 
 #: The object is pressed into the grip.
-node = maker(Simulator, plant='mujoco', friction=0.8, indentation=0.02, rate=100.0)
+node = maker(Simulator, plant='mujoco', friction=0.8, indentation=0.01, rate=100.0)
 
 
 def drive(w, velocities):

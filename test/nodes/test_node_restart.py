@@ -92,7 +92,7 @@ def test_a_later_restart_ends_an_earlier_one(w):
 
 
 def test_another_object_is_that_of_all_nodes_that_are_there():
-    simulator = partial(Simulator, overrides(plant='elastic', friction=0.8, indentation=0.01))
+    simulator = partial(Simulator, overrides(plant='elastic', friction=0.8, indentation=0.005))
     analysis = partial(GraspAnalysisNode, overrides(friction=0.8))
     said, there = [], ('simulator', 'grasp_analysis')
     with world(simulator, analysis) as w:
@@ -104,7 +104,7 @@ def test_another_object_is_that_of_all_nodes_that_are_there():
 
 
 def test_a_reset_restores_grip_and_squeeze_of_the_manipulation():
-    simulator = partial(Simulator, overrides(plant='elastic', friction=0.8, indentation=0.01))
+    simulator = partial(Simulator, overrides(plant='elastic', friction=0.8, indentation=0.005))
     manipulation = partial(Manipulation, overrides(friction=0.8))
     said, there = [], ('simulator', 'manipulation')
     with world(simulator, manipulation) as w:

@@ -19,7 +19,7 @@ HELD = {'object_diameter': 0.2, 'friction': 0.8}
 
 def plant():
     """Return MuJoCo's plant with an object in its grip."""
-    return Simulator(overrides(plant='mujoco', indentation=0.02, **HELD))
+    return Simulator(overrides(plant='mujoco', indentation=0.01, **HELD))
 
 
 manipulation = maker(Manipulation, **HELD)

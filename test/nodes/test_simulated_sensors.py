@@ -54,7 +54,7 @@ def places(message):
 @pytest.mark.parametrize('plant', PLANTS)
 def test_delay_and_rate_of_sensors_are_those_of_the_parameters(plant):
     faults = {'encoder_delay': 0.01, 'tracker_delay': 0.03, 'tracker_rate': 20.0}
-    values = {'plant': plant, 'indentation': 0.01, 'marker_joints': ['all']}
+    values = {'plant': plant, 'indentation': 0.005, 'marker_joints': ['all']}
     with world(lambda: Simulator(overrides(**values, **faults))) as w:
         heard = hear(w)
         for topic, delay in DELAYS.items():
@@ -65,7 +65,7 @@ def test_delay_and_rate_of_sensors_are_those_of_the_parameters(plant):
 
 
 def test_the_noise_of_the_tracker_is_that_of_its_parameter():
-    values = {'plant': 'elastic', 'indentation': 0.01, 'marker_joints': ['all']}
+    values = {'plant': 'elastic', 'indentation': 0.005, 'marker_joints': ['all']}
     with world(lambda: Simulator(overrides(tracker_noise=2e-3, **values))) as w:
         heard = hear(w, 3.0)
         placed, true = (
@@ -117,7 +117,7 @@ def test_a_marker_at_an_unknown_joint_is_refused():
 
 
 def test_true_states_are_those_of_the_plant():
-    faults = {'tracker_noise': 0.01, 'indentation': 0.01, 'friction': 0.8}
+    faults = {'tracker_noise': 0.01, 'indentation': 0.005, 'friction': 0.8}
     with world(lambda: Simulator(overrides(plant='elastic', **faults))) as w:
         heard = hear(w)
         held = attach_grip(ROBOT.home, w.nodes[1]._plant._body)

@@ -16,7 +16,7 @@ import pytest
 #: The box is between its two sides.
 HELD = {'object': BOX_FILE, 'grip': list(APART), 'indentation': DEPTH, 'rate': 50.0}
 node = maker(Simulator, object_pose=[0.6, 0.3, ANGLE], **HELD)
-elastic = maker(Simulator, plant='elastic', friction=0.8, indentation=0.05, rate=50.0)
+elastic = maker(Simulator, plant='elastic', friction=0.8, indentation=0.025, rate=50.0)
 
 
 @pytest.mark.parametrize('is_free', [False, True])

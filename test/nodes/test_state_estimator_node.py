@@ -3,6 +3,8 @@
 
 """The node `state_estimator`, and the nodes that use what it publishes."""
 
+from pathlib import Path
+
 from isotruss_msgs.msg import StateEstimate
 from isotruss_ros.core.estimation import state_estimate
 from isotruss_ros.core.estimation.state_estimator import StateEstimator
@@ -76,17 +78,21 @@ def test_joints_of_a_robot_with_wrong_offsets_are_estimated():
     assert not found.held
 
 
-def test_prior_of_the_robot_is_that_of_the_parameters(monkeypatch):
-    made = []
+def test_prior_of_the_robot_is_that_of_parameters_and_calibration(monkeypatch, tmp_path):
+    made, file = [], tmp_path / 'calibrated.yaml'
+    text = Path(ROBOT.description.source).read_text(encoding='utf-8')
+    file.write_text(f'{text}\ncalibration: {{stiffness_deviation: 0.02}}\n')
 
     def make(robot, settings):
         made.append(settings)
         return StateEstimator(robot, settings)
 
     monkeypatch.setattr(state_estimator, 'StateEstimator', make)
-    with world(estimator(zero_deviation=0.002, slip=0.03, stiffness_deviation=0.2)):
-        expected = state_estimate.EstimatorSettings(zero_deviation=0.002, slip=0.03, stiffness=0.2)
-        assert made[-1] == expected
+    for robot, stiffness in (('nine_member', 0.3), (str(file), 0.02)):
+        with world(estimator(zero_deviation=0.002, slip=0.03, robot=robot)):
+            assert made[-1] == state_estimate.EstimatorSettings(
+                zero_deviation=0.002, slip=0.03, stiffness=stiffness
+            )
 
 
 def test_estimate_is_robust_to_late_swapped_and_missing_markers():
@@ -137,7 +143,7 @@ def test_stale_pressures_give_a_warning_and_the_estimate_continues():
 @pytest.mark.parametrize('held', [False, True])
 def test_sag_is_reported_only_without_a_held_object(held, monkeypatch):
     monkeypatch.setattr(state_estimator, 'find_sag', lambda *_: Sag(np.zeros(2), 1.0, 0.1))
-    plant = {'plant': 'elastic', 'friction': 0.9, 'indentation': 0.02, 'marker_joints': ['all']}
+    plant = {'plant': 'elastic', 'friction': 0.9, 'indentation': 0.01, 'marker_joints': ['all']}
     free = {} if held else {'object_is_free': True, 'object_pose': [0.6, 5.0, 0.0]}
     with world(lambda: Simulator(overrides(**plant | free)), estimator()) as w:
         w.spin(2.0 * state_estimator.SAG_PERIOD)
@@ -161,6 +167,14 @@ def test_stale_encoders_give_no_estimate():
         count = len(w.probe.seen['estimate'])
         w.spin(0.5)
         assert count == len(w.probe.seen['estimate']) > 10
+
+
+def test_poses_wait_for_encoders_that_are_late_by_less_than_the_timeout():
+    plant = {'plant': 'elastic', 'friction': 0.9, 'indentation': 0.01, 'encoder_delay': 1.5}
+    values = {'rate': 20.0, 'command_timeout': 3.0}
+    with world(lambda: Simulator(overrides(**plant, **values)), estimator(**values)) as w:
+        listen(w)
+        w.until(lambda: last_estimate(w) is not None and last_estimate(w).held)
 
 
 def test_an_estimate_survives_a_round_trip():
@@ -224,7 +238,7 @@ def test_invalid_estimates_are_refused(changes):
 
 
 def test_over_dds_measured_pressures_stiffen_the_tubes_of_the_estimate():
-    plant = {'plant': 'elastic', 'friction': 0.9, 'indentation': 0.02, 'object_is_free': False}
+    plant = {'plant': 'elastic', 'friction': 0.9, 'indentation': 0.01, 'object_is_free': False}
     with probe.world(
         lambda: Simulator(overrides(marker_joints=['all'], **plant)), estimator()
     ) as w:
@@ -236,14 +250,16 @@ def test_over_dds_measured_pressures_stiffen_the_tubes_of_the_estimate():
         def last():
             return w.probe.last('estimate')
 
-        w.until(lambda: last() and last().held and last().squeeze_deviation < 0.1 * last().squeeze)
+        w.until(
+            lambda: last() and last().held and last().squeeze_deviation < 0.32 * last().squeeze
+        )
         before = last().squeeze
         w.until(lambda: last().squeeze > 1.15 * before, send)
 
 
 @pytest.mark.parametrize('estimated', some_now([True, False]))
 def test_squeeze_of_a_robot_with_wrong_offsets_is_controlled_by_the_estimate(estimated):
-    plant = {'plant': 'elastic', 'friction': 0.9, 'indentation': 0.02, 'object_is_free': False}
+    plant = {'plant': 'elastic', 'friction': 0.9, 'indentation': 0.01, 'object_is_free': False}
     marked = {'zero_deviation': 0.006, 'tracker_rate': 20.0, 'tracker_noise': 2e-4}
     marked |= {'marker_joints': ['all'], 'seed': 1}
     loop = {'squeeze_force': 30.0, 'friction': 0.9, 'rate': 20.0}

@@ -8,8 +8,7 @@ from pathlib import Path
 import xml.etree.ElementTree as ElementTree
 
 from isotruss_ros.core import load_robot
-from isotruss_ros.nodes.conversions.messages import name_object_frame
-from isotruss_ros.nodes.framework.transforms import name_module_frames
+from isotruss_ros.nodes.conversions.messages import name_frame, OBJECT
 from node_pages import all_interfaces
 import numpy as np
 import pytest
@@ -18,6 +17,7 @@ from ruamel.yaml import YAML
 CONFIG = Path(__file__).parents[2] / 'config'
 FOLDER = CONFIG / 'ros2_control'
 ROBOT = load_robot('nine_member')
+MODULE_FRAMES = {name_frame(ROBOT.frame, name) for name in ROBOT.module_names}
 POLICY = ElementTree.parse(CONFIG / 'sros2_policy.xml').getroot()
 INCLUDE = '{http://www.w3.org/2001/XInclude}include'
 COMMANDS = 'roller_velocity_controller/commands'
@@ -100,11 +100,11 @@ def test_the_description_is_a_tree_of_the_rollers(description):
 def test_the_other_links_are_frames_that_are_broadcast(description):
     floating = [j for j in description.findall('joint') if j.get('type') == 'floating']
     links = {joint.find('child').get('link') for joint in floating}
-    assert links == {*name_module_frames(ROBOT), name_object_frame(ROBOT.frame)}
+    assert links == {*MODULE_FRAMES, name_frame(ROBOT.frame, OBJECT)}
     shown = {
         link.get('name') for link in description.findall('link') if link.find('visual') is not None
     }
-    assert shown == {*name_module_frames(ROBOT)}
+    assert shown == MODULE_FRAMES
 
 
 def find_travel_limits():

@@ -205,7 +205,7 @@ def test_the_object_follows_its_handle_and_a_stop_ends_it(tmp_path):
     shown = {'robot': quick_robot(), 'object_diameter': 0.3, 'friction': 0.8}
     common = shown | {'command_timeout': 2.0, 'rate': 50.0}
     nodes = [
-        ('simulator', common | {'plant': 'elastic', 'indentation': 0.01}),
+        ('simulator', common | {'plant': 'elastic', 'indentation': 0.005}),
         ('manipulation', common),
         ('grasp_analysis', {**common, 'rate': 10.0}),
         ('viewer', shown | SERVED | {'rate': 10.0}),

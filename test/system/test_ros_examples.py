@@ -33,7 +33,7 @@ PATIENT = {'command_timeout': 5.0}
 @pytest.fixture(scope='module')
 def processes(shared_domain, tmp_path_factory):
     """Return the nodes that hold an object; they end as they should after the tests."""
-    names = {'simulator': {'indentation': 0.01}, 'manipulation': {}, 'grasp_analysis': {}}
+    names = {'simulator': {'indentation': 0.005}, 'manipulation': {}, 'grasp_analysis': {}}
     nodes = [(name, PATIENT | values) for name, values in names.items()]
     with running_nodes(nodes, tmp_path_factory.mktemp('nodes')) as found:
         yield found

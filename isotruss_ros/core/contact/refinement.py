@@ -91,15 +91,18 @@ def _press_in(search: _Search, refused: IsotrussError, step: float) -> SolvedCon
     """
     Solve a deep contact by pressing the object into the tubes in steps.
 
-    The skin of the tubes is first moved away from the object, and then back in steps.
+    The skin of the tubes is first moved away from the object, and then back in steps. Objects
+    deeper than a tube's diameter are refused at once.
 
     :param refused: error of the solution without steps.
     :param step: first step as a fraction of the object's depth in the tubes [-].
     """
     flattening = search.flattening
-    depth = float(member_depths(search.structure.config, search.surface.body).max())
+    config = search.structure.config
+    depths = member_depths(config, search.surface.body)
+    depth, deepest = float(depths.max()), config.robot.member_names[int(depths.argmax())]
     reached, before = 0.0, None
-    for _ in range(MAX_SEARCH_STEPS if depth > 0.0 else 0):
+    for _ in range(MAX_SEARCH_STEPS if 0.0 < depth <= 2.0 * flattening.radius else 0):
         thinner = replace(flattening, radius=flattening.radius - (1.0 - reached - step) * depth)
         pressed = replace(search, flattening=thinner, steady=True)
         try:
@@ -114,7 +117,7 @@ def _press_in(search: _Search, refused: IsotrussError, step: float) -> SolvedCon
     if reached == 0.0:
         raise refused
     raise SolverError(
-        f'{search.touching(before)}: the structure becomes unstable under the object before it is '
+        f'{deepest}: the structure becomes unstable under the object before it is '
         f'{1e3 * depth:.3g} mm deep in the tubes; place it farther out'
     ) from refused
 
@@ -168,19 +171,15 @@ class _Search:
     def refine(self, previous: SolvedContact | None) -> SolvedContact:
         """Find the contact regions, refine the points in these regions, and bend the tubes."""
         found, settled, clear = previous, False, True
+        if found is not None and not _touched(found.spans).any():
+            found = None
         if found is not None:
             found, settled = self.solve(found, limited=True)
             clear = self.budget is not None or _is_division_clear(found.spans, self.spacing)
         if found is None or not (self.steady or (settled and clear)):
-            found, settled = (
-                self.find(SEARCH_SPACING * self.spacing, None, estimate_contact),
-                False,
-            )
+            found, settled = self.search(), False
             if not _touched(found.spans).any():
                 return self.solve_everywhere()
-            if self.budget is not None:
-                # Tubes do not slide in the estimate, so its forces at corners are far too large.
-                found = self.find(SEARCH_SPACING * self.spacing, None, self.solver)
         for step in range(MAX_SEARCH_STEPS):
             if settled:
                 break
@@ -193,6 +192,20 @@ class _Search:
         # The points in the result do not depend on the initial guess.
         within = _within(found.points, found.spans + self.room)
         return found._replace(region_points=np.flatnonzero(within))
+
+    def search(self) -> SolvedContact:
+        """Solve the contact with few points on all tubes that the object can touch."""
+        found = self.find(SEARCH_SPACING * self.spacing, None, estimate_contact)
+        if self.budget is None:
+            return found
+        if _touched(found.spans).any():
+            # Tubes do not slide in the estimate, so its forces at corners are far too large.
+            found = self.find(SEARCH_SPACING * self.spacing, None, self.solver)
+        depths = member_depths(self.structure.config, self.surface.body)
+        if (depths[~_touched(found.spans)[:, 0]] > 0.0).any():
+            # A corner in contact may be between two points.
+            found = self.find(self.spacing / DIVISIONS[-1], None, self.solver)
+        return found
 
     @property
     def room(self) -> Array:

@@ -6,12 +6,13 @@ Gaussian belief of the grip: a Kalman filter about the equilibrium of the held o
 
 The contacts roll with the tubes, so the equilibrium follows the configuration. Measured poses
 correct four states: the load w, which is an external wrench; the shift a of the contacts along the
-members; the unexplained pose b, which is measured minus modelled; and the delay of the poses. Two
-states are considered: the roller offsets dphi and the stiffness s. A considered state has an
-uncertainty, but poses do not correct it. With the roller positions q, the compliance C and white
-noise v, the measured pose is
+members; the unexplained pose b, which is measured minus modelled; and the delay of the poses. The
+roller offsets dphi are considered: they are uncertain, but poses do not correct them. With the
+roller positions q, the compliance C and white noise v, the measured pose is
 
-    e = (w, b, a, delay | dphi, s),   z = equilibrium(q + dphi, a, s) + C w + b + v
+    e = (w, b, a, delay | dphi),   z = equilibrium(q + dphi, a) + C w + b + v
+
+The stiffness of the tubes is no state: it scales all forces and moves nothing.
 """
 
 from __future__ import annotations
@@ -20,41 +21,51 @@ from dataclasses import replace
 import math
 
 from isotruss_ros.core.estimation.contact_walk import ContactWalk
-from isotruss_ros.core.estimation.correction_lag import CorrectionLag
-from isotruss_ros.core.estimation.grip_model import attach_model, Pressures, shift_deviations
-from isotruss_ros.core.estimation.grip_rates import (
+from isotruss_ros.core.estimation.grip_model import (
     anchor_rates,
+    attach_model,
     BIAS,
     ConsideredRates,
     DELAY,
     LOAD,
+    Pressures,
+    shift_deviations,
     SHIFTS,
     StateRates,
 )
 from isotruss_ros.core.estimation.offset_filter import SLIP_LENGTH
-from isotruss_ros.core.estimation.pose_noise import PoseNoise, PRIOR_DEVIATIONS
+from isotruss_ros.core.estimation.pose_noise import MODEL_ERROR, PoseNoise, PRIOR_DEVIATIONS
 from isotruss_ros.core.estimation.schmidt_filter import SchmidtFilter
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings, MAX_KNOWN_DEVIATION
-from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, NotHeldError, travel_rates
+from isotruss_ros.core.holding.held_grip import (
+    HeldGrip,
+    HoldStatus,
+    MAX_EXTRAPOLATION,
+    NotHeldError,
+    travel_rates,
+)
 from isotruss_ros.core.holding.roll_grip import roll_grip, with_pressures
-from isotruss_ros.core.inputs import HISTORY_DURATION, Timeline
+from isotruss_ros.core.inputs import MAX_TIMEOUT, Timeline
 from isotruss_ros.core.kinematics.configuration import Configuration, MAX_FIRST_ORDER_TRAVEL
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.model.pose import Pose, pose_difference
 from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.tolerances import ROUNDING
 from isotruss_ros.core.safety.usage_limits import UsageLimits
 import numpy as np
 
 #: Random walk of the unexplained pose as a fraction of the object's motion, with the correlation
 #: length `SLIP_LENGTH` [-].
 POSE_WALK = 0.03
-#: Prior standard deviation of the time by which poses are older than their stamps say [s].
+#: Prior standard deviation of the time by which poses are older than their stamps say, and
+#: interval over which the object's velocity is measured [s].
 DELAY_DEVIATION = 0.03
 #: Number of poses after which the equilibrium is searched again [-].
 FIRST_POSES = 15
-#: Interval over which the object's velocity is measured [s].
-SPEED_TIME = 0.05
+#: Smallest time between two equilibria [s]. In cycles between them, (19) predicts pose and
+#: squeeze, and the error of this prediction in the last motion is extrapolated.
+EQUILIBRIUM_PERIOD = 0.02
 #: Number of standard deviations [-]: a pose is inconsistent if its innovation is larger (one of
 #: 60000 valid poses is), and contacts have slipped if corrections and load are larger.
 MAX_DEVIATIONS = 5.0
@@ -72,8 +83,8 @@ class GripBelief:
         pose, rotations times the arm [m].
     :ivar delay: time by which the measured poses are older than their stamps say [s].
     :ivar innovation: normalised squared innovation (3 degrees of freedom) of the last pose [-].
-    :ivar drift: (4,) rates of pose [m/s, rad/s] and squeeze [N/s] in the last cycle, minus those
-        predicted by (19).
+    :ivar drift: (4,) rates of pose [m/s, rad/s] and squeeze [N/s] between the last two equilibria,
+        minus those predicted by (19).
     :ivar usage: limits on motion that reduces the slip margin or increases the utilisation.
     :ivar walk: sums of the pose corrections, from which slip is detected.
     :ivar jump: length of the last innovation if it was inconsistent, otherwise 0 [m].
@@ -110,27 +121,26 @@ class GripBelief:
         self._most = (0.7 if is_assumed else 1.0) * MAX_DEVIATIONS
         self._even = np.array([1.0, 1.0, grasp.arm])
         count, shifts = len(grasp.config.roller_positions), len(grasp.members)
-        variances, considered = np.zeros(SHIFTS + shifts), np.zeros((count + 1, count + 1))
+        variances = np.zeros(SHIFTS + shifts)
         variances[DELAY] = DELAY_DEVIATION**2
-        considered[-1, -1] = settings.stiffness**2
-        self._filter = SchmidtFilter(variances, considered)
         if zero_covariance is None:
             zero_covariance = settings.zero_deviation**2 * np.eye(count)
-        self.set_zero_covariance(zero_covariance)
+        self._filter = SchmidtFilter(variances, zero_covariance)
         self.load, self.delay = np.zeros(3), 0.0
         self.innovation, self.jump, self.searches = 0.0, 0.0, 0
         self.bias = np.zeros(3)
-        self.drift, self.usage = np.zeros(4), UsageLimits(grasp)
         self.walk, self.noise = ContactWalk(), PoseNoise(self._even * noise)
         self._time, self._way, self._poses = 0.0, Timeline(), 0
-        self._searched = 0.0
+        self._searched = self._rolled = 0.0  # times of the last search and equilibrium
         self._corrected = np.zeros(count)
         self._travelled = np.array(grasp.pose)  # pose by roller travel alone
         self._measured = 0.0, self._travelled  # time of the last measured rollers, and pose then
         self._way.add(*self._measured)
-        self._lag = CorrectionLag()  # lag of pose and squeeze
+        # Corrections of pose [m, m, rad] and squeeze [N] in the two low-pass filters in series.
+        self._lag = np.zeros((2, 4))
         self._by_considered = ConsideredRates.of(grasp)
         self._take(grasp)
+        self._forget_motion(grasp)
         self._spare = 0.0  # slip margin lost by the contact history [N]
         if is_assumed:
             self._initialise()
@@ -142,13 +152,14 @@ class GripBelief:
     def pose(self) -> Array:
         """Return the estimate (x, y, angle) of the object's pose [m, rad]."""
         give = self.grasp.response.pose @ self.load
-        return np.array(self.grasp.pose) + self._pending[:3] + give + self.bias / self._even
+        known = np.array(self.grasp.pose) + self._ahead[:3] + self._pending[:3]
+        return known + give + self.bias / self._even
 
     @property
     def squeeze(self) -> float:
         """Return the estimated mean normal force of the members [N]."""
         give = self.grasp.response.squeeze @ self.load
-        return self.grasp.squeeze + float(self._pending[3] + give)
+        return self.grasp.squeeze + float(self._ahead[3] + self._pending[3] + give)
 
     @property
     def differentiated(self) -> HeldGrip:
@@ -156,10 +167,19 @@ class GripBelief:
         return self._by_considered.grasp
 
     @property
-    def squeeze_deviation(self) -> float:
-        """Return the standard deviation of the squeeze, including the model error [N]."""
+    def geometric_deviation(self) -> float:
+        """
+        Return the standard deviation of the squeeze for the stiffness of the robot file [N].
+
+        It includes the model error.
+        """
         variance = self._filter.spread(self._rates.squeeze, self._by_considered.squeeze)
         return math.sqrt(variance + (self.settings.squeeze_error * self.squeeze) ** 2)
+
+    @property
+    def squeeze_deviation(self) -> float:
+        """Return the standard deviation of the squeeze, with model and stiffness errors [N]."""
+        return math.hypot(self.geometric_deviation, self.settings.stiffness * self.squeeze)
 
     @property
     def squeeze_is_unknown(self) -> bool:
@@ -171,9 +191,10 @@ class GripBelief:
         """
         Return the largest required friction at which an equilibrium still counts as held [-].
 
-        It exceeds the coefficient of friction by two relative standard deviations of the squeeze.
+        It exceeds the coefficient of friction by two relative standard deviations of the squeeze,
+        for the given stiffness, which does not change the required friction.
         """
-        relative = 2.0 * self.squeeze_deviation
+        relative = 2.0 * self.geometric_deviation
         return self._friction * (1.0 + relative / self.squeeze) if self.squeeze > 0.0 else math.inf
 
     @property
@@ -184,7 +205,7 @@ class GripBelief:
 
     def explains(self, pose: Pose) -> bool:
         """
-        Return whether errors of offsets, stiffness and measurement suffice to explain a pose.
+        Return whether errors of offsets and measurement suffice to explain a pose.
 
         :param pose: measured pose of the object.
         """
@@ -199,17 +220,17 @@ class GripBelief:
 
         The object's pose is held constant.
         """
-        return self._by_considered.joint_rates(self._filter.sensitivity[SHIFTS:, :-1])
+        return self._by_considered.joint_rates(self._filter.sensitivity[SHIFTS:])
 
     @property
     def regulated_pose(self) -> Array:
         """Return the object's pose (3,) for control, with corrections smoothed by two filters."""
-        return self.pose - self._lag.total[:3]
+        return self.pose - self._lag[:, :3].sum(axis=0)
 
     @property
     def regulated_squeeze(self) -> float:
         """Return the squeeze for control, with corrections smoothed by two filters [N]."""
-        return self.squeeze - float(self._lag.total[3])
+        return self.squeeze - float(self._lag[:, 3].sum())
 
     @property
     def slip_margin(self) -> float:
@@ -253,8 +274,9 @@ class GripBelief:
         """
         Roll the equilibrium to the current configuration; return the new hold status.
 
-        If a contact slips or opens in the model, the equilibrium near the estimated pose is
-        searched once.
+        Within `EQUILIBRIUM_PERIOD` of the last equilibrium, pose and squeeze are predicted
+        instead. If a contact slips or opens in the model, the equilibrium near the estimated pose
+        is searched once.
 
         :param config: configuration of the robot, which may be predicted.
         :param elapsed: time since the last call [s].
@@ -262,33 +284,32 @@ class GripBelief:
         :param rollers: (r,) measured roller positions from which the configuration was predicted
             [m], and their age [s]; None: the configuration is measured.
         """
-        before = self.grasp
+        before, self._time = self.grasp, self._time + elapsed
+        elapsed, corrected = self._time - self._rolled, bool(self._moved_zeros.any())
+        travel = config.roller_positions - before.config.roller_positions - self._moved_zeros
+        moved, known = self._contact_rates @ travel, self._motion
+        share = float(travel @ known) / max(float(known @ known), MODEL_ERROR**2)
+        near = abs(share) <= MAX_EXTRAPOLATION
+        share = max(-MAX_EXTRAPOLATION, min(share, MAX_EXTRAPOLATION))
+        self._ahead = np.append(moved[:3], self.slope * moved[3]) + share * self._beyond
+        ahead = self._ahead[:3]
+        if elapsed < EQUILIBRIUM_PERIOD - ROUNDING and near and not corrected:
+            self._record(self._travelled + ahead, config, rollers)
+            return HoldStatus.HELD
         given = replace(with_pressures(before, pressures), anchors=self._anchors)
         rolled = roll_grip(given, config)
         hold = HoldStatus.NO_BALANCE if rolled is None else self._hold(rolled)
-        self._time += elapsed
         if rolled is None or hold not in (HoldStatus.HELD, HoldStatus.SLIPS):
             self._way.add(self._time, self._travelled)
             return HoldStatus.HELD if self.attach(config, pressures) else hold
         change = pose_difference(rolled.pose, np.array(before.pose) + self._pending[:3])
-        travel = config.roller_positions - before.config.roller_positions
-        rates = grip_jacobian(before.config, self.grip)
-        if self._moved_zeros.any():
+        if corrected:
             # Corrections of offsets do not move the object; the unexplained pose changes instead.
-            travel = travel - self._moved_zeros
-            moved = rates[:3] @ travel + elapsed * self.drift[:3]
-            self.bias, change = self.bias - self._even * (change - moved), moved
+            self.bias, change = self.bias - self._even * (change - ahead), ahead
         else:
-            self._learn(before, rolled, travel, change, elapsed, rates @ travel)
+            self._learn(before, rolled, travel, change, elapsed, moved)
         self._travelled = self._travelled + change
-        positions, age = rollers or (config.roller_positions, 0.0)
-        ahead = rates[:3] @ (config.roller_positions - positions)
-        # The last call's prediction is replaced, because rollers may follow their commands late.
-        self._way.add(*self._measured)
-        self._measured = self._time - age, self._travelled - ahead
-        self._way.add(*self._measured)
-        self._way.add(self._time, self._travelled)
-        self._way.discard_before(self._time - HISTORY_DURATION)
+        self._record(self._travelled, config, rollers)
         self._take(rolled)
         self._predict(elapsed, self._even * change, np.abs(travel))
         # The first equilibrium used one noisy pose; after large corrections the rates are invalid.
@@ -301,6 +322,19 @@ class GripBelief:
             self.attach(config, pressures)
         return HoldStatus.HELD  # slip is detected from the poses
 
+    def _record(
+        self, travelled: Array, config: Configuration, rollers: tuple[Array, float] | None
+    ) -> None:
+        """Store the pose (3,) by roller travel alone, now and at the last measured rollers."""
+        positions, age = rollers or (config.roller_positions, 0.0)
+        ahead = self._contact_rates[:3] @ (config.roller_positions - positions)
+        # The last call's prediction is replaced, because rollers may follow their commands late.
+        self._way.add(*self._measured)
+        self._measured = self._time - age, travelled - ahead
+        self._way.add(*self._measured)
+        self._way.add(self._time, travelled)
+        self._way.discard_before(self._time - MAX_TIMEOUT)
+
     def observe(self, pose: Pose, age: float) -> None:
         """
         Update the belief of the grip with a measured pose.
@@ -310,12 +344,13 @@ class GripBelief:
         """
         self._poses += self._poses != FIRST_POSES
         then = self._time - age - self.delay
-        there, speed = self._way.at(then), self._way.at(then) - self._way.at(then - SPEED_TIME)
-        expected = self.pose - pose_difference(self._travelled, there)
+        there = self._way.at(then)
+        speed = (there - self._way.at(then - DELAY_DEVIATION)) / DELAY_DEVIATION
+        expected = self.pose - pose_difference(self._way.last[1], there)
         off = self._even * pose_difference(pose, expected)
         self.noise.add(self._even * pose_difference(pose, there))
         rates = self._rates.pose.copy()
-        rates[:, DELAY] = -self._even * speed / SPEED_TIME
+        rates[:, DELAY] = -self._even * speed
         noise = np.diag(self.noise.variances)
         self._correct(off, rates, noise)
 
@@ -339,10 +374,10 @@ class GripBelief:
         before = self._by_considered.pose
         self._take(found)
         self.walk.attach(self._by_considered.pose - before)
-        self.usage, self.drift = UsageLimits(found), np.zeros(4)
+        self._forget_motion(found)
         self._corrected = np.zeros_like(self._corrected)
         self._place_contacts(pose)
-        self._lag.add(np.append(np.zeros(3), self.squeeze - squeeze))
+        self._lag[0, 3] += self.squeeze - squeeze
         return True
 
     def _place_contacts(self, pose: Array) -> None:
@@ -382,7 +417,7 @@ class GripBelief:
         variances[LOAD], variances[BIAS] = given.load**2, given.pose_error**2
         variances[SHIFTS:] = shifts**2
         known.reset(np.diag(variances))
-        # The part of the pose that shifts within friction do not explain: offsets and stiffness.
+        # The part of the pose that shifts within friction do not explain: roller offsets.
         rates, by_considered = self._rates.pose, self._by_considered.pose
         shifted = rates[:, SHIFTS:] * variances[SHIFTS:] @ rates[:, SHIFTS:].T
         own = given.pose_error**2 * np.eye(3)
@@ -402,20 +437,25 @@ class GripBelief:
 
         :param covariance: (r, r) covariance of the roller offsets [m^2].
         """
-        self._filter.considered[:-1, :-1] = covariance
+        self._filter.considered = covariance
 
     def correct_zeros(self, moved: Array) -> None:
         """
         Correct the roller offsets without changing the object's pose.
 
+        The next equilibrium contains the correction; until then the squeeze follows to first
+        order.
+
         :param moved: (r,) increases of the roller offsets, and thus of the roller positions [m].
         """
         grasp = self.grasp
         travel = travel_rates(grasp.config, grasp.contacts.members) @ moved
-        shifts = self._filter.sensitivity[SHIFTS:, :-1] @ moved
+        shifts = self._filter.sensitivity[SHIFTS:] @ moved
         self._anchors = self._anchors + grasp.statics.sides * travel
         self._anchors = self._anchors + shifts[grasp.contacts.owners]
         self._moved_zeros = self._moved_zeros + moved
+        rates = self._by_considered.squeeze + self._rates.squeeze @ self._filter.sensitivity
+        self._ahead = self._ahead + np.append(np.zeros(3), rates @ moved)
         self._corrected = self._corrected + moved
 
     def _correct(self, off: Array, rates: Array, noise: Array) -> None:
@@ -456,7 +496,7 @@ class GripBelief:
         self.load, self.bias = self.load + change[LOAD], self.bias + change[BIAS]
         given = moved[:3] + grasp.response.pose @ change[LOAD] + change[BIAS] / self._even
         pressed = squeeze + float(grasp.response.squeeze @ change[LOAD])
-        self._lag.add(np.append(given, pressed))
+        self._lag[0] += np.append(given, pressed)
 
     def _predict(self, elapsed: float, moved: Array, travel: Array) -> None:
         """Propagate the covariance of the grip's state by process noise."""
@@ -469,9 +509,10 @@ class GripBelief:
         self.walk.spread(self._rates.pose * more @ self._rates.pose.T)
         more[LOAD] = given.load**2 * (1.0 - left**2)
         self._filter.predict(kept, more)
-        self._filter.considered[:-1, :-1] += np.diag(given.slip**2 * SLIP_LENGTH * travel)
+        considered = self._filter.considered
+        self._filter.considered = considered + np.diag(given.slip**2 * SLIP_LENGTH * travel)
         decayed, response = (left - 1.0) * self.load, self.grasp.response
-        self._lag.add(np.append(response.pose @ decayed, response.squeeze @ decayed))
+        self._lag[0] += np.append(response.pose @ decayed, response.squeeze @ decayed)
         self.load = self.load + decayed
 
     def pass_corrections(self, elapsed: float, filter_time: float) -> None:
@@ -481,11 +522,15 @@ class GripBelief:
         :param elapsed: time since the last call [s].
         :param filter_time: time constant of the low-pass filters [s].
         """
-        self._lag.advance(elapsed, filter_time)
+        left = math.exp(-elapsed / filter_time)
+        self._lag[1] += (1.0 - left) * self._lag[0]
+        self._lag *= left
 
     def _take(self, grasp: HeldGrip) -> None:
         """Set the equilibrium, and the Jacobian of the measured pose at this equilibrium."""
         self.grasp, self.grip = grasp, grasp.touching(self._friction)
+        self._contact_rates, self._rolled = grip_jacobian(grasp.config, self.grip), self._time
+        self._ahead = np.zeros(4)  # predicted changes since this equilibrium
         # Corrections of the contacts that the equilibrium does not contain yet.
         self._anchors = grasp.anchors
         self._pending = np.zeros(4)
@@ -508,6 +553,12 @@ class GripBelief:
             reserve = reserve + grasp.slip_rows(self._friction)[0] @ more
         return float((reserve / size).min())
 
+    def _forget_motion(self, grasp: HeldGrip) -> None:
+        """Reset the quantities that are derived from the last motion, at a new equilibrium."""
+        self.usage, self.drift = UsageLimits(grasp), np.zeros(4)
+        #: Roller travel of the last motion, and errors of the predicted pose and squeeze.
+        self._motion, self._beyond = np.zeros_like(self._corrected), np.zeros(4)
+
     def _learn(
         self,
         before: HeldGrip,
@@ -519,11 +570,11 @@ class GripBelief:
     ) -> None:
         """Compute `drift`, and the derivatives of slip margin and utilisation by roller travel."""
         if grasp.contacts is not before.contacts:  # a discontinuity
-            self.usage, self.drift = UsageLimits(grasp), np.zeros(4)
+            self._forget_motion(grasp)
             return
         pressed = grasp.squeeze - before.squeeze - self._pending[3]
         pressed -= before.squeeze_stiffness() * moved[3]
-        beyond = np.append(change - moved[:3], pressed)
-        self.drift = beyond / elapsed if elapsed > 0.0 else np.zeros(4)
+        self._motion, self._beyond = travel, np.append(change - moved[:3], pressed)
+        self.drift = self._beyond / elapsed if elapsed > 0.0 else np.zeros(4)
         was = self._margin(before, self._pending_forces)
         self.usage.learn(grasp, grasp.slip_margin(self._friction) - was, travel)

@@ -58,7 +58,8 @@ class StateEstimator:
         self.belief: GripBelief | None = None
         self._readings, self._slips = Timeline(), SlipWatch(len(robot.roller_names))
         self._pressures: tuple[float, ...] | None = None
-        self._rolled, self._corrected, self._strange = 0.0, False, 0
+        self._rolled, self._strange = 0.0, 0
+        self._used_offsets = self._zeros.offsets  # roller offsets in the equilibrium of the grip
         self._used: tuple[str, ...] = ()
         self._left_out: tuple[str, ...] = ()
         self._swapped: tuple[str, ...] = ()
@@ -161,18 +162,18 @@ class StateEstimator:
         self._roll()
         values, rates = self._place_joints(readings, zeros.offsets)
         rows = np.array([2 * names.index(name) + i for name in joints for i in (0, 1)])
-        expected = zeros.expect(values, rates, rows)
+        expected, slopes = zeros.expect(values, rates, rows)
         measured = np.array(list(joints.values()), dtype=float).ravel()
         noise = (deviation**2) * np.eye(len(rows)) + self._encoder_noise(rates[rows])
-        covariance = zeros.belief.spread(expected.rates) + noise
+        covariance = slopes @ zeros.state_covariance @ slopes.T + noise
         used, slipped = judge_markers(
-            (measured - expected.values).reshape(-1, 2),
+            (measured - expected).reshape(-1, 2),
             covariance,
             rates[rows],
             np.ptp(self._readings.values, axis=0),
         )
         zeros.inflate(slipped**2)
-        self._name(np.array(list(joints)), used, measured, expected.values, covariance)
+        self._name(np.array(list(joints)), used, measured, expected, covariance)
         chosen = np.flatnonzero(np.repeat(used, 2))
         if not len(chosen):
             return False
@@ -186,7 +187,6 @@ class StateEstimator:
         if self.belief is not None:
             self.belief.correct_zeros(zeros.offsets - before)
             self.belief.set_zero_covariance(zeros.covariance)
-            self._corrected = True
         variances = np.diag(zeros.covariance) + self.settings.joint_error**2
         self._slips.add(time, readings, zeros.offsets, variances)
         return True
@@ -250,11 +250,11 @@ class StateEstimator:
     def _roll(self) -> None:
         """Roll the held object to the last encoder reading; without equilibrium, release it."""
         (time, readings), belief = self._readings.last, self.belief
-        travel, elapsed = readings + self._zeros.offsets, time - self._rolled
-        self._rolled = time
-        if belief is None or (elapsed == 0.0 and not self._corrected):
+        elapsed, self._rolled = time - self._rolled, time
+        if belief is None or elapsed == 0.0:
             return
-        self._corrected = False
+        self._used_offsets = self._zeros.offsets
+        travel = readings + self._used_offsets
         try:
             config = belief.grasp.config.moved_to(travel)
             if belief.follow(config, elapsed, self._pressures) is not HoldStatus.HELD:
@@ -264,7 +264,7 @@ class StateEstimator:
 
     def _attach(self, pose: Pose, deviations: Array) -> GripBelief | None:
         """Return the belief of an object at its measured pose; None if it cannot be held."""
-        zeros = self._zeros
+        zeros, self._used_offsets = self._zeros, self._zeros.offsets
         self._config = self._config.moved_to(self._readings.last[1] + zeros.offsets)
         grip = self._grip.moved_to(pose)
         try:
@@ -274,7 +274,7 @@ class StateEstimator:
             belief = GripBelief(found, grip, self.settings, zeros.covariance, deviations)
         except (ConfigurationError, GraspError, StructureError):
             return None
-        return belief if belief.squeeze > belief.squeeze_deviation else None
+        return belief if belief.squeeze > belief.geometric_deviation else None
 
     def _place_joints(self, readings: Array, offsets: Array) -> tuple[Array, Array]:
         """
@@ -291,7 +291,7 @@ class StateEstimator:
         held, own = belief.grasp.config, belief.joint_rates()
         beyond = own - held.node_jacobian[:count]
         displaced = held_joints(belief.grasp).ravel() - held.nodes.ravel()[:count]
-        return places + displaced + beyond @ (offsets - self._zeros.offsets), rates + beyond
+        return places + displaced + beyond @ (offsets - self._used_offsets), rates + beyond
 
     def _encoder_noise(self, rates: Array) -> Array:
         """Return the covariance (m, m) of joint coordinates by encoder noise, for a Jacobian."""

@@ -45,7 +45,14 @@ def read_object(path_or_text: str | Path) -> ConvexObject:
         source, text = 'object', path_or_text
     else:
         source = str(path_or_text)
-        text = read_text(Path(path_or_text), 'an object file', ObjectFileError)
+        try:
+            path = Path(path_or_text)
+        except TypeError as problem:
+            raise ObjectFileError(
+                f'object {path_or_text!r}: must be the path of a file, or a text that begins '
+                'with {'
+            ) from problem
+        text = read_text(path, 'an object file', ObjectFileError)
     return make_object(parse_yaml(source, text, 'object files', ObjectFileError), source)
 
 

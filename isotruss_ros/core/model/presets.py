@@ -34,7 +34,8 @@ def find_robot_file(name_or_path: str | Path) -> Path:
         path = Path(name_or_path).expanduser()
         if path.is_file():
             return path
-    except (OSError, ValueError, RuntimeError):  # name too long, null byte, ~ of an unknown user
+    # Name too long, null byte, ~ of an unknown user, or neither a text nor a path.
+    except (OSError, ValueError, RuntimeError, TypeError):
         pass
     raise RobotFileError(
         f'robot {given!r}: there is no such preset and no such file; '

@@ -59,7 +59,7 @@ def describe_robot(path: Path, content: Any) -> RobotDescription:
     supports = {joint: tuple(axes) for joint, axes in content['supports'].items()}
     limits = {key: float(value) for key, value in content['members'].items()}
     pressure = content['tube']['pressure']
-    refuse_if_any(path, _cross_check(joints, tubes, supports, limits, pressure))
+    refuse_if_any(path, _cross_check(joints, tubes, supports, limits, content))
     if not isinstance(pressure, Mapping):
         pressure = dict.fromkeys(content['tubes'], pressure)
     pressures = {tube.name: float(pressure[tube.name]) for tube in tubes}
@@ -111,12 +111,23 @@ def _check_stiffness(
         )
 
 
+def _check_calibration(calibration: Mapping[str, Any], tubes: tuple[Tube, ...]) -> Iterator[str]:
+    """Yield a fault for each name in the block `calibration` that is not a roller."""
+    rollers = [
+        f'{tube.name}/{joint}' for tube in tubes for joint in tube.joints if joint != tube.passive
+    ]
+    for key in ('zero_deviations', 'checked_rollers'):
+        for name in calibration.get(key, ()):
+            if name not in rollers:
+                yield f'calibration.{key}: unknown roller {name!r}; known are {", ".join(rollers)}'
+
+
 def _cross_check(
     joints: Mapping[str, tuple[float, float]],
     tubes: tuple[Tube, ...],
     supports: Mapping[str, tuple[str, ...]],
     limits: Mapping[str, float],
-    pressure: float | Mapping[str, float],
+    content: Mapping[str, Any],
 ) -> Iterator[str]:
     """Yield faults that the schema cannot express, such as names of joints that do not exist."""
     known = ', '.join(joints)
@@ -136,6 +147,7 @@ def _cross_check(
     for joint in supports:
         if joint not in joints:
             yield f'supports.{joint}: unknown joint {joint!r}; known are {known}'
+    pressure = content['tube']['pressure']
     if isinstance(pressure, Mapping):
         names = [tube.name for tube in tubes]
         for name in pressure:
@@ -144,6 +156,7 @@ def _cross_check(
         for name in names:
             if name not in pressure:
                 yield f'tube.pressure: tube {name} is missing; give one number, or one per tube'
+    yield from _check_calibration(content.get('calibration', {}), tubes)
     places: dict[tuple[float, float], str] = {}
     for joint, place in joints.items():
         other = places.setdefault(place, joint)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 
-from isotruss_ros.core.inputs import HISTORY_DURATION, Timeline
+from isotruss_ros.core.inputs import MAX_TIMEOUT, Timeline
 
 #: Smallest rate of path time while limits slow the robot [-]; at this rate the path goes on to
 #: poses at which no limit binds.
@@ -85,7 +85,7 @@ class PathClock:
         self._now += max(elapsed, 0.0)
         if self._now > self._known.last[0]:
             self._known.add(self._now, self.time)
-        self._known.discard_before(self._now - HISTORY_DURATION)
+        self._known.discard_before(self._now - MAX_TIMEOUT)
         step = self.step(elapsed)
         wanted = 1.0 if scale >= 1.0 else max(self.rate * scale, MIN_LIMITED_RATE)
         most = step / self.ramp_time

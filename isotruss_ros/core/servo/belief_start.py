@@ -82,7 +82,7 @@ class BeliefStart:
             return HoldStatus.WRINKLES
         prior = replace(
             PRIOR, load=settings.load or PRIOR.load, zero_deviation=settings.zero_deviation
-        )
+        ).calibrated(config.robot.description)
         belief = GripBelief(found, grip, prior, zero_covariance, is_assumed=self._assuming)
         hold = belief.grasp.hold(belief.largest_friction)
         self._missed = hold is HoldStatus.NO_CONTACT

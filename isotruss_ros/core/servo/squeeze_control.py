@@ -240,13 +240,13 @@ class SqueezeControl:
         """
         Return the desired squeeze of the control law [N].
 
-        It is the setting if the standard deviation of the estimated squeeze is small relative to
-        the setting. Otherwise the excess of the first estimate over the setting is added, because
-        opening the grip could release the object, and the measured pose would not show the loss
-        until the object is moved.
+        It is the setting if the standard deviation of the estimated squeeze, for the given
+        stiffness, is small relative to the setting. Otherwise the excess of the first estimate
+        over the setting is added, because opening the grip could release the object, and the
+        measured pose would not show the loss until the object is moved.
         """
         force = self.settings.force
-        known = belief.squeeze_deviation <= MAX_KNOWN_DEVIATION * force
+        known = belief.geometric_deviation <= MAX_KNOWN_DEVIATION * force
         return force if known else force + self._excess
 
     def advance(self, twist: Array, command: RollerCommand, missing: Array | float = 0.0) -> None:

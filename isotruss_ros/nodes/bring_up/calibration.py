@@ -62,8 +62,8 @@ class Calibration(StoppableNode):
         self._postures = [*kept, posture]
         found = calibrate_home(self._robot, self._postures, self.values.marker_deviation)
         write_robot_file(self._robot, self._output, found, self._stiffness)
-        zeros = zip(self._robot.roller_names, found.zeros, found.deviations, strict=True)
-        said = ', '.join(f'{name} {1e3 * z:+.1f} +- {1e3 * sure:.1f}' for name, z, sure in zeros)
+        offsets = zip(self._robot.roller_names, found.offsets, found.deviations, strict=True)
+        said = ', '.join(f'{name} {1e3 * z:+.1f} +- {1e3 * sure:.1f}' for name, z, sure in offsets)
         return f'roller offsets [mm]: {said}; written to {self._output}'
 
     def _calibrate_stiffness(
@@ -80,7 +80,7 @@ class Calibration(StoppableNode):
             both = sorted(set(before[0].joints) & set(under.joints))
             home = calibrate_home(self._robot, self._postures, self.values.marker_deviation)
             found = calibrate_stiffness(
-                self._robot.configuration(under.roller_positions + home.zeros),
+                self._robot.configuration(under.roller_positions + home.offsets),
                 {request.joint: (request.force.x, request.force.y)},
                 {name: before[0].joints[name] for name in both},
                 {name: under.joints[name] for name in both},

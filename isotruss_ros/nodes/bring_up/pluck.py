@@ -13,7 +13,7 @@ from __future__ import annotations
 from isotruss_msgs.msg import ManipulationStatus
 from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.calibration.oscillation import fit_oscillation, Oscillation
-from isotruss_ros.core import load_robot, Status
+from isotruss_ros.core import ConvexObject, Disc, load_robot, Status
 from isotruss_ros.core.inputs import StampedInput
 from isotruss_ros.nodes.bring_up.joint_markers import MAX_TOPIC_AGE
 from isotruss_ros.nodes.framework import common_parameters as common
@@ -65,7 +65,8 @@ class Pluck(StoppableNode):
         values = self.values
         self.found: Oscillation | None = None
         robot = load_robot(values.robot)
-        self._arm = common.read_body(values).arm
+        body = common.read_described(values) or ConvexObject(Disc(values.object_diameter))
+        self._arm = body.arm
         stamped = values.use_stamped_twist
         self._twists = create_twist_publisher(self, stamped, robot.frame)
         self._times: list[float] = []

@@ -26,7 +26,7 @@ from std_msgs.msg import Bool
 MIN_JOINT_RATE, MIN_POSE_RATE = 50.0, 10.0
 #: Largest accepted distance between a joint's measured position and the position computed from the
 #: encoders [m].
-MAX_ZERO_ERROR = 0.01
+MAX_JOINT_ERROR = 0.01
 SPECS = (
     ROBOT,
     common.OBJECT,
@@ -69,7 +69,7 @@ class Preflight(StoppableNode):
         self._inputs.keep('pose')
         self._checks: dict[str, Callable[[], str]] = {
             'encoders': self._check_encoders,
-            'zeros': self._check_zeros,
+            'roller offsets': self._check_offsets,
             'object pose': self._check_pose,
             'emergency stop': self._check_stop,
             'limits': self._check_limits,
@@ -96,7 +96,7 @@ class Preflight(StoppableNode):
         self._travel = self._inputs.rollers.value.positions
         return found
 
-    def _check_zeros(self) -> str:
+    def _check_offsets(self) -> str:
         sure = self._robot.description.calibration.get('zero_deviations')
         if not sure:
             raise MeasurementError(
@@ -119,9 +119,9 @@ class Preflight(StoppableNode):
         }
         worst = max(off, key=off.__getitem__)
         distance = f'marker {worst} is {1e3 * off[worst]:.1f} mm from the joint by the encoders'
-        if off[worst] > MAX_ZERO_ERROR:
+        if off[worst] > MAX_JOINT_ERROR:
             raise MeasurementError(
-                f'{distance}; must be at most {1e3 * MAX_ZERO_ERROR:.0f} mm: run calibrate_home'
+                f'{distance}; must be at most {1e3 * MAX_JOINT_ERROR:.0f} mm: run calibrate_home'
             )
         return f'{words}; {distance}'
 

@@ -15,12 +15,13 @@ from isotruss_msgs.srv import AnalyzeGrasp
 from isotruss_ros.core import ConvexObject
 from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
 from isotruss_ros.nodes.conversions.messages import (
+    ALIGNED_OBJECT,
     check_frame,
+    CONTACT,
     make_header,
     MessageError,
-    name_aligned_frame,
-    name_contact_frame,
-    name_object_frame,
+    name_frame,
+    OBJECT,
 )
 from isotruss_ros.nodes.conversions.object_messages import read_described
 from isotruss_ros.nodes.grasp.grasp_report import GraspQuery, GraspReport
@@ -45,20 +46,20 @@ def read_external_wrench(
     """
     Return the external wrench (fx, fy, m) on the object in a message, in robot axes [N, N m].
 
-    :param message: wrench about the object's origin, in the aligned frame (see
-        `name_aligned_frame`) or in the object's frame.
+    :param message: wrench about the object's origin, in the aligned frame (see `ALIGNED_OBJECT`)
+        or in the object's frame.
     :param frame: name of the robot frame.
     :param angle: angle of the object in the robot frame [rad]; None if unknown.
     :raises MessageError: the message has another frame, or a component is not finite or exceeds
         `MAX_WRENCH`.
     """
     wrench = _planar(message.wrench)
-    if frame and message.header.frame_id == name_object_frame(frame) and angle is not None:
+    if frame and message.header.frame_id == name_frame(frame, OBJECT) and angle is not None:
         fx, fy, m = wrench
         force = complex(fx, fy) * cmath.rect(1.0, angle)
         wrench = force.real, force.imag, m
     else:
-        check_frame('external wrench', message.header, name_aligned_frame(frame))
+        check_frame('external wrench', message.header, name_frame(frame, ALIGNED_OBJECT))
     if not all(abs(component) <= MAX_WRENCH for component in wrench):
         raise MessageError(
             f'external wrench {wrench}: force.x, force.y and torque.z must be finite, '
@@ -90,7 +91,7 @@ def to_contact_wrench(
     :param friction: friction force on the object, counter-clockwise positive; `force.y` has the
         opposite sign [N].
     """
-    message = WrenchStamped(header=make_header(when, name_contact_frame(frame, member)))
+    message = WrenchStamped(header=make_header(when, name_frame(frame, member + CONTACT)))
     message.wrench.force.x, message.wrench.force.y = normal, -friction
     return message
 

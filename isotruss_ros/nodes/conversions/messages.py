@@ -21,6 +21,10 @@ from std_msgs.msg import Header
 
 #: Largest valid coordinate of an object, and largest valid roller travel [m].
 MAX_DISTANCE = 1e6
+#: Parts with frames. The object's frame is fixed to the object. The aligned frame has its origin,
+#: about which moments of wrenches are given, and the robot's axes. The x axis of a contact frame
+#: is normal to the member and points into the object; the y axis is along the member.
+OBJECT, ALIGNED_OBJECT, CONTACT = 'object', 'object_aligned', '_contact'
 #: Largest accepted deviation of the norm of a quaternion from 1 [-].
 QUATERNION_TOLERANCE = 0.01
 
@@ -95,37 +99,14 @@ def request_parameters(values: Mapping[str, Any]) -> SetParameters.Request:
     return SetParameters.Request(parameters=messages)
 
 
-def name_object_frame(frame: str) -> str:
+def name_frame(frame: str, part: str) -> str:
     """
-    Return the name of the frame that is fixed to the object.
+    Return the name of the frame of the object, of a module or of a contact.
 
     :param frame: name of the robot frame; if it is empty, the result is empty.
+    :param part: `OBJECT`, `ALIGNED_OBJECT`, a module `t/j`, or a member `t/j-k` with `CONTACT`.
     """
-    return f'{frame}_object' if frame else ''
-
-
-def name_aligned_frame(frame: str) -> str:
-    """
-    Return the name of the frame with the object's origin and the robot's axes.
-
-    Moments of wrenches on the object are about this origin.
-
-    :param frame: name of the robot frame; if it is empty, the result is empty.
-    """
-    return f'{frame}_object_aligned' if frame else ''
-
-
-def name_contact_frame(frame: str, member: str) -> str:
-    """
-    Return the name of a member's contact frame.
-
-    The x axis of this frame is normal to the member and points into the object; the y axis is
-    along the member.
-
-    :param frame: name of the robot frame.
-    :param member: name of the member in contact.
-    """
-    return f'{frame}_{member.replace("/", "_")}_contact'
+    return f'{frame}_{part.replace("/", "_")}' if frame else ''
 
 
 def check_place(what: str, x: float, y: float) -> None:

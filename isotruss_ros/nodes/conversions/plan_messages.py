@@ -11,7 +11,6 @@ from geometry_msgs.msg import PoseStamped, WrenchStamped
 from isotruss_msgs.action import PlanGrasp
 from isotruss_msgs.msg import PlannedGrasp as PlannedGraspMessage
 from isotruss_ros.core import ConvexObject, GraspRequirements, Robot
-from isotruss_ros.core.manipulation.grip import find_members, members_at
 from isotruss_ros.core.paths.object_path import MAX_POSES
 from isotruss_ros.core.planning.describe_plan import export_figures, export_path
 from isotruss_ros.core.planning.grasp_plan import PlannedGrasp
@@ -48,7 +47,7 @@ def read_goal(
         must describe an object.
     :raises MessageError: the goal has no pose, another frame, no object, two objects, or a number
         out of range.
-    :raises GraspError: an object or requirement is invalid, or a module or member is unknown.
+    :raises GraspError: an object or requirement is invalid.
     """
     if goal.object_pose == PoseStamped():
         raise MessageError(
@@ -74,7 +73,7 @@ def _read_requirements(goal: PlanGrasp.Goal, robot: Robot) -> GraspRequirements:
     if goal.measure == 'stiffness' or any(direction):
         given['direction'] = direction
     wrench = read_external_wrench(WrenchStamped(wrench=goal.external_wrench), robot.frame)
-    requirements = GraspRequirements(
+    return GraspRequirements(
         friction=goal.friction,
         external_wrench=wrench,
         members=tuple(goal.members) or None,
@@ -84,11 +83,6 @@ def _read_requirements(goal: PlanGrasp.Goal, robot: Robot) -> GraspRequirements:
         count=goal.count,
         **{name: value for name, value in given.items() if value},
     )
-    if requirements.members is not None:
-        find_members(robot, requirements.members)
-    elif requirements.module is not None:
-        members_at(robot, requirements.module)
-    return requirements
 
 
 def _read_carry(goal: PlanGrasp.Goal) -> tuple[tuple[float, float, float], ...]:

@@ -13,24 +13,15 @@ from typing import Any
 
 from isotruss_ros.nodes.framework.parameters import Spec
 
-#: Arguments that begin and, optionally, end the arguments for ROS.
-ROS_ARGUMENTS, END_OF_ROS_ARGUMENTS = '--ros-args', '--'
-
 
 def refuse_arguments(kind: Any, arguments: Sequence[str]) -> None:
     """
     Print the help of a node if requested, and refuse arguments that ROS does not process.
 
     :param kind: class of the node.
-    :param arguments: command line; its first element is the program.
+    :param arguments: arguments of the command line that are not for ROS.
     :raises SystemExit: the help was printed (exit code 0), or an argument is invalid.
     """
-    own, of_ros = [], False
-    for argument in arguments[1:]:
-        if argument in (ROS_ARGUMENTS, END_OF_ROS_ARGUMENTS):
-            of_ros = argument == ROS_ARGUMENTS
-        elif not of_ros:
-            own.append(argument)
     parser = argparse.ArgumentParser(
         prog=f'isotruss {kind.node_name}',
         usage='%(prog)s [-h] [--ros-args -p PARAMETER:=VALUE ...]',
@@ -38,7 +29,7 @@ def refuse_arguments(kind: Any, arguments: Sequence[str]) -> None:
         epilog='\n'.join(['parameters:', *map(_describe, (*kind.base_specs, *kind.specs))]),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.parse_args(own)
+    parser.parse_args(arguments)
 
 
 def explain_refusal(error: RuntimeError | UnicodeEncodeError) -> str:

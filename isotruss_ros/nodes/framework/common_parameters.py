@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 from isotruss_ros.core import ConvexObject, Disc, inputs, read_object, Robot
 from isotruss_ros.core.manipulation.grip import find_members, Grip, members_at
@@ -40,7 +41,9 @@ FRICTION = Spec(
 OBJECT_SPECS = (OBJECT_DIAMETER, OBJECT, FRICTION)
 # At least the rate of MemberLengthLimit, which guarantees the limits in loops of that rate.
 RATE = Spec('rate', 100.0, 'Cycles per second [Hz]', (10.0, 2000.0))
-COMMAND_TIMEOUT = Spec('command_timeout', 0.2, 'Largest age of inputs [s]', (0.001, 10.0))
+COMMAND_TIMEOUT = Spec(
+    'command_timeout', 0.2, 'Largest age of inputs [s]', (0.001, inputs.MAX_TIMEOUT)
+)
 PRESSURE_TIMEOUT = Spec(
     'pressure_timeout',
     inputs.PRESSURE_TIMEOUT,
@@ -67,7 +70,7 @@ def read_described(values: Parameters) -> ConvexObject | None:
     """
     Return the object that the parameter `object` describes; None if the parameter is empty.
 
-    For None, nodes use a disc with the diameter `object_diameter`, see `read_body`.
+    For None, nodes use a disc with the diameter `object_diameter`, see `make_body`.
 
     :param values: parameters of a node.
     :raises IsotrussError: the description is invalid.
@@ -75,14 +78,16 @@ def read_described(values: Parameters) -> ConvexObject | None:
     return read_object(values.object) if values.object else None
 
 
-def read_body(values: Parameters) -> ConvexObject:
+def make_body(values: Parameters, described: ConvexObject | None) -> ConvexObject:
     """
-    Return the object that the parameter `object` or else `object_diameter` defines.
+    Return the described object, or else a disc; an object without friction gets the parameter's.
 
-    :param values: parameters of a node.
-    :raises IsotrussError: the description is invalid.
+    :param values: parameters of `OBJECT_SPECS`.
+    :param described: object of the parameter `object`; None for a disc with the parameter
+        `object_diameter`.
     """
-    return read_described(values) or ConvexObject(Disc(values.object_diameter))
+    body = described or ConvexObject(Disc(values.object_diameter))
+    return body if body.friction is not None else replace(body, friction=values.friction)
 
 
 def check_grip(robot: Robot, values: Mapping[str, Value]) -> None:

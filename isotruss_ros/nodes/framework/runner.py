@@ -30,6 +30,7 @@ from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
 from rclpy.timer import Timer
+from rclpy.utilities import remove_ros_args
 from scipy import interpolate, optimize  # noqa: F401 - imported before the first cycle
 from std_srvs.srv import Trigger
 
@@ -175,10 +176,10 @@ def run(kind: Callable[[], StoppableNode], args: Sequence[str] | None = None) ->
     :return: exit code, 0 if the node was interrupted or finished, 1 after an error.
     :raises SystemExit: the help was printed, or an argument is invalid.
     """
-    refuse_arguments(kind, sys.argv if args is None else args)
     # rcl would print an error without the name of the invalid argument.
     set_logger_level('rcl', LoggingSeverity.FATAL)
     try:
+        refuse_arguments(kind, remove_ros_args(args)[1:])
         # Own handlers: those of rclpy would close the context before the last command is sent.
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     except (RuntimeError, UnicodeEncodeError) as error:  # of rcl, and before it

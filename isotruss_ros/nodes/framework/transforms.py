@@ -11,10 +11,11 @@ from typing import Any, TYPE_CHECKING
 
 from geometry_msgs.msg import TransformStamped
 from isotruss_ros.nodes.conversions.messages import (
+    ALIGNED_OBJECT,
+    CONTACT,
     make_header,
-    name_aligned_frame,
-    name_contact_frame,
-    name_object_frame,
+    name_frame,
+    OBJECT,
 )
 from isotruss_ros.nodes.framework.topics import EVENTS
 import numpy as np
@@ -47,11 +48,11 @@ class TransformBroadcaster:
     def __init__(self, node: ManagedNode, robot: Robot) -> None:
         self._robot = robot
         self._transforms = None
-        own = (name_object_frame(robot.frame), name_aligned_frame(robot.frame))
-        self._names = (*own, *name_module_frames(robot))
+        parts = (OBJECT, ALIGNED_OBJECT, *robot.module_names)
+        self._names = [name_frame(robot.frame, part) for part in parts]
         if TFMessage is None:
             node.get_logger().info(
-                f'tf2_msgs is not installed: {own[0]} and module frames are not broadcast'
+                f'tf2_msgs is not installed: {self._names[0]} and module frames are not broadcast'
             )
             return
         self._transforms = node.advertise(TFMessage, '/tf', EVENTS)
@@ -80,7 +81,7 @@ class TransformBroadcaster:
         origins = [center, center, *joints, *(origin for origin, _ in contacts.values())]
         directions = [turn, 1.0, *rods, *(direction for _, direction in contacts.values())]
         frame = self._robot.frame
-        names = [*self._names, *(name_contact_frame(frame, member) for member in contacts)]
+        names = [*self._names, *(name_frame(frame, name + CONTACT) for name in contacts)]
         header = make_header(time, frame)
         half: Any = 0.5 * np.angle(directions)
         stamped = []
@@ -113,12 +114,3 @@ def find_contact_frames(
             origin = complex(mine @ analysis.points @ (1.0, 1.0j)) / float(mine.sum())
             frames[robot.member_names[number]] = origin, push / abs(push)
     return frames
-
-
-def name_module_frames(robot: Robot) -> list[str]:
-    """
-    Return the names of the modules' frames in `Robot.module_names` order.
-
-    :param robot: the robot.
-    """
-    return [f'{robot.frame}_{name.replace("/", "_")}' for name in robot.module_names]

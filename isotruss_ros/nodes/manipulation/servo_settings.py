@@ -10,7 +10,7 @@ import math
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from isotruss_msgs.msg import HeldGrip, ManipulationStatus
-from isotruss_ros.core import ConvexObject, Disc, Grip, Robot, Status
+from isotruss_ros.core import ConvexObject, Grip, Robot, Status
 from isotruss_ros.core.holding.grip_record import GripRecord
 from isotruss_ros.core.holding.held_grip import HeldGrip as HeldEquilibrium
 from isotruss_ros.core.safety.roller_failure import FAILURE_TIME
@@ -122,10 +122,9 @@ def make_settings(
         `object_diameter`.
     :param joint: joint that is moved by twists; None: twists move the object.
     """
-    body = described or ConvexObject(Disc(values.object_diameter))
+    body = common.make_body(values, described)
     if values.object_mass:
         body = replace(body, mass=values.object_mass)
-    friction = values.friction if body.friction is None else body.friction
     squeeze = None
     if values.squeeze_force != 0.0:
         squeeze = SqueezeSettings(
@@ -135,7 +134,7 @@ def make_settings(
             zero_deviation=values.zero_deviation,
         )
     return ServoSettings(
-        Grip(common.select_grip(robot, values), body, friction),
+        Grip(common.select_grip(robot, values), body),
         period=1.0 / values.rate,
         timeout=values.command_timeout,
         joint=joint,

@@ -22,7 +22,7 @@ from isotruss_msgs.action import (
     PlanGrasp,
 )
 from isotruss_msgs.msg import GraspState
-from isotruss_ros.core import IsotrussError, Pose, Robot
+from isotruss_ros.core import IsotrussError, Robot
 from isotruss_ros.core.inputs import find_fresh, Input, InputError, require_fresh, StampedInput
 from isotruss_ros.core.model.pose import pose_difference
 from isotruss_ros.core.paths.path_tracking import RETURN_SETTINGS, RETURN_SPEED, RETURN_TURN_RATE
@@ -38,10 +38,8 @@ from isotruss_ros.nodes.conversions.messages import (
 from isotruss_ros.nodes.conversions.object_messages import to_object_message
 from isotruss_ros.nodes.conversions.path_messages import (
     read_duration,
-    read_object_path,
     to_trajectory_message,
 )
-from isotruss_ros.nodes.conversions.plan_messages import read_goal
 from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.sensors import Inputs
@@ -109,34 +107,6 @@ class GraspSequences:
         """End the thread in which releases are planned."""
         self._thread.shutdown(wait=False, cancel_futures=True)
 
-    def check_pick(self, goal: PickObject.Goal) -> None:
-        """
-        Raise IsotrussError if a grasp search for the goal is invalid at any object pose.
-
-        :param goal: goal of the action.
-        """
-        anywhere = PoseStamped(header=make_header(0.0, self._robot.frame))
-        read_goal(self._to_search_goal(goal, anywhere), self._robot, self._described)
-
-    def check_place(self, goal: PlaceObject.Goal) -> None:
-        """
-        Raise MessageError if the clearance is not a positive number.
-
-        :param goal: goal of the action.
-        """
-        if not 0.0 < goal.clearance < math.inf:
-            raise MessageError(f'clearance {goal.clearance} m: must be a positive number')
-
-    def check_move(self, goal: MoveObject.Goal) -> None:
-        """
-        Raise IsotrussError if the path is invalid.
-
-        :param goal: goal of the action.
-        """
-        known = isinstance(self._inputs.pose, StampedInput)
-        here = self._inputs.pose.value if known else Pose(0.0, 0.0, 0.0)
-        read_object_path(goal.path, goal.speed, goal.turn_rate, self._robot, False, here)
-
     def _to_search_goal(self, goal: PickObject.Goal, lay: PoseStamped) -> PlanGrasp.Goal:
         """Return the goal of the grasp search for picking the object at a pose."""
         values, described = self._node.values, self._described
@@ -194,7 +164,10 @@ class GraspSequences:
         yield from self._await_inputs()
         self._require_free()
         lay = self.measured_pose()
-        grasp = yield from self._plan_grasp(goal, lay)
+        plan = yield from self._planner.run(self._to_search_goal(goal, lay))
+        if plan.code != PlanGrasp.Result.FOUND:
+            raise _plan_error(plan)
+        (grasp,) = plan.grasps
         settings = {'mode': 'object', 'squeeze_force': grasp.squeeze, 'grip': ['']}
         if grasp.module:
             settings['grip_module'] = grasp.module
@@ -229,14 +202,6 @@ class GraspSequences:
                 f'the object is already held by {members}: first place the object',
             )
 
-    def _plan_grasp(self, goal: PickObject.Goal, lay: PoseStamped) -> Steps:
-        """Return the planner's best grasp of the object at a pose."""
-        plan = yield from self._planner.run(self._to_search_goal(goal, lay))
-        if plan.code != PlanGrasp.Result.FOUND:
-            raise _plan_error(plan)
-        (grasp,) = plan.grasps
-        return grasp
-
     def place(self, goal: PlaceObject.Goal) -> Steps:
         """
         Decrease the squeeze, open the grip, retreat, and confirm that the object is free.
@@ -245,10 +210,14 @@ class GraspSequences:
         :raises IsotrussError: the object is not free.
         """
         self.stage = PLACE.PLANNING
+        if not goal.max_rotation >= 0.0:
+            raise MessageError(
+                f'max_rotation {goal.max_rotation} rad: must not be negative; 0 for the default'
+            )
         state = yield from self._await_held(StepOutcome.NOT_READY)
         pose = self._inputs.pose.value  # type: ignore[union-attr]
         config = self._inputs.configuration(self._node.now())
-        body = common.read_body(self._node.values).moved_to(pose)
+        body = common.make_body(self._node.values, self._described).moved_to(pose)
         record = find_fresh(self._node.now(), self._timeout, self._inputs.held_grip)
         most = goal.max_rotation or MAX_ROTATION
         planned: Future[Release] = self._thread.submit(

@@ -12,6 +12,7 @@ from isotruss_msgs.action import MoveObject, PickObject, PlaceObject
 from isotruss_ros.core import IsotrussError
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.inputs import InputError
+from isotruss_ros.nodes.conversions.messages import MessageError
 from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.sensors import Inputs
@@ -48,9 +49,9 @@ class PickAndPlace(ManagedNode):
         sequences = self._sequences = GraspSequences(self, self.robot, self.inputs)
         # Exists while the node is inactive as well, so that a goal that ends then gets its result.
         self._actions = [
-            self._offer(PickObject, 'pick_object', sequences.check_pick, sequences.pick),
-            self._offer(PlaceObject, 'place_object', sequences.check_place, sequences.place),
-            self._offer(MoveObject, 'move_object', sequences.check_move, sequences.move),
+            self._offer(PickObject, 'pick_object', sequences.pick),
+            self._offer(PlaceObject, 'place_object', sequences.place),
+            self._offer(MoveObject, 'move_object', sequences.move),
         ]
 
     def activate(self) -> None:
@@ -76,10 +77,8 @@ class PickAndPlace(ManagedNode):
     def _goal(self) -> SingleGoal | None:
         return next((action for action in self._actions if action.active), None)
 
-    def _offer(
-        self, kind: Any, name: str, check: Callable[[Any], None], sequence: Callable[[Any], Steps]
-    ) -> SingleGoal:
-        """Offer an action; its goals are checked, and then executed by a sequence."""
+    def _offer(self, kind: Any, name: str, sequence: Callable[[Any], Steps]) -> SingleGoal:
+        """Offer an action whose goals are executed, and checked, by a sequence."""
 
         def read(goal: Any) -> Any:
             if (running := self._goal) is not None:
@@ -87,13 +86,10 @@ class PickAndPlace(ManagedNode):
                     f'{running.kind.__name__} has been executed for '
                     f'{self.now() - self._began:.0f} s: cancel it, or wait for its end'
                 )
-            check(goal)
             return goal
 
         def refuse(error: IsotrussError) -> Any:
-            busy = isinstance(error, BusyError)
-            outcome = StepOutcome.NOT_READY if busy else StepOutcome.BAD_GOAL
-            return kind.Result(code=outcome, message=str(error))
+            return kind.Result(code=StepOutcome.NOT_READY, message=str(error))
 
         def begin(goal: Any) -> None:
             self._course, self._cancelling = sequence(goal), False
@@ -151,4 +147,5 @@ def _find_outcome(error: IsotrussError) -> StepOutcome:
         return StepOutcome.CANCELLED
     if isinstance(error, InputError):
         return StepOutcome.NOT_READY
-    return StepOutcome.BAD_GOAL if isinstance(error, GraspError) else StepOutcome.NO_MOTION_FOUND
+    bad = isinstance(error, GraspError | MessageError)
+    return StepOutcome.BAD_GOAL if bad else StepOutcome.NO_MOTION_FOUND

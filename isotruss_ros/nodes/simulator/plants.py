@@ -9,7 +9,6 @@ from dataclasses import replace
 
 from isotruss_ros.core import (
     ConvexObject,
-    Disc,
     ElasticObject,
     Grip,
     HoldStatus,
@@ -20,7 +19,6 @@ from isotruss_ros.core import (
     RollerFaults,
     RollingGrip,
     SimulatedRobot,
-    tangent_center,
 )
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.simulation.simulated_robot import SimulatedObject
@@ -46,7 +44,8 @@ SPECS = (
     FixedSpec(
         'indentation',
         0.0,
-        'Initial indentation of the tubes by the object [m]; 0: contact without force',
+        'Initial penetration of the object into the skin of each grasping member [m]; 0: contact '
+        'without force',
         (0.0, 0.1),
     ),
     FixedSpec(
@@ -83,17 +82,11 @@ def place_at_start(robot: Robot, values: Parameters) -> ConvexObject:
             f'parameter object_pose: {list(values.object_pose)}: must be three numbers x, y, angle'
         )
     place, indentation = Pose(*values.object_pose), values.indentation
-    described = common.read_described(values)
-    body = described or ConvexObject(Disc(values.object_diameter), friction=values.friction)
-    if values.object_is_free:
-        return body.moved_to(place)
-    if described or common.named_members(values.grip):
+    body = common.make_body(values, common.read_described(values))
+    if not values.object_is_free:
         members = common.select_grip(robot, values)
-        pose = place_between(robot.home, members, body.shape, place.angle, indentation).body.pose
-        return body.moved_to(pose)
-    module = values.grip_module or robot.module_names[-1]
-    center = tangent_center(robot.home, module, values.object_diameter, indentation)
-    return body.moved_to(Pose(*center, place.angle))
+        place = place_between(robot.home, members, body.shape, place.angle, indentation).body.pose
+    return body.moved_to(place)
 
 
 class StaticPlant(SimulatedRobot):
@@ -126,9 +119,8 @@ class StaticPlant(SimulatedRobot):
         """Return a free object at a pose, which only friction can hold."""
         values, body = self._values, self._body.moved_to(pose)
         if values.plant == KINEMATIC:
-            return RigidObject(body, values.friction)
-        friction = values.friction if body.friction is None else body.friction
-        self.elastic = ElasticObject(body, friction)
+            return RigidObject(body, body.friction_or(None))
+        self.elastic = ElasticObject(body, body.friction_or(None))
         return self.elastic
 
     @property

@@ -17,9 +17,10 @@ from isotruss_ros.core import load_robot, Pose, read_object
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.nodes.conversions.grasp_messages import to_wrench_message
 from isotruss_ros.nodes.conversions.messages import (
+    ALIGNED_OBJECT,
     make_header,
     MessageError,
-    name_aligned_frame,
+    name_frame,
     request_parameters,
     to_twist_message,
 )
@@ -28,7 +29,14 @@ from isotruss_ros.nodes.framework.parameters import FixedSpec, ROBOT, Spec
 from isotruss_ros.nodes.framework.robot_frame import RobotFrame
 from isotruss_ros.nodes.framework.runner import StoppableNode
 from isotruss_ros.nodes.framework.topics import LATCHED, RELIABLE, subscribe_newest
-from isotruss_ros.nodes.viewer.view_requests import Calls, make_calls, NodeRestart, ObjectGoals
+from isotruss_ros.nodes.viewer.view_requests import (
+    Calls,
+    make_calls,
+    MANIPULATION,
+    NodeRestart,
+    OBJECT_NODES,
+    ObjectGoals,
+)
 from isotruss_ros.viewer.control import ZERO
 from isotruss_ros.viewer.drag import LEVER_LENGTH, place_on_circle, PROGRESS_TIME
 from isotruss_ros.viewer.message_checks import PictureError
@@ -47,7 +55,6 @@ from isotruss_ros.viewer.names import (
     STOP,
 )
 from isotruss_ros.viewer.picture import Picture
-from rcl_interfaces.srv import SetParameters
 from rclpy.task import Future
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
@@ -76,9 +83,9 @@ SPECS = (
 )
 #: Parameters of other nodes that each request sets, by the name of the request.
 SETTINGS = {
-    'friction': ('friction', ('manipulation', 'grasp_analysis', 'pick_and_place')),
-    'diameter': ('object_diameter', ('manipulation', 'grasp_analysis', 'pick_and_place')),
-    'squeeze': ('squeeze_force', ('manipulation',)),
+    'friction': ('friction', OBJECT_NODES),
+    'diameter': ('object_diameter', OBJECT_NODES),
+    'squeeze': ('squeeze_force', (MANIPULATION,)),
 }
 #: Longest time in which the release of an emergency stop is tried [s].
 RELEASE_TIMEOUT = 2.0
@@ -104,10 +111,6 @@ class Viewer(StoppableNode):
         self._wrenches = self.advertise(WrenchStamped, 'external_wrench')
         self._stops = self.advertise(Bool, 'emergency_stop', LATCHED)
         self._release = self.create_client(Trigger, 'release_emergency_stop')
-        self._set = {
-            name: self.create_client(SetParameters, f'{name}/set_parameters')
-            for name in ('manipulation', 'grasp_analysis', 'pick_and_place')
-        }
         self._goals = ObjectGoals(self, self._report_goal)
         self._restart = NodeRestart(self, self._report_goal)
         self._squeeze = 0.0
@@ -238,7 +241,7 @@ class Viewer(StoppableNode):
         wrench = self._controls.control.wrench
         if wrench == ZERO and not self._pulling:
             return
-        header = make_header(self.now(), name_aligned_frame(self.picture.robot.frame))
+        header = make_header(self.now(), name_frame(self.picture.robot.frame, ALIGNED_OBJECT))
         self._wrenches.publish(WrenchStamped(header=header, wrench=to_wrench_message(wrench)))
         # Twists continue once published: old ones expire.
         self._pulling = True
@@ -252,7 +255,7 @@ class Viewer(StoppableNode):
         elif name == DRAGGED:
             joint = '' if value == OBJECT else value
             mode = 'object' if value == OBJECT else 'joint'
-            self._send_parameters('manipulation', {'joint': joint, 'mode': mode})
+            self._send_parameters(MANIPULATION, {'joint': joint, 'mode': mode})
         elif name == PICK:
             self._goals.send(PICK, squeeze=self._squeeze)
         elif name == PLACE:
@@ -296,9 +299,10 @@ class Viewer(StoppableNode):
 
     def _send_parameters(self, node: str, values: dict[str, float | str]) -> None:
         """Set parameters of another node, and log the parameters that it rejects."""
-        client = self._set[node]
+        client = self._restart.setters[node]
         if not client.service_is_ready():
-            self.reasons.note(node, f'node {node} does not exist: its parameters are not set')
+            if node == MANIPULATION:  # the other nodes are optional
+                self.reasons.note(node, f'node {node} does not exist: its parameters are not set')
             return
 
         def report(future: Future) -> None:

@@ -26,8 +26,16 @@ STAGES = {
 SIMULATOR, MANIPULATION = 'simulator', 'manipulation'
 #: Names of the simulator's parameters that define whether its object is free, and its grip.
 IS_FREE, *GRIP = ('object_is_free', 'grip', 'grip_module')
-#: Nodes other than the simulator that read the parameter `object` when they are configured.
-OTHER_NODES = ('grasp_analysis', MANIPULATION, 'path_follower', 'grasp_planner', 'pick_and_place')
+#: Nodes other than the simulator with the parameters `object`, `object_diameter` and `friction`.
+OBJECT_NODES = (
+    'grasp_analysis',
+    MANIPULATION,
+    'path_follower',
+    'pick_and_place',
+    'state_estimator',
+)
+#: Nodes other than the simulator with the parameter `object`.
+OTHER_NODES = (*OBJECT_NODES, 'grasp_planner')
 
 #: Generator that yields service calls and receives their responses.
 Calls = Generator[Callable[[], Future], Any, None]
@@ -92,13 +100,14 @@ class NodeRestart:
     """
     Reconfiguration of the simulator and other nodes by their life-cycle services.
 
+    :ivar setters: client of the service `set_parameters` for the name of each node.
     :param node: node of the clients.
     :param report: callback that receives the result of a restart as a sentence.
     """
 
     def __init__(self, node: Node, report: Callable[[str], None]) -> None:
         self._report = report
-        self._change, self._set = (
+        self._change, self.setters = (
             {
                 name: node.create_client(kind, f'{name}/{service}')
                 for name in (SIMULATOR, *OTHER_NODES)
@@ -134,9 +143,8 @@ class NodeRestart:
         self._begin(f'object {kind}', squeeze, [SIMULATOR, *others], {'object': description})
 
     def _begin(self, what: str, squeeze: float, names: list[str], values: dict[str, str]) -> None:
-        if not (
-            self._change[SIMULATOR].service_is_ready() and self._set[SIMULATOR].service_is_ready()
-        ):
+        clients = self._change[SIMULATOR], self.setters[SIMULATOR]
+        if not all(client.service_is_ready() for client in clients):
             self._report(f'{what}: the node simulator is not running')
             return
         self._calls.close()
@@ -152,7 +160,7 @@ class NodeRestart:
             yield self._transition(name, Transition.TRANSITION_DEACTIVATE)
             yield self._transition(name, Transition.TRANSITION_CLEANUP)
         for name in names if values else ():
-            answer = yield partial(self._set[name].call_async, request_parameters(values))
+            answer = yield partial(self.setters[name].call_async, request_parameters(values))
             if not answer.results[0].successful:
                 self._report(f'{what} cannot be set: {answer.results[0].reason}')
                 return
@@ -166,7 +174,7 @@ class NodeRestart:
                     self._report(f'{what} cannot be {done}: see the log of {name}')
                     return
         rejected = ''
-        if self._set[MANIPULATION].service_is_ready():
+        if self.setters[MANIPULATION].service_is_ready():
             rejected = yield from self._restore_grip(squeeze)
         self._report(f'{what}: {rejected or "active"}')
 
@@ -181,7 +189,7 @@ class NodeRestart:
                 Parameter(name=name, value=value) for name, value in zip(GRIP, grip, strict=True)
             ]
         # Changed parameters also acknowledge a slip or loss, as the manipulation requires.
-        answer = yield partial(self._set[MANIPULATION].call_async, request)
+        answer = yield partial(self.setters[MANIPULATION].call_async, request)
         return '; '.join(result.reason for result in answer.results if not result.successful)
 
     def _transition(self, name: str, which: int) -> Callable[[], Future]:

@@ -10,10 +10,13 @@ from isotruss_ros.core import (
     Ellipse,
     IsotrussError,
     load_robot,
+    place_between,
+    Polygon,
     tangent_center,
 )
 from isotruss_ros.core.contact.refinement import DIVISIONS, REGION_POINTS
 from isotruss_ros.core.errors import SolverError
+from isotruss_ros.core.manipulation.grip import members_at
 import numpy as np
 import pytest
 import robots
@@ -115,3 +118,26 @@ def test_small_object_missed_by_the_final_points_is_refused():
     small = ConvexObject.disc((1.4295648734228052, -0.19796723469443755), 0.06603594342697769)
     with pytest.raises(SolverError, match='where contact is not modelled'):
         analyze_grasp(config, small)
+
+
+@pytest.mark.parametrize(('depth', 'error'), [(8e-4, 0.25), (1.5e-3, 0.1), (3e-3, 0.03)])
+def test_shallow_corner_between_two_points_is_in_contact(depth, error):
+    box = Polygon([(-0.16, -0.13), (0.16, -0.13), (0.16, 0.13), (-0.16, 0.13)])
+    members = members_at(ROBOT, 'north/Z')
+    body = place_between(ROBOT.home, members, box, angle=-0.29, indentation=depth).body
+    coarse, fine = (analyze_grasp(ROBOT.home, body, spacing=s) for s in (SPACING, SPACING / 8))
+    assert coarse.contact_forces == pytest.approx(fine.contact_forces, rel=error)
+
+
+def test_thin_object_whose_contact_is_lost_on_the_way_in_is_refused():
+    # A first step of the indentation ends without contact.
+    pose = (0.715820729508848, 0.9493758857055798, 0.004968614350578049)
+    thin = ConvexObject(Ellipse((0.05426568656321512, 0.0007537796275689775)), pose)
+    with pytest.raises(SolverError, match=r'^north/.*: the structure becomes unstable'):
+        analyze_grasp(ROBOT.home, thin)
+
+
+def test_object_deeper_than_a_tube_is_refused_without_steps():
+    body = ConvexObject.disc(tangent_center(ROBOT.home, 'north/Z', 1.2), 1.2)
+    with pytest.raises(SolverError, match='no equilibrium of the tubes'):
+        analyze_grasp(ROBOT.home, body)

@@ -14,6 +14,7 @@ from isotruss_ros.core.estimation.grip_belief import GripBelief, MAX_DEVIATIONS
 from isotruss_ros.core.estimation.grip_model import attach_model
 from isotruss_ros.core.estimation.pose_noise import PoseNoise
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings
+from isotruss_ros.core.holding.held_gradient import held_gradient
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.servo.loop_gains import gains_of
 from nightly import some_now
@@ -64,10 +65,27 @@ def test_error_of_the_squeeze_with_wrong_offsets_is_within_stated_deviations():
     for seed in range(12):
         off = 0.005 * np.random.default_rng(seed).normal(size=6)
         model = attach_model(CONFIG.moved_to(CONFIG.roller_positions + off), GRIP)
-        belief = GripBelief(model, GRIP, EstimatorSettings(zero_deviation=0.005))
+        belief = GripBelief(model, GRIP, EstimatorSettings(zero_deviation=0.005, stiffness=0.0))
         surprises.append((belief.squeeze - MODEL.squeeze) / belief.squeeze_deviation)
     assert np.abs(surprises).max() < 3.0
     assert 0.3 < np.sqrt(np.mean(np.square(surprises))) < 1.5
+
+
+def test_stiffness_of_the_tubes_scales_the_squeeze_and_moves_nothing():
+    found, stiffness = held_gradient(MODEL), len(CONFIG.roller_positions) + 3
+    assert found.pose[:, stiffness] == pytest.approx(0.0, abs=1e-8)
+    assert found.normal_forces[:, stiffness].mean() == pytest.approx(MODEL.squeeze, rel=1e-6)
+
+
+@pytest.mark.parametrize('stiffness', [0.6, 1.5])
+def test_error_of_the_squeeze_with_unmeasured_stiffness_is_within_stated_deviations(stiffness):
+    belief = believed(zero_deviation=1e-3)
+    error = (stiffness - 1.0) * belief.squeeze
+    assert abs(error) < 2.0 * belief.squeeze_deviation
+    assert abs(error) > 4.0 * believed(zero_deviation=1e-3, stiffness=0.02).squeeze_deviation
+    # A calibration states a smaller deviation.
+    known = replace(CONFIG.robot.description, calibration={'stiffness_deviation': 0.02})
+    assert EstimatorSettings().calibrated(known).stiffness == 0.02
 
 
 def test_the_delay_of_poses_is_estimated_where_the_speed_changes():
@@ -77,6 +95,22 @@ def test_the_delay_of_poses_is_estimated_where_the_speed_changes():
     belief = believed()
     carry(belief, 3.0, 1e-4, 4.0)
     assert belief.delay < 0.01
+
+
+@pytest.mark.parametrize('age', [0.5, 2.0])
+def test_a_late_pose_is_compared_with_the_motion_up_to_its_stamp(age):
+    belief, grasp, poses = believed(), MODEL, [MODEL.pose]
+    carry(belief, 0.5)
+    for k in range(1, round(2.0 * age / PERIOD) + 1):
+        way = np.sin(0.5 * np.pi * k * PERIOD / age) * TRAVEL
+        grasp = roll_grip(grasp, CONFIG.moved_to(CONFIG.roller_positions + way))
+        belief.follow(grasp.config, PERIOD, None)
+        poses.append(grasp.pose)
+    there = poses[len(poses) // 2]
+    assert np.linalg.norm(np.subtract(there, poses[-1])) > 5e-3
+    before = np.array(belief.pose)
+    belief.observe(there, age)
+    assert np.array(belief.pose) == pytest.approx(before, abs=1e-5)
 
 
 def test_a_constant_offset_of_the_pose_is_no_squeeze():
@@ -160,3 +194,18 @@ def test_a_box_tilted_off_its_face_has_the_squeeze_of_its_contacts(shifts):
     belief = GripBelief(laid, measured, EstimatorSettings())
     assert belief.squeeze == pytest.approx(tilted.squeeze, rel=0.01)
     assert np.abs(belief.bias).max() < 2e-4
+
+
+def test_pose_and_squeeze_between_equilibria_are_extrapolated_from_the_last_motion():
+    belief, grasp, equilibria, poses, squeezes = believed(), MODEL, set(), [], []
+    for k in range(1, 41):
+        way = np.sin(2.0 * np.pi * 0.005 * k) * 2.0 * TRAVEL
+        grasp = roll_grip(grasp, CONFIG.moved_to(CONFIG.roller_positions + way))
+        assert belief.follow(grasp.config, 0.005, None) is HoldStatus.HELD
+        equilibria.add(id(belief.grasp.config))
+        poses.append(ARM * (belief.pose - grasp.pose))
+        squeezes.append(belief.squeeze / grasp.squeeze - 1.0)
+    assert len(equilibria) <= 12
+    # Before the second equilibrium there is no motion to extrapolate.
+    assert np.abs(poses[8:]).max() < 2e-5
+    assert np.abs(squeezes[8:]).max() < 2e-3

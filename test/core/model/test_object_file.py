@@ -41,7 +41,7 @@ def test_reads_objects_from_text():
         ('{}', "key 'shape' is missing; it is one of disc, polygon, ellipse"),
         ('{shape: box}', "shape: 'box': must be one of"),
         ('{shape: disc}', "'diameter' is missing; a disc needs it"),
-        ('{shape: disc, diameter: wide}', 'diameter'),
+        ('{shape: disc, diameter: wide}', "'wide': must be a finite number"),
         ('{shape: disc, diametre: 0.1}', 'did you mean diameter'),
         ('{shape: disc, diameter: 0.1, vertices: []}', "unknown key 'vertices'"),
         ('{shape: polygon, vertices: [[0, 0], [1, 0]]}', 'at least 3'),
@@ -81,6 +81,12 @@ def test_refuses_files_with_their_name(tmp_path):
         read_object(path)
     with pytest.raises(ObjectFileError, match='cannot be read'):
         read_object('a\0b')
+
+
+@pytest.mark.parametrize('given', [None, 5, ['a']], ids=repr)
+def test_refuses_neither_a_path_nor_a_text(given):
+    with pytest.raises(ObjectFileError, match='must be the path of a file, or a text'):
+        read_object(given)
 
 
 def test_outline_may_end_with_its_first_vertex():

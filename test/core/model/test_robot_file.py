@@ -128,6 +128,8 @@ tube.diameter: 10.2 -> tube.diameter: 10.2: | from 0.02 to 0.5; if it is in cm, 
 tube.pressure: 34.5 -> tube.pressure: 34.5: | if it is in kPa, it is 34500 Pa
 joints.Q: [1000.0, 0.0] -> joints.Q.0: 1000.0: | if it is in mm, it is 1 m
 joints.X: [2.0, 0.0] -> module south/P does not fit its corner | between 1 and 179 degrees
+calibration: {zero_deviations: {south/W: 0.1}} -> zero_deviations: unknown roller 'south/W'
+calibration: {checked_rollers: [P]} -> checked_rollers: unknown roller 'P' | known are south/
 """
 
 
@@ -215,7 +217,7 @@ def test_invalid_robot_files_are_refused(case, tmp_path):
 
 @pytest.mark.parametrize(
     'name',
-    ['nine', 'nine_member.yaml', '~nobody_of_this_name/x.yaml', 'x\0y', 'x' * 300, '/', ''],
+    ['nine', 'nine_member.yaml', '~nobody_of_this_name/x.yaml', 'x\0y', 'x' * 300, '/', '', None],
     ids=repr,
 )
 def test_missing_file_is_refused_with_the_presets(name):

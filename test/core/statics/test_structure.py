@@ -191,7 +191,7 @@ def test_pressure_may_be_one_for_all_one_for_each_or_by_tube():
         ([2e4, 0.0, 2e4], 'gauge pressure of tube east .*: 0.0: must be a positive number'),
         (1e8, 'gauge pressure of tube south .*: must be from 1e-3 to 1e7'),
         ({'north': -1}, 'gauge pressure of tube north'),
-        (np.nan, 'gauge pressure of tube south .*must be 1 finite numbers'),
+        (np.nan, 'gauge pressure of tube south .*must be a finite number'),
     ],
 )
 def test_invalid_gauge_pressures_are_refused(pressure, complaint):
