@@ -256,12 +256,10 @@ class LoadedTubes:
         ends, own = forces[piece], frame.members
         loads = np.stack([-ends[:, 2], ends[:, 5], ends[:, 3] + wall, bowing[piece]])
         scale = grip.tubes.stiffness_scale / bent.share
-        pull, both, apart = (scale * rates.forces[piece]).swapaxes(0, 1)
-        first, second = 0.5 * (both + apart), 0.5 * (both - apart)
-        pull, first, second = (
-            each + np.outer(force, self._stiffer)
-            for each, force in ((pull, ends[:, 3]), (first, ends[:, 2]), (second, ends[:, 5]))
-        )
+        # Rows: axial force and moments at both ends.
+        by_end = np.array([[1.0, 0.0, 0.0], [0.0, 0.5, 0.5], [0.0, 0.5, -0.5]])
+        changes = np.tensordot(by_end, scale * rates.forces[piece], (1, 1))
+        pull, first, second = changes + ends.T[[3, 2, 5], :, None] * self._stiffer
         pulled = pull + np.pi * radius**2 * self._inflated[tube]
         changes = np.stack([-first, second, pulled, rates.forces[piece, 0]])
         sections = np.stack([frame.length[piece], own.flexural[piece], own.shear[piece]])
