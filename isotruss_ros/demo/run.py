@@ -97,8 +97,10 @@ def run(arguments: Sequence[str] | None = None) -> int:
         default=1.0,
         help='ratio of simulated time to real time, with the plant mujoco',
     )
-    # Programs such as ros2 launch append arguments of their own.
-    options, _ = parser.parse_known_args(arguments)
+    options, others = parser.parse_known_args(arguments)
+    # Programs such as ros2 launch append --ros-args.
+    if others and others[0] != '--ros-args':
+        parser.error(f'unrecognized arguments: {" ".join(others)}')
     options.output.mkdir(parents=True, exist_ok=True)
     console, round_tubes = Console(), options.plant == MUJOCO
     for ending in (signal.SIGTERM, signal.SIGHUP):

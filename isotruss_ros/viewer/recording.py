@@ -67,6 +67,8 @@ def read_recording(path: Path) -> Iterator[tuple[float, str, Any]]:
                 first = last if not count else first
                 count += 1
                 yield last, channel.topic, message
+    except OSError as error:
+        raise RecordingError(f'{path}: cannot be read: {error.strerror or error}') from error
     # Any exception of the decoders of records, compressions and messages on damaged bytes.
     except Exception as error:  # noqa: BLE001
         fault = f'{type(error).__name__}: {error}'

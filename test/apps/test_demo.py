@@ -15,7 +15,7 @@ from isotruss_ros.demo.film import film
 from isotruss_ros.demo.gripping import slow_down
 from isotruss_ros.demo.path import figure_9
 from isotruss_ros.demo.record import PhaseRecord, Snapshot
-from isotruss_ros.demo.run import OBJECT_CENTER, OBJECT_DIAMETER, PULL
+from isotruss_ros.demo.run import OBJECT_CENTER, OBJECT_DIAMETER, PULL, run
 from isotruss_ros.demo.sensors import REAL_SENSORS, truth_table
 from isotruss_ros.nodes.conversions.path_messages import read_duration, to_trajectory_message
 from isotruss_ros.nodes.simulator import node as simulator
@@ -39,6 +39,13 @@ def integral(phase):
 def test_phases_begin_and_end_at_rest(phase):
     for time in (0.0, phase.duration, phase.duration + 1.0):
         assert phase.twist(time) == pytest.approx((0.0, 0.0, 0.0), abs=1e-12)
+
+
+def test_unknown_arguments_of_the_demo_are_refused(tmp_path, capsys):
+    with pytest.raises(SystemExit):
+        run(['--output', str(tmp_path / 'new'), '--robot', 'triangle'])
+    assert 'unrecognized arguments: --robot triangle' in capsys.readouterr().err
+    assert not (tmp_path / 'new').exists()
 
 
 def test_pictures_are_written(tmp_path):

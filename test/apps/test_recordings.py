@@ -172,6 +172,13 @@ MADE_UP = {
 }
 
 
+def test_a_missing_recording_is_refused(tmp_path, capsys):
+    from isotruss_ros.cli import replay
+
+    assert replay.main([str(tmp_path / 'none.mcap'), '--once', '--port', '0']) == 1
+    assert 'none.mcap: cannot be read: No such file or directory' in capsys.readouterr().err
+
+
 @pytest.mark.parametrize('kind', sorted(MADE_UP))
 def test_a_file_that_is_no_recording_is_refused(tmp_path, kind):
     numbers, words = read(MADE_UP[kind], tmp_path)

@@ -21,14 +21,15 @@ from dataclasses import replace
 import math
 
 from isotruss_ros.core.estimation.contact_walk import ContactWalk
-from isotruss_ros.core.estimation.correction_lag import CorrectionLag
-from isotruss_ros.core.estimation.grip_model import attach_model, Pressures, shift_deviations
-from isotruss_ros.core.estimation.grip_rates import (
+from isotruss_ros.core.estimation.grip_model import (
     anchor_rates,
+    attach_model,
     BIAS,
     ConsideredRates,
     DELAY,
     LOAD,
+    Pressures,
+    shift_deviations,
     SHIFTS,
     StateRates,
 )
@@ -135,7 +136,8 @@ class GripBelief:
         self._travelled = np.array(grasp.pose)  # pose by roller travel alone
         self._measured = 0.0, self._travelled  # time of the last measured rollers, and pose then
         self._way.add(*self._measured)
-        self._lag = CorrectionLag()  # lag of pose and squeeze
+        # Corrections of pose [m, m, rad] and squeeze [N] in the two low-pass filters in series.
+        self._lag = np.zeros((2, 4))
         self._by_considered = ConsideredRates.of(grasp)
         self._take(grasp)
         self._forget_motion(grasp)
@@ -223,12 +225,12 @@ class GripBelief:
     @property
     def regulated_pose(self) -> Array:
         """Return the object's pose (3,) for control, with corrections smoothed by two filters."""
-        return self.pose - self._lag.total[:3]
+        return self.pose - self._lag[:, :3].sum(axis=0)
 
     @property
     def regulated_squeeze(self) -> float:
         """Return the squeeze for control, with corrections smoothed by two filters [N]."""
-        return self.squeeze - float(self._lag.total[3])
+        return self.squeeze - float(self._lag[:, 3].sum())
 
     @property
     def slip_margin(self) -> float:
@@ -375,7 +377,7 @@ class GripBelief:
         self._forget_motion(found)
         self._corrected = np.zeros_like(self._corrected)
         self._place_contacts(pose)
-        self._lag.add(np.append(np.zeros(3), self.squeeze - squeeze))
+        self._lag[0, 3] += self.squeeze - squeeze
         return True
 
     def _place_contacts(self, pose: Array) -> None:
@@ -494,7 +496,7 @@ class GripBelief:
         self.load, self.bias = self.load + change[LOAD], self.bias + change[BIAS]
         given = moved[:3] + grasp.response.pose @ change[LOAD] + change[BIAS] / self._even
         pressed = squeeze + float(grasp.response.squeeze @ change[LOAD])
-        self._lag.add(np.append(given, pressed))
+        self._lag[0] += np.append(given, pressed)
 
     def _predict(self, elapsed: float, moved: Array, travel: Array) -> None:
         """Propagate the covariance of the grip's state by process noise."""
@@ -510,7 +512,7 @@ class GripBelief:
         considered = self._filter.considered
         self._filter.considered = considered + np.diag(given.slip**2 * SLIP_LENGTH * travel)
         decayed, response = (left - 1.0) * self.load, self.grasp.response
-        self._lag.add(np.append(response.pose @ decayed, response.squeeze @ decayed))
+        self._lag[0] += np.append(response.pose @ decayed, response.squeeze @ decayed)
         self.load = self.load + decayed
 
     def pass_corrections(self, elapsed: float, filter_time: float) -> None:
@@ -520,7 +522,9 @@ class GripBelief:
         :param elapsed: time since the last call [s].
         :param filter_time: time constant of the low-pass filters [s].
         """
-        self._lag.advance(elapsed, filter_time)
+        left = math.exp(-elapsed / filter_time)
+        self._lag[1] += (1.0 - left) * self._lag[0]
+        self._lag *= left
 
     def _take(self, grasp: HeldGrip) -> None:
         """Set the equilibrium, and the Jacobian of the measured pose at this equilibrium."""

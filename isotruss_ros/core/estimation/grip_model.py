@@ -1,18 +1,29 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Start of the model of a held object: its equilibrium, and the prior of its contact history."""
+"""
+Model of a held object: its equilibrium, and the linearisation of pose and squeeze.
+
+The state is (load, unexplained pose, delay, shifts of the contacts along the members); the
+considered parameters are the roller offsets, see `grip_belief`.
+"""
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 from isotruss_ros.core.holding.attach_grip import attach_grip, lay_faces
 from isotruss_ros.core.holding.contact_statics import TubeModel
-from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, NotHeldError
+from isotruss_ros.core.holding.held_gradient import held_gradient, HeldGradient
+from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, NotHeldError, travel_rates
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import find_members, Grip
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 
+#: Indices of load, unexplained pose and delay in the state, and first index of the contacts'
+#: shifts.
+LOAD, BIAS, DELAY, SHIFTS = slice(0, 3), slice(3, 6), 6, 7
 #: Gauge pressure of each tube (t,) [Pa]; None: as in the robot file.
 Pressures = tuple[float, ...] | None
 
@@ -59,3 +70,83 @@ def shift_deviations(grasp: HeldGrip, anchored: Array, friction: float) -> Array
     left = np.maximum(friction * presses - np.abs(rubs), 0.1 * friction * grasp.squeeze)
     rates = np.diag(members.T @ anchored[grasp.state.places.friction] @ members)
     return np.minimum(2.0 * left / np.maximum(np.abs(rates), left / grasp.arm), grasp.arm)
+
+
+class StateRates(NamedTuple):
+    """Derivatives of pose, rotations times the characteristic radius, and squeeze by the state."""
+
+    pose: Array  #: (3, n) derivatives of the object's pose
+    squeeze: Array  #: (n,) derivatives of the squeeze
+
+    @classmethod
+    def of(cls, grasp: HeldGrip, anchored: Array) -> StateRates:
+        """
+        Return the derivatives of pose and squeeze by the state at an equilibrium.
+
+        :param grasp: the equilibrium; its `response` is not None.
+        :param anchored: derivatives of the unknowns of the equilibrium, see `anchor_rates`.
+        """
+        even, members = np.array([[1.0], [1.0], [grasp.arm]]), len(grasp.members)
+        by_shift = anchored @ np.eye(members)[grasp.contacts.owners]
+        pose, squeeze = np.zeros((3, SHIFTS + members)), np.zeros(SHIFTS + members)
+        pose[:, LOAD], squeeze[LOAD] = even * grasp.response.pose, grasp.response.squeeze
+        pose[:, BIAS] = np.eye(3)
+        pose[:, SHIFTS:] = even * by_shift[:3]
+        squeeze[SHIFTS:] = by_shift[grasp.state.places.normal].sum(axis=0) / members
+        return cls(pose, squeeze)
+
+
+class ConsideredRates(NamedTuple):
+    """
+    Derivatives of pose and squeeze with respect to roller offsets.
+
+    The contacts do not move along the members.
+    """
+
+    grasp: HeldGrip  #: equilibrium of the object
+    gradient: HeldGradient  #: gradient of this equilibrium
+    pose: Array  #: (3, r) derivatives of the pose, see `StateRates`
+    squeeze: Array  #: (r,) derivatives of the squeeze
+
+    @classmethod
+    def of(cls, grasp: HeldGrip) -> ConsideredRates:
+        """
+        Return the derivatives by roller offsets at an equilibrium.
+
+        :param grasp: the equilibrium.
+        """
+        found, count = held_gradient(grasp), len(grasp.config.roller_positions)
+        along, anchors = _anchors_by_offsets(grasp), slice(count + 4, None)
+        even = np.array([[1.0], [1.0], [grasp.arm]])
+        given = np.vstack([even * found.pose, found.normal_forces.mean(axis=0)])
+        by_offsets = given[:, :count] + given[:, anchors] @ along
+        return cls(grasp, found, by_offsets[:3], by_offsets[3])
+
+    def joint_rates(self, shifts: Array) -> Array:
+        """
+        Return the derivatives (2j, r) of the joint positions with respect to the roller offsets.
+
+        :param shifts: (m, r) derivatives of the contacts' shifts with respect to roller offsets.
+        """
+        joints, count = self.gradient.joints, len(self.grasp.config.roller_positions)
+        along = _anchors_by_offsets(self.grasp) + shifts[self.grasp.contacts.owners]
+        return joints[:, :count] + joints[:, count + 4 :] @ along  # noqa: E203
+
+
+def anchor_rates(grasp: HeldGrip) -> Array:
+    """
+    Return the derivatives (3 + 4k, k) of the unknowns with respect to the rolling invariants.
+
+    The unknowns are those of `ContactForces`; for the invariants see `ContactStatics.anchors`.
+
+    :param grasp: the equilibrium.
+    """
+    places = grasp.state.places
+    right = np.zeros((places.size, len(grasp.anchors)))
+    right[places.conditions] = np.eye(len(grasp.anchors))
+    return np.linalg.solve(grasp.tangent, right)
+
+
+def _anchors_by_offsets(grasp: HeldGrip) -> Array:
+    """Return the derivatives (k, r) of rolling invariants by offsets, for resting contacts."""
+    return grasp.statics.sides[:, None] * travel_rates(grasp.config, grasp.contacts.members)

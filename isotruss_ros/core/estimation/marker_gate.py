@@ -7,10 +7,13 @@ from __future__ import annotations
 
 import itertools
 
-from isotruss_ros.core.estimation.belief import FALSE_ALARM_PROBABILITY
 from isotruss_ros.core.numerics.arrays import Array, Flags
 import numpy as np
 import scipy
+
+#: Probability that valid measurements fail a gate or a comparison [-]. Some twenty independent
+#: comparisons per second then have one false alarm in an hour.
+FALSE_ALARM_PROBABILITY = 1.5e-5
 
 
 def passes_gate(innovation: Array, covariance: Array) -> bool:

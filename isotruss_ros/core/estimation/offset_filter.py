@@ -7,10 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from isotruss_ros.core.estimation.belief import Belief, Expectation, update_belief
+from isotruss_ros.core.estimation.schmidt_filter import condition
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.numerics.arrays import Array, Indices
+from isotruss_ros.core.numerics.tolerances import MAX_SEARCH_STEPS
 import numpy as np
 
 #: Correlation length of slip along the travel [m].
@@ -28,6 +29,8 @@ class OffsetFilter:
     [m] and their common rotation about the centre of the joints [rad]. m are the mounting offsets
     of the markers from the joints [m].
 
+    :ivar mean: (n,) mean of the state.
+    :ivar state_covariance: (n, n) covariance of the state.
     :param robot: the robot with its nominal offsets.
     :param settings: prior standard deviations.
     """
@@ -44,17 +47,17 @@ class OffsetFilter:
         variances = (
             np.repeat([settings.zero_deviation, *sizes], [self._count, 2, 1, 2 * joints]) ** 2
         )
-        self.belief = Belief(np.zeros(len(variances)), np.diag(variances))  #: belief of the state
+        self.mean, self.state_covariance = np.zeros(len(variances)), np.diag(variances)
 
     @property
     def offsets(self) -> Array:
         """Return the mean of the roller offsets, (r,) [m]."""
-        return self.belief.mean[: self._count]
+        return self.mean[: self._count]
 
     @property
     def covariance(self) -> Array:
         """Return the covariance matrix of the roller offsets, (r, r) [m^2]."""
-        return self.belief.covariance[: self._count, : self._count]
+        return self.state_covariance[: self._count, : self._count]
 
     def predict(self, elapsed: float, travel: Array) -> None:
         """
@@ -72,11 +75,10 @@ class OffsetFilter:
 
         :param variances: (r,) increments [m^2].
         """
-        covariance = self.belief.covariance.copy()
-        own = np.arange(self._count)
+        covariance, own = self.state_covariance.copy(), np.arange(self._count)
         most = np.maximum(MAX_OFFSET_DEVIATION**2 - covariance[own, own], 0.0)
         covariance[own, own] += np.minimum(variances, most)
-        self.belief = Belief(self.belief.mean, covariance)
+        self.state_covariance = covariance
 
     def forget(self) -> None:
         """Set the variances of the offsets to the variance of unknown offsets."""
@@ -84,19 +86,19 @@ class OffsetFilter:
 
     def expect(
         self, values: Array, rates: Array, rows: Indices, mean: Array | None = None
-    ) -> Expectation:
+    ) -> tuple[Array, Array]:
         """
-        Return the predicted marker coordinates, linearised at a state.
+        Return the predicted marker coordinates (m,) and their Jacobian (m, n) at a state.
 
         :param values: (2j,) joint positions x0, y0, x1, y1, ... [m].
         :param rates: (2j, r) Jacobian of the joint positions with respect to the offsets.
         :param rows: (m,) indices of the measured coordinates.
-        :param mean: (n,) state; None: the mean of the belief.
+        :param mean: (n,) state; None: the mean.
         """
         constant = self._constant[rows]
-        mean = self.belief.mean if mean is None else mean
+        mean = self.mean if mean is None else mean
         expected = values[rows] + constant @ mean[self._count :]  # noqa: E203
-        return Expectation(expected, np.hstack([rates[rows], constant]))
+        return expected, np.hstack([rates[rows], constant])
 
     def update(
         self,
@@ -106,7 +108,7 @@ class OffsetFilter:
         joints: Callable[[Array], tuple[Array, Array]],
     ) -> None:
         """
-        Update the belief of the roller offsets with measured markers.
+        Update the state with measured markers; its mean is found by Gauss-Newton steps.
 
         :param measured: (m,) measured coordinates of markers [m].
         :param noise: (m, m) covariance of the measurement noise [m^2].
@@ -114,8 +116,13 @@ class OffsetFilter:
         :param joints: function that returns joint positions and their Jacobian for offsets (r,),
             as in `expect`.
         """
-
-        def expect(mean: Array) -> Expectation:
-            return self.expect(*joints(mean[: self._count]), rows, mean)
-
-        self.belief = update_belief(self.belief, measured, noise, expect)
+        prior = mean = self.mean
+        covariance = self.state_covariance
+        for _ in range(MAX_SEARCH_STEPS):
+            values, rates = self.expect(*joints(mean[: self._count]), rows, mean)
+            gain, _, covariance = condition(self.state_covariance, rates, noise)
+            moved = prior + gain @ (measured - values - rates @ (prior - mean))
+            change, mean = np.abs(moved - mean), moved
+            if (change <= np.sqrt(np.diag(covariance))).all():
+                break
+        self.mean, self.state_covariance = mean, covariance

@@ -15,6 +15,20 @@ from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 
 
+def condition(covariance: Array, rates: Array, noise: Array) -> tuple[Array, Array, Array]:
+    """
+    Return the Kalman gain (n, m), the remaining share (n, n) of errors, and the new covariance.
+
+    :param covariance: (n, n) covariance of the state before the measurement.
+    :param rates: (m, n) derivatives of the measurement with respect to the state.
+    :param noise: (m, m) covariance of the measurement noise.
+    """
+    gain = np.linalg.solve(rates @ covariance @ rates.T + noise, rates @ covariance).T
+    left = np.eye(len(covariance)) - gain @ rates
+    found = left @ covariance @ left.T + gain @ noise @ gain.T
+    return gain, left, 0.5 * (found + found.T)
+
+
 class SchmidtFilter:
     """
     Covariances of a state (n,) and of considered parameters (c,).
@@ -82,10 +96,6 @@ class SchmidtFilter:
         :param by_considered: (m, c) derivatives of the measurement with respect to the parameters.
         :param noise: (m, m) covariance of the measurement noise.
         """
-        prior = self.covariance
-        gain = np.linalg.solve(rates @ prior @ rates.T + noise, rates @ prior).T
-        left = np.eye(len(prior)) - gain @ rates
-        covariance = left @ prior @ left.T + gain @ noise @ gain.T
-        self.covariance = 0.5 * (covariance + covariance.T)
+        gain, left, self.covariance = condition(self.covariance, rates, noise)
         self.sensitivity = left @ self.sensitivity - gain @ by_considered
         return gain

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections import deque
 
-from isotruss_ros.core.estimation.belief import FALSE_ALARM_PROBABILITY
+from isotruss_ros.core.estimation.marker_gate import FALSE_ALARM_PROBABILITY
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 import scipy

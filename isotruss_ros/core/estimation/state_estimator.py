@@ -162,18 +162,18 @@ class StateEstimator:
         self._roll()
         values, rates = self._place_joints(readings, zeros.offsets)
         rows = np.array([2 * names.index(name) + i for name in joints for i in (0, 1)])
-        expected = zeros.expect(values, rates, rows)
+        expected, slopes = zeros.expect(values, rates, rows)
         measured = np.array(list(joints.values()), dtype=float).ravel()
         noise = (deviation**2) * np.eye(len(rows)) + self._encoder_noise(rates[rows])
-        covariance = zeros.belief.spread(expected.rates) + noise
+        covariance = slopes @ zeros.state_covariance @ slopes.T + noise
         used, slipped = judge_markers(
-            (measured - expected.values).reshape(-1, 2),
+            (measured - expected).reshape(-1, 2),
             covariance,
             rates[rows],
             np.ptp(self._readings.values, axis=0),
         )
         zeros.inflate(slipped**2)
-        self._name(np.array(list(joints)), used, measured, expected.values, covariance)
+        self._name(np.array(list(joints)), used, measured, expected, covariance)
         chosen = np.flatnonzero(np.repeat(used, 2))
         if not len(chosen):
             return False

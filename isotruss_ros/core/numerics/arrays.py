@@ -67,7 +67,7 @@ def _finite(
         return np.zeros(shape)
     fits = array.dtype.kind in 'iuf' and array.shape == shape and np.isfinite(array).all()
     if not fits or (np.abs(array) > most).any():
-        given = repr(values.tolist() if isinstance(values, np.ndarray) else values)
+        given = repr(values.tolist() if hasattr(values, 'tolist') else values)
         given = given if len(given) <= 80 else given[:77] + '...'
         count = ' x '.join(map(str, shape)) + ' finite numbers'
         if shape == (1,):
