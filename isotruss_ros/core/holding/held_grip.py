@@ -146,7 +146,7 @@ class HeldGrip:
         """Return the sums (m,) of contact forces (k,) on each of the m grasping members."""
         return np.bincount(self.contacts.owners, weights=forces)
 
-    @property
+    @functools.cached_property
     def squeeze(self) -> float:
         """Return the mean normal force of the grasping members [N]."""
         return float(self.normal_forces.mean())
