@@ -90,7 +90,10 @@ def missed(positions: np.ndarray, body: ConvexObject) -> bool:
     others = np.delete(members, sides)
     if modules.min() < 0.0 or others.min() < 0.0 or members[sides].max() > -1e-3:
         return True
-    found = analyze_grasp(config, body, NEEDS.friction)
+    try:
+        found = analyze_grasp(config, body, NEEDS.friction)
+    except IsotrussError:
+        return True
     used = max(found.utilisation.values())
     short = found.closure_margin < NEEDS.min_margin or used > NEEDS.max_utilisation
     return short or not found.closed_by_friction

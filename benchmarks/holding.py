@@ -63,10 +63,11 @@ class Path:
 
 @dataclass(frozen=True)
 class Run:
-    """Errors of all cycles of a path, and the computing time of a command [s]."""
+    """Errors of all cycles of a path, pause at oscillations, and time of a command [s]."""
 
     distance: np.ndarray
     squeeze: np.ndarray
+    pause: float
     time: float
 
 
@@ -101,7 +102,7 @@ def follow(
     force = model.squeeze
     control = SqueezeControl(SqueezeSettings(force, max_utilisation=math.inf))
     reference, count = np.array(plant.object_pose), round(DURATION / PERIOD)
-    errors, squeezes, times = [], [], []
+    errors, squeezes, times, paused = [], [], [], 0
     for k in range(count + count // 2):  # the last third at rest: what a load did is made up for
         rate = 1.0 - math.cos(2.0 * math.pi * (k + 0.5) / count) if k < count else 0.0
         if load is not None:
@@ -116,11 +117,12 @@ def follow(
         plant.advance(PERIOD)
         if plant_object.grasp is None:
             return f'dropped: {plant_object.dropped.value}'
-        reference = reference + PERIOD * rate * path.twist
+        reference = reference + PERIOD * rate * command.scale * path.twist
+        paused += command.scale == 0.0
         errors.append(pose_error(reference, plant))
         squeezes.append(plant_object.grasp.squeeze / force - 1.0)
     found = np.hypot(*np.array(errors)[:, :2].T)
-    return Run(found, np.abs(np.array(squeezes)), float(np.median(times)))
+    return Run(found, np.abs(np.array(squeezes)), PERIOD * paused, float(np.median(times)))
 
 
 def decide(
@@ -141,7 +143,8 @@ def decide(
         return 'not held'
     if command.status is Status.UNREACHABLE:
         return 'unreachable'
-    return command if command.scale == 1.0 else 'limit'
+    paused = command.status is Status.HALT_OSCILLATES
+    return command if paused or command.scale == 1.0 else 'limit'
 
 
 def pose_error(reference: np.ndarray, plant: SimulatedRobot) -> np.ndarray:
@@ -188,7 +191,7 @@ def tables() -> Iterator[Table]:
         done = [run for run in runs if isinstance(run, Run)]
         worst = np.array([(1e3 * r.distance.max(), 1e2 * r.squeeze.max()) for r in done])
         if not done:
-            rows.append((name, f'0 / {len(runs)}', *4 * ['-']))
+            rows.append((name, f'0 / {len(runs)}', *5 * ['-']))
             continue
         middle, most = np.median(worst, axis=0), worst.max(axis=0)
         rows.append(
@@ -198,8 +201,10 @@ def tables() -> Iterator[Table]:
                 f'{middle[0]:.3f} / {most[0]:.3f}',
                 f'{1e3 * max(run.distance[-1] for run in done):.3f}',
                 f'{middle[1]:.2f} / {most[1]:.2f}',
+                f'{np.mean([run.pause for run in done]):.2f}',
                 f'{1e3 * np.median([run.time for run in done]):.2f}',
             )
         )
-    header = ('controller', 'held', 'pose [mm]', 'at the end [mm]', 'squeeze [%]', 'command [ms]')
+    errors = 'pose [mm]', 'at the end [mm]', 'squeeze [%]'
+    header = ('controller', 'held', *errors, 'mean pause [s]', 'command [ms]')
     yield Table('Median / worst of the largest error of each path.', header, rows)

@@ -110,7 +110,7 @@ def _interruptible(stop: Stop) -> Iterator[None]:
 def _tell(plan: GraspPlan, needs: GraspRequirements) -> None:
     console = Console(highlight=False)
     if not console.is_terminal:
-        console.width = max(console.width, 120)  # full width for files and pipes
+        console.width = max(console.width, 160)  # full width for files and pipes
     if plan.grasps:
         console.print(table(plan, needs))
     console.print(plan_in_words(plan), soft_wrap=True)

@@ -52,17 +52,15 @@ OSCILLATING_REST_DISTANCE = 1e-4
 NOISY_REST_DISTANCE = 5e-3
 #: Lever arm that converts rotations of the object to distances [m].
 LEVER_ARM = 0.1
-#: Halts of the manipulation node that do not end by themselves, and their duration by the stamps
-#: of the status after which the demonstration ends [s]. An object that was just gripped may count
-#: as not held for some cycles.
-FINAL_HALTS = (
-    Status.HALT_TRAJECTORY,
-    Status.HALT_SLIPPED,
-    Status.HALT_NOT_HELD,
-    Status.HALT_EMERGENCY_STOP,
-    Status.HALT_OTHER_COMMANDS,
-)
-MAX_HALT_TIME = 1.0
+#: Halts of the manipulation node that end the demonstration after this duration by the stamps of
+#: the status [s]. The equilibrium of an object that was just gripped may be searched for a while.
+FINAL_HALTS = {
+    Status.HALT_TRAJECTORY: 0.0,
+    Status.HALT_SLIPPED: 0.0,
+    Status.HALT_EMERGENCY_STOP: 0.0,
+    Status.HALT_OTHER_COMMANDS: 5.0,
+    Status.HALT_NOT_HELD: 10.0,
+}
 #: Topics that have a single publisher unless two robots share a ROS domain.
 SINGLE_PUBLISHER_TOPICS = ('joint_states', 'object_pose')
 
@@ -106,7 +104,7 @@ class DemoClient(Node):
         self.rollers: np.ndarray | None = None
         self._offsets = np.zeros(len(roller_names))
         self._last_status: ManipulationStatus | None = None
-        self._halted = math.inf  # time at which one of `FINAL_HALTS` began [s]
+        self._began = 0.0  # time at which the last status code began [s]
         self._status_times: list[float] = []
         self._record = PhaseRecord('start')
         #: True normal forces received since the last message of the true pose [N].
@@ -174,8 +172,8 @@ class DemoClient(Node):
             self._record.accepted += held * last.scale * np.array([v.x, v.y, turn])
         self._record.statuses.add(Status(message.code))
         self._status_times.append(read_stamp(message.header))
-        halts = message.code in FINAL_HALTS
-        self._halted = min(self._halted, read_stamp(message.header)) if halts else math.inf
+        if last is None or message.code != last.code:
+            self._began = read_stamp(message.header)
 
     def _take_grasp(self, message: GraspState) -> None:
         self._record.grasps.append(message)
@@ -234,7 +232,8 @@ class DemoClient(Node):
     def _require_motion(self) -> None:
         """Raise DemoError if the manipulation node has halted and does not resume by itself."""
         last = self._last_status
-        if last is not None and read_stamp(last.header) - self._halted >= MAX_HALT_TIME:
+        most = math.inf if last is None else FINAL_HALTS.get(Status(last.code), math.inf)
+        if most < math.inf and read_stamp(last.header) - self._began >= most:
             raise DemoError(f'manipulation: {Status(last.code)}: {last.message}')
 
     def _seconds(self) -> float:

@@ -11,7 +11,7 @@ equilibrium determines the pose; in the others, the measured pose is taken.
 from __future__ import annotations
 
 import cmath
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 import itertools
 
@@ -127,18 +127,53 @@ def lay_faces(found: HeldGrip, friction: float, gap: float) -> HeldGrip:
     """
     if found.required_friction <= friction:
         return found
+    faces = (contacts for contacts, _ in _with_far_ends(found, gap))
+    return next(_find_held(found, faces, friction, MAX_SEARCH_STEPS), found)
+
+
+def prefer_far_ends(found: HeldGrip, friction: float) -> HeldGrip:
+    """
+    Return the equilibrium with the other end of a face in contact, if it is held and nearer.
+
+    Otherwise, return the given equilibrium. Contact hypotheses follow from straight tubes. Loaded
+    tubes are inclined, so the contact may be at the other end of a nearly parallel face.
+
+    :param found: equilibrium near the measured pose, see `attach_grip`.
+    :param friction: coefficient of friction between tubes and object.
+    """
+    if found.required_friction <= friction:
+        return found
+    measured = found.statics.body.middle
+    faces = _with_far_ends(found, found.statics.tube_radius)
+    ends = (contacts.without(near) for contacts, near in faces)
+    others = [found, *_find_held(found, ends, friction, MAX_NEWTON_ITERATIONS)]
+    return min(others, key=lambda each: abs(each.body.middle - measured))
+
+
+def _with_far_ends(found: HeldGrip, gap: float) -> Iterator[tuple[PressedContacts, int]]:
+    """
+    Yield the contacts with the far end of a face added, and the index of the near end.
+
+    :param gap: largest gap at the far end [m].
+    """
     for k, face in open_faces(found.statics):
-        if (
-            is_short(found.statics, face)
-            or far_end_depth(found.statics, found.state, k, face, gap) <= -gap
-        ):
-            continue
-        contacts, _ = with_far_end(found.contacts, k, face)
+        short = is_short(found.statics, face)
+        if not short and far_end_depth(found.statics, found.state, k, face, gap) > -gap:
+            contacts, far = with_far_end(found.contacts, k, face)
+            yield contacts, k + (far <= k)
+
+
+def _find_held(
+    found: HeldGrip, hypotheses: Iterable[PressedContacts], friction: float, steps: int
+) -> Iterator[HeldGrip]:
+    """Yield the equilibria with other contacts in which friction suffices and nothing pulls."""
+    for contacts in hypotheses:
         statics = build_statics(found.config, found.statics.body, contacts, found.tubes)
-        laid = _find_rest(found.config, statics, found.wrench, found.tubes, None, MAX_SEARCH_STEPS)
-        if laid is not None and laid.most_pulling() is None and laid.required_friction <= friction:
-            return laid
-    return found
+        other = _find_rest(found.config, statics, found.wrench, found.tubes, None, steps)
+        if other is None or other.most_pulling() is not None:
+            continue
+        if other.required_friction <= friction:
+            yield other
 
 
 def _find_pressing(

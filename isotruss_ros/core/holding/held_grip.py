@@ -146,7 +146,7 @@ class HeldGrip:
         """Return the sums (m,) of contact forces (k,) on each of the m grasping members."""
         return np.bincount(self.contacts.owners, weights=forces)
 
-    @property
+    @functools.cached_property
     def squeeze(self) -> float:
         """Return the mean normal force of the grasping members [N]."""
         return float(self.normal_forces.mean())
@@ -164,8 +164,7 @@ class HeldGrip:
         """
         if self.normal_forces.min() <= 0.0:
             return HoldStatus.NO_CONTACT
-        feet = self.state.feet
-        if not ((feet >= 0.0) & (feet <= self.statics.bent.length)).all():
+        if not self.statics.are_on_members(self.state.feet):
             return HoldStatus.OFF_MEMBER
         return HoldStatus.SLIPS if self.required_friction > friction else HoldStatus.HELD
 

@@ -119,7 +119,9 @@ class ActionStep:
         info = GoalInfo()
         info.goal_id.uuid = list(uuid4().bytes)
         unknown = ClientGoalHandle(self._client, GoalInfo().goal_id, None)
-        yield from self._request_result(unknown, info)
+        yield from _ask(
+            unknown.get_result_async, lambda: self._supervise(info, StepOutcome.NOT_READY)
+        )
         made, server = 0.0, ServerWatch(self._name, self._silence())
 
         def note(message: Any) -> None:
@@ -149,13 +151,17 @@ class ActionStep:
 
     def _await_result(self, sent: Future, info: GoalInfo, progress: Callable[[], float]) -> Steps:
         """Wait for the result of a sent goal, and return the result."""
+
+        def supervise() -> None:
+            self._supervise(info, StepOutcome.STOPPED)
+
         for _ in range(RETRY_TICKS):
             if sent.done():
                 break
-            self._supervise(info, StepOutcome.STOPPED)
+            supervise()
             yield progress()
         wanted = ClientGoalHandle(self._client, info.goal_id, None)
-        ended = yield from self._request_result(wanted, info, progress, StepOutcome.STOPPED)
+        ended = yield from _ask(wanted.get_result_async, supervise, progress)
         if ended.status != GoalStatus.STATUS_UNKNOWN:
             return ended.result
         if sent.done() and not sent.result().accepted:
@@ -167,15 +173,6 @@ class ActionStep:
             StepOutcome.STOPPED,
             f'the node that offers the action {self._name} was restarted and has lost the goal',
         )
-
-    def _request_result(
-        self,
-        goal: ClientGoalHandle,
-        info: GoalInfo,
-        progress: Callable[[], float] = lambda: 0.0,
-        missing: StepOutcome = StepOutcome.NOT_READY,
-    ) -> Steps:
-        return _ask(goal.get_result_async, lambda: self._supervise(info, missing), progress)
 
     def _supervise(self, info: GoalInfo, missing: StepOutcome) -> None:
         """Publish this client's heartbeat if the server supervises its clients."""

@@ -164,7 +164,10 @@ class GraspSequences:
         yield from self._await_inputs()
         self._require_free()
         lay = self.measured_pose()
-        grasp = yield from self._plan_grasp(goal, lay)
+        plan = yield from self._planner.run(self._to_search_goal(goal, lay))
+        if plan.code != PlanGrasp.Result.FOUND:
+            raise _plan_error(plan)
+        (grasp,) = plan.grasps
         settings = {'mode': 'object', 'squeeze_force': grasp.squeeze, 'grip': ['']}
         if grasp.module:
             settings['grip_module'] = grasp.module
@@ -198,14 +201,6 @@ class GraspSequences:
                 StepOutcome.BAD_GOAL,
                 f'the object is already held by {members}: first place the object',
             )
-
-    def _plan_grasp(self, goal: PickObject.Goal, lay: PoseStamped) -> Steps:
-        """Return the planner's best grasp of the object at a pose."""
-        plan = yield from self._planner.run(self._to_search_goal(goal, lay))
-        if plan.code != PlanGrasp.Result.FOUND:
-            raise _plan_error(plan)
-        (grasp,) = plan.grasps
-        return grasp
 
     def place(self, goal: PlaceObject.Goal) -> Steps:
         """

@@ -194,3 +194,18 @@ def test_a_box_tilted_off_its_face_has_the_squeeze_of_its_contacts(shifts):
     belief = GripBelief(laid, measured, EstimatorSettings())
     assert belief.squeeze == pytest.approx(tilted.squeeze, rel=0.01)
     assert np.abs(belief.bias).max() < 2e-4
+
+
+def test_pose_and_squeeze_between_equilibria_are_extrapolated_from_the_last_motion():
+    belief, grasp, equilibria, poses, squeezes = believed(), MODEL, set(), [], []
+    for k in range(1, 41):
+        way = np.sin(2.0 * np.pi * 0.005 * k) * 2.0 * TRAVEL
+        grasp = roll_grip(grasp, CONFIG.moved_to(CONFIG.roller_positions + way))
+        assert belief.follow(grasp.config, 0.005, None) is HoldStatus.HELD
+        equilibria.add(id(belief.grasp.config))
+        poses.append(ARM * (belief.pose - grasp.pose))
+        squeezes.append(belief.squeeze / grasp.squeeze - 1.0)
+    assert len(equilibria) <= 12
+    # Before the second equilibrium there is no motion to extrapolate.
+    assert np.abs(poses[8:]).max() < 2e-5
+    assert np.abs(squeezes[8:]).max() < 2e-3
