@@ -162,8 +162,7 @@ class GripResponse:
     :ivar squeeze_stiffness: derivative of the members' mean normal force with respect to their
         opening, see `HeldGrip.squeeze_stiffness` [N/m].
     :ivar ends: (e,) indices of the contacts that are an end of a face.
-    :ivar opening: (e, 2k) changes of normal and friction forces if one of these ends is released,
-        per unit of the tension that it had [-].
+    :ivar parted: (3 + 4k, e) changes of the unknowns per unit of gap at each of these ends.
     """
 
     change: Array
@@ -171,7 +170,7 @@ class GripResponse:
     arm: float
     squeeze_stiffness: float
     ends: Indices
-    opening: Array
+    parted: Array
 
     @property
     def pose(self) -> Array:
@@ -181,8 +180,33 @@ class GripResponse:
     @property
     def forces(self) -> Array:
         """Return the derivatives (2k, 3) of normal and friction forces by the wrench [-]."""
-        begin = (POSE + len(self.change)) // 2
-        return self.change[begin:]
+        return self.change[self._begin :]
+
+    @functools.cached_property
+    def opening(self) -> Array:
+        """
+        Return the changes (e, 2k) of normal and friction forces if an end of a face is released.
+
+        They are per unit of the tension that this end had [-].
+        """
+        forces = self.parted[self._begin :].T
+        return -forces / forces[np.arange(len(self.ends)), self.ends, None]
+
+    def opening_rates(self, rates: Array) -> Array:
+        """
+        Return the derivatives (2k, p, e) of `opening`.
+
+        :param rates: (3 + 4k, p, e) derivatives of `parted`.
+        """
+        each, ends = np.arange(len(self.ends)), self.ends
+        tension = self.parted[self._begin :][ends, each]
+        forces = rates[self._begin :]
+        return -(forces + self.opening.T[:, None] * forces[ends, :, each].T) / tension
+
+    @property
+    def _begin(self) -> int:
+        """Return the index of the first force among the unknowns."""
+        return (POSE + len(self.change)) // 2
 
     @property
     def stiffness(self) -> Array:

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import functools
 
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.holding.contact_forces import POSE
+from isotruss_ros.core.holding.contact_forces import POSE, slip_conditions
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.holding.loaded_tubes import GraspParameters, LoadedTubes
 from isotruss_ros.core.holding.settled_grasp import SettledGrasp
@@ -121,7 +121,22 @@ class GraspGradient(
     @functools.cached_property
     def _response(self) -> Array:
         """Return the derivatives (3 + 4k, p, 3) of the response to a wrench by the parameters."""
-        return _response_rates(self.settled.equilibrium, *self._changes)
+        grip, (tubes, change) = self.settled.equilibrium, self._changes
+        return -_solve_each(grip.tangent, _response_rates(grip, tubes, change, change[:, -3:]))
+
+    @functools.cached_property
+    def _openings(self) -> Array:
+        """Return the derivatives (2k, p, e) of `GripResponse.opening` by the parameters."""
+        grip, (tubes, change) = self.settled.equilibrium, self._changes
+        response, places = grip.response, grip.state.places
+        left = -_response_rates(grip, tubes, change, response.parted)
+        # The unit gap is normal to the tube, and turns with the tube relative to the member.
+        ends, each = response.ends, np.arange(len(response.ends))
+        turned = grip.statics.bent.axis[ends].conj() * grip.state.normals[ends] * 1j
+        turning = turned[:, None] * change[places.inclinations][ends, :-3]
+        left[3 * ends, :, each] += turning.real
+        left[3 * ends + 1, :, each] += turning.imag
+        return response.opening_rates(_solve_each(grip.tangent, left))
 
     @functools.cached_property
     def _margins(self) -> tuple[Array, tuple[str, ...]]:
@@ -130,8 +145,37 @@ class GraspGradient(
             rolled, placed = self.settled.lost.slip_margin_rates()
             rates[0, places.rollers], rates[0, places.place] = rolled, placed
             return rates, ()
-        _, change = self._changes
-        return _slip_margin_rates(self.settled, change[:, :-3], self._response, self.parameters)
+        return self._slip_margin_rates(self._changes[1][:, :-3])
+
+    def _slip_margin_rates(self, change: Array) -> tuple[Array, tuple[str, ...]]:
+        """Return `slip_margins` and `gives_way` from the changes (3 + 4k, p) of the unknowns."""
+        grip, friction = self.settled.equilibrium, self.settled.friction
+        response, begin = grip.response, grip.state.places.normal.start
+        rows, presses = grip.slip_rows(friction)  # and their derivative d/dmu
+        reserve, slope, size = grip.slip_reserves(friction)
+        nearest, turn = _find_largest(-reserve / size), grip.about_middle
+        # Wrenches about the object's centroid, which moves around its origin as the object turns.
+        ways = slope[nearest] @ turn / size[nearest, None]
+        along, conditions = ways @ turn.T, slip_conditions(grip.contacts.owners, friction)
+        x, y = turn[2, 1], -turn[2, 0]
+        swung = -slope[nearest, 2] * (x * ways[:, 0] + y * ways[:, 1])
+        left = rows[nearest] @ change[begin:]
+        answer = np.einsum('apw,tw->atp', self._response[begin:], along)
+        longer = np.einsum('ta,atp->tp', rows[nearest], answer) + np.outer(swung, change[2])
+        opened, own = np.divmod(nearest, len(conditions))
+        for i in np.flatnonzero(opened).tolist():
+            end = int(response.ends[opened[i] - 1])
+            if np.count_nonzero(rows[nearest[i]]) > 1:  # slip after this end has opened
+                more = conditions[own[i]] @ self._openings[..., opened[i] - 1]
+                left[i] += more * grip.state.forces[end]
+                longer[i] += more * (response.forces[end] @ along[i])
+        places = self.parameters.friction
+        left[:, places] += presses[nearest] @ grip.state.forces
+        longer[:, places] += (presses[nearest] @ response.forces * along).sum(axis=1)
+        names = (len(reserve) // len(grip.member_names)) * grip.member_names
+        margins = reserve[nearest, None] / size[nearest, None]
+        rates = (left - margins * longer) / size[nearest, None]
+        return rates, tuple(dict.fromkeys(names[i] for i in nearest))
 
 
 @single_threaded
@@ -221,22 +265,26 @@ def _friction_rates(grip: HeldGrip, most: int, presses: Array, rubs: Array) -> A
     return (np.sign(friction) * rubs[most] - need * presses[most]) / normal
 
 
-def _response_rates(grip: HeldGrip, tubes: LoadedTubes, change: Array) -> Array:
+def _response_rates(grip: HeldGrip, tubes: LoadedTubes, change: Array, response: Array) -> Array:
     """
-    Return the derivatives (3 + 4k, n, 3) of `GripResponse.change` by n parameters.
+    Return the products J' y (3 + 4k, p, n) of n responses y by p parameters (see this module).
 
-    J' y_w (see this module) is the finite difference of `_equation_changes` along the response
-    y_w.
+    They are finite differences of `_equation_changes` along the responses.
     """
-    moved = np.abs(change[:POSE, -3:]) * [[1.0], [1.0], [grip.arm]]
+    moved = np.abs(response[:POSE]) * [[1.0], [1.0], [grip.arm]]
     sizes = STEP / moved.max(axis=0)
-    left = np.empty((len(change), change.shape[1] - 3, 3))
-    for i, (j, size) in enumerate(zip(range(-3, 0), sizes.tolist(), strict=True)):
+    found = np.empty((len(change), change.shape[1] - 3, len(sizes)))
+    for i, size in enumerate(sizes.tolist()):
         ahead, behind = (
-            _equation_changes(grip, tubes, change, step * change[:, j]) for step in (size, -size)
+            _equation_changes(grip, tubes, change, step * response[:, i]) for step in (size, -size)
         )
-        left[..., i] = (ahead - behind)[:, :-3] / (2.0 * size)
-    return -np.linalg.solve(grip.tangent, left.reshape(len(change), -1)).reshape(left.shape)
+        found[..., i] = (ahead - behind)[:, :-3] / (2.0 * size)
+    return found
+
+
+def _solve_each(matrix: Array, right: Array) -> Array:
+    """Return the solutions of systems with one matrix (n, n) and right-hand sides (n, p, q)."""
+    return np.linalg.solve(matrix, right.reshape(len(matrix), -1)).reshape(right.shape)
 
 
 def _equation_changes(grip: HeldGrip, tubes: LoadedTubes, change: Array, moved: Array) -> Array:
@@ -258,28 +306,3 @@ def _equation_changes(grip: HeldGrip, tubes: LoadedTubes, change: Array, moved: 
         there.jacobian[places.conditions][:, places.inclinations] @ tubes.spins
     )
     return there.jacobian @ change + left
-
-
-def _slip_margin_rates(
-    settled: SettledGrasp, change: Array, answer: Array, parameters: GraspParameters
-) -> tuple[Array, tuple[str, ...]]:
-    """Return the derivatives (t, p) of the slip margin by parameters, and the critical members."""
-    grip = settled.equilibrium
-    response, begin = grip.response, grip.state.places.normal.start
-    rows, presses = grip.slip_rows(settled.friction)  # and their derivative d/dmu
-    reserve, slope, size = grip.slip_reserves(settled.friction)
-    nearest, turn = _find_largest(-reserve / size), grip.about_middle
-    # Wrenches about the object's centroid, which moves around its origin as the object turns.
-    ways = slope[nearest] @ turn / size[nearest, None]
-    rows, slope, size, along = rows[nearest], slope[nearest], size[nearest], ways @ turn.T
-    x, y = turn[2, 1], -turn[2, 0]
-    swung = -slope[:, 2] * (x * ways[:, 0] + y * ways[:, 1])
-    left = rows @ change[begin:]
-    longer = np.einsum('ta,apw,tw->tp', rows, answer[begin:], along) + np.outer(swung, change[2])
-    presses = presses[nearest]
-    left[:, parameters.friction] += presses @ grip.state.forces
-    longer[:, parameters.friction] += (presses @ response.forces * along).sum(axis=1)
-    names = (len(reserve) // len(grip.member_names)) * grip.member_names
-    margins = reserve[nearest, None] / size[:, None]
-    rates = (left - margins * longer) / size[:, None]
-    return rates, tuple(dict.fromkeys(names[i] for i in nearest))

@@ -328,9 +328,8 @@ class HeldGrip:
         if singular or lapack.dgetrf(change[:3, :3])[2]:
             return None
         squeeze = change[places.normal].sum(axis=0) / members
-        opening = change[places.normal.start :, 4:].T  # noqa: E203
-        opening = -opening / opening[np.arange(len(ends)), ends, None]
-        return GripResponse(change[:, :3], squeeze[:3], self.arm, float(squeeze[3]), ends, opening)
+        stiffness = float(squeeze[3])
+        return GripResponse(change[:, :3], squeeze[:3], self.arm, stiffness, ends, change[:, 4:])
 
     def squeeze_stiffness(self) -> float:
         """

@@ -243,6 +243,22 @@ def test_utilisation_of_a_hardly_bent_member_agrees_with_central_differences():
     assert error(872, OTHERS) < 1e-6
 
 
+def test_slip_margin_after_a_face_has_opened_agrees_with_central_differences():
+    wrench, home = np.array([6.6, 5.6, 1.0]), load_robot('nine_member').home
+    grip = place_between(home, MEMBERS[0], Polygon(0.22 * BOX, corner_radius=0.02), 1.07, 0.015)
+
+    def settled(step):
+        config = home.moved_to(home.roller_positions + step[:6])
+        return settle_grasp(config, grip.body, 0.6, wrench + step[6:], members=MEMBERS[0])
+
+    gradient = grasp_gradient(settled(np.zeros(9)))
+    rates, places = gradient.slip_margin, gradient.parameters
+    for step in np.diag([2e-5] * 6 + [1e-3] * 3):
+        change = settled(step).slip_margin - settled(-step).slip_margin
+        exact = step[:6] @ rates[places.rollers] + step[6:] @ rates[places.wrench]
+        assert change == pytest.approx(2.0 * exact, rel=1e-5, abs=1e-9)
+
+
 def test_critical_members_are_named():
     case = RandomGrasp(1)
     grasp = settle(case, case.chosen)
