@@ -14,9 +14,6 @@ from isotruss_ros.core.statics.bent_tubes import BentTubes, Displaced
 from isotruss_ros.core.statics.structure import Structure
 import numpy as np
 
-#: Smallest distance of a point from the end of its piece of tube, relative to the spacing [-].
-SHORTEST_SHARE = 0.2
-
 
 @dataclass(frozen=True, eq=False)
 class ContactPoints:
@@ -276,7 +273,7 @@ def find_contact_points(
     member = np.repeat(near, counts)
     number = np.arange(len(member)) - np.repeat(np.cumsum(counts) - counts - first, counts)
     place = np.clip(foot[member] + spacing * number, 0.0, length[member])
-    tubes = BentTubes(structure, member, place, shortest=SHORTEST_SHARE * spacing)
+    tubes = BentTubes(structure, member, place)
     tubes = tubes if bent is None else tubes.bent_like(bent)
     if known is not None and known[0].lend(tubes) and known[0].is_parallel(tubes, spacing):
         points = known[0].about(tubes, known[1])

@@ -41,7 +41,7 @@ from isotruss_ros.core.holding.contact_forces import (
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.core.numerics.tolerances import MAX_NEWTON_ITERATIONS, MAX_SEARCH_STEPS, ROUNDING
-from isotruss_ros.core.statics.bent_tubes import BentTubes, SETTLED_MOTION
+from isotruss_ros.core.statics.bent_tubes import BentTubes, FOLLOWED_MOTION, SETTLED_MOTION
 from isotruss_ros.core.statics.section import Pressure
 import numpy as np
 from scipy.linalg import lapack
@@ -115,6 +115,14 @@ class ContactStatics:
     def straight_normals(self) -> Points:
         """Return the normals of the straight tubes, away from the object, (k,) x + iy."""
         return self._aside * self.bent.axis
+
+    def are_on_members(self, feet: Array) -> bool:
+        """
+        Return whether all contacts are between the ends of their members.
+
+        :param feet: (k,) distances of the contacts from the members' starts [m].
+        """
+        return bool(((feet >= 0.0) & (feet <= self.bent.length)).all())
 
     def loads(self, unknowns: Array) -> Array:
         """
@@ -326,7 +334,10 @@ class ContactStatics:
             if state is None:
                 return None
             moved = statics.bent.distance(state.loads, state.feet)
-            if moved <= reach or close:
+            # Tubes are not modelled beyond the ends of their members, so these contacts converge
+            # slowly.
+            off = moved <= FOLLOWED_MOTION and not statics.are_on_members(state.feet)
+            if moved <= reach or close or off:
                 return statics, state
             # In soft structures and the paper's model, nodes move by rounding.
             close = moved <= ROUNDING

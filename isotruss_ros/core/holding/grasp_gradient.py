@@ -141,8 +141,7 @@ def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
 
     From the equilibrium equations F(y, p) = 0 follows y' = -F_y^-1 F_p, with the Jacobian F_y and
     the derivatives F_p at constant unknowns y. Second derivatives are computed when slip margin or
-    stiffness is read. If a contact is within `SHORTEST_PART` of a guide ring, the derivatives have
-    relative errors of about 1 %, because the tubes are linearised beside it.
+    stiffness is read.
 
     :param settled: the settled grasp.
     :raises GraspError: the equilibrium is neutral (its Jacobian is singular), or was computed with

@@ -164,8 +164,7 @@ class HeldGrip:
         """
         if self.normal_forces.min() <= 0.0:
             return HoldStatus.NO_CONTACT
-        feet = self.state.feet
-        if not ((feet >= 0.0) & (feet <= self.statics.bent.length)).all():
+        if not self.statics.are_on_members(self.state.feet):
             return HoldStatus.OFF_MEMBER
         return HoldStatus.SLIPS if self.required_friction > friction else HoldStatus.HELD
 

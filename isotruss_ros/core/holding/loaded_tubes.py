@@ -82,8 +82,7 @@ class TubeRates(NamedTuple):
         members [m].
     :ivar slope: (k, p) derivatives of the bent centre lines' rotation at the contacts [rad].
     :ivar nodes: (n, 3, p) derivatives of the cut frame's node displacements [m, rad].
-    :ivar forces: (c, 3, p) derivatives of the axial force N [N] and end moments M1 and M2 [N m] of
-        the cut frame's members.
+    :ivar forces: (c, 3, p) derivatives of the forces of the cut frame's members, see `EndForces`.
     """
 
     give: Points
@@ -257,11 +256,10 @@ class LoadedTubes:
         ends, own = forces[piece], frame.members
         loads = np.stack([-ends[:, 2], ends[:, 5], ends[:, 3] + wall, bowing[piece]])
         scale = grip.tubes.stiffness_scale / bent.share
-        pull, first, second = (scale * rates.forces[piece]).swapaxes(0, 1)
-        pull, first, second = (
-            each + np.outer(force, self._stiffer)
-            for each, force in ((pull, ends[:, 3]), (first, ends[:, 2]), (second, ends[:, 5]))
-        )
+        # Rows: axial force and moments at both ends.
+        by_end = np.array([[1.0, 0.0, 0.0], [0.0, 0.5, 0.5], [0.0, 0.5, -0.5]])
+        changes = np.tensordot(by_end, scale * rates.forces[piece], (1, 1))
+        pull, first, second = changes + ends.T[[3, 2, 5], :, None] * self._stiffer
         pulled = pull + np.pi * radius**2 * self._inflated[tube]
         changes = np.stack([-first, second, pulled, rates.forces[piece, 0]])
         sections = np.stack([frame.length[piece], own.flexural[piece], own.shear[piece]])

@@ -76,6 +76,10 @@ class BeliefStart:
             return error.hold
         if self._assuming and not self._is_desired(found, settings):
             return HoldStatus.NO_BALANCE
+        # Beyond the wrinkling moment the squeeze of the measured pose is not known.
+        if not self._assuming and found.sections.used.max() > 1.0:
+            self._missed = True
+            return HoldStatus.WRINKLES
         prior = replace(
             PRIOR, load=settings.load or PRIOR.load, zero_deviation=settings.zero_deviation
         ).calibrated(config.robot.description)

@@ -4,17 +4,19 @@
 """
 Planar beam-columns: the stiffness (2) of a straight member, with terms in the axial force.
 
-A member has the chord length l, the rest length l0 and the end rotations t1, t2 relative to the
-chord. Its axial force N is the value at which the energy U is stationary,
+A member has the chord length l, the rest length l0, and end rotations t1 = s + b and t2 = s - b
+relative to the chord: the rotation s bends it to an S, and b to a bow. Its axial force N is the
+value at which the energy U is stationary,
 
-    U = N (l - l0) - N^2 l0 / (2 EA) + 1/4 (Ks (t1 + t2)^2 + Ka (t1 - t2)^2),
+    U = N (l - l0) - N^2 l0 / (2 EA) + Ks s^2 + Ka b^2,
     Ks = 6 EI / l0 / (1 + phi - y/15 + 2 y^2/315),   Ka = 2 EI / l0 (1 + y/3 - y^2/45),
     phi = 12 EI / (GA l0^2),   y = N l0^2 / (4 EI (1 + N/GA)):
 
 the stability functions of a Timoshenko beam (Przemieniecki, Theory of Matrix Structural Analysis,
 chapter 15), expanded to N^2. For N = 0 this is (2). The terms in N describe that bending shortens
 the chord, and that tension stiffens the member as in a string. The rotation of a pinned end is
-eliminated by static condensation.
+eliminated by static condensation. In a short member Ks is much smaller than Ka, so their sum and
+difference, the stiffness with respect to t1 and t2, would lose Ks by rounding.
 """
 
 from __future__ import annotations
@@ -24,19 +26,22 @@ from typing import NamedTuple
 from isotruss_ros.core.numerics.arrays import Array, Flags, Points
 import numpy as np
 
-#: Index of each entry of `chord_motions` in the list (0, 1, x, y, -x, -y, x/l, y/l, -x/l, -y/l) of
-#: a chord with the direction (x, y) and the length l.
-MOTION = np.array([[4, 5, 0, 2, 3, 0], [9, 6, 1, 7, 8, 0], [9, 6, 0, 7, 8, 1], [7, 8, 0, 9, 6, 0]])
+#: Index of each entry of `chord_motions` in the list (0, 1/2, x, y, -x, -y, x/l, y/l, -x/l, -y/l,
+#: -1/2) of a chord with the direction (x, y) and the length l.
+MOTION = np.array(
+    [[4, 5, 0, 2, 3, 0], [9, 6, 1, 7, 8, 1], [0, 0, 1, 0, 0, 10], [7, 8, 0, 9, 6, 0]]
+)
 
 
 class EndForces(NamedTuple):
     """
-    Forces of k bent members, and the derivatives of these forces with respect to (l, t1, t2).
+    Forces of k bent members, and the derivatives of these forces with respect to (l, s, b).
 
-    l is the length of the chord; t1 and t2 are the end rotations relative to the chord.
+    l is the length of the chord; s + b and s - b are the end rotations relative to the chord.
 
-    :ivar values: (k, 3) axial force N [N], and moments M1 and M2 at start and end [N m].
-    :ivar stiffness: (k, 3, 3) derivatives of `values` with respect to (l, t1, t2).
+    :ivar values: (k, 3) axial force N [N], and sum M1 + M2 and difference M1 - M2 of the moments
+        at start and end [N m].
+    :ivar stiffness: (k, 3, 3) derivatives of `values` with respect to (l, s, b).
     :ivar stressed: (k, 3) `values` before the step of Newton's method that makes the energy
         stationary in N; from these values the geometric stiffness is computed.
     :ivar gap: (k,) elongations that followed from the ends, minus those that followed from N,
@@ -55,8 +60,8 @@ class BeamColumns:
 
     :ivar length: (k,) rest lengths l0 [m].
     :ivar stretch: (k,) axial compliances l0 / EA [m/N].
-    :ivar rotary: (3, 3, k) rotational stiffnesses dM1/dt1, dM1/dt2 and dM2/dt2; each is a
-        polynomial of degree 2 in N.
+    :ivar rotary: (3, 3, k) derivatives of (M1 + M2, M1 - M2) with respect to (s, b): those of the
+        sum by s and by b, and that of the difference by b; each is a polynomial of degree 2 in N.
     :param length: (k,) rest lengths l0 [m].
     :param axial: (k,) EA [N].
     :param flexural: (k,) EI [N m^2]; zero for a bar.
@@ -86,17 +91,18 @@ class BeamColumns:
         # The rotation of a pinned end is eliminated.
         pinned = pinned_start | pinned_end
         one_pin = 2.0 * _reciprocal(skew / 6.0 + 0.5 * bow_back)
-        own = bend * np.where(pinned, one_pin, sway + bow)
-        free = ~bar
-        shares = free & ~pinned_start, free & ~pinned, free & ~pinned_end
-        self.rotary = np.stack([own, bend * (sway - bow), own], axis=1) * np.array(shares)
+        both = np.where(pinned_end, one_pin, -one_pin)
+        one_end = np.stack([one_pin, both, one_pin], axis=1)
+        both_ends = np.stack([4.0 * sway, 0.0 * sway, 4.0 * bow], axis=1)
+        self.rotary = np.where(bar, 0.0, bend) * np.where(pinned, one_end, both_ends)
 
     def evaluate(self, longer: Array, turns: Array, known: Array | None = None) -> EndForces:
         """
         Return the end forces of bent members.
 
         :param longer: (k,) elongations l - l0 [m].
-        :param turns: (k, 2) rotations of the ends relative to the chord [rad].
+        :param turns: (k, 2) rotations s and b, half of the sum and of the difference of the ends'
+            rotations relative to the chord [rad].
         :param known: (k,) axial forces N about which the members are linearised; None: N at which
             the energy is stationary. Newton's method treats N as an unknown, because N has large
             rounding errors if it is computed from small elongations of stiff members.
@@ -135,12 +141,13 @@ def chord_motions(axis: Points, length: Array) -> Array:
 
     :param axis: (k,) unit vectors of the chords, x + iy.
     :param length: (k,) lengths of the chords [m].
-    :return: (k, 4, 6) derivatives of length, end rotations relative to the chord and rotation of
-        the chord with respect to (ux, uy, theta) at start and end.
+    :return: (k, 4, 6) derivatives of length, rotations s and b, and rotation of the chord with
+        respect to (ux, uy, theta) at start and end.
     """
-    values, x, y = np.zeros((10, len(axis))), axis.real, axis.imag
-    values[1:6], values[6:8] = (np.ones_like(x), x, y, -x, -y), (x / length, y / length)
-    values[8:] = -values[6:8]
+    values, x, y = np.zeros((11, len(axis))), axis.real, axis.imag
+    values[1], values[10] = 0.5, -0.5
+    values[2:6], values[6:8] = (x, y, -x, -y), (x / length, y / length)
+    values[8:10] = -values[6:8]
     return values.T.take(MOTION, axis=1)
 
 
@@ -148,15 +155,14 @@ def chord_stiffness(length: Array, forces: EndForces) -> Array:
     """
     Return the stiffness (k, 4, 4) of bent members in the coordinates of `chord_motions`.
 
-    These are the chord's length, both end rotations relative to the chord, and the rotation of the
-    chord.
+    These are the chord's length, the rotations s and b, and the rotation of the chord.
 
     :param length: (k,) lengths of the chords [m].
     :param forces: forces of the members, with the derivatives of the forces.
     """
     core = np.zeros((len(length), 4, 4))
     core[:, :3, :3] = forces.stiffness
-    core[:, 0, 3] = core[:, 3, 0] = (forces.stressed[:, 1] + forces.stressed[:, 2]) / length
+    core[:, 0, 3] = core[:, 3, 0] = forces.stressed[:, 1] / length
     core[:, 3, 3] = forces.stressed[:, 0] * length
     return core
 

@@ -34,8 +34,9 @@ import numpy as np
 FOLLOWED_MOTION, SETTLED_MOTION = 1e-4, 1e-10
 #: Weight of a load point's motion relative to a node's motion in `BentTubes.distance` [-].
 PLACE_SHARE = 0.2
-#: Minimum length of the parts into which the load points cut the members [m].
-SHORTEST_PART = 1e-3
+#: Largest motion of a load point for which the displacement of its node is extrapolated, relative
+#: to its shorter part [-]; after a larger motion it is interpolated on the bent member.
+MAX_PLACE_STEP = 0.5
 
 
 class Displaced(NamedTuple):
@@ -63,7 +64,7 @@ class PlaceChanges(NamedTuple):
 
     :ivar nodes: (n, 3, p) displacements of the nodes [m, rad].
     :ivar inclined: (k, p) changes of the inclinations at the load points [rad].
-    :ivar forces: (c, 3, p) changes of the axial forces N [N] and end moments M1, M2 [N m].
+    :ivar forces: (c, 3, p) changes of the members' forces, see `EndForces`.
     """
 
     nodes: Array
@@ -88,7 +89,6 @@ class BentTubes:
     :ivar linear: whether the model is the paper's linear one, with the equilibrium of the
         undeformed tubes.
     :ivar before: state about which the tubes are linearised; None: the state without loads.
-    :ivar shortest: minimum length of the parts into which the load points cut the members [m].
     """
 
     structure: Structure
@@ -97,7 +97,6 @@ class BentTubes:
     stiffness: float = 1.0
     linear: bool = False
     before: Displaced | None = None
-    shortest: float = SHORTEST_PART
 
     @cached_property
     def start(self) -> Points:
@@ -129,7 +128,7 @@ class BentTubes:
     def _locate_cuts(self, places: Array) -> tuple[Indices, Array, Array, Array]:
         """Return the pieces of tubes, the cuts in them, `ahead` and `cuts` for load points."""
         pieces, within, ahead = self.structure.locate(self.members, places)
-        inside = keep_apart(pieces, within, self.structure.frame.length[pieces], self.shortest)
+        inside = keep_apart(pieces, within, self.structure.frame.length[pieces])
         return pieces, inside, ahead, places + ahead * (inside - within)
 
     def bent_to(self, before: Displaced | None) -> BentTubes:
@@ -249,7 +248,7 @@ class BentTubes:
         Return the derivatives of loads, inclinations and forces with respect to `places`.
 
         :return: derivatives at fixed nodes: of the loads that the members carry (3 n, k), of the
-            inclinations at the load points (k, k), and of N, M1 and M2 of the parts before and
+            inclinations at the load points (k, k), and of the forces of the parts before and
             behind the load points (2 k, 3).
         """
         frame, tangent, count = self.frame, self.tangent, len(self.members)
@@ -403,7 +402,11 @@ class BentTubes:
         :param structure: new structural model of the robot; None: unchanged.
         """
         found = replace(self, structure=structure or self.structure, places=places, before=None)
-        return found.bent_to(self.displace(loads, found.cuts))
+        parts = self.frame.length[self._parts[0]].reshape(2, -1).min(axis=0)
+        if (np.abs(found.cuts - self.cuts) <= MAX_PLACE_STEP * parts).all():
+            return found.bent_to(self.displace(loads, found.cuts))
+        known = self.bent_to(self.displace(loads, self.cuts))
+        return found.bent_to(found.bent_like(known).before._replace(loads=loads))
 
     def bend(self, loads: Array, places: Array) -> BentTubes:
         """
@@ -485,7 +488,7 @@ class BentTubes:
         return self.stiffness / self.share * ends, 0.0 * pull if self.linear else pull
 
     def _force_changes(self, ways: Array, nodes: Array) -> tuple[Array, Array]:
-        """Return the changes of N, M1 and M2 (c, 3) and chord lengths (c,) by `ways`."""
+        """Return the changes of `EndForces.values` (c, 3) and chord lengths (c,) by `ways`."""
         changes, longer = self.tangent.force_changes(nodes[..., None])
         changes, slid = changes[..., 0], np.tile(ways[self._moving], 2)
         np.add.at(changes, self._parts[0], self._place_rates[2] * slid[:, None])

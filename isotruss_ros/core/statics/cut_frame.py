@@ -14,6 +14,11 @@ from isotruss_ros.core.statics.frame_pattern import cut_pattern
 from isotruss_ros.core.statics.tangent import Tangent
 import numpy as np
 
+#: Minimum length of the parts into which cuts divide the members [m]. Loads and contacts nearer to
+#: a guide ring act at this distance, by which displacements err by 1e-7. The relative rounding
+#: errors of stiffnesses are inversely proportional to it.
+SHORTEST_PART = 1e-8
+
 
 class CutFrame(Frame):
     """
@@ -43,6 +48,10 @@ class CutFrame(Frame):
         self.nodes, self.before, self.behind = cut.nodes, cut.before, cut.behind
         self.whole, self.chains, self.places = cut.whole, cut.chains, cut.places
         self.begins = np.append(np.zeros(len(frame.length)), within)
+        # Nodes have rounding errors that would turn and lengthen short parts.
+        ends = frame.length[cut.whole]
+        ends[cut.before] = within
+        self.axis, self.length = frame.axis[cut.whole], ends - self.begins
         self._frame, self._lengths = frame, frame.length
         self._cut = (piece[order], within[order], cut.behind[order])
 
@@ -73,21 +82,20 @@ class CutFrame(Frame):
         return np.where(beyond, behind[last], piece), within - begin
 
 
-def keep_apart(pieces: Indices, places: Array, length: Array, shortest: float) -> Array:
+def keep_apart(pieces: Indices, places: Array, length: Array) -> Array:
     """
     Return positions (c,) of cuts [m], shifted so that each part of a member has a minimum length.
 
     :param pieces: (c,) index of the member of each cut.
     :param places: (c,) distances of the cuts from the members' starts [m].
     :param length: (c,) length of the member of each cut [m].
-    :param shortest: minimum length of a part [m].
     """
-    apart = np.clip(places, shortest, length - shortest)
+    apart = np.clip(places, SHORTEST_PART, length - SHORTEST_PART)
     order = np.lexsort((apart, pieces)).tolist()
     pairs = [pair for pair in pairwise(order) if pieces[pair[0]] == pieces[pair[1]]]
     for first, second in pairs:
-        apart[second] = max(apart[second], apart[first] + shortest)
-    apart = np.minimum(apart, length - shortest)
+        apart[second] = max(apart[second], apart[first] + SHORTEST_PART)
+    apart = np.minimum(apart, length - SHORTEST_PART)
     for first, second in reversed(pairs):
-        apart[first] = min(apart[first], apart[second] - shortest)
+        apart[first] = min(apart[first], apart[second] - SHORTEST_PART)
     return apart

@@ -14,7 +14,6 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.numerics.arrays import Array, finite_array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.records import Record
-from isotruss_ros.core.statics.bent_tubes import SHORTEST_PART
 from isotruss_ros.core.statics.cut_frame import CutFrame, keep_apart
 from isotruss_ros.core.statics.frame import Frame, FrameState
 from isotruss_ros.core.statics.load_path import follow_loads
@@ -172,8 +171,7 @@ def _load_tubes(structure: Structure, tube_loads: Mapping[str, ArrayLike]) -> tu
         return structure.frame, np.zeros((len(structure.node_names), 3))
     place, *load = np.array(rows).T
     pieces, within, _ = structure.locate(np.array(members), place)
-    # These load points do not move along the tube, so the parts may be shorter.
-    apart = keep_apart(pieces, within, structure.frame.length[pieces], 1e-3 * SHORTEST_PART)
+    apart = keep_apart(pieces, within, structure.frame.length[pieces])
     cut = CutFrame(structure.frame, pieces, apart)
     loads = np.zeros((len(cut.points), 3))
     loads[cut.nodes] = np.stack(load, axis=1)

@@ -98,7 +98,8 @@ class Frame(FrameAssembly):
         axis = self.axis * span / length
         # (l^2 - l0^2) / (l + l0), because l - l0 has large rounding errors.
         longer = (2.0 * self.length * apart.real + np.abs(apart) ** 2) / (length + self.length)
-        stretched = longer, ends[:, 2::3] - np.angle(span)[:, None]
+        start, end = 0.5 * ends[:, 2], 0.5 * ends[:, 5]
+        stretched = longer, np.column_stack([start + end - np.angle(span), start - end])
         forces = self._columns.evaluate(*stretched, pull)
         return Tangent(
             displacements,

@@ -49,9 +49,9 @@ class Slopes(NamedTuple):
 
     :ivar values: (p,) inclinations [rad].
     :ivar by_ends: (p, 1, 6) derivatives of the inclinations by (ux, uy, theta) at start and end.
-    :ivar by_forces: (p, 3) derivatives of the inclinations by N, M1 and M2 with fixed nodes.
+    :ivar by_forces: (p, 3) derivatives of the inclinations by `EndForces.values` with fixed nodes.
     :ivar by_shear: (p,) derivatives of the inclinations by the logarithm of GA with fixed nodes
-        and constant N, M1 and M2.
+        and constant forces.
     """
 
     values: Array
@@ -85,7 +85,7 @@ class Tangent:
     :ivar length: (k,) lengths of the chords [m].
     :ivar forces: axial forces and end moments of the members.
     :ivar motions: (k, 4, 6) derivatives of the chords, see `chord_motions`.
-    :ivar stretched: (k,) elongations [m], and (k, 2) end rotations relative to chords [rad].
+    :ivar stretched: (k,) elongations [m], and (k, 2) rotations s and b, see `EndForces` [rad].
     """
 
     displacements: Array
@@ -250,7 +250,9 @@ class Tangent:
 
     def changed_forces(self, moved: Array) -> tuple[Array, Array]:
         """
-        Return the forces (N, M1, M2) (k, 3) and chord lengths (k,) after small displacements.
+        Return the forces (k, 3) and chord lengths (k,) after small displacements.
+
+        For the forces see `EndForces`.
 
         :param moved: (n, 3) small displacements ux, uy [m], theta [rad] of all nodes.
         """
@@ -260,9 +262,9 @@ class Tangent:
 
     def force_rates(self, parts: Indices, changes: Array) -> Array:
         """
-        Return the changes (p, 3, c) of (N, M1, M2) of p members due to changes of their sections.
+        Return the changes (p, 3, c) of the forces of p members due to changes of their sections.
 
-        The nodes are fixed. Each of the c columns is one change.
+        For the forces see `EndForces`. The nodes are fixed. Each of the c columns is one change.
 
         :param parts: (p,) indices of the members.
         :param changes: (4, p, c) changes of rest lengths [m], EA [N], EI [N m^2] and GA [N].
@@ -283,10 +285,10 @@ class Tangent:
 
     def nodal_forces(self, parts: Indices | slice, rates: Array) -> Array:
         """
-        Convert changes of (N, M1, M2) to changes (p, 6, c) of end forces (fx, fy, m).
+        Convert changes of `EndForces.values` to changes (p, 6, c) of end forces (fx, fy, m).
 
         :param parts: (p,) indices of the members.
-        :param rates: (p, 3, c) changes of the members' N, M1 and M2.
+        :param rates: (p, 3, c) changes of the members' forces.
         """
         return self.motions[parts, :3].swapaxes(1, 2) @ rates
 
@@ -301,24 +303,28 @@ class Tangent:
         :param parts: (p,) indices of the members.
         :param end: (p,) 1 for a member's start, 2 for its end.
         """
-        frame, length, own = self._frame, self.length[parts], np.arange(len(parts))
-        shear, (pull, first, second) = frame.members.shear[parts], self.forces.values[parts].T
-        across = (first + second) / length
+        frame, length = self._frame, self.length[parts]
+        shear, (pull, both, _) = frame.members.shear[parts], self.forces.values[parts].T
+        across, sign = both / length, 3.0 - 2.0 * end
         softness = 1.0 + pull / shear
-        inclined = (self.stretched[1][parts, end - 1] - across / shear) / softness
+        sway, bow = self.stretched[1][parts].T
+        inclined = (sway + sign * bow - across / shear) / softness
         aside, turned = -1.0 / (shear * softness), np.angle(self.axis[parts] / frame.axis[parts])
-        by_forces = np.array([aside * inclined, aside / length, aside / length]).T
+        by_forces = np.array([aside * inclined, aside / length, 0.0 * aside]).T
         by_chord = np.zeros((len(parts), 1, 4))
         by_chord[:, :, :3] = by_forces[:, None] @ self.forces.stiffness[parts]
         by_chord[:, 0, 0] -= aside * across / length
-        by_chord[own, 0, end] += 1.0 / softness
+        by_chord[:, 0, 1] += 1.0 / softness
+        by_chord[:, 0, 2] += sign / softness
         by_chord[:, 0, 3] = 1.0
         by_ends = by_chord @ self.motions[parts]
         return Slopes(turned + inclined, by_ends, by_forces, -aside * (across + pull * inclined))
 
     def force_changes(self, moved: Array) -> tuple[Array, Array]:
         """
-        Return the changes of (N, M1, M2) (k, 3, c) and chord lengths (k, c) due to node motion.
+        Return the changes of forces (k, 3, c) and chord lengths (k, c) due to node motion.
+
+        For the forces see `EndForces`.
 
         :param moved: (n, 3, c) displacements of all nodes.
         """
@@ -339,11 +345,11 @@ def end_forces(forces: Array, length: Array) -> Array:
     """
     Return the end forces (k, 6) of members, see `FrameState.end_forces`.
 
-    :param forces: (k, 3) axial forces N [N], and moments M1 and M2 at start and end [N m].
+    :param forces: (k, 3) forces, see `EndForces`.
     :param length: (k,) lengths of the chords [m].
     """
-    pull, first, second = forces.T
-    across = (first + second) / length
+    pull, both, apart = forces.T
+    across, first, second = both / length, 0.5 * (both + apart), 0.5 * (both - apart)
     return np.stack([-pull, across, first, pull, -across, second], axis=1)
 
 

@@ -9,11 +9,12 @@ from grips import random_pressed
 from hypothesis import given, strategies
 from isotruss_ros.core import ConvexObject, Disc, Ellipse, load_robot, Polygon
 from isotruss_ros.core.contact.contact import solve_contact
-from isotruss_ros.core.contact.contact_points import find_contact_points, SHORTEST_SHARE
+from isotruss_ros.core.contact.contact_points import find_contact_points
 from isotruss_ros.core.contact.surfaces import surface_of
 from isotruss_ros.core.errors import SolverError
 from isotruss_ros.core.numerics import qp
 from isotruss_ros.core.numerics.qp import solve_complementarity
+from isotruss_ros.core.statics.cut_frame import SHORTEST_PART
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 import pytest
@@ -115,7 +116,7 @@ def test_candidates_of_any_shape_are_those_within_its_tangents(kind, rng, spacin
     # On the lattice about the foot: where a point of the skin is near enough to each of them.
     lattice = surface.center.real + spacing * np.arange(-1500, 1501)
     lattice = lattice[(lattice >= 0.0) & (lattice <= LENGTH)]
-    lattice = np.clip(lattice, SHORTEST_SHARE * spacing, LENGTH - SHORTEST_SHARE * spacing)
+    lattice = np.clip(lattice, SHORTEST_PART, LENGTH - SHORTEST_PART)
     heights = np.clip(surface.center.imag, -width, width)
     apart = np.abs(lattice + 1j * heights - surface.center) - surface.reach
     skin = lattice[:, None] + 1j * np.array([-width, width]) - surface.center
@@ -146,9 +147,8 @@ def test_candidates_are_on_every_member_within_reach_and_once(robot, rng):
         assert np.abs(here.imag).max(initial=0.0) < 1e-9
         # No point twice, although three pieces of tube make a member: the lattice is one.
         place = np.sort(here.real)
-        # Beside the ends of pieces points are a little away.
-        apart, away = np.full(max(len(place) - 1, 0), spacing), SHORTEST_SHARE * spacing
-        assert np.diff(place) == pytest.approx(apart, abs=away + 1e-9)
+        apart = np.full(max(len(place) - 1, 0), spacing)
+        assert np.diff(place) == pytest.approx(apart, abs=SHORTEST_PART + 1e-9)
         foot = ((center - start) * direction.conjugate()).real
         nearest = start + np.clip(foot, 0.0, length) * direction
         if abs(nearest - center) < radius - spacing:

@@ -10,9 +10,11 @@ from grips import gripped
 from isotruss_ros.core import (
     analyze_grasp,
     ConvexObject,
+    Disc,
     Grip,
     HoldStatus,
     load_robot,
+    place_between,
     RollingGrip,
     settle_grasp,
     tangent_center,
@@ -153,3 +155,20 @@ def test_more_than_three_members_are_named_as_what_it_does_not_settle(monkeypatc
     assert settled.hold is HoldStatus.OTHER_CONTACT
     assert not settled.held
     assert 'another member' in settled.reason
+
+
+@pytest.mark.parametrize('diameter', [0.182, 0.1866, 0.188])
+def test_a_deep_disc_whose_contacts_cross_guide_rings_settles(diameter):
+    triangle = load_robot('triangle')
+    members, ring = triangle.member_names[:2], triangle.description.module.guide_ring_distance
+    grip = place_between(triangle.home, members, Disc(diameter), indentation=0.02)
+    found = settle_grasp(triangle.home, grip.body, members=members).equilibrium
+    # The contact of straight tubes and the contact of bent tubes are up to 13 mm apart.
+    assert found is not None
+    assert abs(found.state.feet[1] - ring) < 0.006
+
+
+def test_contacts_that_bend_beyond_the_ends_of_their_members_are_named():
+    members = ('south/P-Q', 'north/R-P')
+    grip = place_between(HOME, members, Disc(0.27), indentation=0.015)
+    assert settle_grasp(HOME, grip.body, members=members).hold is HoldStatus.OFF_MEMBER

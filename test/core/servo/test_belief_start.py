@@ -59,6 +59,13 @@ def test_only_an_object_commanded_as_gripped_has_a_supposed_equilibrium(away):
     assert start.belief is None
 
 
+def test_an_equilibrium_beyond_wrinkling_starts_no_belief():
+    start = BeliefStart()
+    grip = measured((0.0, 0.02))
+    assert start.search(HOME, grip, SETTINGS, False, None, None) is HoldStatus.WRINKLES
+    assert start.belief is None
+
+
 @pytest.mark.parametrize('away', OUTSIDE)
 @pytest.mark.parametrize('direction', [(1.0, 0.0), (0.0, 1.0), (0.0, -1.0)])
 def test_an_object_that_does_not_follow_is_reported_within_20_mm(away, direction):

@@ -133,7 +133,7 @@ def test_loads_on_unknown_parts_are_refused(loads, complaint):
         deform(TRIANGLE, {}, **loads)
 
 
-@pytest.mark.parametrize('away', [-4e-4, 1e-5, 4e-4])
+@pytest.mark.parametrize('away', [-4e-4, -1e-6, 0.0, 1e-9, 1e-6, 4e-4])
 def test_tubes_with_a_load_beside_a_guide_ring_bend_as_the_robot_does(away):
     place = np.array([TRIANGLE.robot.description.module.guide_ring_distance + away])
     member = np.array([TRIANGLE.robot.member_names.index(LEG)])
@@ -141,4 +141,16 @@ def test_tubes_with_a_load_beside_a_guide_ring_bend_as_the_robot_does(away):
     x, y = (tubes.axis * (10.0 + 40.0j)).view(float)
     wanted = deform(TRIANGLE, {}, tube_loads={LEG: [(place[0], x, y, 1.0)]}).state.displacements
     moved = tubes.bend(load, place).displacements(load, place)[:-1]
-    assert moved == pytest.approx(wanted[:-1], abs=1e-6)
+    assert moved == pytest.approx(wanted[:-1], abs=1e-8)
+
+
+@pytest.mark.parametrize('away', [-1e-7, -1e-9, 1e-12, 1e-8, 1e-6])
+def test_a_load_beside_a_guide_ring_acts_as_on_the_ring(away):
+    ring = TRIANGLE.robot.description.module.guide_ring_distance
+    for load in np.random.default_rng(0).normal(size=(8, 3)) * (20.0, 20.0, 0.5):
+        beside, on = (
+            deform(TRIANGLE, {}, tube_loads={LEG: [(place, *load)]}).state.displacements
+            for place in (ring + away, ring)
+        )
+        # A millimetre along the tube changes displacements by 1.3 %.
+        assert beside == pytest.approx(on, abs=(1e-6 + 15.0 * abs(away)) * np.abs(on).max())
