@@ -128,7 +128,7 @@ def lay_faces(found: HeldGrip, friction: float, gap: float) -> HeldGrip:
     if found.required_friction <= friction:
         return found
     faces = (contacts for contacts, _ in _with_far_ends(found, gap))
-    return next(_find_held(found, faces, friction), found)
+    return next(_find_held(found, faces, friction, MAX_SEARCH_STEPS), found)
 
 
 def prefer_far_ends(found: HeldGrip, friction: float) -> HeldGrip:
@@ -146,7 +146,7 @@ def prefer_far_ends(found: HeldGrip, friction: float) -> HeldGrip:
     measured = found.statics.body.middle
     faces = _with_far_ends(found, found.statics.tube_radius)
     ends = (contacts.without(near) for contacts, near in faces)
-    others = [found, *_find_held(found, ends, friction)]
+    others = [found, *_find_held(found, ends, friction, MAX_NEWTON_ITERATIONS)]
     return min(others, key=lambda each: abs(each.body.middle - measured))
 
 
@@ -164,14 +164,12 @@ def _with_far_ends(found: HeldGrip, gap: float) -> Iterator[tuple[PressedContact
 
 
 def _find_held(
-    found: HeldGrip, hypotheses: Iterable[PressedContacts], friction: float
+    found: HeldGrip, hypotheses: Iterable[PressedContacts], friction: float, steps: int
 ) -> Iterator[HeldGrip]:
     """Yield the equilibria with other contacts in which friction suffices and nothing pulls."""
     for contacts in hypotheses:
         statics = build_statics(found.config, found.statics.body, contacts, found.tubes)
-        other = _find_rest(
-            found.config, statics, found.wrench, found.tubes, None, MAX_SEARCH_STEPS
-        )
+        other = _find_rest(found.config, statics, found.wrench, found.tubes, None, steps)
         if other is None or other.most_pulling() is not None:
             continue
         if other.required_friction <= friction:

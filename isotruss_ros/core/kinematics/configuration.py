@@ -150,6 +150,9 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
             found = follow_branch(robot.constraints, points, targets, factor)
             if found is not None:
                 points, factor, done, step = found, None, end, 2.0 * step
+            elif factor is not None:
+                # Near a singular configuration a nearby matrix predicts steps of any length badly.
+                factor = None
             else:
                 step *= 0.25
             if done < change and (step < least or steps == MAX_NEWTON_ITERATIONS):

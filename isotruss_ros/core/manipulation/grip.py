@@ -246,7 +246,7 @@ def _check_touch(
         what = f'the gap is {gap:.3g} m; must be within {tube:.3g} m'
         if nearest > 1.0 or farthest < 0.0:
             share = nearest if nearest > 1.0 else farthest
-            what = f'the contact would be at {share:.3g} of its length; must be from 0 to 1'
+            what = f'the contact would be at {share:.6g} of its length; must be from 0 to 1'
         center = grip.center
         raise GraspError(
             f'member {name} does not touch the object at ({center.real:.4g}, '

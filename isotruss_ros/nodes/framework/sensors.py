@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Callable
 import contextlib
 from functools import partial
-import math
 from typing import Any
 
 from geometry_msgs.msg import PoseStamped
@@ -65,8 +64,6 @@ class Inputs(LatestInputs):
         self._parts = RollerParts(robot.roller_names)
         self._offsets = np.zeros(len(robot.roller_names))
         self._by_tube: dict[str, Input] = {}
-        #: Last rejected message of a pressure, and its time [s].
-        self._bad_pressure: tuple[RejectedInput | None, float] = None, -math.inf
         self._frame: RobotFrame | None = None
         self._shapes, self._tracked = ConfigurationTracker(robot.home), self.rollers
 
@@ -158,7 +155,6 @@ class Inputs(LatestInputs):
     def _merge_pressures(self, received: Received, now: float) -> Received | None:
         """Merge the pressure of one tube with the pressures of the other tubes."""
         if isinstance(received, RejectedInput):
-            self._bad_pressure = received, now
             return received
         tube, pressure = received.value
         kept = self._by_tube.get(tube)
@@ -166,11 +162,11 @@ class Inputs(LatestInputs):
         known = [self._by_tube.get(name) for name in self._robot.description.pressures]
         if not all(known):
             return None
-        time = min(each.time for each in known)
-        # The tube is unknown: possibly the one with the oldest stamp.
-        bad, when = self._bad_pressure
-        reason = bad if time < when else None
-        return StampedInput(tuple(each.value for each in known), time, reason)
+        time, before = min(each.time for each in known), self.pressures
+        # The tube of a rejected message is unknown: possibly the one with the oldest stamp.
+        same = isinstance(before, StampedInput) and before.time == time
+        values = tuple(each.value for each in known)
+        return StampedInput(values, time, before.rejected if same else None)
 
     def settle(self) -> None:
         """Process the queued messages of all inputs whose transforms have arrived."""

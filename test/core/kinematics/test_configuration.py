@@ -159,7 +159,7 @@ def test_branches_end_at_singular_configurations_only(robot, rng):
     assert said == pytest.approx(low, abs=0.005)
     # At a fold the smallest singular value goes with the square root of the distance from it.
     near, nearer = (robot.configuration(share * low * travel) for share in (0.99, 0.999))
-    gains = [np.linalg.svd(c.matrix, compute_uv=False)[-1] for c in (near, nearer)]
+    gains = [np.linalg.svd(robots.dense_matrix(c), compute_uv=False)[-1] for c in (near, nearer)]
     assert gains[1] / gains[0] < 0.6
     # Also there it is the branch from home, on which small steps stay too.
     walked = robot.home
@@ -214,3 +214,22 @@ def test_tracker_reuses_the_factor_of_the_prediction(robot, rng):
 def test_a_path_near_a_singular_configuration_is_refused():
     with pytest.raises(ConfigurationError, match='near a singular one, none found in 50'):
         load_robot('triangle').configuration([-0.42376568, 0.5962088])
+
+
+@pytest.mark.parametrize('seed', range(4))
+def test_a_nearby_factor_suffices_beside_a_singular_configuration(seed):
+    robot = load_robot('nine_member')
+    way = np.random.default_rng(seed).standard_normal(len(robot.roller_names))
+    reached, missed = 0.0, 3.0 / np.abs(way).max()
+    while missed - reached > 1e-9:
+        middle = 0.5 * (reached + missed)
+        try:
+            robot.configuration(middle * way)
+            reached = middle
+        except ConfigurationError:
+            missed = middle
+    end = reached - 1e-4
+    nearby, start = (robot.configuration((end - back) * way) for back in (1e-3, 2e-4))
+    goal = end * way
+    found = start.moved_to(goal, nearby.factor)
+    assert found.nodes == pytest.approx(start.moved_to(goal).nodes, abs=1e-9)
