@@ -25,6 +25,10 @@ from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.servo.servo_settings import SqueezeSettings
 
 PRIOR = EstimatorSettings()
+#: Largest utilisation of an equilibrium at a measured pose from which a belief starts [-]. There,
+#: the moment in the model exceeds that of a wrinkled tube by 5 % (Comer and Levy, see
+#: `core.statics.wrinkling`); at 1.5 it exceeds it by 15 %.
+MAX_START_UTILISATION = 1.2
 
 
 class BeliefStart:
@@ -76,8 +80,7 @@ class BeliefStart:
             return error.hold
         if self._assuming and not self._is_desired(found, settings):
             return HoldStatus.NO_BALANCE
-        # Beyond the wrinkling moment the squeeze of the measured pose is not known.
-        if not self._assuming and found.sections.used.max() > 1.0:
+        if not self._assuming and found.sections.used.max() > MAX_START_UTILISATION:
             self._missed = True
             return HoldStatus.WRINKLES
         prior = replace(

@@ -34,9 +34,6 @@ import numpy as np
 FOLLOWED_MOTION, SETTLED_MOTION = 1e-4, 1e-10
 #: Weight of a load point's motion relative to a node's motion in `BentTubes.distance` [-].
 PLACE_SHARE = 0.2
-#: Largest motion of a load point for which the displacement of its node is extrapolated, relative
-#: to its shorter part [-]; after a larger motion it is interpolated on the bent member.
-MAX_PLACE_STEP = 0.5
 
 
 class Displaced(NamedTuple):
@@ -403,7 +400,9 @@ class BentTubes:
         """
         found = replace(self, structure=structure or self.structure, places=places, before=None)
         parts = self.frame.length[self._parts[0]].reshape(2, -1).min(axis=0)
-        if (np.abs(found.cuts - self.cuts) <= MAX_PLACE_STEP * parts).all():
+        # A node that moves by more than half of a part is interpolated on the bent member, because
+        # the error of its extrapolation would turn the part.
+        if (np.abs(found.cuts - self.cuts) <= 0.5 * parts).all():
             return found.bent_to(self.displace(loads, found.cuts))
         known = self.bent_to(self.displace(loads, self.cuts))
         return found.bent_to(found.bent_like(known).before._replace(loads=loads))

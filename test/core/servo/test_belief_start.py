@@ -59,9 +59,9 @@ def test_only_an_object_commanded_as_gripped_has_a_supposed_equilibrium(away):
     assert start.belief is None
 
 
-def test_an_equilibrium_beyond_wrinkling_starts_no_belief():
+def test_an_equilibrium_far_beyond_wrinkling_starts_no_belief():
     start = BeliefStart()
-    grip = measured((0.0, 0.02))
+    grip = measured((0.0, 0.025))
     assert start.search(HOME, grip, SETTINGS, False, None, None) is HoldStatus.WRINKLES
     assert start.belief is None
 
