@@ -29,7 +29,7 @@ import numpy as np
 from scipy.linalg import lapack
 
 #: Largest number of updates of the normals [-]; the normals on large discs converge slowly.
-MAX_STEPS = 100
+MAX_STEPS = 200
 #: Largest gap of a contact [m]; forces that remain in (9) at larger gaps are set to zero.
 MAX_CONTACT_GAP = 1e-7
 #: Steps of (9) between checks of convergence with updated normals [-].

@@ -19,7 +19,7 @@ def response_of(pose, forces, squeeze, arm):
     """Return a response to wrenches, of which members that move change nothing."""
     rest, no_ends = np.zeros((len(forces), 3)), np.zeros(0, dtype=int)
     change = np.vstack([pose, rest, forces])
-    return GripResponse(change, squeeze, arm, 0.0, no_ends, np.zeros((0, len(forces))))
+    return GripResponse(change, squeeze, arm, 0.0, no_ends, np.zeros((len(change), 0)))
 
 
 def grip_of(normal, friction, owners, response):
