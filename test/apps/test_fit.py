@@ -6,7 +6,6 @@
 from pathlib import Path
 import re
 import tempfile
-import tracemalloc
 import warnings
 
 from hypothesis import given, strategies
@@ -390,24 +389,6 @@ def test_byte_order_mark_spaces_and_empty_lines_are_read(tmp_path):
 def test_file_that_never_ends_is_refused():
     with pytest.raises(MeasurementError, match=f'at most {MAX_FILE_SIZE} bytes'):
         read_measurements(Path('/dev/zero'))
-
-
-def test_memory_for_trial_names_is_linear_in_their_length(tmp_path):
-    # As an array of texts, each would take as much as the longest: 800 MB.
-    names = ['a' * 100_000, *(f't{i % 7}' for i in range(2000))]
-    rows = [[*HEADER, 'trial'], *(['axial', 17200, 0.254, 0.1, 1.0, name] for name in names)]
-    path = write(tmp_path, rows)
-    tracemalloc.start()
-    try:
-        (group,) = read_measurements(path).groups
-        _, peak = tracemalloc.get_traced_memory()
-    finally:
-        tracemalloc.stop()
-    assert peak < 4 * MAX_FILE_SIZE
-    # The same number for the same name.
-    pairs = set(zip(group.trials.tolist(), names, strict=True))
-    assert len(pairs) == len(set(names)) == 8
-    assert sorted(number for number, _ in pairs) == list(range(8))
 
 
 cells = strategies.sampled_from(

@@ -15,7 +15,7 @@ BOUNDS = {
     'twist to roller command': (17, 124),
     'tick of the node: twist': (35, 209),
     'closure by (10)': (27, 362),
-    'flag of the node: held': (38, 562),
+    'flag of the node: held': (38, 564),
 }
 
 

@@ -240,8 +240,8 @@ class HeldGrip:
         rows, presses = (slip_conditions(owners, mu) for mu in (friction, 1.0))
         presses = presses - slip_conditions(owners, 0.0)
         found, rates = [rows], [presses]
-        for end, opening in zip(response.ends.tolist(), response.opening, strict=True):
-            opens = np.eye(1, rows.shape[1], end)
+        for number, end in enumerate(response.ends.tolist()):
+            opening, opens = response.opening[number], np.eye(1, rows.shape[1], end)
             without = rows + np.outer(rows @ opening, opens)
             (left, _, size), (gap, _, span) = self._reserves(without), self._reserves(opens)
             farther = left / size > gap / span

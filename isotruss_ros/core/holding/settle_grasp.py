@@ -72,10 +72,12 @@ def settle_grasp(
     before = None if previous is None else previous.equilibrium
     tubes = TubeModel(paper_model=paper_model, pressure=pressure)
     try:
-        found = prefer_far_ends(attach_grip(config, body, numbers, wrench, tubes, before), mu)
+        found = attach_grip(config, body, numbers, wrench, tubes, before)
     except NotHeldError as error:
         lost = LostContact.of(config, body, numbers, scaled_wrench(wrench, body.arm), pressure)
         return SettledGrasp(error.hold, str(error), body.pose, mu, lost=lost)
+    if not body.shape.is_round:
+        found = prefer_far_ends(found, mu)
     return assess_equilibrium(body.pose, found, mu)
 
 

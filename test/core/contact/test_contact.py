@@ -3,11 +3,9 @@
 
 """Contact: the complementarity problem, contact points, condensation, relaxation."""
 
-from types import SimpleNamespace
-
 from grips import random_pressed
 from hypothesis import given, strategies
-from isotruss_ros.core import ConvexObject, Disc, Ellipse, load_robot, Polygon
+from isotruss_ros.core import load_robot
 from isotruss_ros.core.contact.contact import solve_contact
 from isotruss_ros.core.contact.contact_points import find_contact_points
 from isotruss_ros.core.contact.surfaces import surface_of
@@ -20,7 +18,7 @@ import numpy as np
 import pytest
 import robots
 from scipy.optimize import nnls
-from shapes import circle, dense_outline, random_shape_of
+from shapes import circle
 import tubes
 
 
@@ -88,45 +86,6 @@ def test_a_matrix_that_is_not_positive_definite_is_refused():
 
 
 # ContactPoints
-
-
-@pytest.mark.parametrize('kind', [Disc, Ellipse, Polygon])
-@robots.examples(20)
-@given(generators, strategies.floats(0.001, 0.02), strategies.booleans())
-def test_candidates_of_any_shape_are_those_within_its_tangents(kind, rng, spacing, flattening):
-    shape = random_shape_of(kind, rng)
-    pose = (rng.uniform(-0.2, 1.0), rng.uniform(-0.4, 0.4), rng.uniform(-3.0, 3.0))
-    body, margin = ConvexObject(shape, pose), rng.uniform(0.0, 0.1)
-    surface, width = surface_of(body, margin), 0.05 if flattening else 0.0
-    flat = SimpleNamespace(radius=width, compliance=lambda place, *_: np.eye(len(place)))
-    tube = tubes.bare(LENGTH, 1.9e4, 25.0, 1.9e3)
-    found = find_contact_points(tube, surface, spacing, flat if flattening else None)
-    outline = dense_outline(shape, 4000) * body.turn + body.center - surface.center
-    assert surface.reach >= np.abs(outline).max() + margin - 1e-9
-    normals, distances = surface.tangents
-    farthest = (outline[:, None] * normals.conj()).real.max(axis=0, initial=-np.inf)
-    assert distances == pytest.approx(farthest + margin, abs=1e-5)
-    if isinstance(shape, Polygon):
-        corners = np.array(shape.vertices) @ [1.0, 1j]
-        sides = np.roll(corners, -1) - corners
-        assert normals == pytest.approx(-1j * sides / np.abs(sides) * body.turn, abs=1e-9)
-    elif isinstance(shape, Ellipse):
-        turns = np.angle(np.roll(normals, -1) / normals)
-        assert turns == pytest.approx(np.full(len(normals), 2.0 * np.pi / len(normals)))
-    # On the lattice about the foot: where a point of the skin is near enough to each of them.
-    lattice = surface.center.real + spacing * np.arange(-1500, 1501)
-    lattice = lattice[(lattice >= 0.0) & (lattice <= LENGTH)]
-    lattice = np.clip(lattice, SHORTEST_PART, LENGTH - SHORTEST_PART)
-    heights = np.clip(surface.center.imag, -width, width)
-    apart = np.abs(lattice + 1j * heights - surface.center) - surface.reach
-    skin = lattice[:, None] + 1j * np.array([-width, width]) - surface.center
-    beyond = ((skin[:, :, None] * normals.conj()).real - distances).min(axis=1)
-    apart = np.maximum(apart, beyond.max(axis=1, initial=-np.inf))
-    for points, others in (
-        (lattice[apart < 2.0 * spacing - 1e-9], found.points.real),
-        (found.points.real, lattice[apart < 2.0 * spacing + 1e-9]),
-    ):
-        assert np.isin(np.round(points, 9), np.round(others, 9)).all()
 
 
 @robots.examples(60)

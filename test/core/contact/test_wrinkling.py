@@ -5,36 +5,13 @@
 
 from types import SimpleNamespace
 
-from hypothesis import given, strategies
 from isotruss_ros.core import analyze_grasp, ConvexObject, load_robot, tangent_center
 from isotruss_ros.core.contact.contact_points import ContactState, find_contact_points
 from isotruss_ros.core.contact.contact_regions import find_wrinkling
-from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 import pytest
-import robots
 from shapes import circle
 import tubes
-
-
-def largest_utilisation(structure, frame, ends):
-    """
-    Return the largest |M| / M_w of each member of a robot in whose tubes points are nodes.
-
-    :param frame: see `robot_with_nodes`.
-    :param ends: (k, 6) forces on the members of that frame, see `FrameState.end_forces`.
-    """
-    robot = structure.config.robot
-    radius, tube = 0.5 * robot.description.tube_diameter, robot.topology.tube
-    largest = np.zeros(len(tube))
-    for number, member in zip(structure.pieces.ravel(), structure.owners.ravel(), strict=True):
-        here = ends[frame.whole == number]
-        pull = structure.pressures[tube[member]] * np.pi * radius**2 - here[:, 0]
-        moment = np.abs(here[:, [2, 5]]).max(axis=1)
-        used = np.where(pull > 0.0, 2.0 * moment / radius / pull, np.inf)
-        largest[member] = max(largest[member], used.max())
-    return largest
-
 
 LENGTH, RADIUS, PRESSURE = 0.762, 0.051, 34.5e3
 PULL = PRESSURE * np.pi * RADIUS**2
@@ -101,41 +78,6 @@ def test_utilisation_is_infinite_if_compression_exceeds_the_pull():
     assert result.used.tolist() == [np.inf]
     # A slack wall has no tension.
     assert tension.min() == 0.0
-
-
-@robots.examples(15)
-@given(robots.robots(), robots.generators(), strategies.floats(0.05, 0.5))
-def test_section_moments_agree_with_a_frame_loaded_at_nodes(robot, rng, diameter):
-    config = robots.random_state(robot, rng)
-    gauge = rng.uniform(2e4, 6e4, len(robot.description.pressures))
-    structure = structure_of(config, gauge)
-    center = config.points[rng.integers(len(config.points))] + 0.1 * complex(*rng.normal(size=2))
-    found = find_contact_points(structure, circle(center, diameter), 0.02)
-    # Some anywhere, and some on pieces that run backward along their members.
-    ring = robot.description.module.guide_ring_distance
-    late = np.flatnonzero(found.place > config.member_lengths[found.member] - ring)
-    some = np.union1d(rng.permutation(len(found.points))[:8], late[:5]).astype(int)
-    forces, normals = np.zeros(len(found.points)), np.exp(6.3j * rng.random(len(found.points)))
-    forces[some] = rng.uniform(0.1, 20.0, len(some))
-    result, tension = find_wrinkling(structure, found, pressed(found, forces, normals))
-
-    frame = tubes.robot_with_nodes(structure, found.member[some], found.place[some])
-    loads = np.zeros((len(frame.points), 3))
-    push = forces[some] * normals[some]
-    np.add.at(loads, frame.nodes, np.column_stack([push.real, push.imag, 0.0 * push.real]))
-    ends = frame.solve(loads).end_forces
-    before, behind = ends[frame.before], ends[frame.behind]
-    *_, ahead = structure.locate(found.member[some], found.place[some])
-    larger, radius = np.maximum(before[:, 0], behind[:, 0]), 0.5 * robot.description.tube_diameter
-    aside = np.sign((push * found.axis[some].conj()).imag)
-    pull = gauge[robot.topology.tube[found.member[some]]] * np.pi * radius**2
-    wall = (pull - larger + 2.0 / radius * ahead * before[:, 5] * aside) / (2.0 * np.pi * radius)
-    assert tension[some] == pytest.approx(np.maximum(wall, 0.0), rel=1e-5, abs=1e-4)
-    expected = largest_utilisation(structure, frame, ends)
-    assert result.used == pytest.approx(expected, rel=1e-5, abs=1e-9)
-    assert (result.place >= -1e-9).all()
-    assert (result.place <= config.member_lengths + 1e-9).all()
-    assert (tension >= 0.0).all()
 
 
 def test_contact_pressure_is_gas_pressure_plus_wall_tension_over_curvature():

@@ -3,7 +3,7 @@
 
 """Discs, ellipses and rounded polygons against formulas of handbooks, and their ranges."""
 
-from isotruss_ros.core import ConvexObject, Disc, Ellipse, Polygon
+from isotruss_ros.core import ConvexObject, Polygon
 from isotruss_ros.core.errors import GraspError
 import numpy as np
 import pytest
@@ -25,37 +25,6 @@ def test_the_ends_of_an_arc_whose_center_is_outside_are_within_reach():
     triangle = Polygon([(-0.5, 0.0), (0.5, 0.0), (0.0, height)], (0.0, 0.0, radius))
     assert triangle.arc_centers[2].imag < -0.2
     assert triangle.reach == pytest.approx(0.5)
-
-
-def test_outlines_have_the_ends_of_arcs_and_points_no_farther_apart_than_asked_for():
-    square = Polygon([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)], (0.0, 0.1, 0.0, 0.4))
-    spacing = 0.03
-    z = square.outline(spacing)
-    ends = [0.0, 0.9, 1.0 + 0.1j, 1.0 + 1.0j, 0.4 + 1.0j, 0.6j]
-    at = [int(np.abs(z - end).argmin()) for end in ends]
-    assert z[at] == pytest.approx(ends, abs=1e-12)
-    # As many points along each arc as its length needs, no more, and a corner once.
-    counts = [int(np.ceil(0.5 * np.pi * radius / spacing)) for radius in (0.1, 0.4)]
-    assert np.diff([*at, len(z)]).tolist() == [1, counts[0], 1, 1, counts[1], 1]
-    smaller = z[np.arange(at[1], at[2] + 1)]
-    assert np.abs(np.diff(smaller)).max() <= spacing
-    for shape in (Disc(1.0), Ellipse((0.5, 0.4))):
-        # Of an ellipse these are points of the circle around it, moved toward its long axis.
-        z = shape.outline(spacing)
-        assert len(z) == int(np.ceil(np.pi / spacing))
-        assert len(shape.outline(10.0)) >= 8
-
-
-def test_tiny_polygons_far_away_are_taken_and_run_counter_clockwise():
-    """Down to the smallest sides and area that there may be."""
-    least = 1.5e-9
-    assert Polygon([(0.0, 0.0), (least, 0.0), (0.0, least)]).corners[1] == least
-    rng = np.random.default_rng(3)
-    for _ in range(10):
-        x, y = 9.9 * rng.uniform(-1.0, 1.0, 2)
-        vertices = [(x, y), (x + 1e-6, y), (x, y + 1e-6)]
-        for given in (vertices, vertices[::-1]):
-            assert Polygon(given).turns.sum() == pytest.approx(2.0 * np.pi)
 
 
 @pytest.mark.parametrize(
