@@ -29,10 +29,3 @@ def test_candidates_in_another_process_have_equal_results():
     assert (grasp.config.points == here.config.points).all()
     assert grasp.slip_margin == here.slip_margin > 0.0
     assert (tally.evaluations, tally.analyses) == (counts.evaluations, counts.analyses)
-
-
-def test_robots_are_made_once_in_a_process():
-    one, other = (pickle.loads(pickle.dumps(HOME)) for _ in range(2))
-    assert one.robot is other.robot is not HOME.robot
-    assert one.robot.description == HOME.robot.description
-    assert (one.points == HOME.points).all()
