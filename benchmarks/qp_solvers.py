@@ -53,8 +53,9 @@ def varied(problem: QuadraticProgram, rng: np.random.Generator) -> QuadraticProg
     """Return a variation of a program, with more constraints at one vertex."""
     shift = 1e-2 * rng.standard_normal(len(problem.gradient))
     bounds = problem.bounds * rng.uniform(0.5, 1.5, len(problem.bounds))
-    # Bounds of rows that have none stay infinite, those of one variable are not zero.
-    varying = np.isfinite(bounds) & ((problem.rows != 0.0).sum(axis=1) > 1)
+    # Bounds of rows that have none stay infinite, those of one variable are not zero. A bound of
+    # zero would make a direction of rounding errors.
+    varying = np.isfinite(bounds) & ((np.abs(problem.rows) > 1e-7).sum(axis=1) > 1)
     bounds[(rng.random(len(bounds)) < 0.2) & varying] = 0.0
     equality = problem.equality
     if equality is not None:
@@ -86,7 +87,8 @@ def cost_of(problem: QuadraticProgram, x: Array | None) -> float:
     """Return the cost at a point; infinite if the point is not admissible."""
     if x is None:
         return np.inf
-    beyond = (problem.rows @ x - problem.bounds).max()
+    sizes = np.abs(problem.rows).max(axis=1)
+    beyond = ((problem.rows @ x - problem.bounds) / np.maximum(sizes, 1e-7)).max()
     if problem.equality is not None:
         beyond = max(beyond, np.abs(problem.equality @ x - problem.target).max())
     value = 0.5 * x @ problem.hessian @ x + problem.gradient @ x
