@@ -36,9 +36,8 @@ STEP = 0.01
 LARGEST_AGES = {'joints': 0.04, 'status': 0.04, 'twist': 0.04, 'state': 0.1}
 
 
-#: Wall time after which a source without messages is not awaited until its next one [s]. It is
-#: shorter than the timeout after which the nodes regard the clock as stopped.
-PATIENCE = 5.0
+#: Wall time after which a source without messages is not awaited until its next one [s].
+PATIENCE = 2.0
 
 
 class PacedClock:
@@ -87,7 +86,7 @@ CENTER, DIAMETER, FRICTION = (0.6, 0.3), 0.2, 0.5
 #: A goal ends when inputs are late, and a busy machine delays them.
 PATIENT = {'command_timeout': 4.0}
 #: Time waits for the nodes: what they do is the same on a busy machine.
-PACED = {'use_sim_time': True, 'use_stamped_twist': True, 'command_timeout': 10.0}
+PACED = {'use_sim_time': True, 'use_stamped_twist': True}
 #: Rollers whose commands are late stop soon, and push no object away meanwhile.
 STOPPING = {'command_timeout': 0.2}
 #: Whether or not the middleware has noticed that the node was gone for a while.
