@@ -180,7 +180,8 @@ class GripResponse:
     @property
     def forces(self) -> Array:
         """Return the derivatives (2k, 3) of normal and friction forces by the wrench [-]."""
-        return self.change[self._begin :]
+        begin = self._begin
+        return self.change[begin:]
 
     @functools.cached_property
     def opening(self) -> Array:
@@ -189,7 +190,8 @@ class GripResponse:
 
         They are per unit of the tension that this end had [-].
         """
-        forces = self.parted[self._begin :].T
+        begin = self._begin
+        forces = self.parted[begin:].T
         return -forces / forces[np.arange(len(self.ends)), self.ends, None]
 
     def opening_rates(self, rates: Array) -> Array:
@@ -198,9 +200,9 @@ class GripResponse:
 
         :param rates: (3 + 4k, p, e) derivatives of `parted`.
         """
-        each, ends = np.arange(len(self.ends)), self.ends
-        tension = self.parted[self._begin :][ends, each]
-        forces = rates[self._begin :]
+        each, ends, begin = np.arange(len(self.ends)), self.ends, self._begin
+        tension = self.parted[begin:][ends, each]
+        forces = rates[begin:]
         return -(forces + self.opening.T[:, None] * forces[ends, :, each].T) / tension
 
     @property
