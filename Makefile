@@ -95,8 +95,8 @@ nightly: venv
 # What other versions of NumPy, SciPy, MuJoCo and the readers of files can change.
 matrix:
 	set -e; for versions in noble trixie newest; do tools/version_matrix.sh $$versions .matrix \
-		$(addprefix test/, core/numerics core/model core/statics core/contact core/manipulation mujoco_plant \
-		apps/test_plotting.py); done
+		$(addprefix test/, core/numerics core/model core/statics core/contact core/holding core/manipulation \
+		core/estimation core/servo mujoco_plant apps/test_plotting.py); done
 
 noble-venv:
 	+$(MAKE) venv $(NOBLE)

@@ -99,6 +99,6 @@ class ContactWalk:
         moved, changed = self._moved - before, considered - changed
         allowed = prior + self._walked - walked + noise
         allowed += changed @ spread @ changed.transpose(0, 2, 1)
-        squares = np.einsum('ij,ij->i', moved, np.linalg.solve(allowed, moved))
+        squares = np.einsum('ij,ijk->i', moved, np.linalg.solve(allowed, moved[:, :, None]))
         self.length = float(np.hypot.reduce(moved, axis=1).max())
         self.deviations = math.sqrt(squares.max())
