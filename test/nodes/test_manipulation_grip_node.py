@@ -5,15 +5,19 @@
 
 from geometry_msgs.msg import PoseStamped
 from held_grips import APART, box_between, BOX_FILE
+from isotruss_msgs.action import FollowRollerTrajectory
 from isotruss_msgs.msg import ManipulationStatus
 from isotruss_ros.core import Pose, Status
+from isotruss_ros.core.inputs import find_fresh
 from isotruss_ros.nodes.conversions.messages import make_header, to_pose_message
+from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
 from isotruss_ros.nodes.manipulation.node import Manipulation
 from isotruss_ros.nodes.simulator.node import Simulator
 from manual_world import world
 import numpy as np
 from probe import maker, overrides, ROBOT
 import pytest
+from trajectories import AWAY, trajectory
 
 FORCE, RATE, FRICTION = 30.0, 20.0, 0.9
 TWIST = (0.01, 0.01, 0.0)
@@ -85,6 +89,23 @@ def test_the_squeeze_is_regulated_while_the_object_stays_and_moves():
         )
         assert simulator._plant.elastic.grasp.squeeze == pytest.approx(FORCE, rel=0.02)
         assert w.place()[1] == pytest.approx(start[1], abs=3e-3)
+
+
+def test_subscribers_drop_a_grip_that_has_ended():
+    analysing = maker(GraspAnalysisNode, command_timeout=10.0)
+    with world(plant, squeezing(command_timeout=10.0), analysing()) as w:
+        analysis = w.nodes[3]
+
+        def record():
+            return find_fresh(analysis.now(), 10.0, analysis.inputs.held_grip)
+
+        w.until(lambda: record() is not None, lambda: w.probe.send_twist((0.0, 0.0, 0.0)))
+        here = w.travel()
+        w.send_goal(FollowRollerTrajectory.Goal(trajectory=trajectory(here, here + 0.1 * AWAY)))
+        begun = w.now
+        w.until(lambda: record() is None)
+        assert w.now - begun < 0.1
+        assert w.nodes[2].details()['moves'] == 'the rollers along a trajectory'
 
 
 def test_pressures_that_are_old_or_bad_halt_and_good_ones_go_on():

@@ -133,7 +133,7 @@ def test_status_message_contains_all_fields_of_a_decision(squeeze):
     twist, failed = np.array([0.5, 0.6, 0.7]), ROBOT.roller_names[1:3]
     decision = Decision(command, twist, 'why', failed, 8.0, 1.5, squeeze, 0.03)
     with world(node()) as w:
-        w.nodes[1]._report.publish(decision, 2.5)
+        w.nodes[1]._report.publish(decision, None, 2.5)
         w.deliver()
         status = w.probe.last('status')
     assert (read_stamp(status.header), status.header.frame_id) == (2.5, 'truss')

@@ -30,12 +30,8 @@ from robots import quick_robot
 
 #: Step of the clock, at most in real time [s].
 STEP = 0.01
-
-
 #: Largest ages of the last message of each source, two periods of its node [s].
 LARGEST_AGES = {'joints': 0.04, 'status': 0.04, 'twist': 0.04, 'state': 0.1}
-
-
 #: Wall time after which a source without messages is not awaited until its next one [s].
 PATIENCE = 2.0
 

@@ -89,14 +89,16 @@ def read_estimate(message: StateEstimateMessage, robot: Robot) -> EstimatedTrave
     return EstimatedTravel(offsets, covariance.reshape(len(names), len(names)))
 
 
-def to_grip_message(record: GripRecord, robot: Robot, when: float) -> HeldGripMessage:
+def to_grip_message(record: GripRecord | None, robot: Robot, when: float) -> HeldGripMessage:
     """
     Convert the record of a held grip to a message.
 
-    :param record: record of the grip.
+    :param record: record of the grip; None if no object is held, for an empty message.
     :param robot: robot that holds the object.
     :param when: time at which the grip was computed [s].
     """
+    if record is None:
+        return HeldGripMessage(header=make_header(when, robot.frame))
     contacts = record.contacts
     before, behind = contacts.cuts.T.tolist()
     return HeldGripMessage(
@@ -117,10 +119,13 @@ def read_grip(message: HeldGripMessage, robot: Robot) -> GripRecord:
 
     :param message: message of the topic `manipulation/grip`.
     :param robot: robot that holds the object.
-    :raises MessageError: the message has another frame, contacts that the robot cannot have, lists
-        of different lengths, or values that are not finite.
+    :raises MessageError: the message is empty, because no object is held; or it has another frame,
+        contacts that the robot cannot have, lists of different lengths, or values that are not
+        finite.
     """
     check_frame('held grip', message.header, robot.frame)
+    if not message.members:
+        raise MessageError('held grip: no object is held')
     names, count = robot.member_names, len(message.members)
     known = [names.index(name) for name in message.members if name in names]
     if len(known) < count or known != sorted(known) or len(set(known)) < 2:

@@ -48,7 +48,7 @@ class Inputs(LatestInputs):
     - `estimate` from `state_estimate`.
     - `pose` from `object_pose`, and `markers` from `joint_markers`, see `RobotFrame`.
     - `grasp` from `grasp/state`.
-    - `held_grip` from `manipulation/grip`.
+    - `held_grip` from `manipulation/grip`; an empty message discards the previous grip.
     - `pressures` from `tube_pressures`, available once a message for each tube has arrived. The
       stamp is the oldest one of these messages.
 
@@ -118,6 +118,7 @@ class Inputs(LatestInputs):
         frame = self._frame or RobotFrame(robot)
         read_part = partial(read_roller_part, names=robot.roller_names)
         read_offsets = partial(read_estimate, robot=robot)
+        read_held_grip = partial(read_grip, robot=robot)
 
         def read_pressure(message: FluidPressure) -> tuple[str, float]:
             return read_tube_pressure(message, robot, node.values.ambient_pressure)
@@ -128,7 +129,7 @@ class Inputs(LatestInputs):
             'pose': Topic(PoseStamped, 'object_pose', frame.read_pose),
             'markers': Topic(MultiDOFJointState, 'joint_markers', frame.read_markers),
             'grasp': Topic(GraspState, 'grasp/state', lambda state: state),
-            'held_grip': Topic(HeldGrip, 'manipulation/grip', partial(read_grip, robot=robot)),
+            'held_grip': Topic(HeldGrip, 'manipulation/grip', read_held_grip, stops=True),
             'pressures': Topic(
                 FluidPressure,
                 'tube_pressures',

@@ -244,7 +244,6 @@ class Manipulation(ManagedNode):
             self._trajectory.abort(halt[1])
         decision = self._trajectory.decide(now)
         self._commands.publish(decision.command.roller_velocities)
-        self._report.publish(decision, now)
         squeeze = self._servo.squeeze
-        if squeeze is not None and squeeze.fault is None:
-            self._report.publish_grip(squeeze.grasp, now)
+        is_known = squeeze is not None and squeeze.fault is None
+        self._report.publish(decision, squeeze.grasp if is_known else None, now)

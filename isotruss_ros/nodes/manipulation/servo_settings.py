@@ -161,25 +161,20 @@ class StatusReport:
         self._told = 0.0
         self.status = Status.OK  #: status of the last cycle
 
-    def publish_grip(self, grasp: HeldEquilibrium | None, now: float) -> None:
-        """
-        Publish the equilibrium of the held object, at most once in `GRIP_PERIOD`.
-
-        :param grasp: equilibrium of the held object; None if no object is held.
-        :param now: time of the cycle [s].
-        """
-        if grasp is None or 0.0 <= now - self._told < GRIP_PERIOD:
-            return
-        self._told = now
-        self._grips.publish(to_grip_message(GripRecord.of(grasp), self._robot, now))
-
-    def publish(self, decision: Decision, now: float) -> None:
+    def publish(self, decision: Decision, grasp: HeldEquilibrium | None, now: float) -> None:
         """
         Publish a decision, and log it if the twist is not executed as commanded.
 
+        The equilibrium of the held object is published at most once in `GRIP_PERIOD`.
+
         :param decision: decision of this cycle.
+        :param grasp: equilibrium of the held object; None if no object is held.
         :param now: time of the cycle [s].
         """
+        if not 0.0 <= now - self._told < GRIP_PERIOD:
+            self._told = now
+            record = None if grasp is None else GripRecord.of(grasp)
+            self._grips.publish(to_grip_message(record, self._robot, now))
         command, cycle = decision.command, self._node.cycle
         status = self.status = command.status
         squeeze, deviation = decision.squeeze or (math.nan, math.nan)
