@@ -111,6 +111,14 @@ def attach_grip(
     found = _find_pressing(find, find_pressed(config, body, members), body.middle, sets)
     if found is None:
         raise NotHeldError(HoldStatus.NO_BALANCE)
+    # The hypotheses follow from straight tubes. Loaded tubes are inclined, so the far end of a
+    # nearly parallel face may press: together with the near end, or alone.
+    faces = () if body.shape.is_round else _with_far_ends(found, 0.0)
+    for contacts, near, far in faces:
+        laid = find(contacts)
+        if laid is not None and laid.most_pulling() != far:
+            alone = find(contacts.without(near))
+            return _nearest_pressing([laid, alone], body.middle) or found
     return found
 
 
@@ -127,53 +135,27 @@ def lay_faces(found: HeldGrip, friction: float, gap: float) -> HeldGrip:
     """
     if found.required_friction <= friction:
         return found
-    faces = (contacts for contacts, _ in _with_far_ends(found, gap))
-    return next(_find_held(found, faces, friction, MAX_SEARCH_STEPS), found)
+    config, tubes, wrench = found.config, found.tubes, found.wrench
+    for contacts, *_ in _with_far_ends(found, gap):
+        statics = build_statics(config, found.statics.body, contacts, tubes)
+        laid = _find_rest(config, statics, wrench, tubes, None, MAX_SEARCH_STEPS)
+        presses = laid is not None and laid.most_pulling() is None
+        if presses and laid.required_friction <= friction:
+            return laid
+    return found
 
 
-def prefer_far_ends(found: HeldGrip, friction: float) -> HeldGrip:
+def _with_far_ends(found: HeldGrip, gap: float) -> Iterator[tuple[PressedContacts, int, int]]:
     """
-    Return the equilibrium with the other end of a face in contact, if it is held and nearer.
+    Yield the contacts with the far end of a face added, and the indices of near and far end.
 
-    Otherwise, return the given equilibrium. Contact hypotheses follow from straight tubes. Loaded
-    tubes are inclined, so the contact may be at the other end of a nearly parallel face.
-
-    :param found: equilibrium near the measured pose, see `attach_grip`.
-    :param friction: coefficient of friction between tubes and object.
+    :param gap: largest gap at the far end in the bent tube [m].
     """
-    if found.required_friction <= friction:
-        return found
-    measured = found.statics.body.middle
-    faces = _with_far_ends(found, found.statics.tube_radius)
-    ends = (contacts.without(near) for contacts, near in faces)
-    others = [found, *_find_held(found, ends, friction, MAX_NEWTON_ITERATIONS)]
-    return min(others, key=lambda each: abs(each.body.middle - measured))
-
-
-def _with_far_ends(found: HeldGrip, gap: float) -> Iterator[tuple[PressedContacts, int]]:
-    """
-    Yield the contacts with the far end of a face added, and the index of the near end.
-
-    :param gap: largest gap at the far end [m].
-    """
-    for k, face in open_faces(found.statics):
-        short = is_short(found.statics, face)
-        if not short and far_end_depth(found.statics, found.state, k, face, gap) > -gap:
+    statics, state, bent = found.statics, found.state, max(gap, found.statics.tube_radius)
+    for k, face in open_faces(statics):
+        if not is_short(statics, face) and far_end_depth(statics, state, k, face, bent) > -gap:
             contacts, far = with_far_end(found.contacts, k, face)
-            yield contacts, k + (far <= k)
-
-
-def _find_held(
-    found: HeldGrip, hypotheses: Iterable[PressedContacts], friction: float, steps: int
-) -> Iterator[HeldGrip]:
-    """Yield the equilibria with other contacts in which friction suffices and nothing pulls."""
-    for contacts in hypotheses:
-        statics = build_statics(found.config, found.statics.body, contacts, found.tubes)
-        other = _find_rest(found.config, statics, found.wrench, found.tubes, None, steps)
-        if other is None or other.most_pulling() is not None:
-            continue
-        if other.required_friction <= friction:
-            yield other
+            yield contacts, k + (far <= k), far
 
 
 def _find_pressing(
@@ -195,11 +177,16 @@ def _find_pressing(
         return None
     # Try all hypotheses with one open face end, then with two, ...; take the nearest equilibrium.
     for _, alike in itertools.groupby(_choices(contacts)[1:], lambda each: len(each.owners)):
-        others = [each for each in map(find, alike) if each is not None]
-        pressing = [each for each in others if each.most_pulling() is None]
-        if pressing:
-            return min(pressing, key=lambda each: abs(each.body.middle - middle))
+        found = _nearest_pressing(map(find, alike), middle)
+        if found is not None:
+            return found
     return None
+
+
+def _nearest_pressing(found: Iterable[HeldGrip | None], middle: complex) -> HeldGrip | None:
+    """Return the equilibrium without tension at a face end that is nearest to a centroid."""
+    pressing = [each for each in found if each is not None and each.most_pulling() is None]
+    return min(pressing, key=lambda each: abs(each.body.middle - middle), default=None)
 
 
 def _find_rest(

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 from isotruss_ros.core.contact.analyze_grasp import check_load
 from isotruss_ros.core.contact.lost_contact import LostContact
-from isotruss_ros.core.holding.attach_grip import attach_grip, prefer_far_ends
+from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.held_grip import (
     HeldGrip,
@@ -76,8 +76,6 @@ def settle_grasp(
     except NotHeldError as error:
         lost = LostContact.of(config, body, numbers, scaled_wrench(wrench, body.arm), pressure)
         return SettledGrasp(error.hold, str(error), body.pose, mu, lost=lost)
-    if not body.shape.is_round:
-        found = prefer_far_ends(found, mu)
     return assess_equilibrium(body.pose, found, mu)
 
 

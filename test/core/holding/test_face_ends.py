@@ -4,7 +4,7 @@
 """Far ends of faces: they close where their gap does, and wrong offsets do not open them."""
 
 from held_grips import BOX, held, HOME
-from isotruss_ros.core import ConvexObject, Grip, Polygon, Pose, settle_grasp, solve_twist
+from isotruss_ros.core import ConvexObject, Grip, Polygon, settle_grasp, solve_twist
 from isotruss_ros.core.estimation.grip_model import attach_model
 from isotruss_ros.core.holding.face_ends import far_end_depth, is_short, open_faces
 from isotruss_ros.core.holding.roll_grip import roll_grip
@@ -42,11 +42,19 @@ def test_wrong_offsets_do_not_lift_a_box_off_its_face(offsets):
     assert abs(unsure.pose.angle - grip.body.pose.angle) < np.radians(1.0)
 
 
-def test_a_box_is_settled_at_the_end_of_a_face_that_touches_the_loaded_tube():
-    """The elastic plant holds the box so; the straight tube is penetrated by the other end."""
-    config = HOME.robot.configuration([0.0009, 0.029, -0.4085, -0.1636, -0.269, 0.2216])
-    corners = [(-0.12, -0.1), (0.12, -0.1), (0.12, 0.1), (-0.12, 0.1)]
-    body = ConvexObject(Polygon(corners, 0.02), Pose(0.5432, 0.2766, 1.7943))
+@pytest.mark.parametrize(
+    ('travel', 'pose', 'corners'),
+    [
+        ([0.0009, 0.029, -0.4085, -0.1636, -0.269, 0.2216], (0.5432, 0.2766, 1.7943), [2, 1]),
+        ([0.0057, 0.0345, -0.4065, -0.1663, -0.2677, 0.2223], (0.5418, 0.2741, 1.7886), [2, 3, 1]),
+    ],
+)
+def test_a_nearly_parallel_face_presses_where_the_loaded_tube_is(travel, pose, corners):
+    """The elastic plant holds the box so; the straight tube is penetrated by corner 3 alone."""
+    outline = [(-0.12, -0.1), (0.12, -0.1), (0.12, 0.1), (-0.12, 0.1)]
+    config, body = HOME.robot.configuration(travel), ConvexObject(Polygon(outline, 0.02), pose)
     found = settle_grasp(config, body, FRICTION)
     assert found.held, found.reason
-    assert found.equilibrium.contacts.corners.tolist() == [2, 1]
+    members = found.equilibrium.member_names
+    for grip in (found.equilibrium, attach_model(config, Grip(members, body, FRICTION))):
+        assert grip.contacts.corners.tolist() == corners
