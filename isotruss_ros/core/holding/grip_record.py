@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.holding.build_statics import build_statics
+from isotruss_ros.core.holding.build_statics import build_statics, facing_lines
 from isotruss_ros.core.holding.contact_forces import Places, PressedContacts
 from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.held_grip import HeldGrip, travel_rates
@@ -41,7 +41,11 @@ class GripRecord(NamedTuple):
         return cls(grip.config.roller_positions, grip.contacts, grip.state.unknowns, pressures)
 
     def restore(
-        self, config: Configuration, body: ConvexObject, external_wrench: Array | None = None
+        self,
+        config: Configuration,
+        body: ConvexObject,
+        external_wrench: Array | None = None,
+        before: HeldGrip | None = None,
     ) -> HeldGrip | None:
         """
         Return the recorded grip after rolling to a configuration; None without equilibrium.
@@ -50,6 +54,8 @@ class GripRecord(NamedTuple):
         :param body: the object; its pose is not used.
         :param external_wrench: (fx, fy, m) on the object about its frame's origin [N, N m]; None:
             zero.
+        :param before: similar grip, from whose bent tubes the iteration starts if its members are
+            the same.
         :raises GraspError: the object cannot have the recorded contacts.
         :raises ConfigurationError: the robot cannot have the recorded configuration.
         :raises StructureError: see `structure_of`.
@@ -58,8 +64,7 @@ class GripRecord(NamedTuple):
         contacts, tubes = self.contacts, TubeModel(pressure=self.pressures)
         turned = np.exp(1j * self.unknowns[Places.of(len(contacts.members)).inclinations])
         try:
-            straight = build_statics(there, body, contacts, tubes._replace(paper_model=True))
-            normals = straight.straight_normals * turned
+            normals = facing_lines(there, body, contacts.members)[1] * turned
             statics = build_statics(there, body, contacts, tubes, normals)
             angles = np.angle(normals * body.turn.conjugate())
             travel = travel_rates(there, contacts.members) @ self.travel
@@ -68,14 +73,16 @@ class GripRecord(NamedTuple):
             raise GraspError(
                 f'held grip: corners {self.contacts.corners}: the object has no such corners'
             ) from error
-        loads = statics.loads(self.unknowns)
-        bent = statics.bent.bend(loads, self.unknowns[statics.places.feet])
-        statics = replace(statics, bent=bent)
+        bent, loads = statics.bent, statics.loads(self.unknowns)
+        feet = self.unknowns[statics.places.feet]
+        like = before is not None and before.tubes[:2] == tubes[:2]
+        if like and np.array_equal(before.contacts.members, contacts.members):
+            bent = before.statics.bent.update(loads, feet, bent.structure)
+        statics = replace(statics, bent=bent.bend(loads, feet))
         conditions = stick(statics, anchors, travel, angles, NO_CONTACTS)
-        residual, _ = statics.equations(self.unknowns, np.zeros(3), conditions)
+        residual, state = statics.equations(self.unknowns, np.zeros(3), conditions)
         # The recorded dents were tabulated at other normals. `given` keeps this difference
         # constant, so the recorded forces fulfil the equations.
         statics = replace(statics, given=-residual[: 3 * len(angles)].reshape(-1, 3))
-        _, state = statics.equations(self.unknowns, np.zeros(3), conditions)
         held = HeldGrip(there, body, anchors, angles, statics, state, np.zeros(3), tubes)
         return roll_grip(held, config, external_wrench)

@@ -163,7 +163,9 @@ def _analyze(
             paper_model=query.paper_model,
             previous=None if last is None else last.analysis,
         )
-        held = record and record.restore(config, query.body, np.array(query.external_wrench))
+        before = None if last is None else last.settled.equilibrium
+        wrench = np.array(query.external_wrench)
+        held = record and record.restore(config, query.body, wrench, before)
         if held is None:
             settled = settle_grasp(
                 config,

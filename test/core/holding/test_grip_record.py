@@ -35,9 +35,11 @@ def test_restored_grip_has_pose_and_forces_of_the_original(shape, angle):
 def test_restored_grip_rolls_as_the_original():
     grip = rolled(BOX, 0.2)
     there = grip.config.moved_to(grip.config.roller_positions + 0.003)
-    found, expected = GripRecord.of(grip).restore(there, grip.body), roll_grip(grip, there)
+    record, expected = GripRecord.of(grip), roll_grip(grip, there)
+    found, warm = (record.restore(there, grip.body, None, b) for b in (None, held(BOX, 0.2)))
     assert found.pose == pytest.approx(expected.pose, abs=1e-5)
     assert found.squeeze == pytest.approx(expected.squeeze, rel=1e-3)
+    assert warm.state.unknowns == pytest.approx(found.state.unknowns, abs=1e-9)
 
 
 def test_restored_grip_of_an_object_without_such_corners_is_refused():
