@@ -235,12 +235,16 @@ def test_gradients_agree_with_central_differences(wanted):
     assert max(compared) < 1e-6
 
 
-def test_stiffness_that_hardly_changes_agrees_with_central_differences():
-    assert error(248, OTHERS) < 1e-6
-
-
-def test_utilisation_of_a_hardly_bent_member_agrees_with_central_differences():
-    assert error(872, OTHERS) < 1e-6
+@pytest.mark.parametrize(
+    'number',
+    [
+        pytest.param(248, id='stiffness that hardly changes'),
+        pytest.param(563, id='contact 0.5 mm from a guide ring'),
+        pytest.param(872, id='hardly bent member'),
+    ],
+)
+def test_gradients_of_special_grasps_agree_with_central_differences(number):
+    assert error(number, OTHERS) < 1e-6
 
 
 def test_slip_margin_after_a_face_has_opened_agrees_with_central_differences():
@@ -292,18 +296,6 @@ def test_all_members_at_equal_slip_margin_are_named():
         pulled = settle_grasp(config, body, external_wrench=(pull, 0.0, 0.0))
         change = pulled.slip_margin - gradient.settled.slip_margin
         assert change == pytest.approx((pull * sideways).min(), rel=2e-3)
-
-
-def test_equilibrium_is_independent_of_friction_and_position_across_the_bisector():
-    grasp = settle_grasp(*gripped(35.0, squeeze=0.08))
-    gradient = grasp_gradient(grasp)
-    one, other = grasp.equilibrium.state.normals
-    across = 1j * (one + other)  # of the bisector of the members
-    assert not gradient.normal_forces[:, gradient.parameters.friction].any()
-    by_place = gradient.normal_forces[:, gradient.parameters.place]
-    still = by_place @ (across.real, across.imag, 0.0)
-    assert still == pytest.approx([0.0, 0.0], abs=1e-9 * np.abs(by_place).max())
-    assert np.abs(by_place).max() > 100.0
 
 
 ROBOT = make_robot()
