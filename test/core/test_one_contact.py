@@ -3,6 +3,8 @@
 
 """One verdict on whether a face lies on a tube: patch, held model, twist, rolling, guard, plan."""
 
+from dataclasses import replace
+
 from held_grips import HOME, NINE
 from isotruss_ros.core import ConvexObject, Grip, Polygon, RollingGrip
 from isotruss_ros.core.holding.build_statics import find_pressed
@@ -90,6 +92,16 @@ def test_one_verdict_of_twist_rolling_and_plan_for_the_planned_indentation(tilt,
     assert len(body.shape.contact_patch(outward / body.turn, RADIUS, skin)) == wanted
 
 
-def _corners_of(grip):
-    """Return the corners with which a grip touches the first member."""
-    return tuple(each.corner for each in find_contacts(HOME, grip) if each.owner == 0)
+def test_contacts_of_a_tilted_rounded_face_are_those_of_its_named_corners():
+    body = tilted(3e-3, 0.0)
+    rounded = replace(body.shape, corner_radius=(0.02, 0.02, 0.0))
+    grip = Grip(MEMBERS, replace(body, shape=rounded))
+    found = find_contacts(HOME, grip)
+    named = replace(grip, corners=tuple(_corners_of(grip, owner) for owner in (0, 1)))
+    assert len(found) == 3
+    assert find_contacts(HOME, named) == found
+
+
+def _corners_of(grip, owner=0):
+    """Return the corners with which a grip touches one of its members."""
+    return tuple(each.corner for each in find_contacts(HOME, grip) if each.owner == owner)

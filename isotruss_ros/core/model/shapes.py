@@ -52,8 +52,10 @@ class PatchEnd(NamedTuple):
     """One end of the contact patch between a shape and a tube."""
 
     corner: int  #: index of the corner, see `Shape.corner_at`
-    point: complex  #: point of the surface, x + iy in the object's frame [m]
-    height: float  #: coordinate along the normal toward the tube [m]
+    #: point of the corner's arc, which is extended beyond its ends, with the normal toward the
+    #: tube, x + iy in the object's frame [m]
+    point: complex
+    height: float  #: coordinate of the surface along this normal [m]
     along: float  #: distance from the deepest corner along the faces, counter-clockwise [m]
 
 
@@ -162,11 +164,12 @@ class Shape(ABC):
             while short_face:
                 face = self.faces_at(at)[side]
                 at, along = face.corner, along + face.step * face.length
-                point, short_face = self.point_at(at, face.normal), face.length < short
-                height = (point * back).real
+                short_face = face.length < short
+                height = (self.point_at(at, face.normal) * back).real
                 # A face is in contact at its ends only; a curve of short faces has no ends.
                 if height < least or at == corner or (short_face and abs(along) >= short):
                     break
+                point = self.point_at(at, normal)
                 (near if short_face else far).append(PatchEnd(at, point, height, along))
         # Among corners of equal depth, the one nearest to the middle counts first.
         tie, middle = NEGLIGIBLE_SHARE * depth, (self.centroid * back).imag
