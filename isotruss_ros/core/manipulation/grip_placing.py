@@ -78,15 +78,16 @@ def tangent_center(
     config: Configuration, module: str, diameter: float, indentation: float = 0.0
 ) -> tuple[float, float]:
     """
-    Return the tangent center of a disc at a module, or the centre at a given indentation.
+    Return the tangent center of a disc at a module, or the center shifted toward the corner.
 
     At the tangent center the disc touches both members of the module without pressing on them.
 
     :param config: configuration of the robot.
     :param module: name `t/j` of the module.
     :param diameter: diameter of the disc [m].
-    :param indentation: distance from the tangent center to the result, toward the corner of the
-        two members [m].
+    :param indentation: shift of the center from the tangent center, toward the corner of the two
+        members [m]. The disc penetrates each member by this shift times the sine of half the angle
+        between the members. For a given penetration see `place_between`.
     :return: (x, y) in the robot frame [m].
     :raises GraspError: the robot has no such module; the diameter is not positive; the indentation
         is not finite; or the disc would be behind the module or beyond the end of a member.
