@@ -30,7 +30,7 @@ class OffsetFilter:
     of the markers from the joints [m].
 
     :ivar mean: (n,) mean of the state.
-    :ivar state_covariance: (n, n) covariance of the state.
+    :ivar covariance: (n, n) covariance of the state.
     :param robot: the robot with its nominal offsets.
     :param settings: prior standard deviations.
     """
@@ -47,7 +47,7 @@ class OffsetFilter:
         variances = (
             np.repeat([settings.zero_deviation, *sizes], [self._count, 2, 1, 2 * joints]) ** 2
         )
-        self.mean, self.state_covariance = np.zeros(len(variances)), np.diag(variances)
+        self.mean, self.covariance = np.zeros(len(variances)), np.diag(variances)
 
     @property
     def offsets(self) -> Array:
@@ -55,9 +55,9 @@ class OffsetFilter:
         return self.mean[: self._count]
 
     @property
-    def covariance(self) -> Array:
+    def offset_covariance(self) -> Array:
         """Return the covariance matrix of the roller offsets, (r, r) [m^2]."""
-        return self.state_covariance[: self._count, : self._count]
+        return self.covariance[: self._count, : self._count]
 
     def predict(self, elapsed: float, travel: Array) -> None:
         """
@@ -75,10 +75,10 @@ class OffsetFilter:
 
         :param variances: (r,) increments [m^2].
         """
-        covariance, own = self.state_covariance.copy(), np.arange(self._count)
+        covariance, own = self.covariance.copy(), np.arange(self._count)
         most = np.maximum(MAX_OFFSET_DEVIATION**2 - covariance[own, own], 0.0)
         covariance[own, own] += np.minimum(variances, most)
-        self.state_covariance = covariance
+        self.covariance = covariance
 
     def forget(self) -> None:
         """Set the variances of the offsets to the variance of unknown offsets."""
@@ -117,12 +117,12 @@ class OffsetFilter:
             as in `expect`.
         """
         prior = mean = self.mean
-        covariance = self.state_covariance
+        covariance = self.covariance
         for _ in range(MAX_SEARCH_STEPS):
             values, rates = self.expect(*joints(mean[: self._count]), rows, mean)
-            gain, _, covariance = condition(self.state_covariance, rates, noise)
+            gain, _, covariance = condition(self.covariance, rates, noise)
             moved = prior + gain @ (measured - values - rates @ (prior - mean))
             change, mean = np.abs(moved - mean), moved
             if (change <= np.sqrt(np.diag(covariance))).all():
                 break
-        self.mean, self.state_covariance = mean, covariance
+        self.mean, self.covariance = mean, covariance

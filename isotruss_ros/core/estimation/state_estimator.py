@@ -165,7 +165,7 @@ class StateEstimator:
         expected, slopes = zeros.expect(values, rates, rows)
         measured = np.array(list(joints.values()), dtype=float).ravel()
         noise = (deviation**2) * np.eye(len(rows)) + self._encoder_noise(rates[rows])
-        covariance = slopes @ zeros.state_covariance @ slopes.T + noise
+        covariance = slopes @ zeros.covariance @ slopes.T + noise
         used, slipped = judge_markers(
             (measured - expected).reshape(-1, 2),
             covariance,
@@ -186,8 +186,8 @@ class StateEstimator:
         )
         if self.belief is not None:
             self.belief.correct_zeros(zeros.offsets - before)
-            self.belief.set_zero_covariance(zeros.covariance)
-        variances = np.diag(zeros.covariance) + self.settings.joint_error**2
+            self.belief.set_zero_covariance(zeros.offset_covariance)
+        variances = np.diag(zeros.offset_covariance) + self.settings.joint_error**2
         self._slips.add(time, readings, zeros.offsets, variances)
         return True
 
@@ -204,12 +204,12 @@ class StateEstimator:
         time, readings = self._readings.last
         zeros, belief = self._zeros, self.belief
         values, rates = self._place_joints(readings, zeros.offsets)
-        spread = rates @ zeros.covariance @ rates.T
+        spread = rates @ zeros.offset_covariance @ rates.T
         slipping = zip(self._robot.roller_names, self._slips.slipping, strict=True)
         found = StateEstimate(
             time,
             zeros.offsets.copy(),
-            zeros.covariance.copy(),
+            zeros.offset_covariance.copy(),
             readings + zeros.offsets,
             values.reshape(-1, 2),
             spread + self.settings.joint_error**2 * np.eye(len(values)),
@@ -271,7 +271,7 @@ class StateEstimator:
             found = attach_model(self._config, grip, self._pressures, self.settings.zero_deviation)
             if found.hold(math.inf) is not HoldStatus.HELD:
                 return None
-            belief = GripBelief(found, grip, self.settings, zeros.covariance, deviations)
+            belief = GripBelief(found, grip, self.settings, zeros.offset_covariance, deviations)
         except (ConfigurationError, GraspError, StructureError):
             return None
         return belief if belief.squeeze > belief.geometric_deviation else None
