@@ -142,9 +142,10 @@ class LoadedTubes:
         """
         Return the derivatives at another equilibrium, along the p parameter changes `chosen`.
 
-        :param grip: the other equilibrium, in the same configuration.
+        :param grip: the other equilibrium, in the same configuration. Its tubes are not linearised
+            again.
         """
-        return LoadedTubes(grip, self._chosen, self._parameters, self.sections)
+        return LoadedTubes(grip, self._chosen, self._parameters, self.sections, np.inf)
 
     @functools.cached_property
     def _by_sections(self) -> tuple[Array, Array, Array]:

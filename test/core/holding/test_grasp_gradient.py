@@ -247,6 +247,20 @@ def test_gradients_of_special_grasps_agree_with_central_differences(number):
     assert error(number, OTHERS) < 1e-6
 
 
+def test_stiffness_rates_agree_with_central_differences_of_fourth_order():
+    home = load_robot('nine_member').home
+    body = place_between(home, ('north/R-P', 'north/P-Z'), Disc(0.3), indentation=0.01).body
+    rates = grasp_gradient(settle_grasp(home, body, 0.9)).stiffness
+
+    def change(step):
+        moved = [home.moved_to(home.roller_positions + way * step) for way in (1.0, -1.0)]
+        ahead, behind = (settle_grasp(config, body, 0.9).stiffness for config in moved)
+        return (ahead - behind) / 2e-5
+
+    found = (8.0 * change(2e-5 * np.eye(6)[3]) - change(4e-5 * np.eye(6)[3])) / 12.0
+    assert rates[..., 3] == pytest.approx(found, abs=1e-6 * np.abs(rates[..., :6]).max())
+
+
 def test_slip_margin_after_a_face_has_opened_agrees_with_central_differences():
     wrench, home = np.array([6.6, 5.6, 1.0]), load_robot('nine_member').home
     grip = place_between(home, MEMBERS[0], Polygon(0.22 * BOX, corner_radius=0.02), 1.07, 0.015)
