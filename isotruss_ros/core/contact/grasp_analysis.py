@@ -12,6 +12,7 @@ from typing import NamedTuple
 from isotruss_ros.core.contact.contact_points import ContactPoints, ContactState
 from isotruss_ros.core.errors import SolverError
 from isotruss_ros.core.numerics.arrays import Array, Indices
+from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.records import Record
 from isotruss_ros.core.statics.structure import Structure
 import numpy as np
@@ -116,6 +117,7 @@ class GraspAnalysis(
     solved: SolvedContact = field(repr=False)
 
     @cached_property
+    @single_threaded
     def stiffness(self) -> Array:
         """
         Return the robot's stiffness against motion of the object, (3, 3) [N/m, N, N m].
@@ -144,6 +146,7 @@ class GraspAnalysis(
         return 0.5 * (stiffness + stiffness.T)
 
     @cached_property
+    @single_threaded
     def nonlinearity(self) -> float:
         """
         Return the relative increase of the contact forces due to geometric nonlinearity [-].
