@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Sequence
+import copy
 import functools
 import math
 
@@ -89,8 +90,21 @@ class DentTable:
         size = max(abs(force), 1e-9)
         place = size**DEPTH_EXPONENT
         inside = min(place, self._places[-1])
-        piece = min(bisect_right(self._places, inside), len(self._pieces)) - 1
+        piece = max(min(bisect_right(self._places, inside), len(self._pieces)) - 1, 0)
         return piece, inside - self._places[piece], place - inside, DEPTH_EXPONENT * place / size
+
+    def smooth_near(self, force: float) -> DentTable:
+        """
+        Return a table without intervals, whose polynomial is that of the interval of a force.
+
+        :param force: normal force [N].
+        """
+        piece, _, beyond, _ = self._locate(force)
+        if beyond > 0.0:
+            return self
+        found = copy.copy(self)
+        found._places, found._pieces = [self._places[piece], math.inf], [self._pieces[piece]]
+        return found
 
     def second_rates(self, force: float) -> tuple[float, float, float]:
         """
@@ -163,6 +177,16 @@ class Dents:
         pressing = zip(self._tables, forces.tolist(), strict=True)
         found = np.array([table(force / self._scale) for table, force in pressing])
         return found[:, 0], found[:, 1] / self._scale
+
+    def smooth_near(self, forces: Array) -> Dents:
+        """
+        Return smooth depths, equal in the intervals of given forces; differences can cross them.
+
+        :param forces: (k,) normal forces [N].
+        """
+        pressing = zip(self._tables, forces.tolist(), strict=False)  # no tables: no dents
+        tables = [table.smooth_near(force / self._scale) for table, force in pressing]
+        return Dents(tables, self._scale)
 
     def second_rates(self, forces: Array) -> Array:
         """

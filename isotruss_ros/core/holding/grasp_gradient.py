@@ -26,8 +26,8 @@ from isotruss_ros.core.numerics.records import Record
 import numpy as np
 
 #: Motion of the object in the finite differences along a response [m]. The relative error of the
-#: stiffness' derivatives is then at most 1e-6 in random grasps. It is 3e-6 by rounding at a third
-#: of the step, and 4e-5 at three times the step.
+#: stiffness' derivatives is then below 1e-6 in grasps of the presets, and up to 3e-6 in softer
+#: robots. At a third of the step it is up to 6e-6, by rounding; at three times the step, 4e-5.
 STEP = 6e-5
 #: Values count as equal up to this relative difference [-].
 EQUALITY_TOLERANCE = 1e-5
@@ -292,8 +292,8 @@ def _solve_each(matrix: Array, right: Array) -> Array:
 
 def _equation_changes(grip: HeldGrip, tubes: LoadedTubes, change: Array, moved: Array) -> Array:
     """Return the derivatives of the equilibrium equations by parameters in a displaced state."""
-    statics, places = grip.statics, grip.state.places
-    unknowns = grip.state.unknowns + moved
+    dents, places = grip.statics.dents.smooth_near(grip.state.normal_forces), grip.state.places
+    statics, unknowns = replace(grip.statics, dents=dents), grip.state.unknowns + moved
 
     def sticking(unknowns: Array, normals: Points) -> tuple[Array, Array]:
         return np.zeros(len(normals)), statics.rolling_rows(unknowns, normals)

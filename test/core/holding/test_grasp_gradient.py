@@ -247,9 +247,17 @@ def test_gradients_of_special_grasps_agree_with_central_differences(number):
     assert error(number, OTHERS) < 1e-6
 
 
-def test_stiffness_rates_agree_with_central_differences_of_fourth_order():
+@pytest.mark.parametrize(
+    ('shape', 'angle', 'depth'),
+    [
+        (Disc(0.3), 0.0, 0.01),
+        # The force on one member is near an end of an interval of the table of dents.
+        (Polygon(BOX * (0.15, 0.125), corner_radius=0.02), 0.5, 0.005),
+    ],
+)
+def test_stiffness_rates_agree_with_central_differences_of_fourth_order(shape, angle, depth):
     home = load_robot('nine_member').home
-    body = place_between(home, ('north/R-P', 'north/P-Z'), Disc(0.3), indentation=0.01).body
+    body = place_between(home, ('north/R-P', 'north/P-Z'), shape, angle, depth).body
     rates = grasp_gradient(settle_grasp(home, body, 0.9)).stiffness
 
     def change(step):
