@@ -32,6 +32,7 @@ from isotruss_ros.core.manipulation.grip import find_members, Grip
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array, finite_array, MAX_MAGNITUDE
 from isotruss_ros.core.numerics.blas_threads import single_threaded
+from isotruss_ros.core.statics.section import tube_pressures
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -88,13 +89,16 @@ class StateEstimator:
 
         :param time: time of the reading [s].
         :param readings: (r,) encoder readings: roller travel since home minus roller offset [m].
+        :raises ConfigurationError: the readings or their time are not finite numbers.
         """
+        readings = self._robot.check_rollers(readings, 'encoder readings [m]')
+        (time,) = finite_array([time], 1, 'time of the readings [s]', ConfigurationError).tolist()
         if self._readings:
             before, last = self._readings.last
             if time <= before:
                 return
             self._zeros.predict(time - before, np.abs(readings - last))
-        self._readings.add(time, np.array(readings, dtype=float))
+        self._readings.add(time, readings)
         self._readings.discard_before(time - HISTORY_DURATION)
 
     def take_pressures(self, pressures: tuple[float, ...] | None) -> None:
@@ -103,7 +107,10 @@ class StateEstimator:
 
         :param pressures: (t,) gauge pressures of the tubes in the order of the robot file [Pa];
             None: the pressures of the robot file.
+        :raises StructureError: see `tube_pressures`.
         """
+        if pressures is not None:
+            pressures = tube_pressures(self._robot.description, pressures)
         self._pressures = steady_pressures(self._pressures, pressures)
 
     @single_threaded
@@ -149,13 +156,15 @@ class StateEstimator:
         :param deviation: standard deviation of a coordinate, positive [m].
         :return: whether at least one marker was used.
         :raises ConfigurationError: no configuration exists at the encoder readings.
-        :raises GraspError: the robot has no such joint, or the deviation is not positive.
+        :raises GraspError: the robot has no such joint, a position is not two valid numbers, or
+            the deviation is not positive.
         """
         (deviation,) = _positive([deviation], 1, 'deviation of the markers [m]').tolist()
         names = self._robot.topology.joint_names
-        for name in joints:
+        for name, place in joints.items():
             if name not in names:
                 raise GraspError(f'joint {name!r}: must be one of {", ".join(names)}')
+            finite_array(place, 2, f'marker on joint {name} [m]', GraspError, MAX_MAGNITUDE)
         if not joints or not self._in_time(time):
             return False
         readings, zeros = self._readings.at(time), self._zeros
