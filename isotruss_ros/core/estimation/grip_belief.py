@@ -28,6 +28,7 @@ from isotruss_ros.core.estimation.grip_model import (
     ConsideredRates,
     DELAY,
     LOAD,
+    MAX_UTILISATION,
     Pressures,
     shift_deviations,
     SHIFTS,
@@ -246,17 +247,18 @@ class GripBelief:
     @property
     def slip_deviations(self) -> float:
         """
-        Return the norm of pose corrections and load in standard deviations [-].
+        Return the norm of pose corrections, load and delay in standard deviations [-].
 
         The standard deviation of the load is set to at least half of the slip margin, because a
         load within the margin causes no slip.
         """
         least = max(self.settings.load, 0.5 * self.slip_margin)
-        return math.hypot(self.walk.deviations, *(self.load / least))
+        delayed = self.delay / DELAY_DEVIATION
+        return math.hypot(self.walk.deviations, delayed, *(self.load / least))
 
     @property
     def slipped(self) -> bool:
-        """Return whether pose corrections and load are so large that the object has slipped."""
+        """Return whether `slip_deviations` are so large that the object has slipped."""
         return self.slip_deviations > self._most
 
     @property
@@ -345,7 +347,9 @@ class GripBelief:
         self._poses += self._poses != FIRST_POSES
         then = self._time - age - self.delay
         there = self._way.at(then)
-        speed = (there - self._way.at(then - DELAY_DEVIATION)) / DELAY_DEVIATION
+        # Earlier readings: their encoder noise is independent of that in the innovation.
+        first, last = (self._way.at(then - n * DELAY_DEVIATION) for n in (2, 1))
+        speed = (last - first) / DELAY_DEVIATION
         expected = self.pose - pose_difference(self._way.last[1], there)
         off = self._even * pose_difference(pose, expected)
         self.noise.add(self._even * pose_difference(pose, there))
@@ -360,16 +364,18 @@ class GripBelief:
 
         :param config: configuration of the robot.
         :param pressures: (t,) gauge pressure of each tube [Pa]; None: as in the robot file.
-        :return: whether an equilibrium exists.
+        :return: whether an equilibrium exists, with a utilisation of at most `MAX_UTILISATION` or
+            that of the present equilibrium.
         """
         self.searches, self._searched = self.searches + 1, self._time
+        limit = max(MAX_UTILISATION, self.grasp.sections.used.max())
         pose, squeeze = self.pose - self.grasp.response.pose @ self.load, self.squeeze
         try:
             near = self._given.moved_to(pose)
             found = attach_model(config, near, pressures, self.settings.zero_deviation)
         except NotHeldError:
             return False
-        if found.hold(math.inf) is not HoldStatus.HELD:
+        if found.hold(math.inf) is not HoldStatus.HELD or found.sections.used.max() > limit:
             return False
         before = self._by_considered.pose
         self._take(found)

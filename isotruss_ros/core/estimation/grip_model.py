@@ -24,6 +24,10 @@ import numpy as np
 #: Indices of load, unexplained pose and delay in the state, and first index of the contacts'
 #: shifts.
 LOAD, BIAS, DELAY, SHIFTS = slice(0, 3), slice(3, 6), 6, 7
+#: Largest utilisation of an equilibrium that is searched near a measured or estimated pose [-].
+#: There, the moment in the model exceeds that of a wrinkled tube by 5 % (Comer and Levy, see
+#: `core.statics.wrinkling`); at 1.5 it exceeds it by 15 %.
+MAX_UTILISATION = 1.2
 #: Gauge pressure of each tube (t,) [Pa]; None: as in the robot file.
 Pressures = tuple[float, ...] | None
 

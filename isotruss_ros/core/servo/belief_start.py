@@ -15,7 +15,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from isotruss_ros.core.estimation.grip_belief import GripBelief
-from isotruss_ros.core.estimation.grip_model import attach_model
+from isotruss_ros.core.estimation.grip_model import attach_model, MAX_UTILISATION
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, NotHeldError
 from isotruss_ros.core.kinematics.configuration import Configuration
@@ -25,10 +25,6 @@ from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.servo.servo_settings import SqueezeSettings
 
 PRIOR = EstimatorSettings()
-#: Largest utilisation of an equilibrium at a measured pose from which a belief starts [-]. There,
-#: the moment in the model exceeds that of a wrinkled tube by 5 % (Comer and Levy, see
-#: `core.statics.wrinkling`); at 1.5 it exceeds it by 15 %.
-MAX_START_UTILISATION = 1.2
 
 
 class BeliefStart:
@@ -80,7 +76,7 @@ class BeliefStart:
             return error.hold
         if self._assuming and not self._is_desired(found, settings):
             return HoldStatus.NO_BALANCE
-        if not self._assuming and found.sections.used.max() > MAX_START_UTILISATION:
+        if not self._assuming and found.sections.used.max() > MAX_UTILISATION:
             self._missed = True
             return HoldStatus.WRINKLES
         prior = replace(

@@ -10,7 +10,7 @@ from carries import make_robot
 from grips import gripped
 from isotruss_ros.core import Grip, HoldStatus, place_between, Polygon, Pose
 from isotruss_ros.core.estimation.contact_walk import ContactWalk
-from isotruss_ros.core.estimation.grip_belief import GripBelief, MAX_DEVIATIONS
+from isotruss_ros.core.estimation.grip_belief import DELAY_DEVIATION, GripBelief, MAX_DEVIATIONS
 from isotruss_ros.core.estimation.grip_model import attach_model
 from isotruss_ros.core.estimation.pose_noise import PoseNoise
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings
@@ -36,16 +36,19 @@ def believed(**settings):
     return GripBelief(MODEL, GRIP.moved_to(MODEL.pose), EstimatorSettings(**settings))
 
 
-def carry(belief, duration, noise=0.0, speed=0.0, late=0.0, away=lambda t: np.zeros(3), seed=0):
+def carry(
+    belief, duration, noise=0.0, speed=0.0, late=0.0, away=None, encoders=0.0, period=PERIOD
+):
     """Roll, measure and correct; return the squared innovations."""
-    rng, found, grasp, poses = np.random.default_rng(seed), [], MODEL, {}
-    for k in range(1, round(duration / PERIOD) + 1):
+    rng, found, grasp, poses = np.random.default_rng(0), [], MODEL, {}
+    for k in range(1, round(duration / period) + 1):
         # There and back, faster and slower.
-        way = np.sin(2.0 * np.pi * k * PERIOD) * speed * TRAVEL
+        way = np.sin(2.0 * np.pi * k * period) * speed * TRAVEL
         grasp = roll_grip(grasp, CONFIG.moved_to(CONFIG.roller_positions + way))
-        assert belief.follow(grasp.config, PERIOD, None) is HoldStatus.HELD
-        poses[k] = np.array(grasp.pose) + away(k * PERIOD) / ARM
-        seen = poses.get(k - round(late / PERIOD), poses[1])
+        read = grasp.config.roller_positions + encoders * rng.normal(size=6)
+        assert belief.follow(CONFIG.moved_to(read), period, None) is HoldStatus.HELD
+        poses[k] = np.array(grasp.pose) if away is None else np.array(grasp.pose) + away
+        seen = poses.get(k - round(late / period), poses[1])
         belief.observe(Pose(*seen + noise * rng.normal(size=3) / ARM), 0.0)
         found.append(belief.innovation)
     return np.array(found)
@@ -97,6 +100,18 @@ def test_the_delay_of_poses_is_estimated_where_the_speed_changes():
     assert belief.delay < 0.01
 
 
+def test_noise_of_encoders_is_no_delay_of_poses():
+    belief = believed()
+    carry(belief, 3.0, 2e-4, 1.0, encoders=1e-4, period=0.02)
+    assert belief.delay < 0.01
+
+
+def test_a_long_delay_of_poses_counts_in_the_test_for_slip_and_is_no_slip():
+    belief = believed()
+    carry(belief, 2.0, 1e-4, 4.0, late=2.0 * PERIOD)
+    assert 2.0 < belief.delay / DELAY_DEVIATION < belief.slip_deviations < MAX_DEVIATIONS
+
+
 @pytest.mark.parametrize('age', [0.5, 2.0])
 def test_a_late_pose_is_compared_with_the_motion_up_to_its_stamp(age):
     belief, grasp, poses = believed(), MODEL, [MODEL.pose]
@@ -117,7 +132,7 @@ def test_a_constant_offset_of_the_pose_is_no_squeeze():
     belief = believed()
     carry(belief, 3.0, 1e-4)
     before = belief.squeeze
-    carry(belief, 3.0, 1e-4, away=lambda t: np.array([3e-3, 0.0, 0.0]))
+    carry(belief, 3.0, 1e-4, away=np.array([3e-3, 0.0, 0.0]))
     assert belief.squeeze == pytest.approx(before, rel=0.03)
 
 

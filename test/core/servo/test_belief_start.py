@@ -20,7 +20,7 @@ BODY = place_between(HOME, MEMBERS, Disc(0.2), indentation=0.01).body
 MODEL = attach_grip(HOME, BODY)
 SETTINGS = SqueezeSettings(MODEL.squeeze)
 OUTSIDE = [np.array([0.0, -0.03]), np.array([0.0, 0.03])]
-PERIOD, SPEED = 0.02, 0.03
+PERIOD = 0.02
 
 
 def measured(away):
@@ -68,20 +68,17 @@ def test_an_equilibrium_far_beyond_wrinkling_starts_no_belief():
 
 @pytest.mark.parametrize('away', OUTSIDE)
 @pytest.mark.parametrize('direction', [(1.0, 0.0), (0.0, 1.0), (0.0, -1.0)])
-def test_an_object_that_does_not_follow_is_reported_within_20_mm(away, direction):
+@pytest.mark.parametrize('speed', [0.03, 0.005])
+def test_an_object_that_does_not_follow_is_reported_within_20_mm(away, direction, speed):
     control, config, path = SqueezeControl(SETTINGS), HOME, 0.0
-    lying, twist = measured(away), SPEED * np.array([*direction, 0.0])
-    started = False
+    lying, twist = measured(away), speed * np.array([*direction, 0.0])
     while control.fault is None:
         assert path <= 0.02
         hold = control.follow(config, lying, PERIOD, gripped=True)
+        path += speed * PERIOD
         if hold is not HoldStatus.HELD:
             continue
-        started = True
         solve = partial(_solve, config, control.belief.grip)
         command = control.solve(twist, PERIOD, solve)
         control.advance(twist, command)
-        path += command.scale * SPEED * PERIOD
         config = config.moved_to(config.roller_positions + PERIOD * command.roller_velocities)
-    assert started
-    print('PATH', away, direction, path)
