@@ -206,13 +206,14 @@ class GripBelief:
 
     def explains(self, pose: Pose) -> bool:
         """
-        Return whether errors of offsets and measurement suffice to explain a pose.
+        Return whether load and errors of offsets and measurement suffice to explain a pose.
 
         :param pose: measured pose of the object.
         """
         off = self._even * pose_difference(pose, self.grasp.pose)
         rates, noise = self._by_considered.pose, np.diag(self.noise.variances)
-        spread = rates @ self._filter.considered @ rates.T + noise
+        give = self._rates.pose[:, LOAD] * self.settings.load
+        spread = rates @ self._filter.considered @ rates.T + give @ give.T + noise
         return float(off @ np.linalg.solve(spread, off)) <= MAX_DEVIATIONS**2
 
     def joint_rates(self) -> Array:

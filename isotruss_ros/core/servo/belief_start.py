@@ -4,10 +4,10 @@
 """
 First equilibrium of a grip, from which the estimation of its state starts.
 
-It is the equilibrium near the measured pose. If the measured pose is outside of the grip, there is
-no such equilibrium; wrong roller offsets may be the reason. Then, if the client reports that the
-object is gripped, an equilibrium with the desired squeeze is assumed instead, and the squeeze gets
-the large standard deviation of an unknown value.
+It is the equilibrium near the measured pose, if load and errors of roller offsets and measurement
+explain its distance from this pose. With wrong roller offsets there may be no such equilibrium.
+Then, if the client reports that the object is gripped, an equilibrium with the desired squeeze is
+assumed instead, and the squeeze gets the large standard deviation of an unknown value.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ class BeliefStart:
     """
     Search for the first equilibrium of a grip, with at most one search in each call.
 
-    If there is no equilibrium near the measured pose, every second call searches for an
-    equilibrium with the desired squeeze, which is then assumed.
+    If no equilibrium is near the measured pose, every second call searches for an equilibrium with
+    the desired squeeze, which is then assumed.
 
     :ivar belief: estimated state of the grip that the last call found; None if it found none.
     """
@@ -84,9 +84,9 @@ class BeliefStart:
         ).calibrated(config.robot.description)
         belief = GripBelief(found, grip, prior, zero_covariance, is_assumed=self._assuming)
         hold = belief.grasp.hold(belief.largest_friction)
-        self._missed = hold is HoldStatus.NO_CONTACT
-        if self._assuming and not belief.explains(grip.body.pose):
-            return HoldStatus.FAR
+        if hold is HoldStatus.HELD and not belief.explains(grip.body.pose):
+            hold = HoldStatus.FAR
+        self._missed = hold in (HoldStatus.NO_CONTACT, HoldStatus.FAR)
         if hold is HoldStatus.HELD:
             self.belief = belief
         return hold
