@@ -75,7 +75,12 @@ def settle_grasp(
         found = attach_grip(config, body, numbers, wrench, tubes, before)
     except NotHeldError as error:
         lost = LostContact.of(config, body, numbers, scaled_wrench(wrench, body.arm), pressure)
-        return SettledGrasp(error.hold, str(error), body.pose, mu, lost=lost)
+        reason, depths = str(error), member_depths(config, body)
+        deepest = int(depths.argmax())
+        if depths[deepest] > 0.0:
+            name, depth = config.robot.member_names[deepest], depths[deepest]
+            reason += f'; the object is {1e3 * depth:.3g} mm deep in {name}'
+        return SettledGrasp(error.hold, reason, body.pose, mu, lost=lost)
     return assess_equilibrium(body.pose, found, mu)
 
 

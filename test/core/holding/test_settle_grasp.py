@@ -23,6 +23,7 @@ from isotruss_ros.core.holding import attach_grip as attach_grip_module
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.roll_grip import roll_grip
+from isotruss_ros.core.kinematics.depths import member_depths
 import numpy as np
 import pytest
 
@@ -166,6 +167,13 @@ def test_a_deep_disc_whose_contacts_cross_guide_rings_settles(diameter):
     # The contact of straight tubes and the contact of bent tubes are up to 13 mm apart.
     assert found is not None
     assert abs(found.state.feet[1] - ring) < 0.006
+
+
+def test_refusal_of_a_deep_object_has_its_deepest_member_and_depth():
+    body = ConvexObject.disc((0.75, -0.2), 0.6)
+    depths = member_depths(HOME, body)
+    deepest = f'{1e3 * depths.max():.3g} mm deep in {HOME.robot.member_names[depths.argmax()]}'
+    assert deepest in settle_grasp(HOME, body).reason
 
 
 def test_contacts_that_bend_beyond_the_ends_of_their_members_are_named():
