@@ -341,7 +341,11 @@ def summarise(carries: Sequence[Carry]) -> list[str]:
     for one in carries:
         if one.kind == CLEAN:
             share = 100.0 * (one.squeeze / one.target - 1.0)
-            lines.append(f'clean {one.seed}: {1e3 * one.off:.1f} mm off, squeeze {share:+.1f} %')
+            slid = f', slid at {one.used:.1f} s' if one.used < math.inf else ''
+            lines.append(
+                f'clean {one.shape} {one.seed}: {1e3 * one.off:.1f} mm off, '
+                f'squeeze {share:+.1f} %{slid}'
+            )
     walks = [one.walk for one in held if one.halt is None]
     if walks:
         lines.append(f'walk of those that arrived: {max(walks):.1f} deviations at most')
