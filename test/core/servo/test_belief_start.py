@@ -5,7 +5,8 @@
 
 from functools import partial
 
-from isotruss_ros.core import Disc, Grip, HoldStatus, load_robot, place_between, Pose, solve_twist
+from held_grips import HOME
+from isotruss_ros.core import Disc, Grip, HoldStatus, place_between, Polygon, Pose, solve_twist
 from isotruss_ros.core.estimation.grip_model import attach_model
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.servo.belief_start import BeliefStart
@@ -14,13 +15,17 @@ from isotruss_ros.core.servo.squeeze_control import SqueezeControl
 import numpy as np
 import pytest
 
-HOME = load_robot('nine_member').home
 MEMBERS = ('north/P-Z', 'north/Z-R')
 BODY = place_between(HOME, MEMBERS, Disc(0.2), indentation=0.01).body
 MODEL = attach_grip(HOME, BODY)
 SETTINGS = SqueezeSettings(MODEL.squeeze)
 OUTSIDE = [np.array([0.0, -0.03]), np.array([0.0, 0.03])]
 PERIOD = 0.02
+BOX = Polygon([(-0.055, -0.075), (0.055, -0.075), (0.055, 0.075), (-0.055, 0.075)], 0.02)
+# Both ends of a face penetrate a straight tube, by up to 50 mm.
+TURNED = Grip(MEMBERS, place_between(HOME, MEMBERS, BOX, 0.0).body, 0.8).moved_to(
+    (0.66, 0.89, 1.55)
+)
 
 
 def measured(away):
@@ -64,6 +69,14 @@ def test_an_equilibrium_far_beyond_wrinkling_starts_no_belief():
     grip = measured((0.0, 0.025))
     assert start.search(HOME, grip, SETTINGS, False, None, None) is HoldStatus.WRINKLES
     assert start.belief is None
+
+
+def test_an_unexplained_equilibrium_starts_no_belief_but_one_at_the_measured_angle():
+    start = BeliefStart()
+    assert start.search(HOME, TURNED, SETTINGS, True, None, None) is HoldStatus.FAR
+    while start.belief is None:
+        start.search(HOME, TURNED, SETTINGS, True, None, None)
+    assert start.belief.pose[2] == pytest.approx(TURNED.body.pose.angle, abs=0.02)
 
 
 @pytest.mark.parametrize('away', OUTSIDE)

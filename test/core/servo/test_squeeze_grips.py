@@ -5,7 +5,8 @@
 
 import math
 
-from isotruss_ros.core import Disc, Ellipse, Grip, load_robot, place_between, Polygon, Pose
+from held_grips import APART, BOX, HOME, numbers
+from isotruss_ros.core import Disc, Ellipse, Grip, place_between, Polygon, Pose
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.servo.squeeze_control import SqueezeControl, SqueezeSettings
 from nightly import some_now
@@ -13,22 +14,18 @@ import numpy as np
 import pytest
 from squeeze_loop import SqueezeLoop
 
-HOME = load_robot('nine_member').home
 #: At home three members of three tubes close next to nothing around a disc.
 OBLIQUE = HOME.moved_to(HOME.roller_positions + np.array([0.1, -0.1, 0.0, 0.1, -0.1, 0.05]))
-APART = ('south/P-Q', 'north/R-P')  # sides of two tubes
 #: The two that meet at a module.
 CORNER = ('north/Z-R', 'north/P-Z')
 AROUND = ('south/P-Q', 'east/Q-R', 'north/R-P')
-BOX = Polygon([(-0.25, -0.2), (0.25, -0.2), (0.25, 0.2), (-0.25, 0.2)], corner_radius=0.02)
 FRICTION = 1.2
 
 
 def loop_of(shape, angle, members, more=1.0, config=HOME):
     """Return the loop of an object between members."""
     grip = place_between(config, members, shape, angle=angle, indentation=0.015)
-    numbers = np.array([HOME.robot.member_names.index(name) for name in members])
-    body = attach_grip(config, grip.body, numbers).body
+    body = attach_grip(config, grip.body, numbers(members)).body
     return SqueezeLoop(config, Grip(members, body, FRICTION), more=more)
 
 
