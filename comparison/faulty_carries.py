@@ -119,7 +119,8 @@ class Carry:
     refused: bool = False  #: whether the loop halted before it had an equilibrium
     lost: float = math.inf  #: time of the loss [s]
     used: float = math.inf  #: time at which a contact first used all friction [s]
-    way: float = 0.0  #: length of the path until the halt [m]
+    way: float = 0.0  #: length of the executed path until the halt [m]
+    length: float = 0.0  #: length of the whole path [m]
     off: float = 0.0  #: final position error relative to the executed twists [m]
     squeeze: float = 0.0  #: true final squeeze [N]
     target: float = 0.0  #: desired squeeze [N]
@@ -148,10 +149,10 @@ class Carry:
         median = float(np.median(self.innovations)) if self.innovations else math.nan
         return (
             f'{self.kind} {self.shape} {self.seed}: {", ".join(self.draw.names) or "-"}: '
-            f'{self.end}; path {1e3 * self.way:.0f} mm, off {1e3 * self.off:.1f} mm; squeeze '
-            f'{self.squeeze:.1f} of {self.target:.1f} N, believed {believed:.1f} ± '
-            f'{deviation:.1f} ({away:+.1f}); innovation {median:.2f}; walk {self.walk:.1f}; cycle '
-            f'{1e3 * self.cycle:.2f} ms'
+            f'{self.end}; path {1e3 * self.way:.0f} of {1e3 * self.length:.0f} mm, off '
+            f'{1e3 * self.off:.1f} mm; squeeze {self.squeeze:.1f} of {self.target:.1f} N, '
+            f'believed {believed:.1f} ± {deviation:.1f} ({away:+.1f}); innovation {median:.2f}; '
+            f'walk {self.walk:.1f}; cycle {1e3 * self.cycle:.2f} ms'
             + (f'; {self.halt.name}: {self.message}' if self.halt is not None else '')
         )
 
@@ -254,7 +255,8 @@ def carry(kind: str, shape: str, seed: int) -> Carry:
     given = replace(grip, body=body, friction=draw.friction)
     make = _Nothing if kind == NOTHING else Loop
     loop = make(plant, robot, given, settings, draw, rng)
-    found = Carry(kind, shape, seed, draw, target=held.squeeze)
+    length = float(np.hypot(*legs[:, :2].T).sum())
+    found = Carry(kind, shape, seed, draw, target=held.squeeze, length=length)
     _follow(loop, legs, held, found)
     return found
 
@@ -346,9 +348,14 @@ def summarise(carries: Sequence[Carry]) -> list[str]:
                 f'clean {one.shape} {one.seed}: {1e3 * one.off:.1f} mm off, '
                 f'squeeze {share:+.1f} %{slid}'
             )
-    walks = [one.walk for one in held if one.halt is None]
-    if walks:
-        lines.append(f'walk of those that arrived: {max(walks):.1f} deviations at most')
+    arrived = [one for one in held if one.halt is None]
+    if arrived:
+        walk = max(one.walk for one in arrived)
+        least = 100.0 * min(one.way / one.length for one in arrived)
+        lines.append(
+            f'those that arrived: walk {walk:.1f} deviations at most, '
+            f'{least:.0f} % of the path executed at least'
+        )
     medians = [float(np.median(one.innovations)) for one in carries if one.innovations]
     if medians:
         lines.append(f'median squared innovation: {min(medians):.2f} to {max(medians):.2f}')
