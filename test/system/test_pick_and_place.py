@@ -282,7 +282,7 @@ def test_an_object_is_picked_where_it_was_placed(tmp_path, shape, draw):
         PacedClock(r.w.probe, r.alive)
         for goal in (PICK, MoveObject.Goal(path=path_to(*there)), APART, PICK):
             status, result = client.execute(goal)
-            assert (status, result.code) == (GoalStatus.STATUS_SUCCEEDED, 0), (goal, result)
+            assert (status, result.code) == (GoalStatus.STATUS_SUCCEEDED, 0), result.message
             if isinstance(goal, MoveObject.Goal):
                 assert np.hypot(*(client.place() - there[:2])) < 1e-2
 
