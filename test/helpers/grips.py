@@ -9,6 +9,7 @@ from isotruss_ros.core import (
     ConvexObject,
     Grip,
     load_robot,
+    RollingGrip,
     solve_twist_ahead,
     Status,
     tangent_center,
@@ -33,6 +34,11 @@ def disc_grip(config, module, diameter=0.3, indentation=0.0):
     """Return the grip of a disc that touches both members at a module."""
     center = tangent_center(config, module, diameter, indentation)
     return Grip.at_module(config.robot, module, ConvexObject.disc(center, diameter))
+
+
+def held_at(config, module, diameter=0.3):
+    """Return how a disc is held that touches both members at a module."""
+    return RollingGrip.attach(config, disc_grip(config, module, diameter))
 
 
 def surface(grip):

@@ -17,10 +17,11 @@ import tempfile
 
 from hypothesis import assume, HealthCheck, settings, strategies
 from isotruss_ros.core import ConvexObject, Grip, load_robot, Robot
-from isotruss_ros.core.errors import ConfigurationError
+from isotruss_ros.core.errors import ConfigurationError, RobotFileError
 from isotruss_ros.core.model.presets import find_robot_file
 from isotruss_ros.core.model.robot_file import describe_robot
 import numpy as np
+import pytest
 from ruamel.yaml import YAML
 
 PRESETS = ('nine_member', 'triangle')
@@ -105,6 +106,14 @@ def load(document):
         return load_robot(path)
     finally:
         path.unlink()
+
+
+def refusal(document):
+    """Return what is said about a document that is no robot."""
+    with pytest.raises(RobotFileError) as caught:
+        load(document)
+    assert '.yaml: ' in str(caught.value)
+    return str(caught.value)
 
 
 def random_document(seed, kind=None, size=None):

@@ -133,9 +133,14 @@ def header(w, frame='truss', age=0.0, sec=None, nanosec=0):
     return made
 
 
+def of_header(case):
+    """Return what of a case is of the header."""
+    return {k: case[k] for k in ('age', 'sec', 'nanosec', 'frame') if k in case}
+
+
 def send_bad_joints(w, case):
     """Publish joint states that cannot be."""
-    about = {k: case[k] for k in ('age', 'sec', 'nanosec') if k in case}
+    about = of_header(case)
     fields = {'name': NAMES, 'position': [0.0] * N} | case
     fields = {k: v for k, v in fields.items() if k not in about}
     w.probe.joint_states.publish(JointState(header=header(w, '', **about), **fields))
@@ -143,11 +148,26 @@ def send_bad_joints(w, case):
 
 def send_bad_pose(w, case):
     """Publish a pose that cannot be."""
-    about = {k: case[k] for k in ('age', 'sec', 'nanosec', 'frame') if k in case}
     pose = PoseMessage(position=Point(x=CENTER[0], y=CENTER[1]), orientation=Quaternion(w=1.0))
     for part in ('position', 'orientation'):
         setattr(pose, part, case.get(part, getattr(pose, part)))
-    w.probe.object_poses.publish(PoseStamped(header=header(w, **about), pose=pose))
+    w.probe.object_poses.publish(PoseStamped(header=header(w, **of_header(case)), pose=pose))
+
+
+def send_wrench(w, case):
+    """Publish an external wrench with the changes of a case."""
+    about = {'frame': 'truss_object_aligned'} | of_header(case)
+    message = WrenchStamped(header=header(w, **about))
+    message.wrench.force.x = case.get('x', 0.0)
+    w.probe.wrenches.publish(message)
+
+
+SEND_BAD = {
+    'joint_states': send_bad_joints,
+    'object_pose': send_bad_pose,
+    'cmd_vel': lambda w, case: w.probe.twists.publish(case),
+    'external_wrench': send_wrench,
+}
 
 
 @pytest.mark.parametrize('topic', ['joint_states', 'object_pose', 'cmd_vel'])
@@ -160,11 +180,6 @@ def test_manipulation_halts_on_every_invalid_input_and_resumes(topic):
             'object_pose': w.probe.send_pose,
             'cmd_vel': w.probe.send_twist,
         }
-        bad = {
-            'joint_states': lambda case: send_bad_joints(w, case),
-            'object_pose': lambda case: send_bad_pose(w, case),
-            'cmd_vel': w.probe.twists.publish,
-        }[topic]
         others = [send for name, send in good.items() if name != topic]
         for case, fault, words in cases.values():
             w.until_code(Status.OK, w.probe.send_all)
@@ -172,7 +187,7 @@ def test_manipulation_halts_on_every_invalid_input_and_resumes(topic):
             def send(case=case):
                 for other in others:
                     other()
-                bad(case)
+                SEND_BAD[topic](w, case)
 
             status = w.until_code(code_of(Status, fault, topic), send)
             assert words in status.message
@@ -286,28 +301,14 @@ def test_the_simulated_robot_stops_on_invalid_commands():
 @pytest.mark.parametrize('topic', ['joint_states', 'object_pose', 'external_wrench'])
 def test_the_analysis_has_no_result_for_invalid_inputs(topic):
     with world(lambda: GraspAnalysisNode()) as w:
-
-        def wrench(case):
-            about = {k: case[k] for k in ('age', 'sec', 'nanosec', 'frame') if k in case}
-            message = WrenchStamped(
-                header=header(w, **({'frame': 'truss_object_aligned'} | about))
-            )
-            message.wrench.force.x = case.get('x', 0.0)
-            w.probe.wrenches.publish(message)
-
         # It is no error that an object touches nothing.
         cases = {'joint_states': JOINT_STATES, 'object_pose': POSES, 'external_wrench': WRENCHES}
-        bad = {
-            'joint_states': lambda case: send_bad_joints(w, case),
-            'object_pose': lambda case: send_bad_pose(w, case),
-            'external_wrench': wrench,
-        }[topic]
 
         def good():
             w.probe.send_joints()
             w.probe.send_pose()
             if topic == 'external_wrench':
-                wrench({})
+                send_wrench(w, {})
 
         for case, fault, words in cases[topic].values():
             w.until_code(GraspState.OK, good, 'state')
@@ -317,7 +318,7 @@ def test_the_analysis_has_no_result_for_invalid_inputs(topic):
                     w.probe.send_joints()
                 if topic != 'object_pose':
                     w.probe.send_pose()
-                bad(case)
+                SEND_BAD[topic](w, case)
 
             state = w.until_code(code_of(GraspCode, fault, topic), send, 'state')
             assert words in state.message

@@ -11,7 +11,6 @@ from isotruss_ros.nodes.framework.managed import log_refusals
 from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
 from isotruss_ros.nodes.manipulation.node import Manipulation
 from isotruss_ros.nodes.simulator.node import Simulator
-from lifecycle_msgs.msg import Transition
 from manual_world import EPOCH, Manager, world
 import numpy as np
 from probe import N, overrides
@@ -22,6 +21,14 @@ from rosgraph_msgs.msg import Clock
 SIM = {'use_sim_time': True}
 START = 1000.0
 STEP = 0.004
+#: Turns the second roller.
+COMMAND = [0.0, 0.02, *[0.0] * (N - 2)]
+
+
+def moving(w):
+    """Return whether the second roller turns."""
+    last = w.probe.last('joints')
+    return last is not None and last.velocity[1] > 0.0
 
 
 class SimulatedTime:
@@ -142,13 +149,7 @@ def test_halts_when_the_clock_jumps_until_inputs_are_new(by):
 def test_the_simulated_robot_stops_when_the_clock_jumps_back(by):
     with simulated(Simulator, command_timeout=10.0) as w:
         time = SimulatedTime(w)
-        command = [0.0, 0.02, *[0.0] * (N - 2)]
-
-        def moving():
-            last = w.probe.last('joints')
-            return last is not None and last.velocity[1] > 0.0
-
-        w.until(moving, time.run(lambda: w.probe.send_command(command)))
+        w.until(lambda: moving(w), time.run(lambda: w.probe.send_command(COMMAND)))
         begin = time.now + by
         time.jump(begin)
         w.probe.seen['joints'].clear()
@@ -161,7 +162,7 @@ def test_the_simulated_robot_stops_when_the_clock_jumps_back(by):
         assert travel > 0.0
         w.until(
             lambda: w.probe.last('joints').position[1] > travel,
-            time.run(lambda: w.probe.send_command(command)),
+            time.run(lambda: w.probe.send_command(COMMAND)),
         )
 
 
@@ -198,15 +199,12 @@ def test_use_sim_time_changes_while_unconfigured_only():
         assert not refused.successful
         assert 'unconfigured' in refused.reason
         w.until_code(Status.OK, w.probe.send_all)
-        assert manager.ask(Transition.TRANSITION_DEACTIVATE)
-        assert manager.ask(Transition.TRANSITION_CLEANUP)
+        assert all(map(manager.ask, Manager.DOWN))
         assert node.set_parameters([Parameter('use_sim_time', value=True)])[0].successful
         for _ in range(2):  # the second time with the subscription to the clock from before
-            assert manager.ask(Transition.TRANSITION_CONFIGURE)
-            assert manager.ask(Transition.TRANSITION_ACTIVATE)
+            assert all(map(manager.ask, Manager.UP))
             w.until_code(Status.HALT_CLOCK, w.probe.send_all)
-            assert manager.ask(Transition.TRANSITION_DEACTIVATE)
-            assert manager.ask(Transition.TRANSITION_CLEANUP)
+            assert all(map(manager.ask, Manager.DOWN))
         w.probe.tick(START)
         w.until(lambda: node.get_clock().now().nanoseconds > 0, lambda: w.probe.tick(START))
 
@@ -227,23 +225,17 @@ def test_stamps_of_the_system_clock_that_jumps_back_are_not_relied_on(by):
 @pytest.mark.parametrize('by', [-3600.0, 3600.0])
 def test_the_simulated_robot_stops_when_the_system_clock_is_set(by):
     with world(lambda: made(Simulator, command_timeout=0.5)) as w:
-        command = [0.0, 0.02, *[0.0] * (N - 2)]
-
-        def moving():
-            last = w.probe.last('joints')
-            return last is not None and last.velocity[1] > 0.0
-
-        w.until(moving, lambda: w.probe.send_command(command))
+        w.until(lambda: moving(w), lambda: w.probe.send_command(COMMAND))
         travel = w.probe.last('joints').position[1]
         w.shift = by
         w.probe.seen['joints'].clear()
-        w.until(lambda: len(w.probe.seen['joints']) > 20 and not moving())
+        w.until(lambda: len(w.probe.seen['joints']) > 20 and not moving(w))
         assert w.probe.last('joints').position[1] < travel + 0.02 * (0.5 + 0.02)
         stamp = read_stamp(w.probe.last('joints').header)
         assert stamp == pytest.approx(EPOCH + w.now + by, abs=0.02)
         # Commands move it again, and end again.
-        w.until(moving, lambda: w.probe.send_command(command))
-        w.until(lambda: not moving())
+        w.until(lambda: moving(w), lambda: w.probe.send_command(COMMAND))
+        w.until(lambda: not moving(w))
 
 
 @pytest.mark.parametrize('speed', [0.5, 8.0])

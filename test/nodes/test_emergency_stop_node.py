@@ -4,7 +4,6 @@
 """The emergency stop: heard, obeyed, kept, and released on purpose only."""
 
 from isotruss_ros.core import Status
-from lifecycle_msgs.msg import Transition
 from manual_world import Manager, world
 from matches import follow
 import numpy as np
@@ -178,6 +177,5 @@ def test_is_received_while_the_node_is_not_active():
         manager = Manager(w, 'manipulation')
         press(w)
         w.until(lambda: 'emergency_stop' in w.detail('emergency stop'))
-        assert manager.ask(Transition.TRANSITION_CONFIGURE)
-        assert manager.ask(Transition.TRANSITION_ACTIVATE)
+        assert all(map(manager.ask, Manager.UP))
         assert_stays_stopped(w)

@@ -325,13 +325,9 @@ def _told_late(order):
     return drawn, drawn.estimator.estimate()
 
 
-def test_late_markers_are_compared_with_the_past_configuration():
+def test_late_markers_in_any_order_are_compared_with_the_past_configuration():
     drawn, found = _told_late((0, 1, 2, 3))
     assert drawn.surprise(found) < scipy.stats.chi2.ppf(0.99, 6)
-
-
-def test_order_of_markers_does_not_change_the_estimate():
-    _, found = _told_late((0, 1, 2, 3))
     _, other = _told_late((2, 0, 3, 1))
     deviations = np.sqrt(np.diag(found.offset_covariance))
     assert (np.abs(found.offsets - other.offsets) < 0.5 * deviations).all()

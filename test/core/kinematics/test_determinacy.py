@@ -4,18 +4,11 @@
 """Only robots that stand with locked rollers load, and the others are told what moves."""
 
 from hypothesis import assume, given, strategies
-from isotruss_ros.core.errors import RobotFileError
 import pytest
 import robots
+from robots import refusal
 
 SEEDS = strategies.integers(0, 2**32 - 1)
-
-
-def refusal(document):
-    with pytest.raises(RobotFileError) as caught:
-        robots.load(document)
-    assert '.yaml: ' in str(caught.value)
-    return str(caught.value)
 
 
 def slender_example():

@@ -3,19 +3,13 @@
 
 """Limits: their rows, and that no walk ever crosses them or gets stuck at them."""
 
-from grips import disc_grip, rolled
+from grips import held_at, rolled
 from hypothesis import given
-from isotruss_ros.core import RollingGrip, solve_twist, Status
+from isotruss_ros.core import solve_twist, Status
 from isotruss_ros.core.manipulation.limits import MemberLengthLimit, RollerSpeedLimit
 import numpy as np
 import pytest
 import robots
-
-MODULE = 'east/Q'
-
-
-def held_at(config):
-    return RollingGrip.attach(config, disc_grip(config, MODULE))
 
 
 @robots.examples(15)
@@ -74,7 +68,7 @@ def test_robot_pushed_against_a_limit_can_always_return(direction):
     robot = narrow(0.9, 1.1)
     angle = 2.0 * np.pi * direction / 8
     push = np.array([0.1 * np.cos(angle), 0.1 * np.sin(angle), 0.0])
-    held = held_at(robot.home)
+    held = held_at(robot.home, 'east/Q')
     held, commands = walk(held, push, 250, dt=0.04)
     # It creeps up to the bound and comes to rest there.
     assert commands[-1].status is Status.SLOWED_MEMBER_LENGTH

@@ -4,7 +4,7 @@
 """Objects that roll in a grip: carried and turned between sides that do not meet, and back."""
 
 from grips import apart, disc_grip, drive, surface
-from held_grips import APART, NINE
+from held_grips import APART, NINE, PENTAGON
 from hypothesis import assume, given, strategies
 from isotruss_ros.core import (
     ConvexObject,
@@ -27,12 +27,8 @@ import robots
 KINDS = (('module', 2), ('tube', 2), ('tubes', 2), ('tubes', 3))
 #: Where a disc of half a metre touches both, in the hole between the three tubes.
 CENTER = 0.4180504 - 0.2413615j
-
-
-def pentagon(radius):
-    """Return a polygon about as large as a disc of half a metre."""
-    corners = 0.26 * np.exp(2j * np.pi * np.arange(5) / 5)
-    return Polygon(corners.view(float).reshape(-1, 2), radius)
+#: About as large as a disc of half a metre.
+ROUNDED = Polygon(PENTAGON.vertices, 0.02)
 
 
 @pytest.mark.parametrize(
@@ -40,8 +36,8 @@ def pentagon(radius):
     [
         ConvexObject.disc((CENTER.real, CENTER.imag), 0.5),
         ConvexObject(Ellipse((0.25, 0.24)), Pose(CENTER.real, CENTER.imag, 0.3)),
-        ConvexObject(pentagon(0.0), Pose(CENTER.real, CENTER.imag, 0.1)),
-        ConvexObject(pentagon(0.02), Pose(CENTER.real, CENTER.imag, 0.1)),
+        ConvexObject(PENTAGON, Pose(CENTER.real, CENTER.imag, 0.1)),
+        ConvexObject(ROUNDED, Pose(CENTER.real, CENTER.imag, 0.1)),
     ],
     ids=['disc', 'ellipse', 'pentagon', 'rounded pentagon'],
 )
@@ -71,7 +67,7 @@ def test_a_disc_has_the_angle_that_is_told_within_half_a_turn(told, within):
 
 
 def test_the_pose_depends_on_the_configuration_and_not_on_the_path():
-    body = ConvexObject(pentagon(0.02), Pose(CENTER.real, CENTER.imag, 0.1))
+    body = ConvexObject(ROUNDED, Pose(CENTER.real, CENTER.imag, 0.1))
     start = RollingGrip.attach(NINE.home, Grip(APART, body))
     away = drive(start, [0.01, 0.02, 0.1], 2.0)
     # Straight back in one step; and by another way around.

@@ -105,24 +105,18 @@ def test_gap_and_normal_rotate_by_the_radius_of_curvature(seed):
 def test_centroid_and_gyration_are_those_of_the_outline(seed):
     shape = random_shape(np.random.default_rng(seed))
     z = dense_outline(shape, 4000)
-    z, following = z, np.roll(z, -1)
+    following = np.roll(z, -1)
     cross = (z.conj() * following).imag
     area = 0.5 * cross.sum()
     centroid = (cross * (z + following)).sum() / 6.0 / area
     a, b = z - centroid, following - centroid
-    polar = (cross_of(a, b) * (abs2(a) + abs2(b) + (a * b.conj()).real)).sum() / 12.0
+    product = a.conj() * b
+    squares = np.abs(a) ** 2 + np.abs(b) ** 2 + product.real
+    polar = (product.imag * squares).sum() / 12.0
     assert abs(shape.centroid - centroid) < 1e-5 * shape.perimeter
     assert shape.gyration == pytest.approx(np.sqrt(polar / area), rel=1e-5)
     assert shape.perimeter == pytest.approx(np.abs(following - z).sum(), rel=1e-5)
     assert shape.nearest(np.array([shape.centroid])).gaps[0] < 0.0
-
-
-def cross_of(a, b):
-    return (a.conj() * b).imag
-
-
-def abs2(z):
-    return np.abs(z) ** 2
 
 
 def test_feet_of_points_on_the_axes_of_an_ellipse():

@@ -99,39 +99,30 @@ def test_speed_limit_tolerates_rounding():
 
 
 SHORT, LONG = [0.0] * (N - 1), [0.0] * (N + 1)
-BAD_POSITIONS = {
-    'no point': ([], 'the trajectory has no points'),
-    'one row': (ORIGIN, f'0.0: must be {N} finite numbers'),
-    'too few': ([SHORT, SHORT], f'must be {N} finite numbers'),
-    'too many': ([LONG, LONG], f'must be {N} finite numbers'),
-    'of two lengths': ([ORIGIN, SHORT], f'must be {N} finite numbers'),
-    'nan': ([ORIGIN, [np.nan] * N], 'nan'),
-    'too quick': ([ORIGIN, [*SHORT, -1.001 * MAX_SPEED]], '0.1001 m/s; must be at most 0.1'),
-    'without end': ([[1e308] * N, [-1e308] * N], 'inf m/s; must be at most 0.1'),
+PAIR, THREE = [0.0, 1.0], [ORIGIN] * 3
+BAD = {
+    'no point': ([], PAIR, 'the trajectory has no points'),
+    'one row': (ORIGIN, PAIR, f'0.0: must be {N} finite numbers'),
+    'too few': ([SHORT, SHORT], PAIR, f'must be {N} finite numbers'),
+    'too many': ([LONG, LONG], PAIR, f'must be {N} finite numbers'),
+    'of two lengths': ([ORIGIN, SHORT], PAIR, f'must be {N} finite numbers'),
+    'nan': ([ORIGIN, [np.nan] * N], PAIR, 'nan'),
+    'too quick': ([ORIGIN, [*SHORT, -1.001 * MAX_SPEED]], PAIR, '0.1001 m/s; must be at most 0.1'),
+    'without end': ([[1e308] * N, [-1e308] * N], PAIR, 'inf m/s; must be at most 0.1'),
+    'too few times': (THREE, PAIR, 'must be 3 finite numbers'),
+    'time nan': (THREE, [0.0, np.nan, 2.0], 'must be 3 finite numbers'),
+    'negative time': (THREE, [-1e-9, 1.0, 2.0], 'time -1e-09 s of point 0'),
+    'the same time twice': (THREE, [0.0, 1.0, 1.0], 'time 1 s of point 2'),
+    'back in time': (THREE, [0.0, 1.0, 0.5], 'time 0.5 s of point 2'),
+    'a day and more': (THREE, [0.0, 1.0, 24.0 * 3600.0 + 1.0], 'from 0 to 86400 s'),
 }
 
 
 @pytest.mark.filterwarnings('error')
-@pytest.mark.parametrize(('positions', 'words'), BAD_POSITIONS.values(), ids=BAD_POSITIONS)
-def test_invalid_positions_are_refused(positions, words):
+@pytest.mark.parametrize(('positions', 'times', 'words'), BAD.values(), ids=BAD)
+def test_invalid_positions_and_times_are_refused(positions, times, words):
     with pytest.raises(ConfigurationError, match=re.escape(words)):
-        RollerTrajectory(ROBOT, positions, [0.0, 1.0])
-
-
-BAD_TIMES = {
-    'too few': ([0.0, 1.0], 'must be 3 finite numbers'),
-    'nan': ([0.0, np.nan, 2.0], 'must be 3 finite numbers'),
-    'negative': ([-1e-9, 1.0, 2.0], 'time -1e-09 s of point 0'),
-    'the same twice': ([0.0, 1.0, 1.0], 'time 1 s of point 2'),
-    'back': ([0.0, 1.0, 0.5], 'time 0.5 s of point 2'),
-    'a day and more': ([0.0, 1.0, 24.0 * 3600.0 + 1.0], 'from 0 to 86400 s'),
-}
-
-
-@pytest.mark.parametrize(('times', 'words'), BAD_TIMES.values(), ids=BAD_TIMES)
-def test_invalid_times_are_refused(times, words):
-    with pytest.raises(ConfigurationError, match=re.escape(words)):
-        RollerTrajectory(ROBOT, [ORIGIN] * 3, times)
+        RollerTrajectory(ROBOT, positions, times)
 
 
 numbers = st.one_of(st.floats(-0.02, 0.02), st.floats(), st.sampled_from([0.0, 1e308, 5e-324]))

@@ -5,18 +5,10 @@
 
 from dataclasses import replace
 
+from grips import disc_grip
 from hypothesis import given
 from hypothesis import strategies as st
-from isotruss_ros.core import (
-    ConvexObject,
-    Grip,
-    load_robot,
-    RigidObject,
-    RollerFaults,
-    RollingGrip,
-    SimulatedRobot,
-    tangent_center,
-)
+from isotruss_ros.core import load_robot, RigidObject, RollerFaults, RollingGrip, SimulatedRobot
 from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.inputs import (
     InputError,
@@ -46,9 +38,7 @@ N = len(ROBOT.roller_names)
 MAX_SPEED = ROBOT.description.max_speed
 PERIOD, TIMEOUT = 0.01, 0.2
 PERFECT = RollerFaults()
-GRASP = Grip.at_module(
-    ROBOT, 'north/Z', ConvexObject.disc(tangent_center(ROBOT.home, 'north/Z', 0.3), 0.3)
-)
+GRASP = disc_grip(ROBOT.home, 'north/Z')
 WAY = np.array(
     [[0.0] * N, [0.02, -0.01, 0.0, 0.03, 0.01, -0.02], [0.0, 0.02, 0.01, 0.0, 0.0, 0.0]]
 )

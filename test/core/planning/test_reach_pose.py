@@ -5,28 +5,17 @@
 
 from dataclasses import replace
 
+from grips import disc_grip
+from held_grips import box_between
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from isotruss_ros.core import (
-    ConvexObject,
-    Grip,
-    load_robot,
-    place_between,
-    Polygon,
-    reach_pose,
-    Robot,
-    RollingGrip,
-    Status,
-    tangent_center,
-)
+from isotruss_ros.core import load_robot, reach_pose, Robot, RollingGrip, Status
 import numpy as np
 import pytest
 
 ROBOT = load_robot('nine_member')
-CENTER = tangent_center(ROBOT.home, 'north/Z', 0.3, 0.01)
-GRIP = Grip.at_module(ROBOT, 'north/Z', ConvexObject.disc(CENTER, 0.3))
-BOX = Polygon([(-0.25, -0.2), (0.25, -0.2), (0.25, 0.2), (-0.25, 0.2)], corner_radius=0.02)
-SIDES = place_between(ROBOT.home, ('south/P-Q', 'north/R-P'), BOX, angle=0.2, indentation=0.01)
+GRIP = disc_grip(ROBOT.home, 'north/Z', indentation=0.01)
+SIDES = box_between(angle=0.2)
 
 
 @settings(max_examples=6, deadline=None)
@@ -64,18 +53,16 @@ def test_a_length_that_ends_the_way_is_named_with_the_place():
 
 
 def test_a_barrier_ends_the_way():
-    body = ConvexObject.disc(tangent_center(ROBOT.home, 'east/Q', 0.3), 0.3)
-    grip = Grip.at_module(ROBOT, 'east/Q', body)
-    found = reach_pose(ROBOT.home, grip, np.add(body.pose, (0.9, 0.0, 0.0)))
+    grip = disc_grip(ROBOT.home, 'east/Q')
+    found = reach_pose(ROBOT.home, grip, np.add(grip.body.pose, (0.9, 0.0, 0.0)))
     assert found.status is Status.SLOWED_SELF_COLLISION
     assert found.why == 'limits of module south/P and member south/Q-X'
     assert 0.0 < found.share < 1.0
 
 
 def test_motions_that_the_rollers_do_not_produce_are_told():
-    center = tangent_center(ROBOT.home, 'south/X', 0.3)
-    grip = Grip.at_module(ROBOT, 'south/X', ConvexObject.disc(center, 0.3))
-    found = reach_pose(ROBOT.home, grip, (center[0] + 0.1, center[1], 0.0))
+    grip = disc_grip(ROBOT.home, 'south/X')
+    found = reach_pose(ROBOT.home, grip, np.add(grip.body.pose, (0.1, 0.0, 0.0)))
     assert found.status is Status.UNREACHABLE
     assert found.why == 'the rollers produce 1 of 3 motions there'
     assert (found.share, len(found.path)) == (0.0, 1)

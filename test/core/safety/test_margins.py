@@ -15,21 +15,6 @@ import pytest
 import robots
 
 
-def test_rigidity_does_not_depend_on_the_size_of_the_robot():
-    document = robots.example()
-    small = robots.load(document)
-    for joint, place in document['joints'].items():
-        document['joints'][joint] = [3.0 * x for x in place]
-    for key in ('pinch_separation', 'rod_length', 'guide_ring_distance'):
-        document['module'][key] *= 3.0
-    document['members']['max_length'] *= 3.0
-    large = robots.load(document)
-    travel = np.array([0.15, -0.1])
-    assert shape_margins(large.configuration(3.0 * travel)).rigidity == pytest.approx(
-        shape_margins(small.configuration(travel)).rigidity
-    )
-
-
 def test_members_that_hold_an_object_are_those_of_the_robot():
     body = ConvexObject.disc((0.0, 0.0), 0.1)
     with pytest.raises(GraspError, match='no such members'):

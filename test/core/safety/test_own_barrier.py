@@ -5,9 +5,9 @@
 
 from dataclasses import replace
 
-from grips import disc_grip
-from isotruss_ros.core import load_robot, Robot, RollingGrip, Status, TwistServo
-from isotruss_ros.core.inputs import RollerState, StampedInput
+from driven import Driven
+from grips import held_at
+from isotruss_ros.core import load_robot, Robot, Status
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.safety.barrier_law import (
     ActiveValues,
@@ -15,13 +15,11 @@ from isotruss_ros.core.safety.barrier_law import (
     BarrierLaw,
     NO_ACTIVE_VALUES,
 )
-from isotruss_ros.core.servo.servo_settings import ServoSettings
 from nightly import some_now
 import numpy as np
 import pytest
 
-ROBOT = load_robot('nine_member')
-PERIOD = 0.02
+ROBOT = Robot(replace(load_robot('nine_member').description, max_acceleration=np.inf))
 
 
 class HeightBarrier:
@@ -61,28 +59,12 @@ class HeightBarrier:
 
 def drive(barriers, steps=200):
     """Command an object downward at 50 Hz; return its lowest points [m], and the last command."""
-    held = RollingGrip.attach(ROBOT.home, disc_grip(ROBOT.home, 'north/Z'))
-    settings = ServoSettings(
-        held.grip,
-        PERIOD,
-        timeout=1.0,
-        barriers=tuple(barriers),
-        slide_along_limits=False,
-    )
-    servo = TwistServo(Robot(replace(ROBOT.description, max_acceleration=np.inf)), settings)
-    heights, velocities = [], np.zeros(len(ROBOT.roller_names))
-    for step in range(steps):
-        now = step * PERIOD
-        state = RollerState(held.config.roller_positions, velocities)
-        servo.receive(
-            twist=StampedInput(np.array([0.0, -0.5, 0.0]), now),
-            rollers=StampedInput(state, now),
-            pose=StampedInput(held.pose, now),
-        )
-        command = servo.decide(now).command
-        velocities = command.roller_velocities
-        held = held.moved_to(held.config.moved_to(state.positions + PERIOD * velocities))
-        heights.append(held.grip.center.imag - 0.15)
+    held = held_at(ROBOT.home, 'north/Z')
+    robot = Driven(held, 0.02, barriers=tuple(barriers), slide_along_limits=False)
+    heights = []
+    for _ in range(steps):
+        command = robot.step((0.0, -0.5, 0.0))
+        heights.append(robot.held.grip.center.imag - 0.15)
     return np.array(heights), command
 
 

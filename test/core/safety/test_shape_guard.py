@@ -4,14 +4,13 @@
 """The robot stays within good shapes, from sample to sample, and can always leave bad ones."""
 
 from comparison import walks
-from grips import disc_grip, rolled
+from driven import Driven
+from grips import held_at, rolled
 from hypothesis import assume, given, strategies
-from isotruss_ros.core import RollingGrip, ShapeGuard, solve_twist, Status, TwistServo
+from isotruss_ros.core import ShapeGuard, solve_twist, Status
 from isotruss_ros.core.errors import ConfigurationError, GraspError
-from isotruss_ros.core.inputs import RollerState, StampedInput
 from isotruss_ros.core.safety.barrier_law import BarrierLaw
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
-from isotruss_ros.core.servo.servo_settings import DEFAULT_BOUNDS, ServoSettings
 from nightly import some_now
 import numpy as np
 import pytest
@@ -21,46 +20,11 @@ BARRIERS = {Status.SLOWED_RIGIDITY, Status.SLOWED_SELF_COLLISION, Status.SLOWED_
 PERIOD = 0.01
 
 
-class Pushed:
-    """A robot whose object is pushed along one twist."""
-
-    def __init__(self, held, bounds=DEFAULT_BOUNDS, slide=False, period=PERIOD):
-        robot = held.config.robot
-        self.period, self.held = period, held
-        self.velocities = np.zeros(len(robot.roller_names))
-        settings = ServoSettings(held.grip, period, 1.0, bounds=bounds, slide_along_limits=slide)
-        self.servo = TwistServo(robot, settings)
-        self.now = 0.0
-
-    def step(self, twist):
-        """Go on for one cycle, and return the command."""
-        self.now += self.period
-        state = RollerState(self.held.config.roller_positions, self.velocities)
-        self.servo.receive(
-            twist=StampedInput(np.asarray(twist), self.now),
-            rollers=StampedInput(state, self.now),
-            pose=StampedInput(self.held.pose, self.now),
-        )
-        command = self.servo.decide(self.now).command
-        self.velocities = command.roller_velocities
-        self.held = rolled(self.held, self.period * self.velocities)
-        return command
-
-    @property
-    def margins(self):
-        return walks.margins(self.held)
-
-
-def held_at(config, module, diameter):
-    """Return how a disc is held that touches both members at a module."""
-    return RollingGrip.attach(config, disc_grip(config, module, diameter))
-
-
 def pushed(seed, slide=False):
     """Return a robot, and a twist that takes it to a bound."""
     rng = np.random.default_rng(seed)
     held = walks.begin(rng, walks.GRIPS[seed % len(walks.GRIPS)])
-    return Pushed(held, slide=slide), 0.2 * rng.standard_normal(3)
+    return Driven(held, PERIOD, slide_along_limits=slide), 0.2 * rng.standard_normal(3)
 
 
 @pytest.mark.parametrize(
@@ -78,12 +42,12 @@ def test_comes_to_a_bound_slower_and_slower_along_the_twist(seed, named):
     (robot, twist), found = pushed(seed), []
     laws = [BarrierLaw(0.0, band) for band in (0.2, 0.1, 0.1)]
     slowed = 0
-    before = robot.margins
+    before = walks.margins(robot.held)
     for _ in range(700):
         command = robot.step(twist)
         if command.status not in (Status.UNREACHABLE, Status.ACCELERATING):
             assert command.achieved_twist == pytest.approx(command.scale * twist, abs=1e-7)
-        after = robot.margins
+        after = walks.margins(robot.held)
         for law, h, there in zip(laws, before, after, strict=True):
             least = h - PERIOD * law.class_k_bound(np.array([h]))[0]
             if np.isfinite(least):
@@ -104,10 +68,10 @@ def test_weak_shapes_are_named_and_not_entered():
     robot = walks.ROBOT
     held, bounds = held_at(robot.home, 'north/Z', 0.3), ShapeBounds(0.9)
     for angle in np.linspace(0.0, 2.0 * np.pi, 9):
-        weak = Pushed(held, bounds)
+        weak = Driven(held, PERIOD, bounds=bounds, slide_along_limits=False)
         for _ in range(300):
             command = weak.step([0.1 * np.cos(angle), 0.1 * np.sin(angle), 0.0])
-            assert weak.margins[0] + walks.BOUNDS.min_rigidity > 0.9
+            assert walks.margins(weak.held)[0] + walks.BOUNDS.min_rigidity > 0.9
             if command.status is Status.SLOWED_RIGIDITY:
                 assert 'the rigidity index' in command.limiting
                 return
@@ -122,16 +86,16 @@ def test_leaving_is_always_allowed(seed):
     own = np.array(walks.LEAST)
     found = walks.margins(held) + own
     bounds = ShapeBounds(min(0.95, found[0] + 0.05), found[1] + 0.01, found[2] + 0.02)
-    robot = Pushed(held, bounds)
+    robot = Driven(held, PERIOD, bounds=bounds, slide_along_limits=False)
     least = (
         np.array([bounds.min_rigidity, bounds.min_clearance, bounds.min_object_clearance]) - own
     )
-    moved, before = 0, robot.margins
+    moved, before = 0, walks.margins(robot.held)
     for step in range(300):
         if step % 20 == 0:
             twist = 0.05 * rng.standard_normal(3)
         command = robot.step(twist)
-        after = robot.margins
+        after = walks.margins(robot.held)
         # A gain of one is not paid for by another, as long as both are beyond: what is lost are
         # effects of second order of the step, of at most 1 mm.
         assert (after >= before - 1e-5)[before < least].all()
@@ -148,13 +112,13 @@ def test_any_robot_keeps_its_bounds_and_gets_no_further_beyond_them(robot, rng, 
         held = held_at(robot.home, module, 0.2)
     except GraspError:
         assume(False)
-    walker = Pushed(held, slide=slide)
-    least = np.minimum(walker.margins, 0.0) - 1e-6
+    walker = Driven(held, PERIOD, slide_along_limits=slide)
+    least = np.minimum(walks.margins(walker.held), 0.0) - 1e-6
     for step in range(150):
         if step % 50 == 0:
             twist = 0.2 * rng.standard_normal(3)
         walker.step(twist)
-        assert (walker.margins > least).all()
+        assert (walks.margins(walker.held) > least).all()
 
 
 @pytest.mark.nightly
@@ -168,7 +132,7 @@ def test_sliding_gets_further_and_goes_on():
             statuses = {robot.step(twist).status for _ in range(count)}
             end = robot.held.pose
             reached.append((end.x - start.x) * twist[0] + (end.y - start.y) * twist[1])
-            assert robot.margins.min() > 0.0
+            assert walks.margins(robot.held).min() > 0.0
         assert Status.SLIDING in statuses
         # In each step it is at least as far, but the ways part.
         gained.append(reached[1] / reached[0])
@@ -185,7 +149,7 @@ def test_rollers_do_not_swing_at_a_bound(seed, slide):
         robot.step(twist)
         turns += (robot.velocities * before < -(0.01**2)).any()
         before = robot.velocities
-    assert robot.margins.min() < 0.01
+    assert walks.margins(robot.held).min() < 0.01
     assert turns < 6
 
 
@@ -198,7 +162,8 @@ def test_rollers_do_not_swing_in_slow_loops(seed, size, period, guarded):
     held = walks.begin(rng, walks.GRIPS[seed % len(walks.GRIPS)])
     twist = rng.standard_normal(3)
     twist *= size / np.linalg.norm(twist)
-    robot = Pushed(held, ShapeBounds() if guarded else None, period=period)
+    bounds = ShapeBounds() if guarded else None
+    robot = Driven(held, period, bounds=bounds, slide_along_limits=False)
     turns, rolled = 0, 0.0
     for _ in range(round(6.0 / period)):
         before = robot.velocities

@@ -5,16 +5,15 @@
 
 from dataclasses import replace
 
-from grips import disc_grip, rolled
+from driven import Driven
+from grips import disc_grip, held_at
 from hypothesis import given
 from hypothesis import strategies as st
-from isotruss_ros.core import load_robot, RollingGrip, solve_twist, Status, TwistServo
-from isotruss_ros.core.inputs import RollerState, StampedInput
+from isotruss_ros.core import load_robot, solve_twist, Status
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.acceleration import limit_acceleration
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.manipulation.limits import default_limits, stack_rows
-from isotruss_ros.core.servo.servo_settings import ServoSettings
 from nightly import some_now
 import numpy as np
 import pytest
@@ -27,30 +26,9 @@ PERIOD = 0.01
 CHANGE = ACCELERATION * PERIOD
 
 
-class Driven:
-    """A robot under the twist servo; its sensors are prompt and exact."""
-
-    def __init__(self, module, robot=ROBOT, **settings):
-        self.held = RollingGrip.attach(robot.home, disc_grip(robot.home, module, 0.3))
-        settings = ServoSettings(self.held.grip, PERIOD, timeout=0.2, **settings)
-        self.servo = TwistServo(robot, settings)
-        self.now, self.velocities, self.change = 0.0, np.zeros(N), 0.0
-
-    def step(self, twist, period=PERIOD):
-        """Go on for one cycle; return the command."""
-        self.servo.apply(replace(self.servo.settings, period=period))
-        self.now += period
-        state = RollerState(self.held.config.roller_positions, self.velocities)
-        self.servo.receive(
-            twist=StampedInput(np.asarray(twist), self.now),
-            rollers=StampedInput(state, self.now),
-            pose=StampedInput(self.held.pose, self.now),
-        )
-        command = self.servo.decide(self.now).command
-        self.change = np.abs(command.roller_velocities - self.velocities).max()
-        self.velocities = command.roller_velocities
-        self.held = rolled(self.held, period * self.velocities)
-        return command
+def driven(module, robot=ROBOT, **settings):
+    """Return a robot that holds a disc at a module."""
+    return Driven(held_at(robot.home, module), PERIOD, **settings)
 
 
 def heading(degrees, speed=0.05):
@@ -63,7 +41,7 @@ CASES = [('north/Z', 110.0), ('north/R', 30.0), ('east/Q', 200.0)]
 @pytest.mark.parametrize('slide', [False, True])
 @pytest.mark.parametrize(('module', 'first'), some_now(CASES, 1))
 def test_speeds_do_not_jump_when_the_heading_turns_at_a_limit(module, first, slide):
-    robot, turned = Driven(module, slide_along_limits=slide), 0
+    robot, turned = driven(module, slide_along_limits=slide), 0
     for _ in range(600):  # in longer cycles to where the limit is near
         if robot.step(heading(first), 5.0 * PERIOD).scale < 0.5:
             break
@@ -78,7 +56,7 @@ def test_speeds_do_not_jump_when_the_heading_turns_at_a_limit(module, first, sli
 
 
 def test_status_is_accelerating_until_the_twist_is_carried_out():
-    robot = Driven('north/R')
+    robot = driven('north/R')
     statuses = [robot.step(heading(30.0)).status for _ in range(20)]
     reached = statuses.index(Status.OK)
     assert 2 < reached < 11
@@ -86,7 +64,7 @@ def test_status_is_accelerating_until_the_twist_is_carried_out():
 
 
 def test_a_twist_of_zero_brings_the_rollers_to_rest_within_the_acceleration():
-    robot = Driven('north/R')
+    robot = driven('north/R')
     for _ in range(10):
         robot.step(heading(30.0))
     for _ in range(10):
@@ -97,7 +75,7 @@ def test_a_twist_of_zero_brings_the_rollers_to_rest_within_the_acceleration():
 
 
 def test_joints_reverse_within_the_acceleration():
-    robot = Driven('north/R', joint='Z')
+    robot = driven('north/R', joint='Z')
     for direction in (1.0, -1.0):
         for _ in range(20):
             command = robot.step(direction * heading(30.0))
@@ -106,7 +84,7 @@ def test_joints_reverse_within_the_acceleration():
 
 
 def test_other_commands_keep_the_acceleration_but_for_zero():
-    servo = Driven('north/R').servo
+    servo = driven('north/R').servo
     asked, before = np.linspace(-0.1, 0.1, N), np.zeros(N)
     for cycle in range(12):
         speeds = servo.command(asked, cycle * PERIOD)
@@ -119,7 +97,7 @@ def test_other_commands_keep_the_acceleration_but_for_zero():
 def test_a_robot_of_little_acceleration_stops_before_its_limits():
     near = ROBOT.home.member_lengths.max() + 0.05
     slow = Robot(replace(ROBOT.description, max_acceleration=0.05, max_length=near))
-    robot, file = Driven('north/R', slow), slow.description
+    robot, file = driven('north/R', slow), slow.description
     for _ in range(125):
         robot.step(heading(30.0), 4.0 * PERIOD)
         assert robot.change <= 0.05 * 4.0 * PERIOD * (1.0 + 1e-6)

@@ -5,17 +5,8 @@
 
 from dataclasses import replace
 
-from isotruss_ros.core import (
-    ConvexObject,
-    Grip,
-    load_robot,
-    Pose,
-    Robot,
-    solve_joint_velocity,
-    Status,
-    tangent_center,
-    TwistServo,
-)
+from grips import disc_grip
+from isotruss_ros.core import load_robot, Robot, solve_joint_velocity, Status, TwistServo
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.inputs import RollerState, StampedInput
 from isotruss_ros.core.safety.margins import shape_margins
@@ -26,9 +17,7 @@ import numpy as np
 import pytest
 
 ROBOT = Robot(replace(load_robot('nine_member').description, max_acceleration=np.inf))
-MODULE, DIAMETER = 'north/Z', 0.3
-CENTER = tangent_center(ROBOT.home, MODULE, DIAMETER)
-GRIP = Grip.at_module(ROBOT, MODULE, ConvexObject.disc(CENTER, DIAMETER))
+GRIP = disc_grip(ROBOT.home, 'north/Z')
 NOW, PERIOD = 1000.0, 0.005
 VELOCITY = (0.01, -0.02)
 REST = np.zeros(len(ROBOT.roller_names))
@@ -94,7 +83,7 @@ def test_barriers_and_limits_stop_the_joint(joint, twist, cycles):
 @pytest.mark.parametrize(('before', 'after'), [(None, 'Z'), ('Z', None), ('Z', 'Q')])
 def test_a_change_of_what_moves_halts_until_the_next_twist(before, after):
     made = servo(before)
-    made.receive(pose=StampedInput(Pose(*CENTER, 0.0), NOW))
+    made.receive(pose=StampedInput(GRIP.body.pose, NOW))
     assert made.decide(NOW).command.status is Status.OK
     made.apply(replace(made.settings, joint=after))
     decision = made.decide(NOW)

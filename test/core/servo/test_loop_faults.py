@@ -5,9 +5,8 @@
 
 import math
 
-from grips import gripped, MASSLESS
+from grips import disc_grip, gripped, MASSLESS
 from isotruss_ros.core import (
-    ConvexObject,
     ElasticObject,
     Grip,
     load_robot,
@@ -15,7 +14,6 @@ from isotruss_ros.core import (
     RollerFaults,
     SimulatedRobot,
     Status,
-    tangent_center,
     TwistServo,
 )
 from isotruss_ros.core.holding.attach_grip import attach_grip
@@ -25,8 +23,7 @@ import numpy as np
 import pytest
 
 ROBOT = load_robot('nine_member')
-CENTER = tangent_center(ROBOT.home, 'north/Z', 0.3)
-GRIP = Grip.at_module(ROBOT, 'north/Z', ConvexObject.disc(CENTER, 0.3))
+GRIP = disc_grip(ROBOT.home, 'north/Z')
 HOME = np.zeros(len(ROBOT.roller_names))
 NOW, PERIOD, TIMEOUT = 1000.0, 0.005, 0.2
 

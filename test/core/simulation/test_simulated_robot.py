@@ -3,25 +3,15 @@
 
 """The simulated robot integrates its rollers exactly, and has the faults that it is given."""
 
-from isotruss_ros.core import (
-    ConvexObject,
-    Grip,
-    load_robot,
-    RigidObject,
-    RollerFaults,
-    RollingGrip,
-    SimulatedRobot,
-    tangent_center,
-)
+from grips import disc_grip
+from isotruss_ros.core import load_robot, RigidObject, RollerFaults, RollingGrip, SimulatedRobot
 from isotruss_ros.core.errors import ConfigurationError
 import numpy as np
 import pytest
 
 ROBOT = load_robot('nine_member')
 N = len(ROBOT.roller_names)
-GRASP = Grip.at_module(
-    ROBOT, 'north/Z', ConvexObject.disc(tangent_center(ROBOT.home, 'north/Z', 0.3), 0.3)
-)
+GRASP = disc_grip(ROBOT.home, 'north/Z')
 SPEEDS = np.linspace(-0.02, 0.03, N)
 
 
