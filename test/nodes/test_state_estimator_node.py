@@ -182,7 +182,7 @@ def test_an_estimate_survives_a_round_trip():
     estimate = state_estimate.StateEstimate(
         time=2.5,
         offsets=0.01 * random.normal(size=N),
-        offset_covariance=random.normal(size=(N, N)),
+        offset_covariance=np.cov(random.normal(size=(N, 2 * N))),
         travel=random.normal(size=N),
         joints=random.normal(size=(len(NAMES), 2)),
         joint_covariance=np.diag(np.arange(1.0, count + 1.0) ** 2),
@@ -223,6 +223,7 @@ def test_an_estimate_survives_a_round_trip():
         {'offsets': [7.0] * N},
         {'offset_covariance': [0.0]},
         {'offset_covariance': [float('inf')] * N**2},
+        {'offset_covariance': np.diag([-1.0] * N).ravel().tolist()},
     ],
 )
 def test_invalid_estimates_are_refused(changes):

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from isotruss_ros.core.errors import IsotrussError
+from isotruss_ros.core.numerics.tolerances import ROUNDING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -52,6 +53,27 @@ def finite_rows(
     """
     rows = np.shape(values)[:1] if hasattr(values, 'shape') else (len(values),)
     return _finite(values, (*rows, columns), what, error, most)
+
+
+def covariance_matrix(
+    values: ArrayLike, count: int, what: str, error: type[IsotrussError]
+) -> NDArray[np.float64]:
+    """
+    Return a copy of a covariance matrix (count, count).
+
+    :param values: entries of the matrix.
+    :param count: required number of rows.
+    :param what: name of the matrix, for the error message.
+    :param error: class of the exception to raise.
+    :raises IsotrussError: the matrix has another shape, is not finite, not symmetric, or not
+        positive semidefinite.
+    """
+    found = _finite(values, (count, count), what, error, np.inf)
+    bound = ROUNDING * np.abs(found).max()
+    symmetric = (np.abs(found - found.T) <= bound).all()
+    if not symmetric or np.linalg.eigvalsh(found)[0] < -bound:
+        raise error(f'{what}: must be symmetric and positive semidefinite')
+    return found
 
 
 def _finite(

@@ -5,16 +5,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 import math
+from typing import Any
 
+from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.inputs import PRESSURE_TIMEOUT
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.limits import Limit
+from isotruss_ros.core.numerics.arrays import MAX_MAGNITUDE
 from isotruss_ros.core.safety.barrier_law import Barrier
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
 
 DEFAULT_BOUNDS = ShapeBounds()
+#: Settings that may be infinite.
+UNBOUNDED = ('max_utilisation', 'failure_time')
 
 
 @dataclass(frozen=True)
@@ -22,7 +28,7 @@ class SqueezeSettings:
     """
     Desired squeeze, and settings of the squeeze control.
 
-    :ivar force: mean normal force of the grasping members, positive [N].
+    :ivar force: mean normal force of the grasping members, not negative [N].
     :ivar pose_gain: pose gain, from which all other gains follow [1/s]; None: it is chosen by
         `choose_gain`.
     :ivar frequency: measured lowest natural frequency of the held object [rad/s]; None: it is
@@ -32,6 +38,7 @@ class SqueezeSettings:
     :ivar load: standard deviation of loads on the object [N]; 0: that of `EstimatorSettings`.
     :ivar zero_deviation: standard deviation of the roller offsets [m], used if no estimator
         provides it.
+    :raises ConfigurationError: a value is not a number in its range.
     """
 
     force: float
@@ -40,6 +47,11 @@ class SqueezeSettings:
     max_utilisation: float = 1.0
     load: float = 0.0
     zero_deviation: float = 0.01
+
+    def __post_init__(self) -> None:
+        """Check the values."""
+        _check_numbers(self, ('pose_gain', 'frequency', 'max_utilisation'))
+        _check_numbers(self, ('force', 'load', 'zero_deviation'), zero=True)
 
 
 @dataclass(frozen=True)
@@ -62,6 +74,7 @@ class ServoSettings:
     :ivar failure_time: a commanded roller that does not move for this time has failed [s].
     :ivar pressure_timeout: largest age of measured pressures [s]; older pressures stop the
         rollers.
+    :raises ConfigurationError: a time is not a positive number.
     """
 
     grip: Grip
@@ -75,3 +88,21 @@ class ServoSettings:
     slide_along_limits: bool = True
     failure_time: float = math.inf
     pressure_timeout: float = PRESSURE_TIMEOUT
+
+    def __post_init__(self) -> None:
+        """Check the times."""
+        _check_numbers(self, ('period', 'timeout', 'pressure_timeout', 'failure_time'))
+
+
+def _check_numbers(settings: Any, names: Sequence[str], zero: bool = False) -> None:
+    """Raise ConfigurationError if a setting is neither None nor a positive number, or zero."""
+    for name in names:
+        value = getattr(settings, name)
+        unbounded = name in UNBOUNDED and value == math.inf
+        if value is None or unbounded or (zero and value == 0.0):
+            continue
+        if not 0.0 < value <= MAX_MAGNITUDE:
+            bound = 'zero or positive' if zero else 'positive'
+            raise ConfigurationError(
+                f'{name} {value!r}: must be {bound}, at most {MAX_MAGNITUDE:g}'
+            )

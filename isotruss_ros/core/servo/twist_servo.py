@@ -45,6 +45,7 @@ from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.safety.roller_failure import FailureDetector
 from isotruss_ros.core.safety.shape_guard import ShapeGuard
+from isotruss_ros.core.servo.check_input import check_input
 from isotruss_ros.core.servo.decision import Decision, describe, halt_for, HaltError
 from isotruss_ros.core.servo.servo_settings import ServoSettings
 from isotruss_ros.core.servo.squeeze_control import SqueezeControl
@@ -130,6 +131,8 @@ class TwistServo:
         """
         Store new values of some inputs of the servo.
 
+        Invalid numbers are replaced by a rejection, which halts the rollers; see `check_input`.
+
         :param inputs: new values; the keywords are the fields of `LatestInputs`.
         :raises GraspError: a roller named as failed does not exist in the robot; then no input is
             replaced.
@@ -138,7 +141,7 @@ class TwistServo:
             inputs['failed'] = frozenset(inputs['failed'])
             working_rollers(self.robot.topology, inputs['failed'])
         for name, value in inputs.items():
-            setattr(self.inputs, name, value)
+            setattr(self.inputs, name, check_input(self.robot, name, value))
 
     @single_threaded
     def decide(self, now: float) -> Decision:

@@ -12,6 +12,7 @@ from isotruss_ros.core import Pose, Robot
 from isotruss_ros.core.estimation.state_estimate import EstimatedTravel, StateEstimate
 from isotruss_ros.core.holding.contact_forces import Places, PressedContacts
 from isotruss_ros.core.holding.grip_record import GripRecord
+from isotruss_ros.core.numerics.arrays import covariance_matrix
 from isotruss_ros.nodes.conversions.messages import (
     check_frame,
     make_header,
@@ -66,8 +67,8 @@ def read_estimate(message: StateEstimateMessage, robot: Robot) -> EstimatedTrave
 
     :param message: message of the topic `state_estimate`.
     :param robot: the robot.
-    :raises MessageError: the message has another frame or other rollers, or an offset or
-        covariance is not finite.
+    :raises MessageError: the message has another frame or other rollers, an offset is not
+        finite, or the covariance is none.
     """
     check_frame('state estimate', message.header, robot.frame)
     names, offsets = tuple(message.roller_names), np.array(message.offsets)
@@ -81,12 +82,14 @@ def read_estimate(message: StateEstimateMessage, robot: Robot) -> EstimatedTrave
             f'{MAX_OFFSET:g} m'
         )
     covariance = np.array(message.offset_covariance)
-    if len(covariance) != len(names) ** 2 or not np.isfinite(covariance).all():
+    if len(covariance) != len(names) ** 2:
         raise MessageError(
             f'state estimate with {len(covariance)} covariances of offsets: must be '
             f'{len(names) ** 2} finite numbers'
         )
-    return EstimatedTravel(offsets, covariance.reshape(len(names), len(names)))
+    covariance = covariance.reshape(len(names), len(names))
+    words = 'covariance of offsets of the state estimate [m^2]'
+    return EstimatedTravel(offsets, covariance_matrix(covariance, len(names), words, MessageError))
 
 
 def to_grip_message(record: GripRecord | None, robot: Robot, when: float) -> HeldGripMessage:

@@ -153,7 +153,7 @@ class Manipulation(ManagedNode):
         """Halt at once if a stop is set; after its release only a new twist moves the object."""
         if self._servo is None:
             return
-        self._servo.receive(halt=self._find_halt())
+        self._servo.inputs.halt = self._find_halt()
         self._discard_twist()
         if self._servo.inputs.halt is not None:
             self._trajectory.abort('emergency stop')
@@ -239,7 +239,7 @@ class Manipulation(ManagedNode):
 
     def _step(self, now: float, clock: tuple[Status, str] | None = None) -> None:
         halt = self._find_halt() or clock
-        self._servo.receive(halt=halt)
+        self._servo.inputs.halt = halt
         if halt is not None:
             self._trajectory.abort(halt[1])
         decision = self._trajectory.decide(now)
