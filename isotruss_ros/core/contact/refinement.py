@@ -277,7 +277,8 @@ class _Search:
         self, points: ContactPoints, push: Points, solve: Callable[[BentTubes], Found]
     ) -> Found:
         """Solve the contact with tubes bent by its forces, or by a fraction of them on failure."""
-        shares = BENT_SHARES[:1] if self.steady else BENT_SHARES
+        # Without forces, all fractions are one problem.
+        shares = BENT_SHARES[:1] if self.steady or not push.any() else BENT_SHARES
         for share in shares:
             try:
                 return solve(points.bend_on(push, share))
