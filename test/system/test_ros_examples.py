@@ -66,7 +66,8 @@ def test_processes_carry_the_object_along_an_arc(client):
     radius, heading, angle = 0.05, 0.5, -0.4
     phase = arc('arc', 2.0, radius, heading, angle)
     record = client.play(phase, check, lambda done: None)
-    assert record.statuses <= {Status.OK, Status.IDLE}
+    # A twist that the machine delivers late is reached with limited acceleration.
+    assert record.statuses <= {Status.OK, Status.IDLE, Status.ACCELERATING}
     # A process that the machine keeps waiting holds its last command for so long.
     held = 4.0 * max(record.longest_cycle, np.diff([s.time for s in record.snapshots]).max())
     assert record.position_error < 1e-3 + held * radius * abs(angle) / phase.duration
