@@ -1,12 +1,17 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Docstrings of public functions, methods and data classes document every parameter."""
+"""
+Docstrings of the public API document every parameter; others have at least a summary line.
+
+The public API is the exported names of the core and the protocols that users implement.
+"""
 
 import ast
 from pathlib import Path
 import re
 
+from isotruss_ros import core
 import pytest
 
 PACKAGE = Path(__file__).parents[2] / 'isotruss_ros'
@@ -14,6 +19,9 @@ FOLDERS = ('core', 'calibration', 'plotting', 'nodes', 'cli')
 FILES = sorted(
     str(path.relative_to(PACKAGE)) for name in FOLDERS for path in (PACKAGE / name).rglob('*.py')
 )
+#: Protocols and base classes that users implement.
+PROTOCOLS = {'Barrier', 'Limit', 'Shape', 'SimulatedObject', 'TubeStiffness'}
+DOCUMENTED = {*core.__all__, *PROTOCOLS}
 FIELD = re.compile(r':(?:param|ivar) (\w+):')
 
 
@@ -60,9 +68,11 @@ def fields(node, lines):
 
 
 def undocumented(nodes, lines, prefix='', known=frozenset()):
-    """Yield the parameters of public definitions that are not documented."""
+    """Yield the parameters of the public API that are not documented."""
     for node in nodes:
-        if isinstance(node, ast.ClassDef) and node.name[0] != '_':
+        if not prefix and getattr(node, 'name', '') not in DOCUMENTED:
+            continue
+        if isinstance(node, ast.ClassDef):
             known_here = documented(node)
             given = fields(node, lines) if is_data(node) else []
             yield from (f'{node.name}: {name}' for name in given if name not in known_here)
@@ -79,8 +89,28 @@ def undocumented(nodes, lines, prefix='', known=frozenset()):
             )
 
 
-@pytest.mark.parametrize('file', FILES)
-def test_every_parameter_is_documented(file):
+def without_summary(nodes):
+    """Yield the names of public definitions without a docstring."""
+    for node in nodes:
+        if not isinstance(node, (ast.ClassDef, ast.FunctionDef)) or node.name[0] == '_':
+            continue
+        if not is_setter(node) and ast.get_docstring(node) is None:
+            yield node.name
+        if isinstance(node, ast.ClassDef):
+            yield from without_summary(node.body)
+
+
+def parse(file):
+    """Return the syntax tree and the lines of a file of the package."""
     text = (PACKAGE / file).read_text(encoding='utf-8')
-    found = list(undocumented(ast.parse(text).body, text.splitlines()))
-    assert not found
+    return ast.parse(text).body, text.splitlines()
+
+
+@pytest.mark.parametrize('file', FILES)
+def test_every_parameter_of_the_public_api_is_documented(file):
+    assert not list(undocumented(*parse(file)))
+
+
+@pytest.mark.parametrize('file', FILES)
+def test_every_public_definition_has_a_summary(file):
+    assert not list(without_summary(parse(file)[0]))
