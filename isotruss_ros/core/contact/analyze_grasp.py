@@ -23,6 +23,7 @@ from isotruss_ros.core.contact.surfaces import Surface, surface_of
 from isotruss_ros.core.errors import GraspError, SolverError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_depths
+from isotruss_ros.core.model.check_load import check_load
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array, finite_array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
@@ -164,24 +165,6 @@ def _solve_straight(
         forces = previous.normal_forces
     contact = solver(points, surface, forces)
     return measure_contact(points, contact, len(structure.config.robot.member_names))
-
-
-def check_load(
-    body: ConvexObject, friction: float | None, external_wrench: ArrayLike
-) -> tuple[float, Array]:
-    """
-    Return the coefficient of friction and the external wrench (fx, fy, m) [N, N m] as floats.
-
-    :param body: the object.
-    :param friction: coefficient of friction. If None, the coefficient of the object is used, or
-        0.5 if the object has none.
-    :param external_wrench: wrench (fx, fy, m) about the origin of the object's frame [N, N m].
-    :raises GraspError: the coefficient or the wrench is invalid.
-    """
-    (mu,) = finite_array([body.friction_or(friction)], 1, 'friction', GraspError).tolist()
-    if mu < 0.0:
-        raise GraspError(f'friction {friction!r}: must not be negative')
-    return mu, finite_array(external_wrench, 3, 'the external wrench (fx, fy, m)', GraspError)
 
 
 def _solver(method: str, sliding: bool) -> ContactSolver:

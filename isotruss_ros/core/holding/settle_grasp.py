@@ -7,8 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from isotruss_ros.core.contact.analyze_grasp import check_load
-from isotruss_ros.core.contact.lost_contact import LostContact
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.held_grip import (
@@ -18,10 +16,12 @@ from isotruss_ros.core.holding.held_grip import (
     NotHeldError,
     scaled_wrench,
 )
+from isotruss_ros.core.holding.lost_contact import LostContact
 from isotruss_ros.core.holding.settled_grasp import SettledGrasp
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.manipulation.grip import find_members, Grip
+from isotruss_ros.core.model.check_load import check_load
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.blas_threads import single_threaded

@@ -10,8 +10,8 @@ from dataclasses import dataclass, field
 from functools import cached_property
 import math
 
-from isotruss_ros.core.contact.lost_contact import LostContact
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus
+from isotruss_ros.core.holding.lost_contact import LostContact
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.records import Record

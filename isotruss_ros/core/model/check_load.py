@@ -1,0 +1,29 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Coefficient of friction and external wrench of a grasped object, checked where they come in."""
+
+from __future__ import annotations
+
+from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.numerics.arrays import Array, finite_array
+from numpy.typing import ArrayLike
+
+
+def check_load(
+    body: ConvexObject, friction: float | None, external_wrench: ArrayLike
+) -> tuple[float, Array]:
+    """
+    Return the coefficient of friction and the external wrench (fx, fy, m) [N, N m] as floats.
+
+    :param body: the object.
+    :param friction: coefficient of friction. If None, the coefficient of the object is used, or
+        0.5 if the object has none.
+    :param external_wrench: wrench (fx, fy, m) about the origin of the object's frame [N, N m].
+    :raises GraspError: the coefficient or the wrench is invalid.
+    """
+    (mu,) = finite_array([body.friction_or(friction)], 1, 'friction', GraspError).tolist()
+    if mu < 0.0:
+        raise GraspError(f'friction {friction!r}: must not be negative')
+    return mu, finite_array(external_wrench, 3, 'the external wrench (fx, fy, m)', GraspError)
