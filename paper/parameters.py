@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from isotruss_ros.core import load_robot, Robot
-from isotruss_ros.core.statics.section import (
+from isotruss_ros.core.model.inflated_section import (
     END_SOFTENING,
     MEMBRANE_MODULUS,
     MEMBRANE_SHEAR_MODULUS,

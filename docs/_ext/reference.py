@@ -7,13 +7,12 @@ from __future__ import annotations
 
 import importlib
 import inspect
-import json
 from pathlib import Path
 import pkgutil
 import re
 
 from isotruss_ros import core
-from isotruss_ros.core.model.presets import config_directory
+from isotruss_ros.core.model.robot_schema import ranged_numbers
 from node_pages import markdown_table
 
 #: Packages of the core in the order of their imports.
@@ -53,15 +52,14 @@ def facade_table() -> str:
 
 def range_table() -> str:
     """Return a table of the ranges of a robot file's numbers, with reasons, from its schema."""
-    schema = json.loads((config_directory() / 'robot.schema.json').read_text(encoding='utf-8'))
-    rows = []
-    for block, content in schema['properties'].items():
-        for key, entry in content.get('properties', {}).items():
-            if 'reason' in entry:
-                low = entry.get('minimum', 0)
-                unit = f' {entry["unit"]}'.rstrip()
-                extent = f'{low:g} to {entry["maximum"]:g}{unit}'
-                rows.append((f'`{block}.{key}`', extent, entry['reason']))
+    rows = [
+        (
+            f'`{key}`',
+            f'{entry.get("minimum", 0):g} to {entry["maximum"]:g} {entry["unit"]}'.rstrip(),
+            entry['reason'],
+        )
+        for key, entry in ranged_numbers().items()
+    ]
     return markdown_table(('key', 'range', 'reason'), rows)
 
 

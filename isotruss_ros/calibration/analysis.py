@@ -20,17 +20,10 @@ from isotruss_ros.calibration.measurements import (
     Presses,
 )
 from isotruss_ros.calibration.outliers import outlying_points
+from isotruss_ros.core.model.robot_schema import plausible_range
 from isotruss_ros.core.numerics.arrays import Array, Indices
 import numpy as np
 
-#: Plausible ranges of the constants of a tube: E t and G t from rubber film to metal foil [N/m],
-#: and the end softening c [-]. They detect wrong units: displacements in mm reduce E t and G t by
-#: the factor 1000, pressures in kPa increase c by the factor 1000.
-PLAUSIBLE_RANGES = {
-    'membrane_modulus': (1e3, 1e7),
-    'membrane_shear_modulus': (3e2, 1e7),
-    'end_softening': (0.2, 200.0),
-}
 #: Diameter of the tubes of the paper and of the presets [m].
 DEFAULT_DIAMETER = 0.102
 
@@ -131,11 +124,10 @@ def _without_outlying_groups(
 
 
 def _require_plausible(fitted: FittedBeam) -> None:
-    """Raise MeasurementError if a constant that the measurements determine is implausible."""
-    for name, (low, high) in PLAUSIBLE_RANGES.items():
-        value = getattr(fitted.constants, name)
-        known = getattr(fitted.high, name) < np.inf
-        if known and not low <= value <= high:
+    """Raise MeasurementError if a robot file would refuse a constant."""
+    for name, value in fitted.constants._asdict().items():
+        low, high = plausible_range(f'tube.stiffness.{name}')
+        if not low <= value <= high:
             raise MeasurementError(
                 f'{name} = {value:.3g}: must be from {low:g} to {high:g} in a tube of cloth; are '
                 'lengths in m, displacements in m and rad, loads in N and N m, pressures in Pa?'
@@ -162,7 +154,14 @@ def _local(presses: Presses, fitted: FittedBeam | None) -> FittedLocalStiffness:
         raise MeasurementError(
             'no beam was fitted; interference bends the tube as well, so its fit needs the beam'
         )
-    return fit_local_stiffness(presses, fitted.beam)
+    local = fit_local_stiffness(presses, fitted.beam)
+    low, high = plausible_range('tube.local_stiffness')
+    if not low <= local.value <= high:
+        raise MeasurementError(
+            f'local_stiffness = {local.value:.3g}: must be from {low:g} to {high:g}; are '
+            'displacements and diameters in m, loads in N?'
+        )
+    return local
 
 
 def _law(slopes: Sequence[Slope]) -> FittedLaw:

@@ -12,6 +12,7 @@ from typing import NamedTuple
 from isotruss_ros.calibration.home_fit import GATE_SIGMAS
 from isotruss_ros.calibration.measurements import MeasurementError
 from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.model.robot_schema import plausible_range
 from isotruss_ros.core.numerics.arrays import finite_rows, MAX_MAGNITUDE
 from isotruss_ros.core.statics.deform import deform
 import numpy as np
@@ -96,4 +97,10 @@ def calibrate_stiffness(
             f'measured to {1e3 * deviation:.2g} mm; check the pull, and that no roller turned'
         )
     scale = config.robot.description.stiffness_scale / give
+    low, high = plausible_range('tube.stiffness_scale')
+    if not low <= scale <= high:
+        raise MeasurementError(
+            f'stiffness {scale:.3g} times that of the model: must be from {low:g} to {high:g}; is '
+            'the pull in N, and are positions in m?'
+        )
     return StiffnessCalibration(scale, scale * spread / (give * math.sqrt(size)))

@@ -74,6 +74,12 @@ def test_ten_newtons_at_the_top_determine_the_scale_in_mujoco_within_five_percen
     assert abs(found.scale - scale) < 3.0 * found.deviation
 
 
+def test_a_pull_in_kilonewtons_is_refused():
+    kilonewtons = {joint: 1e-3 * np.array(force) for joint, force in PULL.items()}
+    with pytest.raises(MeasurementError, match=r'stiffness 0\.001 times .* is the pull in N'):
+        calibrate_stiffness(ROBOT.home, kilonewtons, joints(ROBOT.home.nodes), pulled(1.0), 1e-5)
+
+
 def test_too_small_a_force_is_refused():
     with pytest.raises(MeasurementError, match='too small; pull harder'):
         calibrate_stiffness(ROBOT.home, PULL, joints(ROBOT.home.nodes), pulled(60.0), 1e-3)

@@ -11,14 +11,13 @@ from typing import Any
 
 from isotruss_ros.core.errors import RobotFileError
 from isotruss_ros.core.model.description import Module, RobotDescription, Tube
+from isotruss_ros.core.model.inflated_section import find_implausible
 from isotruss_ros.core.model.presets import find_robot_file
 from isotruss_ros.core.model.robot_schema import check_form, refuse_if_any
 from isotruss_ros.core.model.safe_yaml import parse_yaml, read_text
 from isotruss_ros.core.model.stiffness_law import find_contradictions, read_laws
 
 DEFAULT_FRAME = 'truss'
-#: Time from rest to the largest roller speed, if the file gives no largest acceleration [s].
-DEFAULT_RISE_TIME = 0.1
 #: Optional keys of the block `tube`, with the names of their fields in the description.
 TUBE_KEYS = {
     'stiffness_scale': 'stiffness_scale',
@@ -63,25 +62,21 @@ def describe_robot(path: Path, content: Any) -> RobotDescription:
     if not isinstance(pressure, Mapping):
         pressure = dict.fromkeys(content['tubes'], pressure)
     pressures = {tube.name: float(pressure[tube.name]) for tube in tubes}
-    module = Module(**{key: float(value) for key, value in content['module'].items()})
-    stiffness = content['tube'].get('stiffness', {'model': 'inflatable_beam'})
-    refuse_if_any(path, _check_stiffness(stiffness, pressures, limits, module))
     max_speed = float(content['rollers']['max_speed'])
-    return RobotDescription(
+    description = RobotDescription(
         source=str(path),
         name=content['name'],
         frame=content.get('frame', DEFAULT_FRAME),
         joints=joints,
         tubes=tubes,
-        module=module,
+        module=Module(**{key: float(value) for key, value in content['module'].items()}),
         tube_diameter=float(content['tube']['diameter']),
         pressures=pressures,
-        stiffness=stiffness,
+        stiffness=content['tube'].get('stiffness', {'model': 'inflatable_beam'}),
         supports=supports,
         max_speed=max_speed,
-        max_acceleration=float(
-            content['rollers'].get('max_acceleration', max_speed / DEFAULT_RISE_TIME)
-        ),
+        # By default the rollers reach the largest speed in 0.1 s.
+        max_acceleration=float(content['rollers'].get('max_acceleration', 10.0 * max_speed)),
         calibration=content.get('calibration', {}),
         **limits,
         **{
@@ -90,18 +85,20 @@ def describe_robot(path: Path, content: Any) -> RobotDescription:
             if key in content['tube']
         },
     )
+    refuse_if_any(path, _check_stiffness(description))
+    return description
 
 
-def _check_stiffness(
-    stiffness: Mapping[str, Any],
-    pressures: Mapping[str, float],
-    limits: Mapping[str, float],
-    module: Module,
-) -> Iterator[str]:
+def _check_stiffness(description: RobotDescription) -> Iterator[str]:
     """Yield a fault for lengths and pressures at which the stiffness model is invalid."""
-    if stiffness['model'] == 'power_law':
-        lengths = limits['min_length'], limits['max_length']
-        ring = module.guide_ring_distance
+    stiffness, pressures = description.stiffness, description.pressures
+    lengths = description.min_length, description.max_length
+    ring = description.module.guide_ring_distance
+    implausible = [
+        *find_implausible(stiffness, description.tube_diameter, pressures, lengths, ring)
+    ]
+    yield from implausible
+    if stiffness['model'] == 'power_law' and not implausible:
         yield from find_contradictions(read_laws(stiffness), pressures, lengths, ring)
     alike = len(set(pressures.values())) == 1
     if stiffness['model'] == 'section' and 'pressure' not in stiffness and not alike:

@@ -21,6 +21,8 @@ from isotruss_ros.core.numerics.arrays import MAX_MAGNITUDE
 if TYPE_CHECKING:
     import jsonschema
 
+#: For membrane moduli, the only numbers in N/m of a robot file: the modulus of the material.
+WALL_FORMS = {'N/m': {'in Pa, of a wall of 0.1 mm': (1e-4, 0.0)}}
 #: Largest number of reported faults [-].
 MAX_COMPLAINTS = 50
 
@@ -81,16 +83,45 @@ def _unique_texts(_validator: Any, wanted: bool, value: Any, _schema: Any) -> It
         yield jsonschema.ValidationError('not unique')
 
 
-@functools.lru_cache(maxsize=1)
+@functools.cache
+def ranged_numbers() -> dict[str, dict[str, Any]]:
+    """Return the schema of each number with a plausible range, by its key in a robot file."""
+    top, entries = _schema()['properties'], {}
+    for block, content in top.items():
+        for key, entry in content.get('properties', {}).items():
+            entries[f'{block}.{key}'] = entry
+    for model in _schema()['definitions']['stiffness']['allOf']:
+        for key, entry in model['then']['properties'].items():
+            entries[f'tube.stiffness.{key}'] = entry
+    return {
+        key: {**entry, **entry.get('then', {})}
+        for key, entry in entries.items()
+        if isinstance(entry, dict) and 'reason' in entry
+    }
+
+
+def plausible_range(key: str) -> tuple[float, float]:
+    """Return the smallest and the largest plausible value of a key, such as `tube.pressure`."""
+    entry = ranged_numbers()[key]
+    return float(entry['minimum']), float(entry['maximum'])
+
+
+@functools.cache
+def _schema() -> dict[str, Any]:
+    text = (config_directory() / 'robot.schema.json').read_text(encoding='utf-8')
+    schema: dict[str, Any] = json.loads(text)
+    return schema
+
+
+@functools.cache
 def _validator() -> Any:
     # Imported on use: a seventh of the import time of the core.
     import jsonschema
 
-    schema = json.loads((config_directory() / 'robot.schema.json').read_text(encoding='utf-8'))
     base = jsonschema.Draft7Validator
     checker = base.TYPE_CHECKER.redefine('number', _is_number)
     own = {'uniqueItems': _unique_texts}
-    return jsonschema.validators.extend(base, own, type_checker=checker)(schema)
+    return jsonschema.validators.extend(base, own, type_checker=checker)(_schema())
 
 
 def _keys_that_are_not_text(value: Any, where: str = 'top level') -> Iterator[tuple[str, Any]]:
@@ -137,5 +168,6 @@ def _plausible(error: jsonschema.ValidationError) -> str:
     high = error.schema.get('maximum')
     if high is None:
         return f', at least {low:g}'
-    hint = likely_unit(error.instance, error.schema.get('unit', ''), low, high)
+    unit = error.schema.get('unit', '')
+    hint = likely_unit(error.instance, unit, low, high, WALL_FORMS.get(unit))
     return f', from {low:g} to {high:g}{hint}'

@@ -15,28 +15,20 @@ from typing import Any, NamedTuple, Protocol, TypeAlias
 
 from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.model.description import RobotDescription
+from isotruss_ros.core.model.inflated_section import (
+    END_SOFTENING,
+    inflated_section,
+    MEMBRANE_MODULUS,
+    MEMBRANE_SHEAR_MODULUS,
+    SectionStiffness,
+)
 from isotruss_ros.core.numerics.arrays import Array, finite_array
 import numpy as np
 from numpy.typing import ArrayLike
 
-#: Assumed E t and G t of the fabric [N/m], typical of thin coated cloth.
-MEMBRANE_MODULUS = 6.0e4
-MEMBRANE_SHEAR_MODULUS = 1.0e4
-#: Theoretical factor c of the stiffness c p R of a pinched end, see `InflatableBeam` [-].
-END_SOFTENING = 2.0 * np.pi / (4.0 - np.pi)
-#: Shear coefficient of a thin circular tube [-].
-SHEAR_COEFFICIENT = 0.5
 #: Gauge pressure [Pa], given as one number for all tubes, as one number for each tube in the order
 #: of the robot file, or as a mapping from tube names to pressures.
 Pressure: TypeAlias = 'ArrayLike | Mapping[str, float]'
-
-
-class SectionStiffness(NamedTuple):
-    """EA, EI and GA of Timoshenko beams."""
-
-    axial: Array  #: (k,) EA [N]
-    flexural: Array  #: (k,) EI [N m^2]
-    shear: Array  #: (k,) GA [N]; infinite without shear deformation
 
 
 class Fabric(NamedTuple):
@@ -108,17 +100,8 @@ class InflatableBeam:
     def section_stiffness(self, length: ArrayLike, pressure: ArrayLike) -> SectionStiffness:
         """Return EA for each length, EI and GA; see `TubeStiffness.section_stiffness`."""
         length, pressure = broadcast_members(length, pressure)
-        R = self.radius
-        force = pressure * np.pi * R**2
-        circumference = 2.0 * np.pi * R
-        wall = self.membrane_modulus * circumference
-        end = self.end_softening * pressure * R
-        return SectionStiffness(
-            axial=1.0 / (1.0 / wall + 2.0 / (end * length)),
-            # The thickness t cancels.
-            flexural=self.membrane_modulus * np.pi * R**3 + force * R**2 / 2.0,
-            shear=force + SHEAR_COEFFICIENT * self.membrane_shear_modulus * circumference,
-        )
+        constants = (self.membrane_modulus, self.membrane_shear_modulus, self.end_softening)
+        return inflated_section(self.radius, *constants, length, pressure)
 
     @classmethod
     def of_block(cls, block: Mapping[str, Any], description: RobotDescription) -> InflatableBeam:

@@ -10,9 +10,12 @@ import re
 from hypothesis import given, strategies
 from isotruss_ros.core import load_robot
 from isotruss_ros.core.errors import RobotFileError, StructureError
+from isotruss_ros.core.model.inflated_section import find_implausible
 from isotruss_ros.core.model.safe_yaml import MAX_FILE_SIZE
 from isotruss_ros.core.model.stiffness_law import read_laws
+from isotruss_ros.core.statics.section import InflatableBeam
 from isotruss_ros.core.statics.tube_stiffness import PowerLaw, tube_stiffness
+import numpy as np
 import pytest
 import robots
 from ruamel.yaml import YAML
@@ -124,10 +127,13 @@ members: {min_length: 3.0, max_length: 0.25} -> min_length: 3.0 | be less than m
 members.max_length: 0.7 -> members: south/P-Q is | must be from min_length 0.25 to max_length 0.7
 module.guide_ring_distance: 0.6 -> guide_ring_distance: 0.6 | south/P-Q | must be less than
 module.rod_length: 1.5 -> does not fit its corner | rod_length 1.5 | smaller module
-tube.diameter: 10.2 -> tube.diameter: 10.2: | from 0.02 to 0.5; if it is in cm, it is 0.102 m
+tube.diameter: 10.2 -> tube.diameter: 10.2: | from 0.005 to 0.5; if it is in cm, it is 0.102 m
 tube.pressure: 34.5 -> tube.pressure: 34.5: | if it is in kPa, it is 34500 Pa
 joints.Q: [1000.0, 0.0] -> joints.Q.0: 1000.0: | if it is in mm, it is 1 m
 joints.X: [2.0, 0.0] -> module south/P does not fit its corner | between 1 and 179 degrees
+tube.pressure: 135825 -> tube.pressure: 135825: | if it is absolute, it is 34500 Pa
+tube.stiffness_scale: 95 -> tube.stiffness_scale: 95: | if it is in percent, it is 0.95
+tube.local_stiffness: 120 -> tube.local_stiffness: 120: | if it is in percent, it is 1.2
 calibration: {zero_deviations: {south/W: 0.1}} -> zero_deviations: unknown roller 'south/W'
 calibration: {checked_rollers: [P]} -> checked_rollers: unknown roller 'P' | known are south/
 """
@@ -306,7 +312,94 @@ def test_mutated_file_loads_or_is_refused(document):
     assert not message or message.startswith('FILE: ')
 
 
-# -- Stiffness laws and pressures --
+# -- Stiffness and pressures --
+
+#: Changes of a valid stiffness block, and the words of the refusal.
+UNIT_MISTAKES = {
+    'inflatable_beam': [
+        ('membrane_modulus', 60, 'if it is in kN/m or N/mm, it is 60000 N/m'),
+        ('membrane_modulus', 5e8, 'if it is in Pa, of a wall of 0.1 mm, it is 50000 N/m'),
+        ('membrane_shear_modulus', 10, 'if it is in kN/m or N/mm, it is 10000 N/m'),
+        ('end_softening', 732, 'from 0.2 to 200; if it is in percent, it is 7.32'),
+        ('end_softening', 5477, 'if it is in percent, it is 54.77'),
+    ],
+    'section': [
+        ('axial_rigidity', 19.0, 'if it is in kN, it is 19000 N'),
+        ('flexural_rigidity', 0.025, 'if it is in kN m^2, it is 25 N m^2'),
+        ('flexural_rigidity', 2.5e5, 'if it is in N cm^2, it is 25 N m^2'),
+        ('shear_rigidity', 1.9, 'if it is in kN, it is 1900 N'),
+        ('pressure', 34.5, 'if it is in kPa, it is 34500 Pa'),
+        ('pressure', 135825, 'if it is absolute, it is 34500 Pa'),
+    ],
+    'power_law': [
+        ('axial', {'C': 8e-3, 'a': 0.6, 'b': 0.0}, 'if it is in kN/m or N/mm, it is'),
+        ('axial', {'C': 8.0 * 1e3**0.6, 'a': 0.6, 'b': 0.0}, 'if it is with p in kPa, it is'),
+        ('transverse', {'C': 5e-4, 'a': 0.6, 'b': -1.0}, 'if it is in kN/m or N/mm, it is'),
+        ('rotary', {'C': 3e-3, 'a': 0.6, 'b': 0.5}, 'if it is in N m/degree, it is'),
+    ],
+}
+VALID_BLOCKS = {
+    'inflatable_beam': {},
+    'section': robots.example()['tube']['stiffness'],
+    'power_law': {
+        'axial': {'C': 8.0, 'a': 0.6, 'b': 0.0},
+        'transverse': {'C': 0.5, 'a': 0.6, 'b': -1.0},
+        'rotary': {'C': 0.3, 'a': 0.6, 'b': 0.5},
+    },
+}
+
+
+@pytest.mark.parametrize(
+    ('model', 'key', 'value', 'words'),
+    [(model, *mistake) for model, mistakes in UNIT_MISTAKES.items() for mistake in mistakes],
+)
+def test_stiffness_in_another_unit_is_refused_with_the_unit(model, key, value, words):
+    document = robots.example()
+    document['tube']['stiffness'] = block = {'model': model, **VALID_BLOCKS[model]}
+    robots.load(document)
+    block[key] = value
+    message = robots.refusal(document)
+    assert f'tube.stiffness.{key}: ' in message
+    assert words in message
+
+
+@pytest.mark.parametrize('pressure', [17.2e3, 34.5e3, 51.7e3])
+@pytest.mark.parametrize('model', ['inflatable_beam', 'section'])
+def test_absolute_pressure_is_refused_with_the_gauge_pressure(model, pressure):
+    document = robots.example()
+    document['tube']['stiffness'] = {'model': model, **VALID_BLOCKS[model]}
+    document['tube']['pressure'] = pressure
+    robots.load(document)
+    document['tube']['pressure'] = pressure + 101325.0
+    assert f'if it is absolute, it is {pressure:g} Pa' in robots.refusal(document)
+
+
+def law_through(lengths, stiffnesses):
+    """Return the power law, without pressure, that has two stiffnesses at two lengths."""
+    slope = np.log(stiffnesses[1] / stiffnesses[0]) / np.log(lengths[1] / lengths[0])
+    return {'C': float(stiffnesses[0] / lengths[0] ** slope), 'a': 0.0, 'b': float(slope)}
+
+
+@pytest.mark.parametrize('diameter', [0.005, 0.02, 0.102, 0.5])
+@pytest.mark.parametrize('strain', [1e-3, 0.03, 0.1])
+@pytest.mark.parametrize('limits', [(0.1, 20.0), (0.5, 1.0)])
+def test_section_and_laws_of_every_inflatable_beam_are_accepted(diameter, strain, limits):
+    radius, pressure, limits = 0.5 * diameter, 3e4, np.array(limits)
+    beam = InflatableBeam(radius, pressure * radius / strain)
+    rigid = beam.section_stiffness(limits, pressure)
+    values = {
+        'axial_rigidity': rigid.axial[0],
+        'flexural_rigidity': rigid.flexural[0],
+        'shear_rigidity': rigid.shear[0],
+    }
+    transverse = 1.0 / (limits**3 / (12.0 * rigid.flexural) + limits / rigid.shear)
+    laws = {
+        'axial': law_through(limits, rigid.axial / limits),
+        'transverse': law_through(limits, transverse),
+        'rotary': law_through(limits, rigid.flexural / limits + 0.25 * limits**2 * transverse),
+    }
+    for block in ({'model': 'section', **values}, {'model': 'power_law', **laws}):
+        assert [*find_implausible(block, diameter, {'t': pressure}, limits, 0.0)] == []
 
 
 def laws(b_rotary=0.5, c_rotary=0.3, a_rotary=0.6):
@@ -329,7 +422,7 @@ def with_laws(block, **members):
 def test_length_of_a_contradiction_is_the_limit_of_beams():
     """Against the model itself: a beam on one side of the length that is named, none beyond."""
     for block in (laws(c_rotary=0.2), laws(b_rotary=2.5, c_rotary=0.25)):
-        message = robots.refusal(with_laws(block))
+        message = robots.refusal(with_laws(block, min_length=0.5))
         length = float(re.search(r'([\d.]+) m from pinch to pinch', message).group(1))
         model = PowerLaw(**read_laws(block), guide_ring_distance=0.08)
         inside = -1e-4 if 'above' in message else 1e-4

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Where stiffness laws end: ranges of numbers, and beams that do not shear but for rounding."""
+"""Stiffness laws of beams without shear deformation, up to rounding."""
 
 from isotruss_ros.core.model.stiffness_law import find_contradictions, Law
 import pytest
@@ -9,25 +9,14 @@ import pytest
 EULER = 25.0
 
 
-def complaints(axial=1e3, rotary=4.0 * EULER):
+def complaints(rotary):
     """Return what is wrong with laws that with 4 EI are those of a beam that does not shear."""
     laws = {
-        'axial': Law(axial, 0.0, 0.0),
+        'axial': Law(1e3, 0.0, 0.0),
         'transverse': Law(12.0 * EULER, 0.0, -3.0),
         'rotary': Law(rotary, 0.0, -1.0),
     }
     return list(find_contradictions(laws, {'main': 34.5e3}, (0.3, 3.0), 0.1))
-
-
-@pytest.mark.parametrize('axial', [1.05e-12, 0.95e12])
-def test_stiffnesses_within_twenty_four_decades_are_accepted(axial):
-    assert complaints(axial) == []
-
-
-@pytest.mark.parametrize('axial', [0.95e-12, 1.05e12])
-def test_stiffnesses_beyond_twenty_four_decades_are_refused(axial):
-    (line,) = complaints(axial)
-    assert 'must be from 1e-12 to 1e+12; laws are in SI units' in line
 
 
 @pytest.mark.parametrize('less', [0.0, 0.95e-9, 1.05e-9])

@@ -1,0 +1,188 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Section stiffness of an inflated tube, and plausible ranges of a robot file's stiffness.
+
+Every plausible tube has a wall between rubber film and metal foil, and stretches its wall by a
+few percent. The theory of the inflatable beam turns these limits into ranges of EA, EI and GA for
+a diameter, a pressure and a length.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
+
+from isotruss_ros.core.model.robot_schema import plausible_range
+from isotruss_ros.core.model.stiffness_law import Law, read_laws
+from isotruss_ros.core.model.units import likely_unit
+from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.tolerances import SMALLEST_NORMAL
+import numpy as np
+
+#: Assumed E t and G t of the fabric [N/m], typical of thin coated cloth.
+MEMBRANE_MODULUS = 6.0e4
+MEMBRANE_SHEAR_MODULUS = 1.0e4
+#: Theoretical factor c of the stiffness c p R of a pinched end, see `InflatableBeam` [-].
+END_SOFTENING = 2.0 * np.pi / (4.0 - np.pi)
+#: Largest strain p R / (E t) of the wall around the tube under the pressure [-]. Cloth breaks at
+#: strains of 0.15 to 0.35 and is used below a third of its strength. With three times of this
+#: bound, an absolute pressure passes as a gauge pressure; with a third of it, soft cloth at 50 kPa
+#: is refused.
+MAX_WALL_STRAIN = 0.1
+
+
+class SectionStiffness(NamedTuple):
+    """EA, EI and GA of Timoshenko beams."""
+
+    axial: Array  #: (k,) EA [N]
+    flexural: Array  #: (k,) EI [N m^2]
+    shear: Array  #: (k,) GA [N]; infinite without shear deformation
+
+
+def inflated_section(
+    radius: float,
+    membrane_modulus: float,
+    membrane_shear_modulus: float,
+    end_softening: float,
+    length: Array,
+    pressure: Array,
+) -> SectionStiffness:
+    """Return EA, EI and GA of `InflatableBeam` for lengths and gauge pressures."""
+    force = pressure * np.pi * radius**2
+    circumference = 2.0 * np.pi * radius
+    wall = membrane_modulus * circumference
+    end = end_softening * pressure * radius
+    return SectionStiffness(
+        axial=1.0 / (1.0 / wall + 2.0 / (end * length)),
+        # The thickness t cancels.
+        flexural=membrane_modulus * np.pi * radius**3 + force * radius**2 / 2.0,
+        # The shear coefficient of a thin circular tube is 1/2.
+        shear=force + 0.5 * membrane_shear_modulus * circumference,
+    )
+
+
+def find_implausible(
+    stiffness: Mapping[str, Any],
+    diameter: float,
+    pressures: Mapping[str, float],
+    limits: tuple[float, float],
+    ring: float,
+) -> Iterator[str]:
+    """
+    Yield a fault for each stiffness of a robot file that no tube of this diameter has.
+
+    :param stiffness: block `stiffness` of the robot file with a checked form.
+    :param diameter: diameter of the tubes [m].
+    :param pressures: gauge pressure of each tube, by the tube's name [Pa].
+    :param limits: shortest and longest member, pinch point to pinch point [m].
+    :param ring: distance g of each guide ring from its pinch point [m].
+    """
+    radius = 0.5 * diameter
+    if stiffness['model'] == 'inflatable_beam':
+        modulus = float(stiffness.get('membrane_modulus', MEMBRANE_MODULUS))
+        yield from _overstretched('tube.pressure', max(pressures.values()), radius, modulus)
+    elif stiffness['model'] == 'section':
+        yield from _implausible_section(stiffness, radius, pressures, limits[0])
+    elif stiffness['model'] == 'power_law' and limits[0] > 2.0 * ring:
+        yield from _implausible_laws(read_laws(stiffness), radius, pressures, limits, ring)
+
+
+def _overstretched(key: str, pressure: float, radius: float, modulus: float) -> Iterator[str]:
+    """
+    Yield a fault if a pressure stretches the wall too far.
+
+    :param key: key of the pressure in the robot file.
+    :param pressure: gauge pressure p [Pa].
+    :param radius: tube radius R [m].
+    :param modulus: E t [N/m].
+    """
+    if pressure * radius > MAX_WALL_STRAIN * modulus:
+        most = MAX_WALL_STRAIN * modulus / radius
+        low, _ = plausible_range('tube.pressure')
+        yield (
+            f'{key}: {pressure:g}: must be at most {most:.6g} Pa gauge, because the wall of the '
+            f'block stiffness, E t = {modulus:.6g} N/m, is strained around by p R / (E t) = '
+            f'{pressure * radius / modulus:.2g}, beyond {MAX_WALL_STRAIN:g}'
+            f'{likely_unit(pressure, "Pa", low, most)}'
+        )
+
+
+def _bounds(
+    radius: float, pressure: float, length: float, softening: float
+) -> tuple[SectionStiffness, SectionStiffness]:
+    """Return the smallest plausible EA, EI and GA of a member, and those of a wall of foil."""
+    soft, hard = plausible_range('tube.stiffness.membrane_modulus')
+    _, stiff = plausible_range('tube.stiffness.membrane_shear_modulus')
+    less, _ = plausible_range('tube.stiffness_scale')
+    soft = max(soft, pressure * radius / MAX_WALL_STRAIN)
+    smallest = inflated_section(radius, soft, 0.0, END_SOFTENING, length, pressure)
+    largest = inflated_section(radius, hard, stiff, softening, length, pressure)
+    return SectionStiffness(*(less * x for x in smallest)), largest
+
+
+def _implausible_section(
+    block: Mapping[str, Any], radius: float, pressures: Mapping[str, float], length: float
+) -> Iterator[str]:
+    """Yield a fault for each of EA, EI and GA of the model `section` out of its range."""
+    given = float(block.get('pressure', next(iter(pressures.values()))))
+    ranges = zip(
+        ('axial_rigidity', 'flexural_rigidity', 'shear_rigidity'),
+        ('N', 'N m^2', 'N'),
+        *_bounds(radius, given, length, np.inf),
+        strict=True,
+    )
+    wrong = [
+        f'tube.stiffness.{key}: {float(block[key]):g}: must be from {low:.4g} to {high:.4g} '
+        f'{unit} in a tube of {2.0 * radius:g} m at {given:g} Pa'
+        f'{likely_unit(float(block[key]), unit, low, high)}'
+        for key, unit, low, high in ranges
+        if not low <= float(block[key]) <= high
+    ]
+    yield from wrong
+    if not wrong:
+        # The wall without the share of the pressure.
+        modulus = float(block['flexural_rigidity']) / (np.pi * radius**3) - 0.5 * given * radius
+        modulus = max(modulus, SMALLEST_NORMAL)
+        yield from _overstretched('tube.pressure', max(pressures.values()), radius, modulus)
+        if 'pressure' in block:
+            yield from _overstretched('tube.stiffness.pressure', given, radius, modulus)
+
+
+def _implausible_laws(
+    laws: Mapping[str, Law],
+    radius: float,
+    pressures: Mapping[str, float],
+    limits: tuple[float, float],
+    ring: float,
+) -> Iterator[str]:
+    """Yield a fault for the first law that gives an end stiffness out of its range."""
+    _, most_softening = plausible_range('tube.stiffness.end_softening')
+    for tube, pressure in pressures.items():
+        for whole in limits:
+            span = whole - 2.0 * ring
+            soft, hard = _bounds(radius, pressure, whole, most_softening)
+            # A beam with shear has a rotary stiffness from EI / l to 4 EI / l.
+            ranges = (
+                ('axial', 'N/m', whole, soft.axial / whole, hard.axial / whole),
+                ('transverse', 'N/m', span, _transverse(soft, span), _transverse(hard, span)),
+                ('rotary', 'N m/rad', span, soft.flexural / span, 4.0 * hard.flexural / span),
+            )
+            for mode, unit, length, low, high in ranges:
+                law = laws[mode]
+                k = float(law.stiffness(np.array(length), np.array(pressure)))
+                if not low <= k <= high:
+                    kilo = float(law.stiffness(np.array(length), np.array(1e-3 * pressure)))
+                    yield (
+                        f'tube.stiffness.{mode}: C = {law.C:g}, a = {law.a:g}, b = {law.b:g} '
+                        f'gives {k:g} {unit} for a length of {length:.6g} m at {pressure:g} Pa in '
+                        f'tube {tube}: must be from {low:.4g} to {high:.4g}; laws are in SI units'
+                        f'{likely_unit(k, unit, low, high, {"with p in kPa": (0.0, kilo)})}'
+                    )
+                    return
+
+
+def _transverse(section: SectionStiffness, span: float) -> Array:
+    """Return the transverse end stiffness of a beam clamped at both ends [N/m]."""
+    return 1.0 / (span**3 / (12.0 * section.flexural) + span / section.shear)
