@@ -15,10 +15,11 @@ in the 2/3 power of the force, as for a point contact.
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 import copy
 import functools
 import math
+from typing import NamedTuple
 
 from isotruss_ros.core.contact.flattening import Flattening, flattening_of
 from isotruss_ros.core.kinematics.mechanism import Mechanism
@@ -39,22 +40,35 @@ DEPTH_EXPONENT = 2.0 / 3.0
 OUTLINE_SPACING, MAX_EXTENT = 0.02, 4.0
 
 
+class PressedSkin(NamedTuple):
+    """Points of a tube's skin under an object, and the contact forces on them."""
+
+    places: Array  #: (c,) distances from the contact point along the tube, counter-clockwise [m]
+    spacing: float  #: distance between neighbouring points [m]
+    heights: Array  #: (c,) heights of the object's surface above the contact point [m]
+    forces: Array  #: (c,) contact forces, zero at points that the object does not touch [N]
+
+
 class DentTable:
     """
     Table of a dent's depth as a function of the normal force, for one tube and one object.
 
     :param depths: (n,) tabulated depths of the dent, positive and increasing [m].
-    :param presses: for each depth, the spacing of the points on the skin [m] and the contact
-        forces (c,) at these points [N].
+    :param press: skin under the object as a function of the depth.
     :param kernel: local compliance of the tubes' sections.
     :param tube: index of the tube.
     """
 
     def __init__(
-        self, depths: Array, presses: Sequence[tuple[float, Array]], kernel: Flattening, tube: int
+        self,
+        depths: Array,
+        press: Callable[[float], PressedSkin],
+        kernel: Flattening,
+        tube: int,
     ) -> None:
+        presses = [press(depth) for depth in depths.tolist()]
         places = np.append(
-            0.0, np.array([forces.sum() for _, forces in presses]) ** DEPTH_EXPONENT
+            0.0, np.array([skin.forces.sum() for skin in presses]) ** DEPTH_EXPONENT
         )
         self._spline = spline = scipy.interpolate.CubicSpline(
             places, np.append(0.0, depths), bc_type='natural'
@@ -64,6 +78,7 @@ class DentTable:
         self._places: list[float] = places.tolist()
         self._pieces: list[list[float]] = spline.c.T.tolist()
         self._presses, self._kernel, self._tube = presses, kernel, tube
+        self._press, self._deepest = press, float(depths[-1])
 
     def __call__(self, force: float) -> tuple[float, float]:
         """
@@ -92,6 +107,11 @@ class DentTable:
         inside = min(place, self._places[-1])
         piece = max(min(bisect_right(self._places, inside), len(self._pieces)) - 1, 0)
         return piece, inside - self._places[piece], place - inside, DEPTH_EXPONENT * place / size
+
+    def press(self, force: float) -> PressedSkin:
+        """Return the skin under a normal force [N], at most at the largest depth of the table."""
+        skin = self._press(min(self(force)[0], self._deepest))
+        return skin._replace(forces=skin.forces * (force / skin.forces.sum()))
 
     def smooth_near(self, force: float) -> DentTable:
         """
@@ -127,7 +147,7 @@ class DentTable:
     def _place_rates(self) -> Array:
         """Return the derivatives (n + 1,) of the table's forces^(2/3) with respect to pressure."""
         kernel, tube, rates = self._kernel, self._tube, [0.0]
-        for spacing, forces in self._presses:
+        for _, spacing, _, forces in self._presses:
             # The sum of q, where C q = -gaps, changes by -l . C' q, where C l = 1.
             closed = np.flatnonzero(forces)
             alike = np.zeros(len(closed), dtype=np.intp)
@@ -178,6 +198,12 @@ class Dents:
         found = np.array([table(force / self._scale) for table, force in pressing])
         return found[:, 0], found[:, 1] / self._scale
 
+    def press(self, forces: Array) -> list[PressedSkin]:
+        """Return the skin at each contact under positive normal forces (k,) [N]; round: none."""
+        pressing = zip(self._tables, forces.tolist(), strict=False)  # no tables: no dents
+        pressed = [table.press(force / self._scale) for table, force in pressing]
+        return [skin._replace(forces=self._scale * skin.forces) for skin in pressed]
+
     def smooth_near(self, forces: Array) -> Dents:
         """
         Return smooth depths, equal in the intervals of given forces; differences can cross them.
@@ -216,24 +242,25 @@ def disc_dents(
     """
     depths = DISC_DEPTHS * min(radius, 0.5 * robot.description.tube_diameter)
     kernel = flattening_of(robot, pressures)
-    presses = [_press_disc(kernel, tube, radius, depth) for depth in depths]
-    return DentTable(depths, presses, kernel, tube)
+    return DentTable(depths, functools.partial(_press_disc, kernel, tube, radius), kernel, tube)
 
 
-def _press_disc(kernel: Flattening, tube: int, radius: float, depth: float) -> tuple[float, Array]:
-    """Return the spacing of the skin points, and the forces (c,) at a given depth of a disc."""
+def _press_disc(kernel: Flattening, tube: int, radius: float, depth: float) -> PressedSkin:
+    """Return the skin under a disc at a given depth."""
     half = np.sqrt(radius**2 - (radius - depth) ** 2)
-    place = half * np.linspace(-1.0, 1.0, CHORD_POINTS)
-    gaps = radius - depth - np.sqrt(radius**2 - place**2)
-    return _press(kernel, tube, 2.0 * half / (CHORD_POINTS - 1), gaps)
+    places = half * np.linspace(-1.0, 1.0, CHORD_POINTS)
+    heights = radius - np.sqrt(radius**2 - places**2)
+    return _press(kernel, tube, places, heights, depth)
 
 
-def _press(kernel: Flattening, tube: int, spacing: float, gaps: Array) -> tuple[float, Array]:
-    """Return the spacing of the skin points, and the forces (c,) on them that close given gaps."""
-    count = len(gaps)
+def _press(
+    kernel: Flattening, tube: int, places: Array, heights: Array, depth: float
+) -> PressedSkin:
+    """Return the skin whose contact forces close the gaps under an object at a given depth."""
+    count, spacing = len(places), float(places[1] - places[0])
     dents = kernel.lattice_compliance(count, tube, spacing)
-    forces, _ = solve_complementarity(dents, gaps, np.ones(count, dtype=bool))
-    return spacing, forces
+    forces, _ = solve_complementarity(dents, heights - depth, np.ones(count, dtype=bool))
+    return PressedSkin(places, spacing, heights, forces)
 
 
 @functools.lru_cache(maxsize=256)
@@ -266,8 +293,8 @@ def corner_dents(
     reach = np.minimum(cuts, MAX_EXTENT * radius)
     depths = CORNER_DEPTHS * radius
     kernel = flattening_of(robot, pressures)
-    presses = [_press_corner(kernel, tube, places, heights, reach, depth) for depth in depths]
-    return DentTable(depths, presses, kernel, tube)
+    press = functools.partial(_press_corner, kernel, tube, places, heights, reach)
+    return DentTable(depths, press, kernel, tube)
 
 
 @functools.lru_cache(maxsize=16)
@@ -293,8 +320,8 @@ def _profile(shape: Shape, angle: float, point: complex, spacing: float) -> tupl
 
 def _press_corner(
     kernel: Flattening, tube: int, places: Array, heights: Array, reach: Array, depth: float
-) -> tuple[float, Array]:
-    """Return the spacing of the skin points, and the forces (c,) at a given depth of a corner."""
+) -> PressedSkin:
+    """Return the skin under a corner at a given depth."""
     low = np.flatnonzero(heights <= depth)
     first, last = max(low[0] - 1, 0), min(low[-1] + 1, len(places) - 1)
     # Interpolated positions at which the height of the surface is the depth.
@@ -305,5 +332,5 @@ def _press_corner(
     begin, end = max(begin, -float(reach[0])), min(end, float(reach[1]))
     spacing = max(end - begin, 1e-6) / CHORD_POINTS
     # Each point is in the middle of a piece of tube; the outer pieces end at `begin` and `end`.
-    gaps = np.interp(begin + (np.arange(CHORD_POINTS) + 0.5) * spacing, places, heights) - depth
-    return _press(kernel, tube, spacing, gaps)
+    middles = begin + (np.arange(CHORD_POINTS) + 0.5) * spacing
+    return _press(kernel, tube, middles, np.interp(middles, places, heights), depth)

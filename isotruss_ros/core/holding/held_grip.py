@@ -17,6 +17,7 @@ from isotruss_ros.core.holding.contact_forces import (
     PressedContacts,
     slip_conditions,
 )
+from isotruss_ros.core.holding.contact_patches import ContactPatches, find_patches
 from isotruss_ros.core.holding.contact_statics import ContactStatics, TubeModel
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip
@@ -274,6 +275,12 @@ class HeldGrip:
         bent, state = self.statics.bent, self.state
         forces = bent.end_forces(state.loads, state.feet)
         return find_utilisation(bent.structure, bent.frame, *forces)
+
+    @functools.cached_property
+    def patches(self) -> ContactPatches:
+        """Return the contact patches on the grasping members."""
+        skins = self.statics.dents.press(self.state.normal_forces)
+        return find_patches(self.contacts, self.state, self.statics.bent, skins)
 
     @functools.cached_property
     def nonlinearity(self) -> float:

@@ -9,7 +9,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 import math
+from typing import Any
 
+from isotruss_ros.core.holding.contact_patches import ContactPatches
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus
 from isotruss_ros.core.holding.lost_contact import LostContact
 from isotruss_ros.core.model.pose import Pose
@@ -142,6 +144,51 @@ class SettledGrasp(
         return self._named(lambda grip: grip.sections.place, every=True)
 
     @property
+    def contact_spans(self) -> dict[str, tuple[float, float]]:
+        """
+        Return the distances of the contact's first and last point from each member's start [m].
+
+        These seven properties have one value for each grasping member. They are empty without an
+        equilibrium, and in the paper's model.
+        """
+        return self._patched(lambda patches: patches.spans)
+
+    @property
+    def contact_lengths(self) -> dict[str, float]:
+        """Return the length of tube in contact at each grasping member [m]."""
+        return self._patched(lambda patches: patches.lengths)
+
+    @property
+    def contact_widths(self) -> dict[str, float]:
+        """Return the largest width of the contact around each tube [m]."""
+        return self._patched(lambda patches: patches.widths)
+
+    @property
+    def contact_areas(self) -> dict[str, float]:
+        """Return the area of contact at each grasping member [m^2]."""
+        return self._patched(lambda patches: patches.areas)
+
+    @property
+    def contact_pressures(self) -> dict[str, float]:
+        """Return the mean contact pressure at each grasping member [Pa]."""
+        return self._patched(lambda patches: patches.pressures)
+
+    @property
+    def peak_pressures(self) -> dict[str, float]:
+        """Return the largest contact pressure at each grasping member [Pa]."""
+        return self._patched(lambda patches: patches.peaks)
+
+    @property
+    def flattened(self) -> tuple[str, ...]:
+        """
+        Return the names of the members whose contact is as wide as half of the circumference.
+
+        Their section is flat there, and the model is not valid for depth and force.
+        """
+        flat = self._patched(lambda patches: patches.flattened)
+        return tuple(name for name, is_flat in flat.items() if is_flat)
+
+    @property
     def nonlinearity(self) -> float:
         """Return the relative increase of contact forces due to geometric nonlinearity [-]."""
         return 0.0 if self.equilibrium is None else self.equilibrium.nonlinearity
@@ -156,6 +203,18 @@ class SettledGrasp(
         """
         response = None if self.equilibrium is None else self.equilibrium.response
         return np.zeros((3, 3)) if response is None else response.stiffness
+
+    def _patched(self, find: Callable[[ContactPatches], Array]) -> dict[str, Any]:
+        """Return a mapping from names of grasping members to values of their patches."""
+        grip = self.equilibrium
+        if grip is None:
+            return {}
+        values = find(grip.patches).tolist()
+        names = grip.member_names[: len(values)]  # none in the paper's model
+        return {
+            name: tuple(value) if isinstance(value, list) else value
+            for name, value in zip(names, values, strict=True)
+        }
 
     def _named(self, find: Callable[[HeldGrip], Array], every: bool = False) -> dict[str, float]:
         """Return a mapping from names of grasping members, or of all members, to values."""

@@ -8,7 +8,13 @@ from isotruss_ros.core import Ellipse, load_robot
 from isotruss_ros.core.contact import dents
 from isotruss_ros.core.contact.contact import solve_contact
 from isotruss_ros.core.contact.contact_points import find_contact_points
-from isotruss_ros.core.contact.dents import Dents, DentTable, DEPTH_EXPONENT, disc_dents
+from isotruss_ros.core.contact.dents import (
+    Dents,
+    DentTable,
+    DEPTH_EXPONENT,
+    disc_dents,
+    PressedSkin,
+)
 from isotruss_ros.core.contact.flattening import flattening_of
 import numpy as np
 import pytest
@@ -28,8 +34,9 @@ def test_dents_agree_with_the_cubic_spline_of_scipy(rng, count, size):
     for _ in range(count):
         depths = np.cumsum(rng.uniform(5e-4, 1e-3, size))
         forces = 1e5 * rng.uniform(0.5, 2.0) * depths ** rng.uniform(1.2, 1.8)
-        presses = [(1e-3, np.array([force])) for force in forces]
-        tables.append(DentTable(depths, presses, flattening_of(ROBOT), 0))
+        skins = [PressedSkin(np.zeros(1), 1e-3, np.zeros(1), force[None]) for force in forces]
+        press = dict(zip(depths.tolist(), skins, strict=True)).__getitem__
+        tables.append(DentTable(depths, press, flattening_of(ROBOT), 0))
         places = np.append(0.0, forces**DEPTH_EXPONENT)
         splines.append(CubicSpline(places, np.append(0.0, depths), bc_type='natural'))
         lasts.append(places[-1])

@@ -1,0 +1,101 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Contact patches of a held object: forces from pressures, wall tension, and known limits."""
+
+from held_grips import APART, BOX, HOME, NINE
+from isotruss_ros.core import deform, Disc, Ellipse, place_between, Polygon, settle_grasp
+from isotruss_ros.core.holding.contact_patches import find_patches
+from isotruss_ros.core.model.convex_object import ConvexObject
+import numpy as np
+import pytest
+from skin_depths import contact_loads
+
+RADIUS = 0.5 * NINE.description.tube_diameter
+GAUGE = 34500.0
+TABLES = ('contact_spans', 'contact_lengths', 'contact_widths', 'contact_areas')
+TABLES += ('contact_pressures', 'peak_pressures')
+
+
+def settled(shape, angle=0.4, depth=0.01, **options):
+    """Return an object that is pressed into two sides."""
+    body = place_between(HOME, APART, shape, angle, depth).body
+    return settle_grasp(HOME, body, 5.0, members=APART, **options)
+
+
+@pytest.mark.parametrize('shape', [Disc(0.4), Ellipse((0.25, 0.2)), BOX])
+@pytest.mark.parametrize('angle', [0.0, 0.4])
+def test_mean_pressure_times_area_is_the_normal_force(shape, angle):
+    grasp = settled(shape, angle)
+    for name, force in grasp.normal_forces.items():
+        carried = grasp.contact_pressures[name] * grasp.contact_areas[name]
+        assert carried == pytest.approx(force, rel=1e-9)
+        assert GAUGE <= grasp.contact_pressures[name] <= grasp.peak_pressures[name]
+        widest = grasp.contact_widths[name]
+        assert widest <= np.pi * RADIUS
+        assert grasp.contact_areas[name] <= widest * grasp.contact_lengths[name]
+
+
+@pytest.mark.parametrize('depth', [0.004, 0.012])
+def test_pressure_of_a_disc_is_gas_pressure_plus_wall_tension_over_its_radius(depth):
+    grasp = settled(Disc(0.4), depth=depth)
+    grip = grasp.equilibrium
+    bent = deform(HOME, {}, tube_loads=contact_loads(grip))
+    ends, frame = bent.state.end_forces, bent.frame
+    for number, name in enumerate(grip.member_names):
+        before, behind = ends[frame.before[number]], ends[frame.behind[number]]
+        # The moment at the contact compresses the wall on the object's side.
+        moment = 0.5 * (abs(before[5]) + abs(behind[2]))
+        pull = GAUGE * np.pi * RADIUS**2 - 2.0 / RADIUS * moment
+        pull -= max(-before[3], behind[0])
+        pressure = GAUGE + pull / (2.0 * np.pi * RADIUS) / 0.2
+        assert grasp.contact_pressures[name] == pytest.approx(pressure, rel=2e-3)
+
+
+def test_span_of_a_disc_is_about_its_contact_point():
+    grasp = settled(Disc(0.4))
+    grip = grasp.equilibrium
+    for name, foot in zip(grip.member_names, grip.state.feet, strict=True):
+        first, last = grasp.contact_spans[name]
+        assert 0.5 * (first + last) == pytest.approx(foot, abs=1e-9)
+        assert last - first == pytest.approx(grasp.contact_lengths[name])
+        chord = 2.0 * np.sqrt(2.0 * 0.2 * grip.statics.dents(grip.state.normal_forces)[0].max())
+        assert 0.4 * chord < last - first < chord
+
+
+def test_span_of_a_pressed_face_has_both_of_its_ends():
+    grasp = settled(BOX, 0.0)
+    grip = grasp.equilibrium
+    feet = grip.state.feet[grip.contacts.owners == 1]
+    first, last = grasp.contact_spans[grip.member_names[1]]
+    assert first < feet.min() < feet.max() < last
+    assert last - first == pytest.approx(np.ptp(feet), abs=0.05)
+
+
+def test_patches_turn_with_the_object_that_is_mirrored_in_its_own_frame():
+    grasp = settled(BOX, 0.2)
+    corners = [(-x, -y) for x, y in BOX.vertices]
+    x, y, angle = grasp.given
+    other = ConvexObject(Polygon(corners, BOX.corner_radius), (x, y, angle + np.pi))
+    again = settle_grasp(HOME, other, 5.0, members=APART)
+    for table in TABLES:
+        for name, value in getattr(grasp, table).items():
+            assert getattr(again, table)[name] == pytest.approx(value, rel=1e-6)
+
+
+def test_a_section_is_flat_where_the_contact_is_as_wide_as_half_of_the_circumference():
+    grasp = settled(Disc(0.4))
+    assert not grasp.flattened
+    grip = grasp.equilibrium
+    skins = grip.statics.dents.press(300.0 * grip.state.normal_forces)
+    deep = find_patches(grip.contacts, grip.state, grip.statics.bent, skins)
+    assert deep.flattened.all()
+    assert deep.widths == pytest.approx(np.pi * RADIUS)
+    assert deep.pressures.min() > GAUGE
+
+
+def test_patches_are_empty_without_equilibrium_and_for_round_sections():
+    apart = settle_grasp(HOME, ConvexObject.disc((9.0, 9.0), 0.1), 0.5)
+    for grasp in (apart, settled(Disc(0.4), paper_model=True)):
+        assert not any(getattr(grasp, table) for table in TABLES)
+        assert grasp.flattened == ()
