@@ -9,7 +9,10 @@ from isotruss_ros.calibration.oscillation import fit_oscillation
 from isotruss_ros.calibration.roller_check import judge_roller
 from isotruss_ros.calibration.stiffness_scale import calibrate_stiffness
 from isotruss_ros.core import (
+    analyze_grasp,
     ConvexObject,
+    Disc,
+    GraspRequirements,
     Grip,
     IsotrussError,
     load_robot,
@@ -17,9 +20,12 @@ from isotruss_ros.core import (
     PathTracker,
     Pose,
     reach_pose,
+    read_object,
+    settle_grasp,
     tangent_center,
     TwistServo,
 )
+from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.estimation.state_estimate import EstimatedTravel
 from isotruss_ros.core.inputs import InputFault, RollerState, StampedInput
 from isotruss_ros.core.paths.path_tracking import TrackingSettings
@@ -69,6 +75,45 @@ def test_numbers_without_sense_are_refused(what, value):
 def test_homes_need_measured_joints(postures):
     with pytest.raises(IsotrussError, match='joints none: must be'):
         calibrate_home(ROBOT, postures)
+
+
+#: Calls with a coefficient of friction.
+FRICTION_CALLS = {
+    'object': lambda mu: ConvexObject.disc((0.0, 0.0), 0.3, friction=mu),
+    'object file': lambda mu: read_object(f'{{shape: disc, diameter: 0.3, friction: {mu}}}'),
+    'settled grasp': lambda mu: settle_grasp(HOME, BODY, mu),
+    'analysis': lambda mu: analyze_grasp(HOME, BODY, mu),
+    'grip': lambda mu: Grip.at_module(ROBOT, 'north/Z', BODY, mu),
+    'requirements': lambda mu: GraspRequirements(friction=mu),
+}
+
+
+@pytest.mark.parametrize('what', FRICTION_CALLS)
+def test_friction_in_percent_is_refused_with_the_unit(what):
+    with pytest.raises(GraspError, match=r'80.*: must be from 0 to 10; if it is in percent, it '):
+        FRICTION_CALLS[what](80.0)
+
+
+def test_the_largest_friction_is_accepted():
+    assert settle_grasp(HOME, BODY, 10.0).held
+
+
+@pytest.mark.parametrize(
+    ('pose', 'words'),
+    [
+        ((0.7, 0.5, 90.0), 'angle must be .* in magnitude; if it is in degrees, it is 1.571 rad'),
+        ((0.7, 0.5, -6.3), 'angle must be finite, at most 6.283 rad in magnitude'),
+        ((700.0, 0.0, 0.0), 'x must be .* in magnitude; .* if it is in mm, it is 0.7 m'),
+        ((0.0, -1450.0, 0.0), 'y must be .* in magnitude; .* if it is in mm, it is -1.45 m'),
+    ],
+)
+def test_pose_in_another_unit_is_refused_with_the_unit(pose, words):
+    with pytest.raises(GraspError, match=words):
+        ConvexObject(Disc(0.3), pose)
+
+
+def test_an_object_may_be_moved_by_several_turns():
+    assert BODY.moved_to((0.7, 0.5, 20.0)).pose.angle == 20.0
 
 
 def receive(**inputs):

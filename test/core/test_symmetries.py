@@ -13,7 +13,6 @@ from isotruss_ros.core import (
     ConvexObject,
     deform,
     Polygon,
-    Pose,
     Robot,
     settle_grasp,
     solve_twist,
@@ -69,7 +68,7 @@ class Case:
         robot = Robot(describe_robot(Path('random.yaml'), copy.deepcopy(self.document)))
         config = robot.configuration([self.travel[name] for name in robot.roller_names])
         place, angle = self.pose
-        body = ConvexObject(self.shape, Pose(place.real, place.imag, angle))
+        body = ConvexObject(self.shape).moved_to((place.real, place.imag, angle))
         force, moment = self.wrench
         arm = body.middle - body.center
         return config, body, (force.real, force.imag, moment + (arm.conjugate() * force).imag)

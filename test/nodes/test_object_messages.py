@@ -89,6 +89,10 @@ REFUSED = {
         ObjectMessage(shape=1),
         "object: key 'diameter' is missing; a disc needs it",
     ),
+    'friction in percent': (
+        ObjectMessage(**DISC, friction=[80.0]),
+        "object: the object's friction 80.0: must be from 0 to 10; if it is in percent, it is 0.8",
+    ),
     'no vertices': (ObjectMessage(shape=2), "key 'vertices' is missing; a polygon needs it"),
     'many vertices': (box(vertices=points([(0, 0)] * 1001)), 'at most 1000'),
     'concave': (

@@ -241,7 +241,7 @@ def _search_centered(statics: ContactStatics, wrench: Array, steps: int) -> Arra
     if abs(shape.centroid) <= NEGLIGIBLE_SHARE * body.arm:
         return start_at(statics, body)
     pose = Pose(body.middle.real, body.middle.imag, body.pose.angle)
-    centered = ConvexObject(shape.centered, pose)
+    centered = ConvexObject(shape.centered).moved_to(pose)
     away = (body.middle - body.center) / body.arm
     moment = wrench[2] - away.real * wrench[1] + away.imag * wrench[0]
     statics = replace(statics, body=centered)

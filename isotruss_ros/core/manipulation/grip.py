@@ -21,7 +21,7 @@ from isotruss_ros.core.errors import GraspError, quote
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.kinematics.robot import Robot
-from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.model.convex_object import check_friction, ConvexObject
 from isotruss_ros.core.model.topology import Topology
 from isotruss_ros.core.numerics.arrays import Indices
 import numpy as np
@@ -65,9 +65,7 @@ class Grip:
                 'members'
             )
         object.__setattr__(self, 'members', names)
-        if not 0.0 <= friction < math.inf:
-            raise GraspError(f'friction {friction!r}: must be a finite number, not negative')
-        object.__setattr__(self, 'friction', friction)
+        object.__setattr__(self, 'friction', check_friction(friction))
 
     @property
     def center(self) -> complex:

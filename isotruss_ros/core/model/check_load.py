@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.model.convex_object import check_friction, ConvexObject
 from isotruss_ros.core.numerics.arrays import Array, finite_array
 from numpy.typing import ArrayLike
 
@@ -23,7 +23,5 @@ def check_load(
     :param external_wrench: wrench (fx, fy, m) about the origin of the object's frame [N, N m].
     :raises GraspError: the coefficient or the wrench is invalid.
     """
-    (mu,) = finite_array([body.friction_or(friction)], 1, 'friction', GraspError).tolist()
-    if mu < 0.0:
-        raise GraspError(f'friction {friction!r}: must not be negative')
+    mu = check_friction(body.friction_or(friction))
     return mu, finite_array(external_wrench, 3, 'the external wrench (fx, fy, m)', GraspError)

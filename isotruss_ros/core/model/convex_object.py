@@ -11,7 +11,7 @@ import math
 from typing import NamedTuple
 
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.model.pose import MAX_MASS, Pose
+from isotruss_ros.core.model.pose import MAX_FRICTION, MAX_MASS, Pose, pose_fault
 from isotruss_ros.core.model.shapes import Disc, Shape, SurfacePoints
 from isotruss_ros.core.model.units import likely_unit
 from isotruss_ros.core.numerics.arrays import Array, finite_array, MAX_MAGNITUDE, Points
@@ -30,7 +30,8 @@ class ConvexObject:
     Convex object at a pose in the robot frame.
 
     :ivar shape: a `Disc`, `Polygon` or `Ellipse`, in the object's frame.
-    :ivar pose: pose of the object's frame in the robot frame (x, y, angle) [m, rad].
+    :ivar pose: pose of the object's frame in the robot frame (x, y, angle) [m, rad]. The angle is
+        at most one turn in either direction; `moved_to` accepts more.
     :ivar mass: mass of the object [kg]; None if unknown.
     :ivar center_of_mass: centre of mass (x, y) in the object's frame [m]; None: the centroid of
         the area.
@@ -58,6 +59,8 @@ class ConvexObject:
         if not callable(getattr(self.shape, 'nearest', None)):
             raise GraspError(f'shape {self.shape!r}: must be a Disc, a Polygon or an Ellipse')
         self._put(self.pose)
+        if fault := pose_fault(*self.pose):
+            raise GraspError(f"the object's pose {tuple(self.pose)}: {fault}")
         object.__setattr__(self, 'arm', self.shape.perimeter / (2.0 * math.pi))
         if self.mass is not None:
             (mass,) = finite_array([self.mass], 1, "the object's mass [kg]", GraspError)
@@ -78,10 +81,8 @@ class ConvexObject:
                 raise GraspError(f'center_of_mass ({x:g}, {y:g}) m: must be within the object')
             object.__setattr__(self, 'center_of_mass', (float(x), float(y)))
         if self.friction is not None:
-            (friction,) = finite_array([self.friction], 1, "the object's friction", GraspError)
-            if friction < 0.0:
-                raise GraspError(f"the object's friction {self.friction!r}: must not be negative")
-            object.__setattr__(self, 'friction', float(friction))
+            friction = check_friction(self.friction, "the object's friction")
+            object.__setattr__(self, 'friction', friction)
 
     @classmethod
     def disc(
@@ -180,6 +181,19 @@ class ConvexObject:
         :param spacing: largest distance of successive points where the surface is curved [m].
         """
         return self.center + self.turn * self.shape.outline(spacing)
+
+
+def check_friction(value: float, what: str = 'friction') -> float:
+    """
+    Return a checked coefficient of friction [-].
+
+    :raises GraspError: the coefficient is not a number from 0 to `MAX_FRICTION`.
+    """
+    (friction,) = finite_array([value], 1, what, GraspError).tolist()
+    if not 0.0 <= friction <= MAX_FRICTION:
+        hint = likely_unit(friction, '', 0.0, MAX_FRICTION)
+        raise GraspError(f'{what} {value!r}: must be from 0 to {MAX_FRICTION:g}{hint}')
+    return float(friction)
 
 
 class SegmentGaps(NamedTuple):

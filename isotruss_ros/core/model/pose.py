@@ -8,6 +8,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from isotruss_ros.core.model.robot_schema import plausible_range
+from isotruss_ros.core.model.units import likely_unit
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.tolerances import ROUNDING
 import numpy as np
@@ -17,8 +19,9 @@ from numpy.typing import ArrayLike
 MIN_DIAMETER = ROUNDING
 #: Largest size [m] and mass [kg] of an object, several times what a robot of a few metres holds. A
 #: tenth of these limits would refuse objects of the examples; ten times these limits would accept
-#: a size in centimetres as one in metres.
-MAX_SIZE, MAX_MASS = 10.0, 100.0
+#: a size in centimetres as one in metres. Largest coefficient of friction [-]: soft rubber has 2
+#: to 4; a third of this limit would refuse it, three times this limit would accept it in percent.
+MAX_SIZE, MAX_MASS, MAX_FRICTION = 10.0, 100.0, 10.0
 
 
 class Pose(NamedTuple):
@@ -33,6 +36,20 @@ class Pose(NamedTuple):
     x: float
     y: float
     angle: float
+
+
+def pose_fault(x: float, y: float, angle: float = 0.0) -> str:
+    """Return the fault of a pose that is too far away or turned by more than once; else empty."""
+    _, far = plausible_range('joints')
+    for name, value, unit, most in (
+        ('x', x, 'm', far),
+        ('y', y, 'm', far),
+        ('angle', angle, 'rad', 2.0 * math.pi),
+    ):
+        if not abs(value) <= most:
+            hint = likely_unit(value, unit, -most, most)
+            return f'{name} must be finite, at most {most:.4g} {unit} in magnitude{hint}'
+    return ''
 
 
 def pose_difference(pose: ArrayLike, other: ArrayLike) -> Array:

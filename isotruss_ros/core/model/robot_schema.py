@@ -86,7 +86,8 @@ def _unique_texts(_validator: Any, wanted: bool, value: Any, _schema: Any) -> It
 @functools.cache
 def ranged_numbers() -> dict[str, dict[str, Any]]:
     """Return the schema of each number with a plausible range, by its key in a robot file."""
-    top, entries = _schema()['properties'], {}
+    top = _schema()['properties']
+    entries = {'joints': top['joints']['additionalProperties']['items']}
     for block, content in top.items():
         for key, entry in content.get('properties', {}).items():
             entries[f'{block}.{key}'] = entry

@@ -22,9 +22,9 @@ from isotruss_ros.core.holding.held_grip import (
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.solve_twist import solve_twist
-from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.model.convex_object import check_friction, ConvexObject
 from isotruss_ros.core.model.pose import Pose, pose_difference
-from isotruss_ros.core.numerics.arrays import Array, finite_array, finite_rows, MAX_MAGNITUDE
+from isotruss_ros.core.numerics.arrays import Array, finite_rows, MAX_MAGNITUDE
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.planning.reach_pose import MIN_STEP_SCALE
 import numpy as np
@@ -66,7 +66,7 @@ def foresee_grip(
     :return: predicted motion; None if no members hold the object.
     :raises IsotrussError: see `foresee_path`.
     """
-    (friction,) = finite_array([friction], 1, 'friction', GraspError).tolist()
+    friction = check_friction(friction)
     held = None if record is None else record.restore(config, body)
     found = None
     if held is not None and held.hold(friction) is HoldStatus.HELD:

@@ -13,7 +13,7 @@ import math
 from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
 from isotruss_ros.core.errors import GraspError, quote
 from isotruss_ros.core.manipulation.grip import GRIP_SIZES
-from isotruss_ros.core.model.convex_object import DEFAULT_FRICTION
+from isotruss_ros.core.model.convex_object import check_friction, DEFAULT_FRICTION
 from isotruss_ros.core.numerics.arrays import finite_array
 from isotruss_ros.core.planning.grasp_plan import ClosedGrip
 from isotruss_ros.core.planning.violations import RequirementError
@@ -90,6 +90,7 @@ class GraspRequirements:
             value = getattr(self, field.name)
             if field.type in ('float', 'float | None') and value is not None:
                 self._check_number(field.name, value)
+        check_friction(self.friction, 'requirement friction')
         poses = [finite_array(pose, 3, 'pose of carry', GraspError) for pose in self.carry]
         object.__setattr__(self, 'carry', tuple(tuple(pose.tolist()) for pose in poses))
         if self.members is not None:

@@ -15,7 +15,7 @@ from isotruss_ros.core.holding.loaded_frame import held_joints
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_depths, push_out
-from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.model.convex_object import check_friction, ConvexObject
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array, finite_array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
@@ -44,14 +44,10 @@ class ElasticObject:
     """
 
     def __init__(self, body: ConvexObject, friction: float, stiffness_scale: float = 1.0) -> None:
-        given = [friction, stiffness_scale]
-        mu, scale = finite_array(given, 2, 'friction, stiffness', GraspError)
-        if mu < 0.0 or scale <= 0.0:
-            raise GraspError(
-                f'friction {friction!r}: must not be negative; stiffness scale '
-                f'{stiffness_scale!r}: must be positive'
-            )
-        self._friction, self._scale = float(mu), float(scale)
+        (scale,) = finite_array([stiffness_scale], 1, 'stiffness scale', GraspError).tolist()
+        if scale <= 0.0:
+            raise GraspError(f'stiffness scale {stiffness_scale!r}: must be positive')
+        self._friction, self._scale = check_friction(friction), scale
         angle = math.remainder(body.pose.angle, 2.0 * math.pi)
         self._body = body.moved_to(body.pose._replace(angle=angle))  # pose while not held
         self._grasp: HeldGrip | None = None

@@ -14,12 +14,13 @@ from geometry_msgs.msg import Pose as PoseMessage
 from geometry_msgs.msg import Twist
 from isotruss_ros.core import IsotrussError, Pose
 from isotruss_ros.core.errors import quote
+from isotruss_ros.core.model.pose import pose_fault
 from isotruss_ros.core.numerics.arrays import Array
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from std_msgs.msg import Header
 
-#: Largest valid coordinate of an object, and largest valid roller travel [m].
+#: Largest valid roller travel [m].
 MAX_DISTANCE = 1e6
 #: Parts with frames. The object's frame is fixed to the object. The aligned frame has its origin,
 #: about which moments of wrenches are given, and the robot's axes. The x axis of a contact frame
@@ -118,10 +119,8 @@ def check_place(what: str, x: float, y: float) -> None:
     :param y: y of the position [m].
     :raises MessageError: a coordinate is not finite, or too large.
     """
-    if not (abs(x) <= MAX_DISTANCE and abs(y) <= MAX_DISTANCE):
-        raise MessageError(
-            f'{what} at ({x}, {y}): must be finite, at most {MAX_DISTANCE:g} m away'
-        )
+    if fault := pose_fault(x, y):
+        raise MessageError(f'{what} at ({x}, {y}): {fault}')
 
 
 def read_pose(what: str, message: PoseMessage) -> Pose:

@@ -163,7 +163,7 @@ def test_required_friction_of_a_wedge_is_the_tangent_of_half_its_angle(degrees):
     ('options', 'message'),
     [
         ({'friction': math.nan}, 'friction'),
-        ({'friction': -0.1}, 'negative'),
+        ({'friction': -0.1}, 'must be from 0 to 10'),
         ({'spacing': 9.9e-5}, 'spacing'),
         ({'spacing': 0.101}, 'spacing'),
         ({'spacing': math.nan}, 'spacing'),

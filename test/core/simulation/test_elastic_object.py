@@ -156,7 +156,7 @@ def test_a_wedge_too_wide_for_the_friction_pushes_it_out():
 @pytest.mark.parametrize(
     ('arguments', 'words'),
     [
-        ({'friction': -0.1}, 'must not be negative'),
+        ({'friction': -0.1}, 'must be from 0 to 10'),
         ({'friction': np.inf}, 'friction'),
         ({'friction': 0.5, 'stiffness_scale': 0.0}, 'stiffness'),
         ({'friction': 0.5, 'stiffness_scale': -0.1}, 'stiffness'),
