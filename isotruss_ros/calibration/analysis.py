@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+import contextlib
 from dataclasses import dataclass
 
 from isotruss_ros.calibration.beam_fit import fit_beam, FittedBeam, outlying_ratios
@@ -24,6 +25,11 @@ from isotruss_ros.core.model.robot_schema import plausible_range
 from isotruss_ros.core.numerics.arrays import Array, Indices
 import numpy as np
 
+#: Largest misfit of the beam in a mode, root mean square of ln(measured / fitted stiffness) [-].
+#: Groups that scatter by the usual 0.1 give at most 0.13, by 0.2 up to 0.27. A mode with loads or
+#: displacements in another unit gives 0.29 to 2.2; with a third of this limit, usual points are
+#: refused, and with three times of it, loads in pounds are accepted.
+MAX_MISFIT = 0.25
 #: Diameter of the tubes of the paper and of the presets [m].
 DEFAULT_DIAMETER = 0.102
 
@@ -34,7 +40,7 @@ class Analysis:
 
     slopes: Mapping[str, Sequence[Slope]]  #: slope of each group of points, by mode
     fitted: FittedBeam | None  #: beam fitted to the slopes of all modes; None without a fit
-    refusal: str  #: reason why no beam was fitted; else empty
+    refusal: str  #: reason why a robot file cannot have the beam; empty if it can
     local: FittedLocalStiffness | None  #: local stiffness; None without a fit
     local_refusal: str  #: reason why no local stiffness was fitted; else empty
     laws: Mapping[str, FittedLaw]  #: power laws by mode, as in Table I
@@ -82,12 +88,14 @@ def analyse(
         slopes = _without_outlying_groups(slopes, 0.5 * diameter, unused)
         fitted = _beam(slopes, 0.5 * diameter)
         _require_plausible(fitted)
+        refusal = _find_misfit(fitted, slopes)
     except MeasurementError as error:
         fitted, refusal = None, str(error)
+    refusal = '; '.join(measurements.wrong_units.values()) or refusal
     local, local_refusal = None, ''
     if len(measurements.presses.loads):
         try:
-            local = _local(measurements.presses, fitted)
+            local = _local(measurements.presses, None if refusal else fitted)
         except MeasurementError as error:
             local_refusal = str(error)
     laws, missing = {}, {}
@@ -132,6 +140,24 @@ def _require_plausible(fitted: FittedBeam) -> None:
                 f'{name} = {value:.3g}: must be from {low:g} to {high:g} in a tube of cloth; are '
                 'lengths in m, displacements in m and rad, loads in N and N m, pressures in Pa?'
             )
+
+
+def _find_misfit(fitted: FittedBeam, slopes: Mapping[str, Sequence[Slope]]) -> str:
+    """Return the reason why a beam is too far from the points; empty if it is near."""
+    if max(fitted.misfits.values()) <= MAX_MISFIT:
+        return ''
+    misses = ', '.join(f'{mode} {100.0 * misfit:.0f} %' for mode, misfit in fitted.misfits.items())
+    refusal = f'the beam misses the points by {misses}: must be at most {100.0 * MAX_MISFIT:.0f} %'
+    modes, lengths, pressures, stiffnesses = _measured(
+        [slope for mode in MODES for slope in slopes[mode]]
+    )
+    rotary = modes == MODES.index('rotary')
+    in_radians = np.where(rotary, np.degrees(stiffnesses), stiffnesses)
+    with contextlib.suppress(MeasurementError):
+        other = fit_beam(modes, lengths, pressures, in_radians, fitted.radius)
+        if max(other.misfits.values()) <= MAX_MISFIT:
+            refusal += '; with the rotations read as degrees it fits, so they must be in rad'
+    return refusal
 
 
 def _measured(slopes: Sequence[Slope]) -> tuple[Indices, Array, Array, Array]:

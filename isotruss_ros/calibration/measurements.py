@@ -35,6 +35,9 @@ RANGES = {
 }
 #: Largest angle of the rotary mode [rad]; in the other modes the length bounds the displacement.
 MAX_ANGLE = math.pi
+#: Largest share of the rows of one mode that may have too large displacements by mistake [-]. Of
+#: rotations up to 4 degrees, a fifth exceeds half a turn if read as rad.
+MAX_FAR_SHARE = 0.2
 #: Largest size of a file [bytes], about a million points.
 MAX_FILE_SIZE = 50_000_000
 
@@ -89,6 +92,8 @@ class Measurements:
     groups: tuple[Group, ...]
     presses: Presses  #: points of the mode interference
     unused: Mapping[str, list[int]]  #: line numbers of unused rows, by reason
+    #: for each mode whose displacements look like another unit, the reason
+    wrong_units: Mapping[str, str]
     rows: int  #: number of rows in the file without the header
     ignored_columns: tuple[str, ...]  #: names of unknown columns
 
@@ -104,8 +109,7 @@ def read_measurements(path: Path) -> Measurements:
     :raises MeasurementError: the file cannot be read, or a column is missing.
     """
     unused: dict[str, list[int]] = {}
-    points: dict[tuple[int, float, float], list[tuple[int, str, float, float]]] = {}
-    presses: list[tuple[float, ...]] = []
+    valid: dict[str, list[tuple[int, dict[str, str]]]] = {}
     rows = 0
     try:
         reader = csv.reader(io.StringIO(_text(path), newline=''), skipinitialspace=True)
@@ -116,26 +120,58 @@ def read_measurements(path: Path) -> Measurements:
                 continue  # an empty line
             rows += 1
             cells = [cell.strip() for cell in row]
-            complaint = '; '.join([*_find_complaints(header, cells)] or _too_far(header, cells))
+            complaint = '; '.join(_find_complaints(header, cells))
             if complaint:
                 unused.setdefault(complaint, []).append(reader.line_num)
                 continue
             values = dict(zip(header, cells, strict=True))
-            pressure, length, displacement, load = (float(values[name]) for name in NUMBER_COLUMNS)
-            if values['mode'] == INTERFERENCE:
-                cylinder = float(values[DIAMETER])
-                presses.append((pressure, length, cylinder, displacement, load))
-                continue
-            points.setdefault((MODES.index(values['mode']), pressure, length), []).append(
-                (reader.line_num, values.get(TRIAL, ''), displacement, load)
-            )
+            valid.setdefault(values['mode'], []).append((reader.line_num, values))
     except UnicodeDecodeError as error:
         raise MeasurementError(f'{path}: byte {error.start}: not UTF-8 text') from error
     except csv.Error as error:
         raise MeasurementError(f'{path}: line {reader.line_num}: not CSV: {error}') from error
+    wrong_units = _drop_far_rows(valid, unused)
+    points: dict[tuple[int, float, float], list[tuple[int, str, float, float]]] = {}
+    presses: list[tuple[float, ...]] = []
+    for mode, lines in valid.items():
+        for line, values in lines:
+            pressure, length, displacement, load = (float(values[name]) for name in NUMBER_COLUMNS)
+            if mode == INTERFERENCE:
+                presses.append((pressure, length, float(values[DIAMETER]), displacement, load))
+            else:
+                point = (line, values.get(TRIAL, ''), displacement, load)
+                points.setdefault((MODES.index(mode), pressure, length), []).append(point)
     groups = tuple(_group(*key, points[key]) for key in sorted(points))
     pressed = Presses(*np.array(presses).reshape(-1, 5).T)
-    return Measurements(groups, pressed, unused, rows, ignored)
+    return Measurements(groups, pressed, unused, wrong_units, rows, ignored)
+
+
+def _drop_far_rows(
+    valid: dict[str, list[tuple[int, dict[str, str]]]], unused: dict[str, list[int]]
+) -> dict[str, str]:
+    """
+    Move rows with too large displacements to `unused`, all rows of a mode if many are too large.
+
+    Small displacements in another unit are within the range, so they are wrong as well.
+
+    :param valid: line number and values of each row, by mode.
+    :param unused: line numbers by reason.
+    :return: for each mode of which all rows were moved, the reason.
+    """
+    wrong_units = {}
+    for mode, rows in valid.items():
+        faults = {line: _too_far(values) for line, values in rows}
+        far = [line for line, fault in faults.items() if fault]
+        if len(far) > MAX_FAR_SHARE * len(rows):
+            reason = f'mode {mode}: {len(far)} of {len(rows)} rows with a {faults[far[0]]}'
+            wrong_units[mode] = reason
+            unused.setdefault(reason, []).extend(faults)
+            valid[mode] = []
+        else:
+            for line in far:
+                unused.setdefault(faults[line], []).append(line)
+            valid[mode] = [row for row in rows if not faults[row[0]]]
+    return wrong_units
 
 
 def _text(path: Path) -> str:
@@ -162,14 +198,14 @@ def _check_header(path: Path, header: Sequence[str]) -> tuple[str, ...]:
     return tuple(name for name in header if name not in (*COLUMNS, TRIAL, DIAMETER))
 
 
-def _too_far(header: Sequence[str], cells: Sequence[str]) -> Iterator[str]:
-    """Yield a sentence if the displacement of a tube's end is implausibly large."""
-    values = dict(zip(header, cells, strict=True))
+def _too_far(values: Mapping[str, str]) -> str:
+    """Return the fault of a row if its displacement is implausibly large; else empty."""
     moved = abs(float(values['displacement']))
     if values['mode'] == 'rotary' and moved > MAX_ANGLE:
-        yield 'displacement of more than half a turn: must be in rad; these may be degrees'
-    elif values['mode'] != 'rotary' and moved > float(values['length']):
-        yield 'displacement of more than the length of the tube: must be in m; these may be mm'
+        return 'displacement of more than half a turn: must be in rad; these may be degrees'
+    if values['mode'] != 'rotary' and moved > float(values['length']):
+        return 'displacement of more than the length of the tube: must be in m; these may be mm'
+    return ''
 
 
 def _find_complaints(header: Sequence[str], cells: Sequence[str]) -> Iterator[str]:

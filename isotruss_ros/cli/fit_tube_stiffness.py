@@ -80,7 +80,7 @@ def _run(options: argparse.Namespace) -> int:
 
 def _finish(analysis: Analysis, path: Path | None) -> int:
     """Print the block for the robot file, or the reason why it could not be computed."""
-    if analysis.fitted is None:
+    if analysis.fitted is None or analysis.refusal:
         print(
             f'fit_tube_stiffness: no block for the robot file: {analysis.refusal}', file=sys.stderr
         )

@@ -215,32 +215,62 @@ NO_MODES = 'no block for the robot file'
 
 
 @pytest.mark.parametrize(
-    ('rows', 'reason', 'block'),
+    ('rows', 'reason'),
     [
         (
             changed(1, 1e-3),
             "pressure '34.5': must be from 1000 to 300000 Pa; if it is in kPa, it is",
-            False,
         ),
         (
             changed(2, 1e3),
             "length '254.0': must be from 0.02 to 10 m; if it is in cm, it is 2.54 m",
-            False,
         ),
-        (changed(3, 1e3), 'more than the length of the tube: must be in m', False),
-        (changed(3, 57.3, modes=('rotary',)), 'more than half a turn: must be in rad', None),
-        (changed(4, 1e-3), NO_MODES, False),
-        (changed(4, 1e3), NO_MODES, False),
+        (changed(3, 1e3), 'more than the length of the tube: must be in m'),
+        (
+            changed(3, 57.3, modes=('rotary',)),
+            'mode rotary: 90 of 108 rows with a displacement of more than half a turn: must be in '
+            'rad; these may be degrees',
+        ),
+        (changed(4, 1e-3), NO_MODES),
+        (changed(4, 1e3), NO_MODES),
     ],
     ids=['kPa', 'lengths in mm', 'mm', 'degrees', 'kN', 'mN'],
 )
-def test_a_wrong_unit_of_a_column_is_named_and_no_block_is_printed(
-    rows, reason, block, tmp_path, capsys
-):
+def test_a_wrong_unit_of_a_column_is_named_and_no_block_is_printed(rows, reason, tmp_path, capsys):
     code, out, err = run(capsys, write(tmp_path, rows))
     assert reason in out + err
-    if block is False:
-        assert (code, NO_MODES in err, 'stiffness:' in out) == (1, True, False)
+    assert (code, NO_MODES in err, 'stiffness:' in out) == (1, True, False)
+
+
+def in_degrees(largest):
+    """Return points with rotations in degrees up to the largest one."""
+    rows = points(noise=0.01, scatter=0.05, trials=2)
+    for row in rows[1:]:
+        if row[0] == 'rotary':
+            row[3:5] = largest / RANGES['rotary'] * row[3], np.radians(largest) / 0.35 * row[4]
+    return rows
+
+
+@pytest.mark.parametrize('largest', [3.0, 4.0, 8.0, 20.0])
+def test_rotations_in_degrees_are_told_and_no_block_is_printed(largest, tmp_path, capsys):
+    code, out, err = run(capsys, write(tmp_path, in_degrees(largest)))
+    assert (code, NO_MODES in err, 'stiffness:' in out) == (1, True, False)
+    assert 'degrees' in err
+
+
+@pytest.mark.parametrize('mode', MODES)
+@pytest.mark.parametrize('factor', [9.81, 1e3])
+def test_a_mode_with_loads_in_another_unit_gives_no_block(mode, factor, tmp_path, capsys):
+    rows = changed(4, factor, modes=(mode,))
+    code, out, err = run(capsys, write(tmp_path, rows))
+    assert (code, NO_MODES in err, 'stiffness:' in out) == (1, True, False)
+
+
+@pytest.mark.parametrize('seed', range(4))
+def test_usual_scatter_of_tubes_gives_a_block(seed, tmp_path, capsys):
+    rows = points(scatter=0.1, noise=0.01, seed=seed)
+    code, out, _ = run(capsys, write(tmp_path, rows))
+    assert (code, 'stiffness:' in out) == (0, True)
 
 
 def test_implausible_constants_are_refused(tmp_path, capsys):
