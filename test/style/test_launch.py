@@ -217,4 +217,10 @@ def test_the_file_has_the_other_parameters_with_their_defaults(path, entities, n
             assert value == specs[name].default, name
             assert type(value) is type(specs[name].default), name
         if path.name.startswith('simulation'):
-            assert file.keys() | node.parameters[1].keys() == specs.keys() | {'use_sim_time'}
+            given = file.keys() | node.parameters[1].keys()
+            missing = specs.keys() - given
+            assert not missing, (
+                f'{node.executable}: {sorted(missing)}: add to config/nodes/parameters.yaml or '
+                'to ARGUMENTS in nodes/framework/launching.py'
+            )
+            assert given - specs.keys() == {'use_sim_time'}

@@ -5,6 +5,7 @@
 
 from dataclasses import dataclass
 
+from contracts import check_shape
 from isotruss_ros.core import (
     ConvexObject,
     Disc,
@@ -113,6 +114,32 @@ def test_a_circular_cam_rolls_like_a_disc():
     rolled, wanted = (RollingGrip.attach(ROBOT.home, grip).moved_to(there) for grip in (cam, disc))
     assert rolled.pose.angle == pytest.approx(wanted.pose.angle, abs=1e-9)
     assert rolled.grip.body.middle == pytest.approx(wanted.grip.center, abs=1e-9)
+
+
+@pytest.mark.parametrize('shape', [CAM, Cam(0.2), Cam(0.1, -0.3)])
+def test_the_cam_keeps_the_contract_of_shapes(shape):
+    check_shape(shape, np.random.default_rng(1))
+
+
+#: Faults of a cam, as methods in place of its own.
+FAULTS = {
+    'unroll': lambda self, angles, corners: 1.01 * self.radius * angles,
+    'surface_at': lambda self, corners, normals: (
+        self.support_points(normals),
+        np.full(len(normals), 1.01 * self.radius),
+    ),
+    'support_points': lambda self, normals: self.offset + 1.01 * self.radius * normals,
+    'centroid': property(lambda self: 0j),
+    'gyration': property(lambda self: self.radius),
+    'reach': property(lambda self: self.radius),
+}
+
+
+@pytest.mark.parametrize('name', FAULTS)
+def test_a_faulty_cam_fails_the_contract(name):
+    faulty = type('FaultyCam', (Cam,), {name: FAULTS[name]})
+    with pytest.raises(AssertionError):
+        check_shape(faulty(0.15, 0.05), np.random.default_rng(1))
 
 
 def test_one_line_lets_object_files_have_the_shape(monkeypatch):

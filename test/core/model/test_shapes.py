@@ -3,6 +3,7 @@
 
 """Convex shapes: their surface by brute force, and what is no shape is refused with the place."""
 
+from contracts import check_shape, directions
 from hypothesis import given, strategies
 from isotruss_ros.core import ConvexObject, Disc, Ellipse, Polygon
 from isotruss_ros.core.errors import GraspError
@@ -10,51 +11,17 @@ from isotruss_ros.core.model.convex_object import segment_gaps
 import numpy as np
 import pytest
 import robots
-from shapes import dense_outline, random_polygon, random_shape, surface_distance
+from shapes import dense_outline, random_polygon, random_shape
 
 SEEDS = strategies.integers(0, 10**6)
 SQUARE = ((-0.1, -0.1), (0.1, -0.1), (0.1, 0.1), (-0.1, 0.1))
 
 
-def directions(generator, count=40):
-    return np.exp(1j * generator.uniform(-np.pi, np.pi, count))
-
-
 @robots.examples(100)
 @given(SEEDS)
-def test_distances_are_those_of_the_outline(seed):
+def test_shapes_keep_the_contract_of_shapes(seed):
     generator = np.random.default_rng(seed)
-    shape = random_shape(generator)
-    points = shape.centroid + generator.uniform(0.0, 0.4, 40) * directions(generator)
-    found = shape.nearest(points)
-    wanted = surface_distance(dense_outline(shape, 4000), points)
-    step = shape.perimeter / 4000
-    near = np.maximum(np.abs(wanted), 0.1 * step)
-    assert np.all(np.abs(found.gaps - wanted) <= step**2 / near + 1e-6 * shape.perimeter)
-    feet = points - found.gaps * found.normals
-    assert shape.nearest(feet).gaps == pytest.approx(0.0, abs=1e-12)
-    assert np.abs(found.normals) == pytest.approx(1.0, abs=1e-12)
-    # The foot lies on the tangent with that normal.
-    assert (feet * found.normals.conj()).real == pytest.approx(
-        shape.support(found.normals), abs=1e-12
-    )
-
-
-@robots.examples(100)
-@given(SEEDS)
-def test_no_point_of_the_outline_is_beyond_its_tangents(seed):
-    generator = np.random.default_rng(seed)
-    shape = random_shape(generator)
-    normals = directions(generator)
-    far = (dense_outline(shape, 4000) * normals[:, None].conj()).real.max(axis=1)
-    support = shape.support(normals)
-    assert np.all(far <= support + 1e-12)
-    assert support == pytest.approx(far, abs=1e-3 * shape.perimeter)
-    on = shape.support_points(normals)
-    assert (on * normals.conj()).real == pytest.approx(support, abs=1e-12)
-    assert shape.nearest(on).gaps == pytest.approx(0.0, abs=1e-12)
-    furthest = np.abs(dense_outline(shape, 4000)).max()
-    assert furthest - 1e-12 <= shape.reach <= furthest + 1e-3 * shape.perimeter
+    check_shape(random_shape(generator), generator)
 
 
 @robots.examples(50)
@@ -79,44 +46,6 @@ def test_round_shapes_are_invariant_under_rotation(seed):
     generator = np.random.default_rng(seed)
     shape = random_shape(generator)
     assert shape.is_round == (np.ptp(shape.support(directions(generator))) < 1e-12)
-
-
-@robots.examples(100)
-@given(SEEDS)
-def test_gap_and_normal_rotate_by_the_radius_of_curvature(seed):
-    generator = np.random.default_rng(seed)
-    shape = random_shape(generator)
-    normals = directions(generator)
-    points = shape.support_points(normals) + 0.05 * normals
-    step = 1e-6
-    found, moved = shape.nearest(points), shape.nearest(points + 1j * step * normals)
-    turned = np.angle(moved.normals / found.normals) / step
-    # Where a step leads from an arc to a face there is no derivative.
-    same = found.radii == moved.radii if isinstance(shape, Polygon) else np.full(40, True)
-    with np.errstate(divide='ignore'):
-        wanted = 1.0 / (0.05 + found.radii)
-    assert turned[same] == pytest.approx(wanted[same], rel=1e-3, abs=1e-6)
-    slope = (moved.gaps - found.gaps) / step
-    assert slope == pytest.approx(np.zeros(40), abs=1e-4)
-
-
-@robots.examples(100)
-@given(SEEDS)
-def test_centroid_and_gyration_are_those_of_the_outline(seed):
-    shape = random_shape(np.random.default_rng(seed))
-    z = dense_outline(shape, 4000)
-    following = np.roll(z, -1)
-    cross = (z.conj() * following).imag
-    area = 0.5 * cross.sum()
-    centroid = (cross * (z + following)).sum() / 6.0 / area
-    a, b = z - centroid, following - centroid
-    product = a.conj() * b
-    squares = np.abs(a) ** 2 + np.abs(b) ** 2 + product.real
-    polar = (product.imag * squares).sum() / 12.0
-    assert abs(shape.centroid - centroid) < 1e-5 * shape.perimeter
-    assert shape.gyration == pytest.approx(np.sqrt(polar / area), rel=1e-5)
-    assert shape.perimeter == pytest.approx(np.abs(following - z).sum(), rel=1e-5)
-    assert shape.nearest(np.array([shape.centroid])).gaps[0] < 0.0
 
 
 def test_feet_of_points_on_the_axes_of_an_ellipse():

@@ -3,12 +3,12 @@
 
 """Barriers: gradients against differences; looking only at what is close misses nothing."""
 
+from contracts import check_barrier
 from grips import disc_grip
 from hypothesis import assume, given
-from isotruss_ros.core import load_robot, Polygon, RollingGrip
+from isotruss_ros.core import load_robot, Polygon
 from isotruss_ros.core.errors import ConfigurationError, GraspError
 from isotruss_ros.core.kinematics.rigidity import rigidity_index
-from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.safety.barrier_law import ALL_VALUES, BarrierLaw
 from isotruss_ros.core.safety.barriers import ObjectBarrier, RigidityBarrier, SelfCollisionBarrier
 from isotruss_ros.core.safety.margins import object_distances
@@ -61,32 +61,14 @@ def test_distances_within_the_band_are_those_of_the_surface(robot, rng):
 
 @robots.examples(10)
 @given(robots.robots(), robots.generators())
-def test_rows_are_derivatives_of_the_distances_from_an_object(robot, rng):
+def test_object_barrier_keeps_the_contract_of_barriers(robot, rng):
     config, grip = random_convex_grip(robot, rng, 'module')
     assume(grip is not None)
     # A polygon touches with its faces and corners, where its distances have kinks.
     assume(not isinstance(grip.body.shape, Polygon))
     barrier = ObjectBarrier(robot, ALL)
-    near = barrier.active(config, grip)
-    assume(len(near.indices))
-    rows = config.roller_rows(near.node_rows) + near.roller_rows
-    rolling = RollingGrip.attach(config, grip)
-    way = rng.standard_normal(len(robot.roller_names))
-    # Where the contacts are not kept the motion is that of least squares; the rows are not.
-    way -= np.linalg.pinv(_misfits(config, grip)) @ _misfits(config, grip) @ way
-    step, values = 1e-6, []
-    for sign in (1.0, -1.0):
-        there = config.moved_to(config.roller_positions + sign * step * way)
-        values.append(barrier.values(there, rolling.moved_to(there).grip, near.indices))
-    found = (values[0] - values[1]) / (2.0 * step)
-    # A corner of a part may be as near as its side: there the slope has two values.
-    smooth = np.abs(values[0] + values[1] - 2.0 * near.values) < 1e-10
-    assert (rows @ way)[smooth] == pytest.approx(found[smooth], abs=1e-5)
-
-
-def _misfits(config, grip):
-    """Return the rows by which contacts are not kept."""
-    return grip_jacobian(config, grip)[3:]
+    assume(len(barrier.active(config, grip).indices))
+    check_barrier(barrier, config, grip, rng)
 
 
 def test_rows_hold_where_two_modes_change_places():

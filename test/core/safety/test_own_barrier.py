@@ -5,9 +5,10 @@
 
 from dataclasses import replace
 
+from contracts import check_barrier
 from driven import Driven
 from grips import held_at
-from isotruss_ros.core import load_robot, Robot, Status
+from isotruss_ros.core import load_robot, place_between, Polygon, Robot, Status
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.safety.barrier_law import (
     ActiveValues,
@@ -55,6 +56,25 @@ class HeightBarrier:
     def names(self, indices):
         """Return what the value is."""
         return ['the height of the object'] * len(indices)
+
+
+@pytest.mark.parametrize('angle', [0.0, 0.4])
+def test_the_barrier_keeps_the_contract_of_barriers(angle):
+    box = Polygon([(-0.2, -0.15), (0.2, -0.15), (0.2, 0.15), (-0.2, 0.15)], 0.05)
+    grip = place_between(ROBOT.home, ('north/P-Z', 'north/Z-R'), box, 0.3 + angle, 0.01)
+    check_barrier(HeightBarrier(0.0, 10.0), ROBOT.home, grip, np.random.default_rng(1))
+
+
+def test_a_barrier_without_the_turn_of_its_point_fails_the_contract():
+    class Faulty(HeightBarrier):
+        def active(self, config, grip):
+            near = super().active(config, grip)
+            return near._replace(roller_rows=grip_jacobian(config, grip)[1][None])
+
+    box = Polygon([(-0.2, -0.15), (0.2, -0.15), (0.2, 0.15), (-0.2, 0.15)], 0.05)
+    grip = place_between(ROBOT.home, ('north/P-Z', 'north/Z-R'), box, 0.3, 0.01)
+    with pytest.raises(AssertionError):
+        check_barrier(Faulty(0.0, 10.0), ROBOT.home, grip, np.random.default_rng(1))
 
 
 def drive(barriers, steps=200):
