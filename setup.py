@@ -14,8 +14,8 @@ scripts = {'isotruss': f'{package_name}.executables:isotruss'}
 # lib/isotruss_ros. pip runs neither: its scripts are on PATH, where `view` would hide vim's.
 if {'install', 'develop'} & set(sys.argv):
     tables = runpy.run_path(f'{package_name}/executables.py')
-    scripts |= {name: f'{package_name}.executables:{name}' for name in tables['NODES']}
-    scripts |= {name: function for name, (_, function) in tables['PROGRAMS'].items()}
+    names = (*tables['NODES'], *tables['PROGRAMS'])
+    scripts |= {name: f'{package_name}.executables:{name}' for name in names}
 
 setup(
     name=package_name,

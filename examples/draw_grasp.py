@@ -3,8 +3,12 @@
 
 """Draw a robot with the forces on its object: writes drawing.png."""
 
-from isotruss_ros import core, plotting
-from matplotlib.figure import Figure
+from isotruss_ros import core
+from isotruss_ros.extras import explained_imports
+
+with explained_imports():
+    from isotruss_ros import plotting
+    from matplotlib.figure import Figure
 
 config = core.load_robot('nine_member').home
 x, y = core.tangent_center(config, 'north/Z', 0.3)

@@ -3,10 +3,14 @@
 
 """Optimise configuration and pressures of a grasp for its slip margin: writes optimised.png."""
 
-from isotruss_ros import core, plotting
-from matplotlib.figure import Figure
+from isotruss_ros import core
+from isotruss_ros.extras import explained_imports
 import numpy as np
 from scipy.optimize import minimize
+
+with explained_imports():
+    from isotruss_ros import plotting
+    from matplotlib.figure import Figure
 
 robot = core.load_robot('nine_member')
 members, load = ('north/P-Z', 'north/Z-R'), (0.5, -2.0, 0.0)

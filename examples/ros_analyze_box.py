@@ -8,10 +8,13 @@ First: `ros2 launch isotruss_ros simulation.launch.py`, or your robot and `grasp
 
 import math
 
-from geometry_msgs.msg import Point
-from isotruss_msgs.msg import ConvexObject
-from isotruss_msgs.srv import AnalyzeGrasp
-import rclpy
+from isotruss_ros.extras import explained_imports
+
+with explained_imports():
+    from geometry_msgs.msg import Point
+    from isotruss_msgs.msg import ConvexObject
+    from isotruss_msgs.srv import AnalyzeGrasp
+    import rclpy
 
 rclpy.init()
 node = rclpy.create_node('ros_analyze_box')

@@ -7,9 +7,12 @@ First: `ros2 launch isotruss_ros simulation.launch.py indentation:=0.005`, or yo
 `grasp_analysis`.
 """
 
-from isotruss_msgs.msg import GraspState
-import rclpy
-from rclpy.wait_for_message import wait_for_message
+from isotruss_ros.extras import explained_imports
+
+with explained_imports():
+    from isotruss_msgs.msg import GraspState
+    import rclpy
+    from rclpy.wait_for_message import wait_for_message
 
 rclpy.init()
 node = rclpy.create_node('ros_grasp_state')

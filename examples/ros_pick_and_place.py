@@ -9,11 +9,14 @@ object_pose:="[0.6, 0.3, 0.0]" object_diameter:=0.2`, or the nodes of docs/nodes
 
 import sys
 
-from geometry_msgs.msg import PoseStamped
-from isotruss_msgs.action import MoveObject, PickObject, PlaceObject
-from nav_msgs.msg import Path
-import rclpy
-from rclpy.action import ActionClient
+from isotruss_ros.extras import explained_imports
+
+with explained_imports():
+    from geometry_msgs.msg import PoseStamped
+    from isotruss_msgs.action import MoveObject, PickObject, PlaceObject
+    from nav_msgs.msg import Path
+    import rclpy
+    from rclpy.action import ActionClient
 
 rclpy.init()
 node = rclpy.create_node('ros_pick_and_place')

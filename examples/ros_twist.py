@@ -6,8 +6,11 @@
 First: `ros2 launch isotruss_ros simulation.launch.py`, or your robot and `manipulation`.
 """
 
-from geometry_msgs.msg import PoseStamped, Twist
-import rclpy
+from isotruss_ros.extras import explained_imports
+
+with explained_imports():
+    from geometry_msgs.msg import PoseStamped, Twist
+    import rclpy
 
 rclpy.init()
 node = rclpy.create_node('ros_twist')

@@ -7,9 +7,12 @@ from pathlib import Path
 import tempfile
 
 from isotruss_ros.calibration.beam_fit import end_stiffness
-from isotruss_ros.cli.fit_tube_stiffness import main
 from isotruss_ros.core.statics.section import InflatableBeam
+from isotruss_ros.extras import explained_imports
 import numpy as np
+
+with explained_imports():
+    from isotruss_ros.cli.fit_tube_stiffness import main
 
 tube = InflatableBeam(
     radius=0.051, membrane_modulus=5e4, membrane_shear_modulus=8e3, end_softening=6.0

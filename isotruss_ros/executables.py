@@ -13,9 +13,9 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
+import contextlib
 from functools import partial
 import importlib
-import importlib.util
 import os
 import signal
 import sys
@@ -54,10 +54,13 @@ PROGRAMS = {
         'fit the tube stiffness to joints under a known force',
         'isotruss_ros.cli.calibrate:stiffness',
     ),
+    'sweep': ('plan grasps for many robots and objects', 'isotruss_ros.cli.sweep:main'),
     'export_mujoco': ('write a robot as a MuJoCo model', 'isotruss_ros.cli.export_mujoco:main'),
 }
 #: Names of the commands that send a request to the running nodes.
 REQUESTS = ('pick', 'move', 'place', 'stop', 'release')
+#: Module and function of these commands.
+OPERATE = ('isotruss_ros.cli.operate', 'main')
 
 
 def _leave(_signal: int, _frame: FrameType | None) -> None:
@@ -73,24 +76,31 @@ def run_node(name: str) -> int:
     """
     for which in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(which, _leave)
-    if _messages_missing():
-        return 1
-    runner = importlib.import_module('isotruss_ros.nodes.framework.runner')
-    return runner.run(runner.find_node(name))
+    with _explained_imports():
+        runner = importlib.import_module('isotruss_ros.nodes.framework.runner')
+        node = runner.find_node(name)
+    return runner.run(node)
+
+
+def run_program(name: str) -> int:
+    """Run a program of `PROGRAMS`, or a request of `REQUESTS`; return its exit code."""
+    module, function = PROGRAMS[name][1].split(':') if name in PROGRAMS else OPERATE
+    with _explained_imports():
+        program = getattr(importlib.import_module(module), function)
+    return program()
 
 
 def __getattr__(name: str) -> Callable[[], int]:
     """Return the function of an executable by its name in the console scripts."""
     if name in NODES:
         return partial(run_node, name)
+    if name in PROGRAMS:
+        return partial(run_program, name)
     raise AttributeError(name)
 
 
-def _messages_missing() -> bool:
-    missing = importlib.util.find_spec('isotruss_msgs') is None
-    if missing:
-        print(importlib.import_module('isotruss_ros.nodes').NO_MESSAGES, file=sys.stderr)
-    return missing
+def _explained_imports() -> contextlib.AbstractContextManager[None]:
+    return importlib.import_module('isotruss_ros.extras').explained_imports()
 
 
 def isotruss() -> int:
@@ -101,16 +111,11 @@ def isotruss() -> int:
     """
     name = sys.argv[1] if len(sys.argv) > 1 else ''
     if name in REQUESTS:
-        if _messages_missing():
-            return 1
-        return importlib.import_module('isotruss_ros.cli.operate').main()
+        return run_program(name)  # its first argument is the name
     if name not in NODES and name not in PROGRAMS:
         _explain()
     del sys.argv[1]
-    if name in NODES:
-        return run_node(name)
-    module, function = PROGRAMS[name][1].split(':')
-    return getattr(importlib.import_module(module), function)()
+    return run_node(name) if name in NODES else run_program(name)
 
 
 def _explain() -> None:

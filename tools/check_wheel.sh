@@ -3,7 +3,8 @@
 # SPDX-License-Identifier: Apache-2.0
 
 # Builds the wheel of a fresh clone, installs it into an empty environment by one line, without ROS and
-# without a compiler, and runs the Python of the README there.
+# without a compiler, and runs the Python of the README there; then, with the extra demo, what the README
+# names next.
 # usage: check_wheel.sh VENV
 set -eu
 
@@ -28,3 +29,17 @@ pip install --quiet --disable-pip-version-check --only-binary :all: dist/*.whl
 echo "installed in $(($(date +%s) - begin)) s"
 sed -n '/^```python$/,/^```$/p' clone/README.md | sed '/^```/d' > readme.py
 python -W error readme.py
+for name in demo view plan_grasps move manipulation; do
+    if isotruss "$name" 2> errors; then
+        echo "isotruss $name: must name the package that is missing"
+        exit 1
+    fi
+    test "$(wc -l < errors)" = 1 || { cat errors; exit 1; }
+done
+pip install --quiet --disable-pip-version-check --only-binary :all: "$(echo dist/*.whl)[demo]"
+for example in clone/examples/[!r]*.py; do
+    echo "$example"
+    python "$example" > /dev/null
+done
+isotruss plan_grasps --center 0.5 0.3 --diameter 0.3 > /dev/null
+isotruss fit_tube_stiffness --help > /dev/null

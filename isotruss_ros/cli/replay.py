@@ -16,8 +16,9 @@ from typing import TYPE_CHECKING
 
 from isotruss_ros.core import IsotrussError, load_robot
 from isotruss_ros.core.errors import ConfigurationError
+from isotruss_ros.extras import MissingPackageError
 from isotruss_ros.viewer.message_checks import PictureError
-from isotruss_ros.viewer.names import LOCAL, MissingPackageError
+from isotruss_ros.viewer.names import LOCAL
 from isotruss_ros.viewer.picture import Picture
 
 if TYPE_CHECKING:

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Executable `python -m isotruss_ros.cli.sweep`, which plans grasps for many robots and objects.
+Executable `sweep`, which plans grasps for many robots and objects.
 
 The results are written to a CSV file. Each pair of a robot and an object is a task of a Dask
 cluster with two or more workers, on one machine or on several. The command needs `distributed`,
@@ -121,7 +121,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     :param arguments: arguments of the command line; None: the arguments of the process.
     :return: exit code.
     """
-    parser = argparse.ArgumentParser(prog='python -m isotruss_ros.cli.sweep', description=__doc__)
+    parser = argparse.ArgumentParser(prog='isotruss sweep', description=__doc__)
     parser.add_argument('robots', nargs='+', help='names of presets, or paths of robot files')
     parser.add_argument('--objects', type=Path, required=True, help='CSV file: x,y,diameter [m]')
     parser.add_argument('--output', type=Path, required=True, help='CSV file to write')

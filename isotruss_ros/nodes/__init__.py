@@ -15,11 +15,3 @@ import os
 # threads took 8.6 s of kernel time, without them 0.13 s.
 for _variable in ('OPENBLAS_NUM_THREADS', 'OMP_NUM_THREADS', 'MKL_NUM_THREADS'):
     os.environ.setdefault(_variable, '1')
-
-#: Error message if the package isotruss_msgs is not built.
-NO_MESSAGES = (
-    'isotruss_msgs, the interface package of isotruss_ros, is not built. It is the folder\n'
-    'msg_defs of isotruss_ros, where colcon does not look by itself. In the workspace:\n'
-    '  ln -s isotruss_ros/msg_defs src/isotruss_msgs\n'
-    '  colcon build && source install/setup.bash'
-)

@@ -15,12 +15,12 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped, Twist, WrenchStamped
 from isotruss_msgs.msg import GraspState, ManipulationStatus
 from isotruss_ros.core import IsotrussError
+from isotruss_ros.extras import MissingPackageError
 from isotruss_ros.nodes.conversions.message_text import schema_text, type_name
 from isotruss_ros.nodes.framework.parameters import FixedSpec, ParameterError
 from isotruss_ros.nodes.framework.runner import StoppableNode
 from isotruss_ros.nodes.framework.topics import EVENTS, NEWEST_MESSAGES
 from isotruss_ros.nodes.framework.transforms import TFMessage
-from isotruss_ros.viewer.names import MissingPackageError
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Float64MultiArray
 from visualization_msgs.msg import MarkerArray

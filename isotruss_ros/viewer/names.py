@@ -5,8 +5,6 @@
 
 from __future__ import annotations
 
-from isotruss_ros.core import IsotrussError
-
 #: Name of the object as a part that can be dragged, and requests to stop and to release the stop.
 OBJECT, STOP, RELEASE = 'object', 'stop', 'release'
 #: Requests to pick up and to place the object.
@@ -28,13 +26,3 @@ OBJECTS = {
 }
 #: Address that only this machine can reach.
 LOCAL = '127.0.0.1'
-
-
-class MissingPackageError(IsotrussError, ImportError):
-    """Error: a package that the extra `viewer` would install is missing."""
-
-    def __init__(self, error: ImportError) -> None:
-        super().__init__(
-            f'{error}: install what the viewer needs, in the environment of this Python: '
-            'pip install viser mcap rosbags'
-        )

@@ -42,6 +42,7 @@ NODES = [
     ['nodes'],
 ]
 REST = [
+    ['extras'],
     ['mujoco_plant'],
     ['calibration'],
     ['plotting'],

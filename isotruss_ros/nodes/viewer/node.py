@@ -15,6 +15,7 @@ from geometry_msgs.msg import PoseStamped, Twist, WrenchStamped
 from isotruss_msgs.msg import GraspState, ManipulationStatus
 from isotruss_ros.core import load_robot, Pose, read_object
 from isotruss_ros.core.errors import ConfigurationError
+from isotruss_ros.extras import MissingPackageError
 from isotruss_ros.nodes.conversions.grasp_messages import to_wrench_message
 from isotruss_ros.nodes.conversions.messages import (
     ALIGNED_OBJECT,
@@ -43,7 +44,6 @@ from isotruss_ros.viewer.message_checks import PictureError
 from isotruss_ros.viewer.names import (
     DRAGGED,
     LOCAL,
-    MissingPackageError,
     OBJECT,
     OBJECTS,
     PICK,
