@@ -11,6 +11,7 @@ from isotruss_ros.calibration.stiffness_scale import calibrate_stiffness
 from isotruss_ros.core import (
     analyze_grasp,
     ConvexObject,
+    deform,
     Disc,
     GraspRequirements,
     Grip,
@@ -18,14 +19,21 @@ from isotruss_ros.core import (
     load_robot,
     ObjectPath,
     PathTracker,
+    place_between,
+    plan_grasps,
     Pose,
     reach_pose,
+    reachable_twists,
     read_object,
+    RollingGrip,
     settle_grasp,
+    solve_joint_velocity,
+    solve_twist,
+    solve_twist_ahead,
     tangent_center,
     TwistServo,
 )
-from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.errors import ConfigurationError, GraspError
 from isotruss_ros.core.estimation.state_estimate import EstimatedTravel
 from isotruss_ros.core.inputs import InputFault, RollerState, StampedInput
 from isotruss_ros.core.paths.path_tracking import TrackingSettings
@@ -114,6 +122,32 @@ def test_pose_in_another_unit_is_refused_with_the_unit(pose, words):
 
 def test_an_object_may_be_moved_by_several_turns():
     assert BODY.moved_to((0.7, 0.5, 20.0)).pose.angle == 20.0
+
+
+#: Public functions of a configuration.
+CONFIGURATION_CALLS = {
+    'analyze_grasp': lambda given: analyze_grasp(given, BODY),
+    'deform': lambda given: deform(given, {'Z': (1.0, 0.0)}),
+    'place_between': lambda given: place_between(given, GRIP.members, BODY.shape),
+    'plan_grasps': lambda given: plan_grasps(given, BODY),
+    'reach_pose': lambda given: reach_pose(given, GRIP, BODY.pose),
+    'reachable_twists': lambda given: reachable_twists(given, GRIP),
+    'settle_grasp': lambda given: settle_grasp(given, BODY),
+    'solve_joint_velocity': lambda given: solve_joint_velocity(given, {'Z': (0.01, 0.0)}),
+    'solve_twist': lambda given: solve_twist(given, GRIP, (0.01, 0.0, 0.0)),
+    'solve_twist_ahead': lambda given: solve_twist_ahead(given, GRIP, (0.01, 0.0, 0.0), 0.01),
+    'tangent_center': lambda given: tangent_center(given, 'north/Z', 0.3),
+    'RollingGrip.attach': lambda given: RollingGrip.attach(given, GRIP),
+}
+
+
+@pytest.mark.parametrize('name', CONFIGURATION_CALLS)
+@pytest.mark.parametrize('given', [ROBOT, 'nine_member', None], ids=lambda x: type(x).__name__)
+def test_what_is_no_configuration_is_refused_with_the_home_configuration(name, given):
+    with pytest.raises(
+        ConfigurationError, match=r'must be a Configuration, such as `robot\.home`'
+    ):
+        CONFIGURATION_CALLS[name](given)
 
 
 def receive(**inputs):

@@ -21,7 +21,7 @@ from isotruss_ros.core.contact.refinement import ContactSolver, measure_contact,
 from isotruss_ros.core.contact.sliding_contact import solve_sliding_contact, turn_at_corners
 from isotruss_ros.core.contact.surfaces import Surface, surface_of
 from isotruss_ros.core.errors import GraspError, SolverError
-from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.kinematics.configuration import Configuration, require_configuration
 from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.model.check_load import check_load
 from isotruss_ros.core.model.convex_object import ConvexObject
@@ -79,6 +79,7 @@ def analyze_grasp(
     :raises SolverError: the contact problem was not solved, or the object overlaps a part of a
         member at which no contact is modelled.
     """
+    require_configuration(config)
     mu, wrench = check_load(body, friction, external_wrench)
     (gap,) = finite_array([spacing], 1, 'spacing [m]', GraspError).tolist()
     if not SPACING_RANGE[0] <= gap <= SPACING_RANGE[1]:

@@ -18,7 +18,7 @@ from isotruss_ros.core.holding.held_grip import (
 )
 from isotruss_ros.core.holding.lost_contact import LostContact
 from isotruss_ros.core.holding.settled_grasp import SettledGrasp
-from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.kinematics.configuration import Configuration, require_configuration
 from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.manipulation.grip import find_members, Grip
 from isotruss_ros.core.model.check_load import check_load
@@ -64,6 +64,7 @@ def settle_grasp(
     :raises StructureError: a pressure is invalid, the robot is a mechanism, or its stiffness laws
         contradict each other.
     """
+    require_configuration(config)
     mu, wrench = check_load(body, friction, external_wrench)
     body = body.smoothed(0.5 * config.robot.description.tube_diameter)
     numbers = None

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from functools import cached_property
 
-from isotruss_ros.core.errors import ConfigurationError
+from isotruss_ros.core.errors import ConfigurationError, quote
 from isotruss_ros.core.kinematics.constraints import follow_branch, Targets
 from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.numerics.arrays import Array, Points
@@ -271,3 +271,16 @@ class ConfigurationTracker:
         measured = self.configuration(roller_positions)
         self._ahead = measured.predict(travel)
         return measured, self._ahead
+
+
+def require_configuration(config: Configuration) -> None:
+    """
+    Raise ConfigurationError unless the argument of a public function is a configuration.
+
+    :raises ConfigurationError: the argument is another object, for example a robot.
+    """
+    if not hasattr(type(config), 'roller_rows'):
+        raise ConfigurationError(
+            f'configuration {quote(type(config).__name__)}: must be a Configuration, such as '
+            '`robot.home` or `robot.configuration(roller_positions)`'
+        )

@@ -10,7 +10,7 @@ import itertools
 import math
 
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.kinematics.configuration import Configuration, require_configuration
 from isotruss_ros.core.manipulation.grip import find_contacts, find_members, Grip, members_at
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import Pose
@@ -41,6 +41,7 @@ def place_between(
     :raises GraspError: the robot has no such members; a number is not finite; or the object does
         not fit between these members.
     """
+    require_configuration(config)
     turned, depth = finite_array([angle, indentation], 2, 'angle, indentation', GraspError)
     names = Grip(tuple(members), ConvexObject(shape)).members
     nodes = find_members(config.robot, names)
@@ -92,6 +93,7 @@ def tangent_center(
     :raises GraspError: the robot has no such module; the diameter is not positive; the indentation
         is not finite; or the disc would be behind the module or beyond the end of a member.
     """
+    require_configuration(config)
     (depth,) = finite_array([indentation], 1, 'indentation [m]', GraspError)
     nodes = find_members(config.robot, members_at(config.robot, module))
     # The next member starts at the module's B, the previous one ends at its C.

@@ -24,7 +24,7 @@ import math
 from typing import NamedTuple
 
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.kinematics.configuration import Configuration, require_configuration
 from isotruss_ros.core.manipulation.grip import find_contacts, find_members, Grip
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.model.shapes import Shape
@@ -72,6 +72,7 @@ class RollingGrip:
         :param grip: the grip, with the object at its pose.
         :raises GraspError: see `find_contacts`.
         """
+        require_configuration(config)
         contacts = find_contacts(config, grip)
         by_member = {contact.owner: contact for contact in contacts}
         sides = np.array([contact.side for contact in by_member.values()])

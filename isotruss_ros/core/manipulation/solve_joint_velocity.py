@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.kinematics.configuration import Configuration, require_configuration
 from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.manipulation.limit_handling import LimitHandling
 from isotruss_ros.core.manipulation.limits import Limit
@@ -65,6 +65,7 @@ def solve_joint_velocity(
     :raises ConfigurationError: the configuration is singular.
     :raises SolverError: a quadratic program was not solved.
     """
+    require_configuration(config)
     robot = config.robot
     names = robot.topology.joint_names
     if not velocities:

@@ -9,7 +9,7 @@ from collections.abc import Collection, Sequence
 import math
 
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.kinematics.configuration import Configuration, require_configuration
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.manipulation.limit_handling import apply_limits, LimitHandling
@@ -65,6 +65,7 @@ def solve_twist(
     :raises ConfigurationError: the configuration is singular.
     :raises SolverError: a quadratic program was not solved.
     """
+    require_configuration(config)
     robot = config.robot
     desired = np.asarray(twist)
     usable = desired.dtype == float and desired.shape == (3,)
@@ -146,6 +147,7 @@ def solve_twist_ahead(
     :raises ConfigurationError: see `solve_twist`, or no predicted configuration exists.
     :raises SolverError: a quadratic program was not solved.
     """
+    require_configuration(config)
     if not (math.isfinite(lead) and lead >= 0.0):
         raise GraspError(f'lead {lead!r} s: must be a finite number, not negative')
     command = solve_twist(config, grip, twist, failed, limits, handling)
@@ -168,6 +170,7 @@ def reachable_twists(config: Configuration, grip: Grip, failed: Collection[str] 
     :raises GraspError: the grip or a name in `failed` is invalid.
     :raises ConfigurationError: the configuration is singular.
     """
+    require_configuration(config)
     working = working_rollers(config.robot.topology, frozenset(failed))
     reach = _find_reach(config, grip, working)
     return reach.directions / reach.weights

@@ -19,7 +19,7 @@ from dataclasses import replace
 import time
 
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.kinematics.configuration import Configuration, require_configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.tolerances import NEGLIGIBLE_SHARE
@@ -77,6 +77,7 @@ def plan_grasps(
     :raises GraspError: the robot has no such module or members, or the seed is invalid.
     :raises StructureError: the robot cannot be analysed.
     """
+    require_configuration(config)
     needs = requirements or GraspRequirements()
     required_members(config.robot, needs)  # names are checked here, once
     if body.friction is not None:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import math
 
 from isotruss_ros.core.errors import ConfigurationError, GraspError, SolverError
-from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.kinematics.configuration import Configuration, require_configuration
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.limit_handling import LimitHandling
 from isotruss_ros.core.manipulation.limits import APPROACH_RATE, default_limits
@@ -73,6 +73,7 @@ def reach_pose(config: Configuration, grip: Grip, pose: ArrayLike) -> ReachedPos
     :raises GraspError: the pose is not three finite numbers within range, or the members do not
         touch the object.
     """
+    require_configuration(config)
     what = 'the pose to reach (x, y, angle) [m, rad]'
     goal = finite_array(pose, 3, what, GraspError, MAX_MAGNITUDE)
     rolling, path = RollingGrip.attach(config, grip), [config.roller_positions]

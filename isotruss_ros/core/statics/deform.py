@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 from isotruss_ros.core.errors import SolverError, StructureError
-from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.kinematics.configuration import Configuration, require_configuration
 from isotruss_ros.core.numerics.arrays import Array, finite_array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.records import Record
@@ -133,6 +133,7 @@ def deform(
         outside of its member; a pressure is invalid; the robot is a mechanism (the message names
         the moving parts); or the loads exceed the limit load (the message names it).
     """
+    require_configuration(config)
     structure = structure_of(config, pressure)
     robot = config.robot
     frame, loads = _load_tubes(structure, tube_loads or {})
