@@ -24,6 +24,8 @@ LARGE = robots.random_robot(6)
 
 RESULTS = {
     'robot': ROBOT,
+    'object': DISC,
+    'grip': GRIP,
     'configuration': ROBOT.configuration([0.01, 0.0, 0.0, 0.0, 0.0, 0.0]),
     'settled': SETTLED,
     'analysis': core.analyze_grasp(ROBOT.home, DISC),
@@ -77,6 +79,19 @@ def test_data_have_forces_by_member():
     assert set(data['normal_forces']) == set(MEMBERS)
     assert data['hold'] == 'held'
     assert data['pose']['x'] == pytest.approx(DISC.pose.x, abs=0.02)
+
+
+def test_data_of_an_object_and_its_grip_have_their_fields():
+    data = GRIP.to_dict()
+    assert data['members'] == list(GRIP.members)
+    assert data['body'] == DISC.to_dict()
+    assert data['body'] | {'pose': None} == {
+        'shape': {'diameter': 0.3},
+        'pose': None,
+        'mass': None,
+        'center_of_mass': None,
+        'friction': 0.8,
+    }
 
 
 @pytest.mark.parametrize(

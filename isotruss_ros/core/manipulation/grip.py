@@ -24,6 +24,7 @@ from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.model.convex_object import check_friction, ConvexObject
 from isotruss_ros.core.model.topology import Topology
 from isotruss_ros.core.numerics.arrays import Indices
+from isotruss_ros.core.numerics.records import Record
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -31,8 +32,8 @@ from numpy.typing import ArrayLike
 GRIP_SIZES = (2, 3)
 
 
-@dataclass(frozen=True)
-class Grip:
+@dataclass(frozen=True, repr=False)
+class Grip(Record, headline=('members', 'friction', 'body')):
     """
     Object with its grasping members, without a configuration of the robot.
 

@@ -15,6 +15,7 @@ from isotruss_ros.core.model.pose import MAX_FRICTION, MAX_MASS, Pose, pose_faul
 from isotruss_ros.core.model.shapes import Disc, Shape, SurfacePoints
 from isotruss_ros.core.model.units import likely_unit
 from isotruss_ros.core.numerics.arrays import Array, finite_array, MAX_MAGNITUDE, Points
+from isotruss_ros.core.numerics.records import Record
 from isotruss_ros.core.numerics.tolerances import COINCIDENCE
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,8 +25,8 @@ ORIGIN = Pose(0.0, 0.0, 0.0)
 DEFAULT_FRICTION = 0.5
 
 
-@dataclass(frozen=True)
-class ConvexObject:
+@dataclass(frozen=True, repr=False)
+class ConvexObject(Record, headline=('shape', 'pose', 'mass', 'center_of_mass', 'friction')):
     """
     Convex object at a pose in the robot frame.
 
