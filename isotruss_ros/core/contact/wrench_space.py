@@ -1,0 +1,76 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Wrench space of contacts, and the grasp quality of Ferrari and Canny (ICRA 1992).
+
+The structure behind the contacts does not enter: each contact exerts any force in its friction
+cone whose normal component is limited, with limit 1 for the sum of all contacts (L1) or for each
+contact (Linf). Moments are divided by the characteristic radius of the object.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.tolerances import ROUNDING
+import numpy as np
+from scipy.spatial import ConvexHull, QhullError
+
+#: Limit of the normal forces: of their sum, or of each.
+Norm = Literal['L1', 'Linf']
+
+
+@dataclass(frozen=True)
+class WrenchSpace:
+    """Set of wrenches that contacts with limited normal forces exert on an object."""
+
+    #: Radius of the largest ball around the origin within the set, Ferrari and Canny's epsilon: the
+    #: largest wrench that the contacts resist in every direction per unit of normal force [-].
+    epsilon: float
+    volume: float  #: volume of the set [-]
+
+    @property
+    def closed(self) -> bool:
+        """Return whether the contacts alone have force closure: they resist any wrench."""
+        return self.epsilon > 0.0
+
+
+def wrench_space(
+    points: Array, normals: Array, friction: float, arm: float, norm: Norm = 'L1'
+) -> WrenchSpace:
+    """
+    Return the wrench space of point contacts with friction.
+
+    :param points: (k, 2) contacts relative to the reference point of the moments [m].
+    :param normals: (k, 2) unit normals away from the object.
+    :param arm: characteristic radius by which moments are divided [m].
+    :raises GraspError: the norm is neither L1 nor Linf.
+    """
+    edges = _edge_wrenches(points, normals, friction, arm)
+    if norm == 'L1':
+        vertices = np.vstack([np.zeros((1, 3)), edges.reshape(-1, 3)])
+    elif norm == 'Linf':
+        vertices = np.zeros((1, 3))
+        for cone in edges:
+            vertices = (vertices[:, None] + np.vstack([np.zeros(3), cone])).reshape(-1, 3)
+    else:
+        raise GraspError(f"norm {norm!r}: must be 'L1' or 'Linf'")
+    try:
+        hull = ConvexHull(vertices)
+    except QhullError:  # all wrenches are in one plane
+        return WrenchSpace(0.0, 0.0)
+    epsilon = -float(hull.equations[:, -1].max())
+    return WrenchSpace(epsilon if epsilon > ROUNDING else 0.0, float(hull.volume))
+
+
+def _edge_wrenches(points: Array, normals: Array, friction: float, arm: float) -> Array:
+    """Return the wrenches (k, 2, 3) of the edges of the cones, with normal forces of 1 [-]."""
+    tangents = np.column_stack([-normals[:, 1], normals[:, 0]])
+    edges = -normals[:, None] + friction * np.stack([tangents, -tangents], axis=1)
+    x, y = points[:, None].transpose(2, 0, 1)
+    moments = (x * edges[..., 1] - y * edges[..., 0]) / arm
+    return np.concatenate([edges, moments[..., None]], axis=2)
