@@ -24,6 +24,7 @@ PRINTED = {
     'failed_roller': 'failed: none: 3 independent motions left',
     'first_twist': 'south/P  -0.0033 m/s',
     'follow_path': 'reached 0.26 mm off',
+    'grasp_map': 'held with a slip margin of up to 4.4 N: see map.png',
     'grasps_in_processes': '200 of 200 hold the disc',
     'learning_loop': 'towards the goal: 0.9 mm from the goal at the end',
     'limits': 'too fast: slowed roller speed scale 0.476',

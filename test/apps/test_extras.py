@@ -33,6 +33,7 @@ NEEDED = {
 } | dict.fromkeys(['demo', 'view', *executables.REQUESTS, *executables.NODES], '`make venv`')
 EXAMPLES = {
     'draw_grasp': "'isotruss_ros[demo]'",
+    'grasp_map': "'isotruss_ros[demo]'",
     'optimise_grasp': "'isotruss_ros[demo]'",
     'tube_calibration': "'isotruss_ros[demo]'",
 } | {path.stem: '`make venv`' for path in (ROOT / 'examples').glob('ros_*.py')}

@@ -1,0 +1,40 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Map slip margin and force closure over the position of a large disc: writes map.png."""
+
+from isotruss_ros import core
+from isotruss_ros.extras import explained_imports
+import numpy as np
+
+with explained_imports():
+    from isotruss_ros import plotting
+    from matplotlib.figure import Figure
+
+config = core.load_robot('nine_member').home
+x, y = np.meshgrid(np.linspace(0.62, 0.82, 20), np.linspace(0.31, 0.51, 20))
+
+
+def settle(x: float, y: float) -> object:
+    """Return the grasp by the two or three members that the disc touches at a position [m]."""
+    return core.settle_grasp(config, core.ConvexObject.disc((x, y), 0.6), friction=0.8)
+
+
+grasps = [settle(*place) for place in zip(x.flat, y.flat, strict=True)]
+margin, closed, held = (
+    np.reshape([getattr(grasp, name) for grasp in grasps], x.shape)
+    for name in ('slip_margin', 'force_closure', 'held')
+)
+figure = Figure(figsize=(9.0, 4.2), layout='constrained')
+left, right = figure.subplots(1, 2, width_ratios=(1, 1.4))
+plotting.plot_robot(config, left).plot(x[held], y[held], '.', ms=2)
+left.autoscale_view()
+filled = right.contourf(x, y, margin, np.linspace(0.0, 6.0, 13), extend='both')
+right.contour(x, y, closed, [0.5], colors='white', linestyles='dashed')
+right.contour(x, y, held, [0.5], colors='white')
+right.set(xlabel='x [m]', ylabel='y [m]', title='force closure: dashed, held: solid line')
+for axes in (left, right):
+    axes.set_aspect('equal')
+figure.colorbar(filled, ax=right, label='slip margin [N]')
+figure.savefig('map.png')
+print(f'held with a slip margin of up to {margin[held].max():.1f} N: see map.png')
