@@ -15,16 +15,14 @@ with explained_imports():
 robot = core.load_robot('nine_member')
 members, load = ('north/P-Z', 'north/Z-R'), (0.5, -2.0, 0.0)
 body = core.place_between(robot.home, members, core.Disc(0.3), indentation=0.01).body
-# Travel of six rollers [m], pressures of three tubes relative to the robot file [-].
-unit = np.append(np.ones(6), [*robot.description.pressures.values()])
+unit = np.append(np.ones(6), [*robot.description.pressures.values()])  # [m], [Pa]
 start, bounds = np.repeat([0.0, 1.0], [6, 3]), [(-0.05, 0.05)] * 6 + [(0.7, 1.3)] * 3
 
 
 def solve(values: np.ndarray) -> tuple:
     """Return minus the slip margin, the constraints, gradients, and the grasp."""
     travel, pressures = np.split(unit * values, [6])
-    config = robot.configuration(travel)
-    grasp = core.settle_grasp(config, body, 0.8, load, pressures, members)
+    grasp = core.settle_grasp(robot.configuration(travel), body, 0.8, load, pressures, members)
     found, way = core.grasp_gradient(grasp), grasp.displacement[:2]
     own = np.r_[found.parameters.rollers, found.parameters.pressures]
     left = np.append(0.6 - np.array([*grasp.utilisation.values()]), 0.02**2 - way @ way)
@@ -38,8 +36,7 @@ figure = Figure(figsize=(9.0, 4.8), layout='constrained')
 for values, axes in zip((start, best.x), figure.subplots(1, 2), strict=True):
     grasp = solve(values)[-1]
     grip, used = grasp.equilibrium, max(grasp.utilisation.values())
-    title = f'slip margin {grasp.slip_margin:.2f} N, utilisation {used:.2f}, held: {grasp.held}'
     analysis = core.analyze_grasp(grip.config, grip.body, 0.8, load, pressure=grip.tubes.pressure)
-    plotting.plot_grasp(grip.config, grip.body, analysis, axes, scale=0.006).set_title(title)
-    print(title)
+    plotting.plot_grasp(grip.config, grip.body, analysis, axes, scale=0.006)
+    print(f'slip margin {grasp.slip_margin:.2f} N, utilisation {used:.2f}, held: {grasp.held}')
 figure.savefig('optimised.png')
