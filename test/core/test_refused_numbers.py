@@ -120,6 +120,23 @@ def test_pose_in_another_unit_is_refused_with_the_unit(pose, words):
         ConvexObject(Disc(0.3), pose)
 
 
+@pytest.mark.parametrize(
+    ('pose', 'words'),
+    [
+        ((0.7, 0.7, 90.0), 'if it is in degrees, it is 1.571 rad'),
+        ((716.0, 0.7, 0.0), 'if it is in mm, it is 0.716 m'),
+    ],
+)
+def test_pose_to_reach_in_another_unit_is_refused_with_the_unit(pose, words):
+    with pytest.raises(GraspError, match=words):
+        reach_pose(HOME, GRIP, pose)
+
+
+def test_path_in_millimetres_is_refused_with_the_unit():
+    with pytest.raises(IsotrussError, match=r'pose 1 of the path: .* in mm, it is 0\.716 m'):
+        ObjectPath([(0.0, 0.0, 0.0), (716.0, 0.0, 30.0)], 0.05, 0.5)
+
+
 def test_an_object_may_be_moved_by_several_turns():
     assert BODY.moved_to((0.7, 0.5, 20.0)).pose.angle == 20.0
 

@@ -213,7 +213,8 @@ BAD_GOALS = {
     'not finite': (goal((0.0, math.nan, 0.0), begin=PROBED), 'pose 1 of the path'),
     'no rotation': (bend(goal(UP, begin=PROBED), BROKEN), 'quaternion has norm 2'),
     'half a turn': (goal(begin=(*CENTER, 0.3 - math.pi)), 'pose 0 of the path is half a turn'),
-    'a kilometre away': (goal(begin=(1000.0, 0.0, 0.3)), 'pose 0 of the path: (1000, 0) m is'),
+    'fifty metres away': (goal(begin=(50.0, 0.0, 0.3)), 'pose 0 of the path: (50, 0) m is'),
+    'in millimetres': (goal(begin=(700.0, 0.0, 0.3)), 'if it is in mm, it is 0.7 m'),
     'endless': (endless(goal(UP, begin=PROBED)), 'has 10001 poses; must be at most 10000'),
     'no tolerance': (goal(UP, begin=PROBED, position_tolerance=0.0), 'position_tolerance 0.0'),
 }

@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 
 from isotruss_ros.core.errors import NoMotionError, PathError
+from isotruss_ros.core.model.pose import pose_fault
 from isotruss_ros.core.numerics.arrays import Array, MAX_MAGNITUDE
 from isotruss_ros.core.numerics.tolerances import ROUNDING
 import numpy as np
@@ -123,6 +124,10 @@ def _checked(poses: ArrayLike, first: int) -> Array:
             f'pose {bad[0] + first} of the path: {array[bad[0]].tolist()}: must be finite, '
             f'at most {MAX_MAGNITUDE:g}'
         )
+    # Angles continue beyond one turn.
+    for number, (x, y) in enumerate(array[:, :2].tolist(), first):
+        if fault := pose_fault(x, y):
+            raise PathError(f'pose {number} of the path: ({x:g}, {y:g}): {fault}')
     return array
 
 

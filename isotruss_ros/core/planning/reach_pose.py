@@ -16,7 +16,7 @@ from isotruss_ros.core.manipulation.limits import APPROACH_RATE, default_limits
 from isotruss_ros.core.manipulation.rolling_grip import RollingGrip
 from isotruss_ros.core.manipulation.solve_twist import solve_twist_ahead
 from isotruss_ros.core.manipulation.status import Status
-from isotruss_ros.core.model.pose import Pose, pose_difference
+from isotruss_ros.core.model.pose import Pose, pose_difference, pose_fault
 from isotruss_ros.core.numerics.arrays import Array, finite_array, MAX_MAGNITUDE
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.records import Record
@@ -76,6 +76,8 @@ def reach_pose(config: Configuration, grip: Grip, pose: ArrayLike) -> ReachedPos
     require_configuration(config)
     what = 'the pose to reach (x, y, angle) [m, rad]'
     goal = finite_array(pose, 3, what, GraspError, MAX_MAGNITUDE)
+    if fault := pose_fault(*goal.tolist()):
+        raise GraspError(f'{what}: {goal.tolist()}: {fault}')
     rolling, path = RollingGrip.attach(config, grip), [config.roller_positions]
     guard = ShapeGuard(config.robot)
     left = pose_difference(goal, rolling.pose)
