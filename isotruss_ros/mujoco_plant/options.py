@@ -16,7 +16,7 @@ import math
 from types import ModuleType
 
 from isotruss_ros.core.errors import IsotrussError
-from isotruss_ros.core.model.convex_object import DEFAULT_FRICTION
+from isotruss_ros.core.model.convex_object import check_friction, DEFAULT_FRICTION
 import numpy as np
 
 #: Value of `local_stiffness` with which cross sections do not flatten, as in MuJoCo; their
@@ -91,6 +91,7 @@ class PlantOptions:
             )
             if not 0.0 <= value < math.inf or (name in POSITIVE_OPTIONS and value == 0.0):
                 raise PlantError(f'MuJoCo plant: {name} {value!r}: must be {words} and finite')
+        check_friction(self.friction, 'MuJoCo plant: friction')
         if not self.roller_force > 0.0:
             raise PlantError(f'MuJoCo plant: roller_force {self.roller_force!r} N: must be > 0')
         if not np.isfinite(self.gravity).all():

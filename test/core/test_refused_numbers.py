@@ -39,6 +39,7 @@ from isotruss_ros.core.inputs import InputFault, RollerState, StampedInput
 from isotruss_ros.core.paths.path_tracking import TrackingSettings
 from isotruss_ros.core.planning.foresee_path import foresee_grip
 from isotruss_ros.core.servo.servo_settings import ServoSettings, SqueezeSettings
+from isotruss_ros.mujoco_plant.options import PlantOptions
 import numpy as np
 import pytest
 
@@ -93,6 +94,7 @@ FRICTION_CALLS = {
     'analysis': lambda mu: analyze_grasp(HOME, BODY, mu),
     'grip': lambda mu: Grip.at_module(ROBOT, 'north/Z', BODY, mu),
     'requirements': lambda mu: GraspRequirements(friction=mu),
+    'MuJoCo plant': lambda mu: PlantOptions(friction=mu),
 }
 
 
