@@ -115,9 +115,9 @@ def test_a_planar_pose_in_a_tilted_frame_is_refused_by_name(degrees):
 
 def test_heights_that_are_not_finite_are_refused_if_they_are_used():
     frame = RobotFrame(ROBOT, Buffer(UPRIGHT))
-    with pytest.raises(MessageError, match=r'object pose at .*: must be finite'):
+    with pytest.raises(MessageError, match=r'object pose at .*: x must be finite'):
         frame.read_pose(pose((1.0, 2.0, math.nan), UPRIGHT.inv()))
-    with pytest.raises(MessageError, match=r'joint marker P at .*: must be finite'):
+    with pytest.raises(MessageError, match=r'joint marker P at .*: x must be finite'):
         frame.read_markers(markers({'P': (1.0, 2.0, math.nan)}))
 
 
