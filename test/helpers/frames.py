@@ -30,10 +30,14 @@ class LinearRows(NamedTuple):
         """Return no pairs, since the constraints are linear."""
         return (np.zeros(0, dtype=np.intp),) * 2
 
-    def linearize(self, points, displacements):
+    def spans(self, points):
+        """Return no spans."""
+        return points[:0]
+
+    def linearize(self, spans, displacements):
         """Return entries and violations; there are no spans."""
         moved = displacements.ravel()[self.column] * self.value
-        return self.value, np.bincount(self.row, moved, minlength=self.count), points[:0]
+        return self.value, np.bincount(self.row, moved, minlength=self.count), spans
 
     def curvature(self, spans, multipliers):
         """Return no geometric stiffness."""

@@ -96,7 +96,7 @@ class ContactPoints:
             return self.bent.bent_to(None)
         moved, multipliers = (share * each for each in self.move(push))
         tangent = self.bent.tangent
-        forces, _ = tangent.changed_forces(moved)
+        forces = tangent.forces.values + tangent.force_changes(moved[..., None])[0][..., 0]
         displaced = Displaced(
             tangent.displacements + moved,
             tangent.multipliers + multipliers,
@@ -124,34 +124,6 @@ class ContactPoints:
         return replace(
             found, skin=found.points + (self.skin - self.points) / self.axis * found.axis
         )
-
-    @property
-    def response_error(self) -> float:
-        """Return the relative error of the compliance if it was computed in another state [-]."""
-        return self.bent.tangent.response_error(self.bent.tangent)
-
-    def lend(self, bent: BentTubes) -> bool:
-        """
-        Reuse the factorised stiffness matrix for tubes in nearly the same state, if possible.
-
-        :param bent: the other tubes, which may have other load points.
-        :return: True if the matrix is reused.
-        """
-        alike = not bent.is_straight and bent.structure.pressures == self.bent.structure.pressures
-        # A relative error of 0.01 lets each step of the iteration reduce its error a hundredfold.
-        near = alike and self.bent.tangent.response_error(bent.tangent) <= 0.01
-        if near:
-            bent.tangent.borrow(self.bent.tangent)
-        return near
-
-    def is_parallel(self, bent: BentTubes, spacing: float) -> bool:
-        """
-        Return whether other points have nearly the positions of these points on the members.
-
-        :param bent: the linearised tubes with the other points as load points, after `lend`.
-        :param spacing: spacing of the other points [m].
-        """
-        return spacing == self.spacing and bent.tangent.chains is self.bent.tangent.chains
 
     def normal_compliance(self, normals: Points) -> Array:
         """
@@ -238,7 +210,6 @@ def find_contact_points(
     flattening: Flattening | None = None,
     windows: Array | None = None,
     bent: BentTubes | None = None,
-    known: tuple[ContactPoints, Points] | None = None,
 ) -> ContactPoints:
     """
     Place candidate contact points on the members that an object can touch.
@@ -252,8 +223,6 @@ def find_contact_points(
         start [m]; None: the whole member.
     :param bent: tubes that are linearised about a similar bent state, possibly with other load
         points; the new points are on these bent tubes. None: straight tubes.
-    :param known: earlier points of these tubes, and forces on them, x + iy [N]. A new point near
-        an earlier point takes over the compliance of the earlier point.
     """
     config, width = structure.config, 0.0 if flattening is None else flattening.radius
     topology = config.robot.topology
@@ -275,13 +244,10 @@ def find_contact_points(
     place = np.clip(foot[member] + spacing * number, 0.0, length[member])
     tubes = BentTubes(structure, member, place)
     tubes = tubes if bent is None else tubes.bent_like(bent)
-    if known is not None and known[0].lend(tubes) and known[0].is_parallel(tubes, spacing):
-        points = known[0].about(tubes, known[1])
-    else:
-        if flattening is None:
-            return points_on_members(tubes, spacing)
-        dents = flattening.compliance(place, member, topology.tube[member], spacing)
-        points = points_on_members(tubes, spacing, dents)
+    if flattening is None:
+        return points_on_members(tubes, spacing)
+    dents = flattening.compliance(place, member, topology.tube[member], spacing)
+    points = points_on_members(tubes, spacing, dents)
     toward = np.where(away.imag < 0.0, -1j, 1j)
     return replace(points, skin=points.points + width * toward[member] * points.axis)
 
@@ -312,28 +278,24 @@ def points_on_members(
     :param spacing: length of tube that each point represents [m].
     :param dents: (c, c) compliance of the skin relative to the centre line [m/N]; None: zero.
     """
-    frame, tangent = tubes.frame, tubes.tangent
-    nodes, count, chains = frame.nodes, len(frame.nodes), tangent.chains
+    frame, tangent, count = tubes.frame, tubes.tangent, len(tubes.members)
     # Responses to unit loads on the ends of pieces, and the step to the state without loads.
-    ends = np.concatenate([np.zeros(0, int), *(each.chains.ends.ravel() for each in chains)])
+    ends = frame.layout.ends.ravel() if count else np.zeros(0, dtype=np.intp)
     loads = np.zeros((3 * len(frame.points), len(ends)))
     loads[ends, np.arange(len(ends))] = 1.0
     moved, _ = tangent.balance(np.zeros(len(loads)), loads)
     points, axis = _line(tubes, moved[..., -1])
     inside, spread = np.zeros((2, count, 2, count)), np.zeros((2, count, len(ends)))
-    begin = 0
-    for (_, inner, _), inverses, spreads, _ in chains:
-        for dofs, inverse, own in zip(inner, inverses, spreads, strict=True):
-            at = dofs[::3] // 3 - nodes[0]
-            x, y, back = axis[at].real, axis[at].imag, axis[at].conj()[:, None]
-            rows = (inverse[::3] + 1j * inverse[1::3]) * back
-            pushed = x * rows[:, ::3] + y * rows[:, 1::3], x * rows[:, 1::3] - y * rows[:, ::3]
-            there, columns = at[:, None], slice(begin, begin + 6)
-            for way, each in enumerate(pushed):
-                inside[0, there, way, at], inside[1, there, way, at] = each.real, each.imag
-            moving = (own[::3] + 1j * own[1::3]) * back
-            spread[0, at, columns], spread[1, at, columns] = moving.real, moving.imag
-            begin += 6
+    for i in range(len(ends) // 6):
+        first = i * frame.layout.most
+        at = np.flatnonzero(frame.layout.slot // frame.layout.most == i)
+        slot, turn = frame.layout.slot[at] - first, axis[at]
+        turn = np.array([[turn.real, turn.imag], [-turn.imag, turn.real]])
+        own = tangent.cuts.inverse[i].reshape(frame.layout.most, 3, -1, 3)[:, :2, :, :2]
+        own = np.einsum('aic,cidj,bjd->acbd', turn, own[slot][:, :, slot], turn)
+        inside[np.ix_([0, 1], at, [0, 1], at)] = own
+        own = tangent.cuts.spread[i].reshape(-1, 3, 6)[slot, :2]
+        spread[:, at, 6 * i : 6 * i + 6] = np.einsum('aic,cie->ace', turn, own)
     dents = np.zeros((count, count)) if dents is None else dents
     inside[1, :, 1] += dents
     return ContactPoints(

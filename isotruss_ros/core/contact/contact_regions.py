@@ -18,8 +18,8 @@ from typing import Any
 from isotruss_ros.core.contact.contact_points import ContactPoints, ContactState
 from isotruss_ros.core.contact.grasp_analysis import SolvedContact
 from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.statics.beam_column import end_forces
 from isotruss_ros.core.statics.structure import Structure
-from isotruss_ros.core.statics.tangent import end_forces
 from isotruss_ros.core.statics.wrinkling import find_utilisation, Utilisation
 import numpy as np
 
@@ -40,7 +40,9 @@ def find_wrinkling(
     radius = 0.5 * structure.config.robot.description.tube_diameter
     touching = np.flatnonzero(contact.forces > 0.0)
     frame, linear = tubes.frame, tubes.is_straight
-    forces, length = tubes.tangent.changed_forces(contact_points.move(contact.push)[0])
+    changes, longer = tubes.tangent.force_changes(contact_points.move(contact.push)[0][..., None])
+    forces = tubes.tangent.forces.values + changes[..., 0]
+    length = tubes.tangent.length + longer[:, 0]
     ends, pull = end_forces(forces, length), forces[:, 0]
     sections = find_utilisation(structure, frame, ends, 0.0 * pull if linear else pull)
     aside = np.sign((contact.push * contact_points.axis.conj()).imag)[touching]

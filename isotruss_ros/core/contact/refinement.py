@@ -263,9 +263,8 @@ class _Search:
         before: SolvedContact | None = None,
     ) -> SolvedContact:
         """Place points at the spacing `distance`, see `find_contact_points`; solve the contact."""
-        known = None if before is None else (before.points, before.contact.push)
         points = find_contact_points(
-            self.structure, self.surface, distance, self.flattening, windows, bent, known
+            self.structure, self.surface, distance, self.flattening, windows, bent
         )
         return self._measure(points, solve(points, self.surface.resolved(distance)))
 
@@ -295,7 +294,7 @@ class _Search:
         least = 1e-3 if self.budget is None else 0.1
         for _ in range(MAX_SEARCH_STEPS):
             distance = points.distance(contact.push)
-            ratio = max(TUBE_CURVATURE * distance + points.response_error, least, distance / last)
+            ratio = max(TUBE_CURVATURE * distance, least, distance / last)
             reach = np.abs(contact.displacements).max(initial=0.0)
             settled = ratio * distance <= max(SETTLED_SHARE * reach, COINCIDENCE)
             shorter = ratio <= 0.5
@@ -314,8 +313,7 @@ class _Search:
                 contact: ContactState = contact,
                 quick: bool = quick,
             ) -> tuple[ContactPoints, ContactState]:
-                quick = quick and points.lend(bent)
-                there = points.about(bent, contact.push if quick else None)
+                there = points.about(bent)
                 found = contact.forces, contact.normals, contact.push
                 return there, self.solver(there, surface, *found)
 

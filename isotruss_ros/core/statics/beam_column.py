@@ -31,90 +31,92 @@ import numpy as np
 MOTION = np.array(
     [[4, 5, 0, 2, 3, 0], [9, 6, 1, 7, 8, 1], [0, 0, 1, 0, 0, 10], [7, 8, 0, 9, 6, 0]]
 )
+#: Imaginary step of derivatives [m, N, N m^2]; its square is below rounding.
+COMPLEX_STEP = 1e-20
 
 
 class EndForces(NamedTuple):
     """
     Forces of k bent members, and the derivatives of these forces with respect to (l, s, b).
 
-    l is the length of the chord; s + b and s - b are the end rotations relative to the chord.
-
     :ivar values: (k, 3) axial force N [N], and sum M1 + M2 and difference M1 - M2 of the moments
         at start and end [N m].
     :ivar stiffness: (k, 3, 3) derivatives of `values` with respect to (l, s, b).
     :ivar stressed: (k, 3) `values` before the step of Newton's method that makes the energy
         stationary in N; from these values the geometric stiffness is computed.
-    :ivar gap: (k,) elongations that followed from the ends, minus those that followed from N,
-        before this step [m].
     """
 
     values: Array
     stiffness: Array
     stressed: Array
-    gap: Array
 
 
-class BeamColumns:
+class BeamColumns(NamedTuple):
     """
-    Members that bend under loads and are straight without loads.
+    Members that bend under loads and are straight without loads; complex for complex steps.
 
     :ivar length: (k,) rest lengths l0 [m].
     :ivar stretch: (k,) axial compliances l0 / EA [m/N].
     :ivar rotary: (3, 3, k) derivatives of (M1 + M2, M1 - M2) with respect to (s, b): those of the
-        sum by s and by b, and that of the difference by b; each is a polynomial of degree 2 in N.
-    :param length: (k,) rest lengths l0 [m].
-    :param axial: (k,) EA [N].
-    :param flexural: (k,) EI [N m^2]; zero for a bar.
-    :param shear: (k,) GA [N]; infinite for members without shear deformation.
-    :param pinned_start: (k,) whether the start transmits no moment.
-    :param pinned_end: (k,) whether the end transmits no moment.
+        sum by s and by b, and that of the difference by b (second axis), each a polynomial of
+        degree 2 in N (first axis).
     """
 
-    def __init__(
-        self,
-        length: Array,
-        axial: Array,
-        flexural: Array,
-        shear: Array,
-        pinned_start: Flags,
-        pinned_end: Flags,
-    ) -> None:
-        self.length, self.stretch = length, length / axial
+    length: Array
+    stretch: Array
+    rotary: Array
+
+    @classmethod
+    def of(cls, length: Array, section: Array, pins: tuple[Flags, Flags]) -> BeamColumns:
+        """
+        Return members of given rest lengths and sections.
+
+        :param length: (k,) rest lengths l0 [m].
+        :param section: (3, k) EA [N]; EI [N m^2], zero for a bar; GA [N], infinite without shear.
+        :param pins: two masks (k,) of starts and of ends that transmit no moment.
+        """
+        (axial, flexural, shear), (pinned_start, pinned_end) = section, pins
         bar = (flexural == 0.0) | (pinned_start & pinned_end)
         bend = np.where(bar, 1.0, flexural) / length
         slide, arm = 1.0 / shear, 0.25 * length / bend
-        phi = 12.0 * bend * slide / length
         third = arm / 3.0
-        skew = np.array([1.0 + phi, -0.2 * third, third * (0.2 * slide + 2.0 * arm / 105.0)])
-        bow = np.array([np.ones_like(arm), third, -arm * (slide / 3.0 + arm / 45.0)])
-        sway, bow_back = 3.0 * _reciprocal(skew), _reciprocal(bow)
+        series = np.ones((3, 2, len(length)), dtype=length.dtype)
+        sway, bow = series.swapaxes(0, 1)
+        sway[0] += 12.0 * bend * slide / length
+        sway[1], bow[1] = -0.2 * third, third
+        sway[2] = third * (0.2 * slide + 2.0 / 105.0 * arm)
+        bow[2] = -arm * (slide / 3.0 + arm / 45.0)
+        back = _reciprocal(series)
         # The rotation of a pinned end is eliminated.
-        pinned = pinned_start | pinned_end
-        one_pin = 2.0 * _reciprocal(skew / 6.0 + 0.5 * bow_back)
-        both = np.where(pinned_end, one_pin, -one_pin)
-        one_end = np.stack([one_pin, both, one_pin], axis=1)
-        both_ends = np.stack([4.0 * sway, 0.0 * sway, 4.0 * bow], axis=1)
-        self.rotary = np.where(bar, 0.0, bend) * np.where(pinned, one_end, both_ends)
+        pinned, one_pin = (
+            pinned_start | pinned_end,
+            2.0 * _reciprocal(sway / 6.0 + 0.5 * back[:, 1]),
+        )
+        rotary = np.empty((3, 3, len(length)), dtype=length.dtype)
+        rotary[:, 0] = np.where(pinned, one_pin, 12.0 * back[:, 0])
+        rotary[:, 1] = np.subtract(pinned_end, pinned_start, dtype=float) * one_pin
+        rotary[:, 2] = np.where(pinned, one_pin, 4.0 * bow)
+        return cls(length, length / axial, np.where(bar, 0.0, bend) * rotary)
 
     def evaluate(self, longer: Array, turns: Array, known: Array | None = None) -> EndForces:
         """
         Return the end forces of bent members.
 
         :param longer: (k,) elongations l - l0 [m].
-        :param turns: (k, 2) rotations s and b, half of the sum and of the difference of the ends'
+        :param turns: (2, k) rotations s and b, half of the sum and of the difference of the ends'
             rotations relative to the chord [rad].
         :param known: (k,) axial forces N about which the members are linearised; None: N at which
             the energy is stationary. Newton's method treats N as an unknown, because N has large
             rounding errors if it is computed from small elongations of stiff members.
         """
-        rotary, turns = self.rotary, turns.T
+        rotary = self.rotary
         straight, first, second = by_power = rotary[:, :2] * turns[0] + rotary[:, 1:] * turns[1]
         _, bowed, hardened = (by_power * turns).sum(axis=1)
         soft = 1.0 / (self.stretch - hardened)
         nearest = (longer + 0.5 * bowed) * soft
         pull = nearest if known is None else known
         bent = pull * second
-        moments, slope = straight + pull * (first + bent), first + 2.0 * bent
+        slope = first + 2.0 * bent
         steep = slope * soft
         stiffness = np.empty((3, 3, len(pull)), dtype=soft.dtype)
         stiffness[0, 0] = soft
@@ -122,13 +124,16 @@ class BeamColumns:
         turning = rotary[0] + pull * (rotary[1] + pull * rotary[2])
         stiffness[1, 1:], stiffness[2, 1:] = turning[:2], turning[1:]
         stiffness[1:, 1:] += slope[:, None] * steep
-        stressed, gap = np.array([pull, *moments]), (nearest - pull) / soft
-        values = stressed if known is None else stressed + stiffness[:, 0] * gap
-        return EndForces(values.T, stiffness.T, stressed.T, gap)
+        stressed = np.empty((3, len(pull)), dtype=soft.dtype)
+        stressed[0], stressed[1:] = pull, straight + pull * (first + bent)
+        values = (
+            stressed if known is None else stressed + stiffness[:, 0] * (nearest - pull) / soft
+        )
+        return EndForces(values.T, stiffness.T, stressed.T)
 
 
 def _reciprocal(series: Array) -> Array:
-    """Return the first three coefficients (3, k) of the reciprocal of k power series (3, k)."""
+    """Return the first three coefficients (3, ...) of the reciprocal of power series (3, ...)."""
     constant, first, second = series
     whole = 1.0 / constant
     linear = -first * whole**2
@@ -137,12 +142,9 @@ def _reciprocal(series: Array) -> Array:
 
 def chord_motions(axis: Points, length: Array) -> Array:
     """
-    Return the changes of chords for unit displacements of their ends.
+    Return the changes (k, 4, 6) of chords by unit displacements (ux, uy, theta) of both ends.
 
-    :param axis: (k,) unit vectors of the chords, x + iy.
-    :param length: (k,) lengths of the chords [m].
-    :return: (k, 4, 6) derivatives of length, rotations s and b, and rotation of the chord with
-        respect to (ux, uy, theta) at start and end.
+    The four rows are the chord's length, the rotations s and b, and the rotation of the chord.
     """
     values, x, y = np.zeros((11, len(axis))), axis.real, axis.imag
     values[1], values[10] = 0.5, -0.5
@@ -152,19 +154,24 @@ def chord_motions(axis: Points, length: Array) -> Array:
 
 
 def chord_stiffness(length: Array, forces: EndForces) -> Array:
-    """
-    Return the stiffness (k, 4, 4) of bent members in the coordinates of `chord_motions`.
-
-    These are the chord's length, the rotations s and b, and the rotation of the chord.
-
-    :param length: (k,) lengths of the chords [m].
-    :param forces: forces of the members, with the derivatives of the forces.
-    """
+    """Return the stiffness (k, 4, 4) of bent members in the coordinates of `chord_motions`."""
     core = np.zeros((len(length), 4, 4))
     core[:, :3, :3] = forces.stiffness
     core[:, 0, 3] = core[:, 3, 0] = forces.stressed[:, 1] / length
     core[:, 3, 3] = forces.stressed[:, 0] * length
     return core
+
+
+def end_forces(forces: Array, length: Array) -> Array:
+    """
+    Return the end forces (k, 6) of members, see `FrameState.end_forces`.
+
+    :param forces: (k, 3) forces, see `EndForces.values`.
+    :param length: (k,) lengths of the chords [m].
+    """
+    pull, both, apart = forces.T
+    across, first, second = both / length, 0.5 * (both + apart), 0.5 * (both - apart)
+    return np.stack([-pull, across, first, pull, -across, second], axis=1)
 
 
 def local_stiffness(
@@ -186,9 +193,9 @@ def local_stiffness(
     :return: (k, 6, 6) stiffness against (ux, uy, theta) at start and end; zero for pinned
         rotations.
     """
-    fixed = np.zeros(np.shape(length), dtype=bool)
-    columns = BeamColumns(length, axial, flexural, shear, *(pins or (fixed, fixed)))
-    straight = np.zeros(np.shape(length))
-    core = chord_stiffness(length, columns.evaluate(straight, np.stack([straight] * 2, axis=1)))
-    motions = chord_motions(np.ones_like(straight, dtype=np.complex128), length)
+    length, fixed = np.asarray(length, dtype=float), np.zeros(np.shape(length), dtype=bool)
+    columns = BeamColumns.of(length, np.stack([axial, flexural, shear]), pins or (fixed, fixed))
+    found = columns.evaluate(np.zeros_like(length), np.zeros((2, len(length))))
+    motions = chord_motions(np.ones_like(length, dtype=np.complex128), length)
+    core = chord_stiffness(length, found)
     return motions.swapaxes(1, 2) @ core @ motions

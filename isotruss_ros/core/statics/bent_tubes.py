@@ -20,10 +20,11 @@ from typing import NamedTuple
 from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.numerics.tolerances import MAX_SEARCH_STEPS, NEGLIGIBLE_SHARE, ROUNDING
+from isotruss_ros.core.statics.beam_column import end_forces
 from isotruss_ros.core.statics.cut_frame import CutFrame, keep_apart
 from isotruss_ros.core.statics.frame import Frame
 from isotruss_ros.core.statics.structure import Structure
-from isotruss_ros.core.statics.tangent import end_forces, Slopes, Tangent
+from isotruss_ros.core.statics.tangent import Slopes, Tangent
 import numpy as np
 
 #: Tubes are linearised again if a node has moved farther than this from the linearised state [m]:
@@ -255,9 +256,7 @@ class BentTubes:
         parts, _ = self._parts
         # If a place moves, the part before it becomes longer and the part behind it shorter.
         ways = np.append(self._cut[1], -self._cut[1])[:, None, None]
-        lengthened = np.zeros((4, 2 * count, 1))
-        lengthened[0] = 1.0
-        by_length = tangent.force_rates(parts, lengthened)
+        by_length = tangent.length_rates[parts][..., None]
         rates = by_length * ways
         forces, own = tangent.nodal_forces(parts, rates)[..., 0], np.arange(count)[:, None]
         carried[frame.places[frame.before], own] = forces[:count]
@@ -512,6 +511,6 @@ class BentTubes:
         moved, _ = tangent.respond(carried)
         moved, (parts, _) = moved.reshape(-1, 3, changes.shape[2]), self._parts
         _, _, by_forces, by_shear = self._slopes
-        shear = (by_shear / frame.members.shear[parts])[:, None] * changes[3, parts]
+        shear = (by_shear / frame.section[2, parts])[:, None] * changes[3, parts]
         inclined = self._mean((by_forces[:, None] @ rates[parts])[:, 0] + shear)
         return moved, inclined + self.inclination_changes(moved), rates

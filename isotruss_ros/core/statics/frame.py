@@ -10,18 +10,23 @@ equilibrium of the bent frame by Newton's method; its first step is `Frame.solve
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 from isotruss_ros.core.errors import StructureError
-from isotruss_ros.core.numerics.arrays import Array, Indices
-from isotruss_ros.core.numerics.factorization import factorize_with_condition
+from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
 from isotruss_ros.core.numerics.tolerances import COINCIDENCE, MAX_CONDITION, MAX_NEWTON_ITERATIONS
-from isotruss_ros.core.statics.beam_column import BeamColumns, chord_motions
-from isotruss_ros.core.statics.frame_assembly import FrameAssembly
-from isotruss_ros.core.statics.tangent import end_forces, FactoredFrame, Tangent, TUBE_CURVATURE
+from isotruss_ros.core.statics.beam_column import BeamColumns, end_forces
+from isotruss_ros.core.statics.elimination import Elimination, Scaling
+from isotruss_ros.core.statics.frame_pattern import FramePattern, Members, TurnRows
+from isotruss_ros.core.statics.tangent import Tangent, TUBE_CURVATURE
 import numpy as np
-from scipy.sparse import csc_matrix
+from scipy.sparse import coo_matrix
+
+if TYPE_CHECKING:
+    from isotruss_ros.core.statics.cut_frame import CutLayout
 
 #: Largest admissible ratio of the displacements to those of the linear prediction [-].
 MAX_GROWTH = 1.5
@@ -50,17 +55,74 @@ class FrameState:
     bowing: Array
 
 
-class Frame(FrameAssembly):
-    """Frame of beam-columns, with the factorised matrix of its unloaded state."""
+class Frame:
+    """
+    Nodes, members and constraints of a frame.
 
-    @cached_property
-    def _columns(self) -> BeamColumns:
-        return BeamColumns(self.length, *self.members[2:])
+    :ivar points: (n,) nodes x + iy [m].
+    :ivar start: (k,) indices of the members' start nodes.
+    :ivar end: (k,) indices of the members' end nodes.
+    :ivar section: (3, k) EA [N], EI [N m^2] and GA [N] of the members.
+    :ivar pins: two masks (k,) of starts and of ends that transmit no moment.
+    :ivar length: (k,) lengths of the members [m].
+    :ivar axis: (k,) unit vectors of the members from start to end, x + iy.
+    :ivar places: (k, 6) indices of the displacements of the members' ends.
+    :ivar held: (n, 3) mask of the displacements ux, uy, theta that supports fix.
+    :ivar names: (n,) names of the nodes for error messages.
+    :ivar rows: constraints on rotations, see `TurnRows`.
+    :ivar spans: (s,) spans of the constraints without loads, x + iy [m].
+    :ivar whole: (k,) index of the uncut member of which each member is a part.
+    :ivar begins: (k,) distance of each member's start from the start of the uncut member [m].
+    :ivar nodes: (c,) indices of the nodes at the cuts.
+    :ivar before: (c,) indices of the members that end at the cuts.
+    :ivar behind: (c,) indices of the members that begin at the cuts.
+    :ivar layout: connections of the parts; None without cuts.
+    :param members: members between the nodes.
+    :param pattern: pattern of a frame with the same connections and supports; None: it is
+        computed.
+    """
+
+    def __init__(
+        self,
+        points: Points,
+        members: Members,
+        held: Flags,
+        names: Sequence[str],
+        rows: TurnRows,
+        pattern: FramePattern | None = None,
+    ) -> None:
+        self.points, self.held, self.names, self.rows = points, held, names, rows
+        self.start, self.end, *section, first, last = members
+        self.section, self.pins = np.array(section), (first, last)
+        span = points[self.end] - points[self.start]
+        self.length = np.abs(span)
+        self.axis, self.spans = span / self.length, rows.spans(points)
+        self._pattern = pattern or FramePattern(members, held, rows)
+        self.places = self._pattern.places
+        self.whole, self.begins = np.arange(len(span)), np.zeros(len(span))
+        self.nodes = self.before = self.behind = np.zeros(0, dtype=np.intp)
+        self.layout: CutLayout | None = None
 
     @property
-    def straight(self) -> Tangent:
-        """Return the frame linearised about its unloaded state, without factorisation."""
-        return self.tangent(np.zeros((len(self.points), 3)), np.zeros(self.rows.count))
+    def members(self) -> Members:
+        """Return the members between the nodes."""
+        axial, flexural, shear = self.section
+        return Members(self.start, self.end, axial, flexural, shear, *self.pins)
+
+    @cached_property
+    def columns(self) -> BeamColumns:
+        """Return the members as beam-columns."""
+        return BeamColumns.of(self.length, self.section, self.pins)
+
+    @property
+    def no_loads(self) -> tuple[Array, Array]:
+        """Return displacements (n, 3) and multipliers (c,) of the unloaded frame."""
+        return np.zeros((len(self.points), 3)), np.zeros(self.rows.count)
+
+    @property
+    def scaling(self) -> Scaling:
+        """Return the numbering and scaling of the matrix of (4)."""
+        return self.rest.factored.scaling
 
     @cached_property
     def rest(self) -> Tangent:
@@ -69,59 +131,41 @@ class Frame(FrameAssembly):
 
         :raises StructureError: the frame is a mechanism; the message names the nodes that move.
         """
-        tangent = self.straight
-        matrix, scale = tangent.system
-        factor, condition = factorize_with_condition(matrix)
-        if factor is None or not condition < MAX_CONDITION:
-            moving = ', '.join(self._what_moves(matrix, scale))
+        straight = self.tangent(*self.no_loads)
+        entries = straight.entries
+        factor = _factorize(self._pattern, entries)
+        if factor is None and self._pattern.blocks:
+            whole = FramePattern(self.members, self.held, self.rows, condensed=False)
+            factor = _factorize(whole, entries)
+        if factor is None:
             raise StructureError(
-                f'the structure is a mechanism: {moving} can move without resistance; '
-                'support it or connect it'
+                f'the structure is a mechanism: {", ".join(self._what_moves(entries))} can move '
+                'without resistance; support it or connect it'
             )
-        tangent.__dict__['factored'] = FactoredFrame(factor, scale, tangent.points)
-        return tangent
+        return replace(straight, given=factor)
 
     def tangent(
-        self, displacements: Array, multipliers: Array, pull: Array | None = None
+        self,
+        displacements: Array,
+        multipliers: Array,
+        pull: Array | None = None,
+        given: Elimination | None = None,
     ) -> Tangent:
-        """
-        Return the frame linearised about given displacements.
+        """Return the frame linearised about given displacements, see `Tangent.of`."""
+        return Tangent.of(self, displacements, multipliers, pull, given)
 
-        :param displacements: (n, 3) displacements ux, uy [m], theta [rad].
-        :param multipliers: (c,) Lagrange multipliers of the constraints.
-        :param pull: (k,) axial forces [N], see `BeamColumns.evaluate`; None: they are computed.
-        """
-        ends = displacements.ravel()[self.places]
-        apart = (ends[:, 3] - ends[:, 0] + 1j * (ends[:, 4] - ends[:, 1])) * self.axis.conj()
-        span = self.length + apart
-        length = np.abs(span)
-        axis = self.axis * span / length
-        # (l^2 - l0^2) / (l + l0), because l - l0 has large rounding errors.
-        longer = (2.0 * self.length * apart.real + np.abs(apart) ** 2) / (length + self.length)
-        start, end = 0.5 * ends[:, 2], 0.5 * ends[:, 5]
-        stretched = longer, np.column_stack([start + end - np.angle(span), start - end])
-        forces = self._columns.evaluate(*stretched, pull)
-        return Tangent(
-            displacements,
-            multipliers,
-            axis,
-            length,
-            chord_motions(axis, length),
-            stretched,
-            forces,
-            self.rows.linearize(self.points, displacements),
-            self,
-        )
-
-    def _what_moves(self, matrix: Array | csc_matrix, scale: Array) -> list[str]:
+    def _what_moves(self, entries: Array) -> list[str]:
         """Return the names of the nodes that can move without force in a singular frame."""
-        dense = matrix if isinstance(matrix, np.ndarray) else matrix.toarray()
-        values, vectors = np.linalg.eigh(dense)
+        scaling = Scaling.of(self._pattern, entries)
+        count, free = len(scaling.scale), self._pattern.free
+        places = self._pattern.entries
+        matrix = coo_matrix((entries * scaling.weight, places), shape=(count, count)).toarray()
+        values, vectors = np.linalg.eigh(matrix[np.ix_(free, free)])
         loose = np.abs(values) < np.abs(values).max() / MAX_CONDITION**0.5
         loose[np.abs(values).argmin()] = True
-        unknown = self.pattern.unknowns
-        motion = np.abs(scale[:, None] * vectors[:, loose]).max(axis=1)
-        by_node = np.where(unknown >= 0, motion[unknown], 0.0).reshape(-1, 3).max(axis=1)
+        motion = np.zeros(count)
+        motion[free] = np.abs(scaling.scale[free, None] * vectors[:, loose]).max(axis=1)
+        by_node = motion[: self.held.size].reshape(-1, 3).max(axis=1)
         return [self.names[i] for i in np.flatnonzero(by_node > 1e-3 * by_node.max())]
 
     def solve(self, loads: Array) -> FrameState:
@@ -144,8 +188,7 @@ class Frame(FrameAssembly):
             )
         pushed = rest.nodal_forces(slice(None), forces)
         carried = np.bincount(self.places.ravel(), pushed.ravel(), minlength=len(flat))
-        values, *_ = self.rows.linearize(self.points, np.zeros_like(loads))
-        pushed = values * multipliers[self.rows.row]  # forces of the constraints
+        pushed = rest.constraints[0] * multipliers[self.rows.row]  # forces of the constraints
         carried += np.bincount(self.rows.column, pushed, minlength=len(flat))
         return FrameState(
             moved.reshape(-1, 3),
@@ -208,18 +251,17 @@ class Frame(FrameAssembly):
         :param within: (c,) distances of the points from the starts of these members [m].
         """
         part, inside = self.locate(piece, within)
-        start, end = displacements[self.members.start[part]], displacements[self.members.end[part]]
+        start, end = displacements[self.start[part]], displacements[self.end[part]]
         axis, length = self.axis[part], self.length[part]
         first = (start[:, 0] + 1j * start[:, 1]) * axis.conj()
         apart = (end[:, 0] + 1j * end[:, 1]) * axis.conj() - first
         chord = length + apart
         turned, x = np.angle(chord), inside / length
         before, after = start[:, 2] - turned, end[:, 2] - turned
-        own = self.members
-        skew = 12.0 * own.flexural[part] / own.shear[part] / length**2
+        skew = 12.0 * self.section[1, part] / self.section[2, part] / length**2
         follows = -(2.0 - skew) / (4.0 + skew)  # rotation of a pinned end / of the other end
-        before = np.where(own.pinned_start[part], follows * after, before)
-        after = np.where(own.pinned_end[part], follows * before, after)
+        before = np.where(self.pins[0][part], follows * after, before)
+        after = np.where(self.pins[1][part], follows * before, after)
         even, odd = before + after, before - after
         bow = 0.5 * x * (1.0 - x) * (odd + (1.0 - 2.0 * x) / (1.0 + skew) * even)
         slope = 0.5 * ((1.0 - 2.0 * x) * odd + (1.0 - 6.0 * x * (1.0 - x) / (1.0 + skew)) * even)
@@ -244,3 +286,12 @@ class Frame(FrameAssembly):
     def _reactions(self, missing: Array) -> Array:
         """Return the support reactions (n, 3) from the residual of the balance (3 n,)."""
         return np.where(self.held.ravel(), missing, 0.0).reshape(-1, 3)
+
+
+def _factorize(pattern: FramePattern, entries: Array) -> Elimination | None:
+    """Return the factorised matrix of (4); None for a mechanism in double precision."""
+    try:
+        found = Scaling.of(pattern, entries).eliminate(entries)
+    except np.linalg.LinAlgError:
+        return None
+    return found if found.condition < MAX_CONDITION else None

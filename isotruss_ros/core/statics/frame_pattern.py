@@ -1,16 +1,27 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Numbering of a frame's unknown displacements, and sparsity pattern of the matrix of (4)."""
+"""
+Numbering of a frame's unknowns: parts that meet in hinges, and the hinges between them.
+
+The unknowns are the displacements of all nodes and the multipliers of the constraints. A hinge is
+a node at which all members are pinned. Members and constraints join the other nodes to blocks; the
+tubes of a robot are blocks. Blocks are eliminated, so only the unknowns of the joints remain.
+"""
 
 from __future__ import annotations
 
-import functools
-import itertools
 from typing import NamedTuple
 
+from isotruss_ros.core.kinematics.constraints import MAX_DENSE_COORDINATES
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
 import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+#: Largest number of unknowns of a block that is eliminated [-]; larger ones are solved as sparse
+#: matrices.
+MAX_BLOCK_UNKNOWNS = 400
 
 
 class TurnRows(NamedTuple):
@@ -23,6 +34,7 @@ class TurnRows(NamedTuple):
     :ivar count: number of rows.
     :ivar owner: (s,) row of each span.
     :ivar weight: (s,) weight of each span's rotation in its row.
+    :ivar first: (s,) index of the first share of each span.
     :ivar span: (e,) index of the span to which each share belongs, ascending.
     :ivar share: (e,) coefficient of a node's position in the span.
     :ivar node: (e,) index of the node of each share.
@@ -31,75 +43,67 @@ class TurnRows(NamedTuple):
     :ivar column: (2 e,) column of each entry, which is the index of a displacement.
     :ivar pairs: two arrays (4 h,) of displacements that the geometric stiffness couples: (x, x),
         (x, y), (y, x) and (y, y) of the two nodes of each pair of shares.
-    :ivar paired: two arrays (h,): first and second share of each pair in `pairs`.
+    :ivar paired: (h,) span of each pair of shares in `pairs`.
+    :ivar product: (h,) product of both shares of each pair.
     """
 
     count: int  # type: ignore[assignment]
     owner: Indices
     weight: Array
+    first: Indices
     span: Indices
     share: Array
     node: Indices
     row: Indices
     column: Indices
     pairs: tuple[Indices, Indices]
-    paired: tuple[Indices, Indices]
+    paired: Indices
+    product: Array
 
     @classmethod
     def of(
         cls, row: Indices, weight: Array, span: Indices, share: Array, node: Indices
     ) -> TurnRows:
-        """
-        Return the constraints on weighted rotations of spans, see `TurnRows`.
-
-        :param row: (s,) row of each span.
-        :param weight: (s,) weight of each span.
-        :param span: (e,) index of the span to which each share belongs, ascending.
-        :param share: (e,) coefficient of a node's position in the span.
-        :param node: (e,) index of the node of each share.
-        """
+        """Return the constraints on weighted rotations of spans; see `TurnRows` (row: owner)."""
         one, other = np.nonzero(span[:, None] == span)
         x, count = 3 * node, int(row.max()) + 1
         first = np.concatenate([x[one], x[one], x[one] + 1, x[one] + 1])
         second = np.concatenate([x[other], x[other] + 1, x[other], x[other] + 1])
         rows, columns = np.tile(row[span], 2), np.concatenate([x, x + 1])
+        begins, product = np.searchsorted(span, np.arange(len(row))), share[one] * share[other]
+        pairs = first, second
         return cls(
-            count, row, weight, span, share, node, rows, columns, (first, second), (one, other)
+            count, row, weight, begins, span, share, node, rows, columns, pairs, span[one], product
         )
 
-    def linearize(self, points: Points, displacements: Array) -> tuple[Array, Array, Points]:
+    def spans(self, points: Points) -> Points:
+        """Return the spans (s,) from node positions (n,), x + iy [m]."""
+        return np.add.reduceat(self.share * points[self.node], self.first)
+
+    def linearize(self, spans: Points, displacements: Array) -> tuple[Array, Array, Points]:
         """
         Return the constraints on rotations, linearised about displacements of the nodes.
 
-        :param points: (n,) nodes without loads, x + iy [m].
+        :param spans: (s,) spans without loads, x + iy [m].
         :param displacements: (n, 3) displacements ux, uy [m], theta [rad] of the nodes.
         :return: entries of the constraint matrix (2 e,), violations (c,) [rad], and the spans (s,)
             of the displaced nodes [m].
         """
-        moved = points + displacements @ (1.0, 1j, 0.0)
-        before, spans = (self._spans(each) for each in (points, moved))
-        gaps = np.bincount(self.owner, self.weight * np.angle(spans / before), self.count)
-        slopes = (self.weight * 1j / spans.conj())[self.span] * self.share
-        return np.concatenate([slopes.real, slopes.imag]), gaps, spans
+        moved = spans + self.spans(displacements[:, 0] + 1j * displacements[:, 1])
+        turned = moved * spans.conj()
+        gaps = np.bincount(self.owner, self.weight * np.arctan2(turned.imag, turned.real))
+        slopes = (1j * self.weight / moved.conj())[self.span] * self.share
+        return np.concatenate([slopes.real, slopes.imag]), gaps, moved
 
     def curvature(self, spans: Points, multipliers: Array) -> Array:
         """
         Return the geometric stiffness (4 h,) of the constraints, in the order of `TurnRows.pairs`.
 
-        :param spans: (s,) spans, see `TurnRows`, of the displaced nodes, x + iy [m].
+        :param spans: (s,) spans of the displaced nodes, x + iy [m].
         :param multipliers: (c,) multipliers of the constraints.
         """
-        bent = -(self.weight * multipliers[self.owner] / spans**2)[self.span]
-        one, other = self.paired
-        curved = bent[one] * self.share[one] * self.share[other]
+        curved = (-self.weight * multipliers[self.owner] / spans**2)[self.paired] * self.product
         return np.concatenate([curved.imag, curved.real, curved.real, -curved.imag])
-
-    def _spans(self, points: Points) -> Points:
-        """Return the spans (s,) from node positions (n,), x + iy [m]."""
-        parts, count = self.share * points[self.node], len(self.weight)
-        return np.bincount(self.span, parts.real, count) + 1j * np.bincount(
-            self.span, parts.imag, count
-        )
 
 
 class Members(NamedTuple):
@@ -124,150 +128,157 @@ class Members(NamedTuple):
     pinned_end: Flags
 
 
+def member_places(start: Indices, end: Indices) -> Indices:
+    """Return the indices (k, 6) of the displacements of the start and end nodes of members."""
+    return (3 * np.stack([start, end], axis=1)[:, :, None] + np.arange(3)).reshape(-1, 6)
+
+
+class Blocks(NamedTuple):
+    """
+    Group of b blocks of equal size, each with s unknowns that are coupled to t of the joints.
+
+    :ivar inner: (b, s) indices of the blocks' unknowns.
+    :ivar outer: (b, t) indices of the coupled unknowns among those of the joints; their number for
+        displacements that supports fix.
+    :ivar part: entries (b, s, s + t) of the blocks among the entries of a `FramePattern`.
+    """
+
+    inner: Indices
+    outer: Indices
+    part: slice
+
+
 class FramePattern:
     """
-    Sparsity pattern of all frames with equal connections and supports.
+    Numbering of the unknowns of all frames with equal connections and supports.
 
+    :ivar places: (k, 6) indices of the displacements of each member's ends.
+    :ivar free: (u,) mask of the unknowns: displacements (3 n,) that are not fixed, and
+        multipliers.
+    :ivar rows: number of constraints.
+    :ivar entries: row and column of all entries of the matrix (4): members' stiffness (36 k,),
+        constraints, constraints transposed, and the constraints' geometric stiffness.
+    :ivar blocks: groups of blocks.
+    :ivar joints: (j,) indices of the unknowns of the joints.
+    :ivar slots: position of each entry in an array that has the blocks, then the matrix of the
+        joints, then one number for entries without place.
+    :ivar size: length of this array.
+    :ivar units: positions of diagonal entries that are 1, of fixed displacements within blocks.
+    :ivar fill: position of the Schur complements of all blocks in the matrix of the joints.
+    :ivar sparse: row indices and column pointers of the sparse matrix of the joints; None: dense.
+    :ivar sources: (j, c) indices of the coupled unknowns of all blocks that are this unknown of
+        the joints; their number where there are fewer.
     :param members: members between the nodes; only their connections are used.
     :param held: (n, 3) mask of the displacements ux, uy, theta that supports fix.
     :param rows: constraints on rotations; only their connections are used.
-    :ivar members: members between the nodes.
-    :ivar held: (n, 3) mask of ux, uy, theta fixed by supports.
-    :ivar count: number k of members.
-    :ivar places: (k, 6) indices of the displacements of each member's ends.
-    :ivar unknowns: (3 n,) index of each displacement among the unknowns, -1 if fixed.
-    :ivar ends: (k, 6) indices of the unknowns of each member's ends, -1 if fixed.
-    :ivar solved: (f,) indices of the unknown displacements.
-    :ivar entries: (e,) indices of the members' stiffness entries that are in the matrix of (4).
-    :ivar weights: (w,) indices of the constraints' entries that are in the matrix of (4).
-    :ivar bound: (w,) index of the unknown displacement of each such constraint entry.
-    :ivar multiplier: (w,) index among the unknowns of each such entry's multiplier.
-    :ivar curved: (h,) indices of `TurnRows.pairs` with two unknown displacements.
-    :ivar matrix_rows: (e + 2 w + h,) row of each of these entries in the matrix of (4).
-    :ivar matrix_columns: (e + 2 w + h,) column of each of these entries.
-    :ivar flat_places: (e + 2 w + h,) index of each of these entries in the flattened dense matrix.
+    :param condensed: False for a matrix without blocks.
     """
 
-    def __init__(self, members: Members, held: Flags, rows: TurnRows) -> None:
-        self._rows = rows
-        self.count = len(members.start)
-        ends = np.stack([members.start, members.end], axis=1)
-        self.places = (3 * ends[:, :, None] + np.arange(3)).reshape(-1, 6)
-        free = ~held.ravel()
+    def __init__(
+        self, members: Members, held: Flags, rows: TurnRows, condensed: bool = True
+    ) -> None:
+        self.places, count = member_places(members.start, members.end), held.size + rows.count
+        self.rows = rows.count
         turning = np.zeros(len(held), dtype=bool)
         turning[members.start[~members.pinned_start]] = True
         turning[members.end[~members.pinned_end]] = True
-        # A node at which all members are pinned has no rotation.
-        free[2::3] &= turning
-        self.solved = np.flatnonzero(free)
-        self.unknowns = np.where(free, np.cumsum(free) - 1, -1)
-        self.ends = by_member = self.unknowns[self.places]
-        there = by_member >= 0
-        self.entries = np.flatnonzero(there[:, :, None] & there[:, None, :])
-        bound = self.unknowns[rows.column]
-        self.weights = np.flatnonzero(bound >= 0)
-        self.bound = bound[self.weights]
-        self.multiplier = len(self.solved) + rows.row[self.weights]
-        first = by_member.repeat(6)[self.entries]
-        second = by_member.repeat(6, axis=0).reshape(-1)[self.entries]
-        pairs = self.unknowns[np.stack(rows.pairs)]
-        self.curved = np.flatnonzero((pairs >= 0).all(axis=0))
-        one, other = pairs[:, self.curved]
-        self.matrix_rows = np.concatenate([first, self.multiplier, self.bound, one])
-        self.matrix_columns = np.concatenate([second, self.bound, self.multiplier, other])
-        size = len(self.solved) + rows.count
-        self.flat_places = self.matrix_rows * size + self.matrix_columns
-        self.members, self.held = members, held
+        # A hinge has no rotation.
+        real = np.ones(count, dtype=bool)
+        real[2 : held.size : 3] = turning
+        self.free = real & np.append(~held.ravel(), np.ones(rows.count, dtype=bool))
+        row, column, (one, other) = held.size + rows.row, rows.column, rows.pairs
+        first = np.concatenate([self.places.repeat(6), row, column, one])
+        second = np.concatenate([np.repeat(self.places, 6, axis=0).ravel(), column, row, other])
+        self.entries = first, second
+        owner = np.full(count, -1)
+        if condensed:
+            owner = _find_blocks(members, turning, rows, self.free)
+        inner = owner >= 0
+        self.joints = np.flatnonzero(~inner & self.free)
+        self._number_blocks(owner, real)
+        self._number_joints(inner)
 
+    def _number_blocks(self, owner: Indices, real: Flags) -> None:
+        """Number the entries of the blocks, for each unknown's block `owner`, -1 for joints."""
+        (first, second), count = self.entries, len(owner)
+        total, inner = int(owner.max(initial=-1)) + 1, owner >= 0
+        order = np.argsort(owner, kind='stable')[np.count_nonzero(~inner) :]
+        sizes = np.bincount(owner[inner], minlength=total)
+        local = np.zeros(count, dtype=np.intp)
+        local[order] = np.arange(len(order)) - np.repeat(np.cumsum(sizes) - sizes, sizes)
+        across = inner[first] & ~inner[second] & real[second]
+        pairs, pair = np.unique(owner[first[across]] * count + second[across], return_inverse=True)
+        coupled, unknown = np.divmod(pairs, count)
+        widths = np.bincount(coupled, minlength=total)
+        rank = np.arange(len(pairs)) - np.repeat(np.cumsum(widths) - widths, widths)
+        slot = local[second]
+        slot[across] = (sizes[coupled] + rank)[pair]
+        joint = np.full(count, len(self.joints))
+        joint[self.joints] = np.arange(len(self.joints))
+        self._joint, offsets, begin = joint, np.zeros(total, dtype=np.intp), 0
+        self.blocks: list[Blocks] = []
+        for size, width in np.unique(np.stack([sizes, widths], axis=1), axis=0).tolist():
+            alike = np.flatnonzero((sizes == size) & (widths == width))
+            area = size * (size + width)
+            offsets[alike] = begin + area * np.arange(len(alike))
+            part = slice(begin, begin + area * len(alike))
+            begin = part.stop
+            chosen = joint[unknown[np.isin(coupled, alike)]].reshape(len(alike), width)
+            inside = order[np.isin(owner[order], alike)].reshape(len(alike), size)
+            self.blocks.append(Blocks(inside, chosen, part))
+        row, inside = sizes + widths, inner[first] & (inner[second] | across)
+        self.slots, self._begin = np.full(len(first), -1), begin
+        block = owner[first[inside]]
+        self.slots[inside] = offsets[block] + local[first[inside]] * row[block] + slot[inside]
+        fixed = np.flatnonzero(inner & ~self.free)
+        self.units = offsets[owner[fixed]] + local[fixed] * (row[owner[fixed]] + 1)
 
-class Chains(NamedTuple):
-    """
-    Group of b members, each divided at p cuts into p + 1 parts; no two share an end node.
-
-    :ivar parts: (b, p + 1) indices of the parts of each member, from start to end.
-    :ivar inner: (b, 3 p) indices of the displacements at the cuts, in the order of the parts.
-    :ivar ends: (b, 6) indices of the displacements of the members' end nodes.
-    """
-
-    parts: Indices
-    inner: Indices
-    ends: Indices
-
-
-class CutPattern(NamedTuple):
-    """
-    Data common to all frames whose k members are divided at c cuts in the same order.
-
-    The nodes at the cuts are the last nodes. The first part of a divided member has the member's
-    index; the other parts have the last indices.
-
-    :ivar whole: (k + c,) index of the uncut member to which each part belongs.
-    :ivar members: the k + c parts, each with the section of its uncut member.
-    :ivar held: (n + c, 3) mask of the displacements ux, uy, theta that supports fix.
-    :ivar nodes: (c,) indices of the nodes at the cuts.
-    :ivar before: (c,) indices of the parts that end at the cuts.
-    :ivar behind: (c,) indices of the parts that begin at the cuts.
-    :ivar chains: the members with cuts, in groups with equal numbers of cuts.
-    :ivar places: (k + c, 6) indices of the displacements of the parts' ends.
-    """
-
-    whole: Indices
-    members: Members
-    held: Flags
-    nodes: Indices
-    before: Indices
-    behind: Indices
-    chains: tuple[Chains, ...]
-    places: Indices
-
-    @classmethod
-    def of(cls, members: Members, held: Flags, piece: Indices, order: Indices) -> CutPattern:
-        """
-        Return the data common to all frames with given members and order of the cuts.
-
-        :param members: members of the uncut frame.
-        :param held: (n, 3) mask of the displacements ux, uy, theta of the uncut frame that
-            supports fix.
-        :param piece: (c,) index of the member that each cut divides.
-        :param order: (c,) indices that sort the cuts by member and along each member.
-        """
-        parts, own = len(members.start), np.arange(len(piece))
-        whole, nodes, behind = np.append(np.arange(parts), piece), len(held) + own, parts + own
-        cut = Members(*(each[whole] for each in members))
-        cut.pinned_start[parts:] = False
-        before, found = np.empty_like(piece), []
-        for member in np.unique(piece).tolist():
-            points = order[piece[order] == member]
-            chain = np.append(member, behind[points])
-            before[points] = chain[:-1]
-            cut.start[chain[1:]] = cut.end[chain[:-1]] = nodes[points]
-            cut.end[chain[-1]], cut.pinned_end[chain[:-1]] = members.end[member], False
-            inner = (3 * nodes[points, None] + np.arange(3)).ravel()
-            both = np.array([members.start[member], members.end[member]])
-            found.append((chain, inner, (3 * both[:, None] + np.arange(3)).ravel()))
-        alike = itertools.groupby(
-            sorted(found, key=lambda each: len(each[0])), lambda each: len(each[0])
+    def _number_joints(self, inner: Flags) -> None:
+        """Number the entries of the joints' matrix, and the blocks' entries in it."""
+        count, outer = len(self.joints), [each.outer for each in self.blocks]
+        rows, columns = (self._joint[each] for each in self.entries)
+        filled = [np.broadcast_arrays(each[:, :, None], each[:, None]) for each in outer]
+        rows, columns = (
+            np.concatenate([own, *(pair[i].ravel() for pair in filled)])
+            for i, own in enumerate((rows, columns))
         )
-        chains = []
-        for _, group in alike:
-            several = Chains(*map(np.array, zip(*group, strict=True)))
-            apart = len(np.unique(several.ends)) == several.ends.size
-            single = (Chains(*(each[[i]] for each in several)) for i in range(len(several.ends)))
-            chains += [several] if apart else list(single)
-        ends = np.stack([cut.start, cut.end], axis=1)
-        places = (3 * ends[:, :, None] + np.arange(3)).reshape(-1, 6)
-        still = np.append(held, np.zeros((len(piece), 3), dtype=bool), axis=0)
-        return cls(whole, cut, still, nodes, before, behind, tuple(chains), places)
+        there = np.flatnonzero((rows < count) & (columns < count))
+        keys, self.sparse = columns[there] * count + rows[there], None
+        entries = count**2
+        if count > MAX_DENSE_COORDINATES:
+            unique, keys = np.unique(keys, return_inverse=True)
+            entries = len(unique)
+            pointers = np.searchsorted(unique, count * np.arange(count + 1))
+            self.sparse = unique % count, pointers
+        found = np.full(len(rows), entries)
+        found[there] = keys
+        direct = len(self.slots)
+        self.size, self.fill = self._begin + entries + 1, found[direct:]
+        self.slots = np.where(self.slots < 0, self._begin + found[:direct], self.slots)
+        ahead = np.concatenate([*(each.ravel() for each in outer), np.zeros(0, dtype=np.intp)])
+        order = np.argsort(ahead, kind='stable')
+        each = np.bincount(ahead, minlength=count + 1)[:count]
+        order = order[: each.sum()]
+        self.sources = np.full((count, int(each.max(initial=0))), len(ahead))
+        number = np.arange(len(order)) - np.repeat(np.cumsum(each) - each, each)
+        self.sources[ahead[order], number] = order
 
 
-@functools.lru_cache(maxsize=64)
-def cut_pattern(pattern: FramePattern, piece: bytes, order: bytes) -> CutPattern:
-    """
-    Return the data common to all frames with given members and order of the cuts, cached.
-
-    :param pattern: pattern of the uncut frame.
-    :param piece: (c,) index of the member that each cut divides, as bytes.
-    :param order: (c,) indices that sort the cuts by member and along each member, as bytes.
-    """
-    both = (np.frombuffer(each, dtype=np.intp) for each in (piece, order))
-    return CutPattern.of(pattern.members, pattern.held, *both)
+def _find_blocks(members: Members, turning: Flags, rows: TurnRows, free: Flags) -> Indices:
+    """Return the block (u,) of each unknown, -1 for unknowns of the joints."""
+    count, size = len(turning), len(turning) + rows.count
+    one = np.append(members.start, count + rows.row)
+    other = np.append(members.end, rows.column // 3)
+    solid = np.append(turning, np.ones(rows.count, dtype=bool))
+    joined = solid[one] & solid[other]
+    graph = coo_matrix((joined[joined], (one[joined], other[joined])), shape=(size, size))
+    number, label = connected_components(graph, directed=False)
+    label = label[np.append(np.arange(count).repeat(3), np.arange(count, size))]
+    unknowns = np.bincount(label, minlength=number)
+    chosen = np.zeros(number, dtype=bool)
+    chosen[label[: 3 * count : 3][turning]] = True
+    chosen &= unknowns <= MAX_BLOCK_UNKNOWNS
+    block = np.where(chosen, np.cumsum(chosen) - 1, -1)[label]
+    # A single block is the whole frame.
+    several = block.max() > 0 and (free & (block < 0)).any()
+    return block if several else np.full(len(free), -1)
