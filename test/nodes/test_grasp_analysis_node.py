@@ -268,7 +268,7 @@ def test_the_service_analyses_any_object_in_its_pose(friction):
         ),
         ({'object': ObjectMessage(shape=7)}, 'object: shape 7: must be one of'),
         ({'object': ObjectMessage()}, 'diameter 0.0 m: must be positive'),
-        ({'object_pose': Pose(position=Point(x=math.nan))}, r'object_pose at \(nan, 0.0\): x must'),
+        ({'object_pose': Pose(position=Point(x=math.nan))}, r'object_pose at \(nan, 0.0\): x'),
     ],
 )
 def test_two_objects_or_none_are_refused(fields, words):

@@ -67,7 +67,10 @@ def test_the_barrier_keeps_the_contract_of_barriers(angle):
 
 def test_a_barrier_without_the_turn_of_its_point_fails_the_contract():
     class Faulty(HeightBarrier):
+        """A barrier whose derivative is that of the origin."""
+
         def active(self, config, grip):
+            """Return the height with the derivative of the origin's height."""
             near = super().active(config, grip)
             return near._replace(roller_rows=grip_jacobian(config, grip)[1][None])
 
