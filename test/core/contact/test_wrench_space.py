@@ -5,7 +5,8 @@
 
 import math
 
-from hypothesis import given, strategies as st
+from hypothesis import given
+from hypothesis import strategies as st
 from isotruss_ros.core.contact.wrench_space import wrench_space
 from isotruss_ros.core.errors import GraspError
 import numpy as np
