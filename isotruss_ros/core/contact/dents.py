@@ -93,7 +93,7 @@ class DentTable:
         a, b, c, d = self._pieces[piece]
         slope = (3.0 * a * x + 2.0 * b) * x + c
         depth = ((a * x + b) * x + c) * x + d + slope * beyond
-        return math.copysign(depth, force), slope * per_force
+        return depth * force / max(abs(force), 1e-9), slope * per_force
 
     def _locate(self, force: float) -> tuple[int, float, float, float]:
         """

@@ -11,9 +11,7 @@ equilibrium determines the pose; in the others, the measured pose is taken.
 from __future__ import annotations
 
 import cmath
-from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
-import itertools
 
 from isotruss_ros.core.holding.build_statics import (
     build_statics,
@@ -27,7 +25,13 @@ from isotruss_ros.core.holding.contact_forces import (
     CENTER,
     ContactForces,
     POSE,
-    PressedContacts,
+)
+from isotruss_ros.core.holding.contact_search import (
+    ContactSet,
+    ContactSolver,
+    free_corners,
+    search_contacts,
+    with_corner,
 )
 from isotruss_ros.core.holding.contact_statics import (
     ContactConditions,
@@ -35,7 +39,6 @@ from isotruss_ros.core.holding.contact_statics import (
     FRICTION_COMPLIANCE,
     TubeModel,
 )
-from isotruss_ros.core.holding.face_ends import far_end_depth, is_short, open_faces, with_far_end
 from isotruss_ros.core.holding.held_grip import (
     HeldGrip,
     HoldStatus,
@@ -60,7 +63,7 @@ import numpy as np
 MAX_FORCE_CHANGE = 0.3
 #: Largest number of contact hypotheses in a quick search [-]. A quick search finds 95 of the 100
 #: equilibria of boxes that the whole search finds.
-QUICK_SETS = 2
+QUICK_SETS = 4
 
 
 def attach_grip(
@@ -102,23 +105,13 @@ def attach_grip(
     if depths[members].min() <= -config.robot.description.tube_diameter:
         raise NotHeldError(HoldStatus.NO_CONTACT)
     wrench = scaled_wrench(external_wrench, body.arm)
-    sets, steps = (QUICK_SETS, MAX_SEARCH_STEPS) if quick else (None, MAX_NEWTON_ITERATIONS)
-
-    def find(contacts: PressedContacts) -> HeldGrip | None:
-        statics = build_statics(config, body, contacts, tubes)
-        return _find_rest(config, statics, wrench, tubes, before, steps)
-
-    found = _find_pressing(find, find_pressed(config, body, members), body.middle, sets)
+    limit, steps = MAX_SEARCH_STEPS, MAX_NEWTON_ITERATIONS
+    if quick:
+        limit, steps = QUICK_SETS, MAX_SEARCH_STEPS
+    solve = _rest_solver(config, body, wrench, tubes, before, steps)
+    found = search_contacts(solve, find_pressed(config, body, members), limit=limit)
     if found is None:
         raise NotHeldError(HoldStatus.NO_BALANCE)
-    # The hypotheses follow from straight tubes. Loaded tubes are inclined, so the far end of a
-    # nearly parallel face may press: together with the near end, or alone.
-    faces = () if body.shape.is_round else _with_far_ends(found, 0.0)
-    for contacts, near, far in faces:
-        laid = find(contacts)
-        if laid is not None and laid.most_pulling() != far:
-            alone = find(contacts.without(near))
-            return _nearest_pressing([laid, alone], body.middle) or found
     return found
 
 
@@ -135,107 +128,75 @@ def lay_faces(found: HeldGrip, friction: float, gap: float) -> HeldGrip:
     """
     if found.required_friction <= friction:
         return found
-    config, tubes, wrench = found.config, found.tubes, found.wrench
-    for contacts, *_ in _with_far_ends(found, gap):
-        statics = build_statics(config, found.statics.body, contacts, tubes)
-        laid = _find_rest(config, statics, wrench, tubes, None, MAX_SEARCH_STEPS)
-        presses = laid is not None and laid.most_pulling() is None
-        if presses and laid.required_friction <= friction:
+    body = found.statics.body
+    solve = _rest_solver(found.config, body, found.wrench, found.tubes, None, MAX_SEARCH_STEPS)
+    for free in sorted(free_corners(found, gap), reverse=True):
+        sets = with_corner(found, free, rolls=False)
+        laid = search_contacts(solve, sets[-1].contacts, limit=QUICK_SETS) if sets else None
+        if laid is not None and laid.required_friction <= friction:
             return laid
     return found
 
 
-def _with_far_ends(found: HeldGrip, gap: float) -> Iterator[tuple[PressedContacts, int, int]]:
-    """
-    Yield the contacts with the far end of a face added, and the indices of near and far end.
-
-    :param gap: largest gap at the far end in the bent tube [m].
-    """
-    statics, state, bent = found.statics, found.state, max(gap, found.statics.tube_radius)
-    for k, face in open_faces(statics):
-        if not is_short(statics, face) and far_end_depth(statics, state, k, face, bent) > -gap:
-            contacts, far = with_far_end(found.contacts, k, face)
-            yield contacts, k + (far <= k), far
-
-
-def _find_pressing(
-    find: Callable[[PressedContacts], HeldGrip | None],
-    contacts: PressedContacts,
-    middle: complex,
-    sets: int | None,
-) -> HeldGrip | None:
-    """Return the first of `sets` hypotheses whose equilibrium has no face end in tension."""
-    for _ in range(sets or len(contacts.owners)):
-        found = find(contacts)
-        if found is None:
-            break
-        pulling = found.most_pulling()
-        if pulling is None:
-            return found
-        contacts = contacts.without(pulling)
-    if sets is not None:
-        return None
-    # Try all hypotheses with one open face end, then with two, ...; take the nearest equilibrium.
-    for _, alike in itertools.groupby(_choices(contacts)[1:], lambda each: len(each.owners)):
-        found = _nearest_pressing(map(find, alike), middle)
-        if found is not None:
-            return found
-    return None
-
-
-def _nearest_pressing(found: Iterable[HeldGrip | None], middle: complex) -> HeldGrip | None:
-    """Return the equilibrium without tension at a face end that is nearest to a centroid."""
-    pressing = [each for each in found if each is not None and each.most_pulling() is None]
-    return min(pressing, key=lambda each: abs(each.body.middle - middle), default=None)
-
-
-def _find_rest(
+def _rest_solver(
     config: Configuration,
-    statics: ContactStatics,
+    body: ConvexObject,
     wrench: Array,
     tubes: TubeModel,
     before: HeldGrip | None,
     steps: int,
-) -> HeldGrip | None:
-    """Return the object's equilibrium near the measured pose with given contacts, or None."""
-    body, contacts = statics.body, statics.contacts
-    conditions = rest(statics, body)
-    found, motion = None, None
-    if before is not None and before.tubes[:2] == tubes[:2] and _is_like(before, statics):
-        travel = config.roller_positions - before.config.roller_positions
-        found = _solve_nearby(before, travel, statics, wrench, conditions)
-        if found is not None:
-            motion = travel, found[1].unknowns - before.state.unknowns
-    if found is None:
-        start = _search_centered(statics, wrench, steps)
-        found = None if start is None else statics.settle(start, wrench, conditions, steps)
-    if found is not None and not tubes.paper_model and len(contacts.owners) > len(contacts.ends):
-        # The dents at the ends of a face depend on the inclinations of the bent tube and on the
-        # object's rotation.
+) -> ContactSolver:
+    """Return the solver of equilibria near the measured pose, with unknown contact history."""
+
+    def solve(chosen: ContactSet, _: HeldGrip | None) -> HeldGrip | None:
+        contacts = chosen.contacts
+        statics = build_statics(config, body, contacts, tubes)
+        conditions = rest(statics, body, chosen.grazing)
+        found, motion = None, None
+        if before is not None and before.tubes[:2] == tubes[:2] and _is_like(before, statics):
+            travel = config.roller_positions - before.config.roller_positions
+            found = _solve_nearby(before, travel, statics, wrench, conditions)
+            if found is not None:
+                motion = travel, found[1].unknowns - before.state.unknowns
+        if found is None:
+            start = _search_centered(statics, wrench, chosen.grazing, steps)
+            found = None if start is None else statics.settle(start, wrench, conditions, steps)
+        if found is not None and len(contacts.owners) > len(contacts.ends):
+            found = _tabulate_dents(*found, tubes).settle(
+                found[1].unknowns, wrench, conditions, steps
+            )
+        if found is None:
+            return None
         statics, state = found
-        turned = body.moved_to(state.unknowns[:3])
-        dents = find_dents(statics.bent.structure, turned, contacts, tubes, state.normals)
-        statics = replace(statics, dents=dents)
-        found = statics.settle(state.unknowns, wrench, conditions, steps)
-    if found is None:
-        return None
-    statics, state = found
-    angles = np.angle(state.normals * np.exp(-1j * state.unknowns[2]))
-    travel = travel_rates(config, contacts.members) @ config.roller_positions
-    return HeldGrip(
-        config=config,
-        body=body.moved_to(state.unknowns[:3]),
-        anchors=statics.anchors(state.unknowns, state.normals, travel, angles),
-        angles=angles,
-        statics=statics,
-        state=state,
-        wrench=wrench,
-        tubes=tubes,
-        motion=motion,
-    )
+        angles = np.angle(state.normals * np.exp(-1j * state.unknowns[2]))
+        rolled = travel_rates(config, contacts.members) @ config.roller_positions
+        return HeldGrip(
+            config=config,
+            body=body.moved_to(state.unknowns[:3]),
+            anchors=statics.anchors(state.unknowns, state.normals, rolled, angles),
+            angles=angles,
+            statics=statics,
+            state=state,
+            wrench=wrench,
+            tubes=tubes,
+            motion=motion,
+        )
+
+    return solve
 
 
-def _search_centered(statics: ContactStatics, wrench: Array, steps: int) -> Array | None:
+def _tabulate_dents(
+    statics: ContactStatics, state: ContactForces, tubes: TubeModel
+) -> ContactStatics:
+    """Return the equations with dents for the normals of the bent tubes and the turned object."""
+    turned, structure = statics.body.moved_to(state.unknowns[:3]), statics.bent.structure
+    dents = find_dents(structure, turned, statics.contacts, tubes, state.normals)
+    return replace(statics, dents=dents)
+
+
+def _search_centered(
+    statics: ContactStatics, wrench: Array, grazing: int | None, steps: int
+) -> Array | None:
     """Return an initial guess that does not depend on the origin of the object's frame."""
     body, shape = statics.body, statics.body.shape
     if abs(shape.centroid) <= NEGLIGIBLE_SHARE * body.arm:
@@ -245,7 +206,7 @@ def _search_centered(statics: ContactStatics, wrench: Array, steps: int) -> Arra
     away = (body.middle - body.center) / body.arm
     moment = wrench[2] - away.real * wrench[1] + away.imag * wrench[0]
     statics = replace(statics, body=centered)
-    start, conditions = start_at(statics, centered), rest(statics, centered)
+    start, conditions = start_at(statics, centered), rest(statics, centered, grazing)
     state = statics.solve(start, np.append(wrench[:2], moment), conditions, steps)
     if state is None:
         return None
@@ -287,19 +248,9 @@ def _solve_nearby(
     return found if far <= MAX_FIRST_ORDER_TRAVEL and bool(alike) else None
 
 
-def _choices(contacts: PressedContacts) -> list[PressedContacts]:
-    """Return contact hypotheses: first all face ends in contact, then fewer face ends."""
-    faces = [own.tolist() for own in contacts.ends if len(own) > 1]
-    found = []
-    for dropped in itertools.product(*([None, *own] for own in faces)):
-        chosen = contacts
-        for k in sorted((k for k in dropped if k is not None), reverse=True):
-            chosen = chosen.without(k)
-        found.append((sum(k is not None for k in dropped), chosen))
-    return [chosen for _, chosen in sorted(found, key=lambda item: item[0])]
-
-
-def rest(statics: ContactStatics, body: ConvexObject) -> ContactConditions:
+def rest(
+    statics: ContactStatics, body: ConvexObject, grazing: int | None = None
+) -> ContactConditions:
     """
     Return the conditions that replace rolling conditions if the contact history is unknown.
 
@@ -311,15 +262,19 @@ def rest(statics: ContactStatics, body: ConvexObject) -> ContactConditions:
     - Three members: the squeeze follows from statics. Without a face contact the object has its
       measured angle, and all T are equal; with a face contact no member has friction.
     - T / N is equal at both ends of each face.
+    - If an end of a face grazes, its N is zero. This takes the place of the measured angle; apart
+      from that, the conditions are those without a face contact.
 
     :param statics: equations of equilibrium.
     :param body: the object at its measured pose.
+    :param grazing: index of the end of a face that touches without force; None: no such end.
     """
     contacts, places, count = statics.contacts, statics.places, len(statics.sides)
     ends, owners, pressing = contacts.ends, contacts.owners, slice(places.normal.start, None)
     pairs = [(own[:1], own[1:], -1.0) for own in ends if len(own) == 2]
     faces, across = bool(pairs), len(ends) == 2
-    if faces and across:
+    even = faces and grazing is None
+    if even and across:
         pairs.append((ends[0], ends[1], 1.0))
     # Quadratic forms T_one N_other + sign T_other N_one, which are zero if |T| / N is equal.
     alike = np.zeros((len(pairs), 2 * count, 2 * count))
@@ -331,13 +286,15 @@ def rest(statics: ContactStatics, body: ConvexObject) -> ContactConditions:
     # The chord is the mean of the first member's normals minus that of the second member's.
     shares = np.where(owners == 0, 1.0, -1.0) / np.bincount(owners)[owners]
     linear, given = np.zeros((count, places.size)), np.zeros(count)
-    if not faces:
+    if grazing is not None:
+        linear[first, places.normal.start + grazing] = 1.0
+    elif not faces:
         linear[first, ANGLE], given[first] = body.arm, body.arm * body.pose.angle
     if not across:
         # Friction forces of the members, or differences of them, that are zero.
-        signs = np.eye(len(ends))[: count - first - (not faces)]
-        signs = signs if faces else signs - np.roll(signs, 1, axis=1)
-        rubbing = slice(first + (not faces), None)
+        signs = np.eye(len(ends))[: count - first - (not even)]
+        signs = signs if even else signs - np.roll(signs, 1, axis=1)
+        rubbing = slice(first + (not even), None)
         linear[rubbing, places.friction] = FRICTION_COMPLIANCE * signs[:, owners]
 
     def rows(unknowns: Array, normals: Points) -> tuple[Array, Array]:

@@ -42,14 +42,32 @@ def find_pressed(config: Configuration, body: ConvexObject, members: Indices) ->
     own = normals * body.turn.conjugate()
     radius = 0.5 * config.robot.description.tube_diameter
     skins = ((starts - body.center) * normals.conj()).real - radius
-    found: list[tuple[int, int, float, float]] = []
+    found: list[tuple[int, int]] = []
     for member, normal, skin in zip(members.tolist(), own.tolist(), skins.tolist(), strict=True):
-        first, *others = body.shape.contact_patch(normal, radius, skin)
-        half = 0.5 * (others[0].along - first.along) if others else np.inf
-        found.append((member, first.corner, np.inf, half))
-        found += [(member, other.corner, half, np.inf) for other in others]
-    numbers, corners, before, behind = zip(*found, strict=True)
-    return PressedContacts(np.array(numbers), np.array(corners), np.column_stack([before, behind]))
+        patch = body.shape.contact_patch(normal, radius, skin)
+        found += [(member, end.corner) for end in patch]
+    numbers, corners = np.array(found).T
+    return contacts_at(body.shape, numbers, corners, radius)
+
+
+def contacts_at(
+    shape: Shape, members: Indices, corners: Indices, tube_radius: float
+) -> PressedContacts:
+    """
+    Return the contacts of members with given corners of an object.
+
+    The two ends of a face share it, whether or not both are in contact. So the forces are
+    continuous if an end gains contact. A face shorter than a tube radius has one contact.
+
+    :param members: (k,) indices of the members, in ascending order.
+    :param corners: (k,) indices of the corners, counter-clockwise on each member.
+    """
+    cuts = np.full((len(members), 2), np.inf)
+    for k, corner in enumerate(corners.tolist()):
+        for side, face in enumerate(shape.faces_at(corner)):
+            if face.length >= tube_radius:
+                cuts[k, side] = 0.5 * face.length
+    return PressedContacts(members, corners, cuts)
 
 
 def facing_lines(

@@ -48,17 +48,8 @@ class PressedContacts:
         return [np.flatnonzero(self.owners == i) for i in range(int(self.owners[-1]) + 1)]
 
     def without(self, dropped: int) -> PressedContacts:
-        """
-        Return all contacts except a given contact.
-
-        If this contact is one end of a face, the extent of the contact at the other end becomes
-        unlimited.
-
-        :param dropped: index of the contact that is left out.
-        """
-        cuts = self.cuts.copy()
-        cuts[self.owners == self.owners[dropped]] = np.inf
-        every = self.members, self.corners, cuts
+        """Return all contacts except a given one."""
+        every = self.members, self.corners, self.cuts
         return PressedContacts(*(np.delete(each, dropped, axis=0) for each in every))
 
 

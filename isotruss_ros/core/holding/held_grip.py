@@ -297,20 +297,6 @@ class HeldGrip:
         more = float(change[self.state.places.normal].sum())
         return 0.0 if singular else -more / float(self.state.normal_forces.sum())
 
-    def most_pulling(self, third: bool = False) -> int | None:
-        """
-        Return the index of the contact with the largest tension; None without tension.
-
-        Only contacts at the ends of a face are considered.
-
-        :param third: whether the contact of a third member is considered as well.
-        """
-        owners = self.contacts.owners
-        chosen = (np.bincount(owners)[owners] > 1) | (third and owners[-1] > 1)
-        normal = np.where(chosen, self.state.normal_forces, np.inf)
-        least = int(normal.argmin())
-        return least if normal[least] < 0.0 else None
-
     @functools.cached_property
     def tangent(self) -> Array:
         """Return the equations' Jacobian (3 + 4k, 3 + 4k) for sticking contacts."""

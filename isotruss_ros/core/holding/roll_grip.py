@@ -9,43 +9,29 @@ Ends of faces lose and gain contact, and a third member may come into contact.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 
 from isotruss_ros.core.holding.build_statics import (
     build_statics,
     facing_lines,
     find_dents,
-    find_pressed,
     start_at,
 )
-from isotruss_ros.core.holding.contact_forces import PressedContacts
+from isotruss_ros.core.holding.contact_search import ContactSet, search_contacts
 from isotruss_ros.core.holding.contact_statics import (
     ContactConditions,
     ContactStatics,
     FRICTION_COMPLIANCE,
     unwrapped,
 )
-from isotruss_ros.core.holding.face_ends import (
-    displacement_at,
-    far_end_depth,
-    is_short,
-    open_faces,
-    with_far_end,
-)
 from isotruss_ros.core.holding.held_grip import (
     HeldGrip,
-    MAX_DISPLACEMENT,
     scaled_wrench,
     travel_rates,
 )
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.kinematics.depths import member_depths, member_lines
-from isotruss_ros.core.manipulation.grip import GRIP_SIZES
-from isotruss_ros.core.model.convex_object import segment_gaps
-from isotruss_ros.core.model.shapes import Face
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
-from isotruss_ros.core.numerics.tolerances import MAX_SEARCH_STEPS
+from isotruss_ros.core.numerics.tolerances import MAX_SEARCH_STEPS, NEGLIGIBLE_SHARE
 from isotruss_ros.core.statics.bent_tubes import FOLLOWED_MOTION
 from isotruss_ros.core.statics.section import Pressure
 from isotruss_ros.core.statics.structure import structure_of
@@ -72,57 +58,55 @@ def roll_grip(
     :return: the grip in the given configuration; None if no equilibrium exists.
     """
     wrench = scaled_wrench(external_wrench, grip.arm)
-    rolled = roll_contacts(grip, config, grip.contacts, grip.anchors, grip.angles, wrench)
-    changes = iter(range(MAX_SEARCH_STEPS))
-    found = None if rolled is None else _lift_ends(rolled, changes)
-    return None if found is None else _join(_lay_down(found, changes))
+
+    def solve(chosen: ContactSet, before: HeldGrip | None) -> HeldGrip | None:
+        return roll_contacts(before or grip, config, chosen, wrench)
+
+    return search_contacts(solve, grip.contacts, rolls=True)
 
 
 def roll_contacts(
-    grip: HeldGrip,
-    config: Configuration,
-    contacts: PressedContacts,
-    anchors: Array,
-    angles: Array,
-    wrench: Array,
-    fresh: Indices = NO_CONTACTS,
+    grip: HeldGrip, config: Configuration, chosen: ContactSet, wrench: Array
 ) -> HeldGrip | None:
     """
     Return the equilibrium in another configuration, with given contacts that roll without slip.
 
     :param grip: previous equilibrium.
     :param config: configuration close to the configuration of the grip.
-    :param contacts: the k contacts.
-    :param anchors: (k,) rolling invariants, see `ContactStatics.anchors` [m].
-    :param angles: (k,) angles of the normals in the object's frame, not wrapped to one turn [rad].
+    :param chosen: the k contacts; new contacts have no friction yet.
     :param wrench: external wrench (fx, fy, m / arm) on the object [N]; arm is the object's
         characteristic radius.
-    :param fresh: indices of new contacts, which have no friction yet.
     :return: the grip in the given configuration; None if no equilibrium exists.
     """
-    moved, kept = config.roller_positions - grip.config.roller_positions, grip.state.unknowns
-    same = contacts is grip.contacts
+    moved, contacts = config.roller_positions - grip.config.roller_positions, chosen.contacts
+    same, known = contacts is grip.contacts, grip.state.unknowns
     travel = travel_rates(config, contacts.members) @ config.roller_positions
+    anchors, angles, new = grip.anchors, grip.angles, NO_CONTACTS
     if same:  # with the same dents
-        start, structure = grip.ahead(moved), structure_of(config, grip.tubes.pressure)
-        loads, feet = grip.statics.loads(start), start[grip.state.places.feet]
+        starts, structure = [grip.ahead(moved), known], structure_of(config, grip.tubes.pressure)
+        loads, feet = grip.statics.loads(starts[0]), starts[0][grip.state.places.feet]
         bent = grip.statics.bent.update(loads, feet, structure)
         statics = replace(grip.statics, bent=bent)
     else:
-        normals = grip.body.turn * np.exp(1j * angles)
-        statics = build_statics(config, grip.body, contacts, grip.tubes, normals)
-        start = kept = start_at(statics, grip.body)
-    conditions, reach = stick(statics, anchors, travel, angles, fresh), FOLLOWED_MOTION
-    settled = statics.settle(start, wrench, conditions, MAX_SEARCH_STEPS, reach)
-    if settled is None and start is not kept:
-        settled = statics.settle(kept, wrench, conditions, MAX_SEARCH_STEPS, reach)
-    if settled is None:
+        new = np.flatnonzero(chosen.origins < 0)
+        anchors, angles = anchors[chosen.origins], angles[chosen.origins]
+        facing = facing_lines(config, grip.body, contacts.members)[1] / grip.body.turn
+        angles[new] = np.angle(facing[new])
+        statics = build_statics(
+            config, grip.body, contacts, grip.tubes, grip.body.turn * np.exp(1j * angles)
+        )
+        starts = [_continued(grip, statics, chosen.origins)]
+        statics = replace(statics, bent=statics.bent.bent_like(grip.statics.bent))
+    conditions, reach = stick(statics, anchors, travel, angles, new), FOLLOWED_MOTION
+    for start in starts:
+        settled = statics.settle(start, wrench, conditions, MAX_SEARCH_STEPS, reach)
+        if settled is not None:
+            break
+    else:
         return None
     statics, state = settled
-    if len(fresh):
-        found = statics.anchors(state.unknowns, state.normals, travel, angles)
-        anchors = anchors.copy()
-        anchors[fresh] = found[fresh]
+    if len(new):
+        anchors[new] = statics.anchors(state.unknowns, state.normals, travel, angles)[new]
     return replace(
         grip,
         config=config,
@@ -132,8 +116,20 @@ def roll_contacts(
         statics=statics,
         state=state,
         wrench=wrench,
-        motion=(moved, state.unknowns - kept) if same else None,
+        motion=(moved, state.unknowns - known) if same else None,
     )
+
+
+def _continued(grip: HeldGrip, statics: ContactStatics, origins: Indices) -> Array:
+    """Return initial unknowns with other contacts; those that continue have their old values."""
+    start, old = start_at(statics, grip.body), grip.state.places
+    new, continued = origins < 0, origins >= 0
+    for name in ('feet', 'inclinations', 'normal', 'friction'):
+        values = grip.state.unknowns[getattr(old, name)]
+        start[getattr(statics.places, name)][continued] = values[origins[continued]]
+    # A new contact has almost no force: the iteration must not cross zero.
+    start[statics.places.normal][new] = NEGLIGIBLE_SHARE * grip.squeeze
+    return start
 
 
 def stick(
@@ -169,118 +165,6 @@ def stick(
         return left, derivative
 
     return rows
-
-
-def _lift_ends(grip: HeldGrip, changes: Iterator[int]) -> HeldGrip | None:
-    """
-    Return the grip without the face ends, and without the third member, that are in tension.
-
-    The contact with the largest tension is removed, and the equilibrium is computed again.
-    `changes` bounds the number of removals. The result is None if no equilibrium exists.
-    """
-    found: HeldGrip | None = grip
-    while found is not None:
-        lifted = found.most_pulling(third=True)
-        if lifted is None or next(changes, None) is None:
-            break
-        kept = np.delete(np.arange(len(found.anchors)), lifted)
-        contacts = found.contacts.without(lifted)
-        found = roll_contacts(
-            found, found.config, contacts, found.anchors[kept], found.angles[kept], found.wrench
-        )
-    return found
-
-
-def _lay_down(grip: HeldGrip, changes: Iterator[int]) -> HeldGrip:
-    """
-    Return the grip with contact at each face end that penetrates its bent tube.
-
-    The object rolls over a short face: its far end replaces its near end. Several short faces may
-    follow each other.
-    """
-    corners, done = grip.contacts.corners, set[int]()
-    own = grip.state.normals * np.exp(-1j * grip.state.unknowns[2])
-    for k, face in open_faces(grip.statics):
-        short = is_short(grip.statics, face)
-        rolled = face.step * (own[k] * face.normal.conjugate()).imag > 0.0
-        if k in done or not (
-            rolled if short else far_end_depth(grip.statics, grip.state, k, face) > 0.0
-        ):
-            continue
-        done.add(k)
-        laid = None if next(changes, None) is None else _lay(grip, k, face)
-        # If the object has rolled over the face in a long motion, this end is in tension.
-        laid = None if laid is None else _lift_ends(laid, changes)
-        if laid is not None and not np.array_equal(laid.contacts.corners, corners):
-            return _lay_down(laid, changes) if short else laid
-    return grip
-
-
-def _join(grip: HeldGrip) -> HeldGrip:
-    """Return the grip, with a third member added if a third member has come into contact."""
-    if len(grip.members) >= GRIP_SIZES[-1]:
-        return grip
-    depths = member_depths(grip.config, grip.body)
-    depths[grip.members] = -np.inf
-    number = int(depths.argmax())
-    near = MAX_DISPLACEMENT * grip.config.robot.description.tube_diameter
-    if depths[number] <= -near or _depth_in(grip, number, float(depths[number])) <= 0.0:
-        return grip
-    member = np.array([number])
-    others = find_pressed(grip.config, grip.body, member)
-    normal = facing_lines(grip.config, grip.body, member)[1] * grip.body.turn.conjugate()
-    found = _add(grip, grip.contacts, others, np.repeat(np.angle(normal), len(others.members)))
-    if found is None:
-        return grip
-    presses = found.state.normal_forces[found.contacts.members == number].min() > 0.0
-    return found if presses else grip
-
-
-def _lay(grip: HeldGrip, k: int, face: Face) -> HeldGrip | None:
-    """Return the equilibrium with contact at a face's far end; at a short face, only there."""
-    anchors, angles, wrench = grip.anchors, grip.angles, grip.wrench
-    if is_short(grip.statics, face):
-        corners = grip.contacts.corners.copy()
-        corners[k] = face.corner
-        turned = replace(grip.contacts, corners=corners)
-        return roll_contacts(grip, grip.config, turned, anchors, angles, wrench)
-    laid, new = with_far_end(grip.contacts, k, face)
-    anchors, angles = np.insert(anchors, new, 0.0), np.insert(angles, new, angles[k])
-    return roll_contacts(grip, grip.config, laid, anchors, angles, wrench, np.array([new]))
-
-
-def _add(
-    grip: HeldGrip,
-    contacts: PressedContacts,
-    others: PressedContacts,
-    angles: Array,
-) -> HeldGrip | None:
-    """Return the equilibrium with the contacts of another member added."""
-    order = np.argsort(np.append(contacts.members, others.members), kind='stable')
-    pairs = (
-        (contacts.members, others.members),
-        (contacts.corners, others.corners),
-        (contacts.cuts, others.cuts),
-    )
-    return roll_contacts(
-        grip,
-        grip.config,
-        PressedContacts(*(np.concatenate(pair)[order] for pair in pairs)),
-        np.append(grip.anchors, np.zeros(len(angles)))[order],
-        np.append(grip.angles, angles)[order],
-        grip.wrench,
-        np.flatnonzero(order >= len(grip.anchors)),
-    )
-
-
-def _depth_in(grip: HeldGrip, number: int, depth: float) -> float:
-    """Return the penetration depth of the object in a deformed member without contact [m]."""
-    start, end = member_lines(grip.config)[[number]].T
-    near = segment_gaps(grip.body, start, end)
-    foot = float(near.shares[0]) * abs(end - start)
-    return depth - displacement_at(
-        grip.statics, grip.state, number, foot, complex(near.normals[0])
-    )
 
 
 def with_pressures(grip: HeldGrip, pressures: Pressure | None) -> HeldGrip:

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from isotruss_ros.core.holding.attach_grip import attach_grip
+from isotruss_ros.core.holding.contact_search import depths_in_others, SKIN_TOLERANCE
 from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.held_grip import (
     HeldGrip,
@@ -26,7 +27,6 @@ from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.statics.section import Pressure
-import numpy as np
 from numpy.typing import ArrayLike
 
 
@@ -108,14 +108,10 @@ def _judge(found: HeldGrip, given: Pose, friction: float) -> tuple[HoldStatus, s
     shift = abs(found.body.middle - found.body.moved_to(given).middle)
     if shift > MAX_DISPLACEMENT * robot.description.tube_diameter:
         return HoldStatus.FAR, f'{HoldStatus.FAR.value}: {1e3 * shift:.3g} mm'
-    depths = member_depths(found.config, found.body)
-    depths[found.members] = -np.inf
-    other = int(depths.argmax())
-    if depths[other] > 0.0:
-        return (
-            HoldStatus.OTHER_CONTACT,
-            f'{HoldStatus.OTHER_CONTACT.value}: {robot.member_names[other]}',
-        )
+    others, depths = depths_in_others(found)
+    if depths.max(initial=0.0) > SKIN_TOLERANCE:
+        other = robot.member_names[others[depths.argmax()]]
+        return HoldStatus.OTHER_CONTACT, f'{HoldStatus.OTHER_CONTACT.value}: {other}'
     if found.required_friction > friction:
         need = f'coefficient {found.required_friction:.3g} against {friction:.3g}'
         return HoldStatus.SLIPS, f'{HoldStatus.SLIPS.value}: {need}'

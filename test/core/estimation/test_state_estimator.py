@@ -13,6 +13,7 @@ from isotruss_ros.core.estimation.slip_watch import SlipWatch
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings
 from isotruss_ros.core.estimation.state_estimator import StateEstimator
 from isotruss_ros.core.holding.attach_grip import attach_grip
+from isotruss_ros.core.holding.contact_search import ContactSet
 from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.loaded_frame import held_joints
 from isotruss_ros.core.holding.roll_grip import roll_contacts
@@ -74,8 +75,7 @@ class DrawnRobot:
         self.estimator.take_encoders(0.0, self.readings)
 
     def _roll(self, grip):
-        given = grip.contacts, grip.anchors, grip.angles, self.wrench
-        return roll_contacts(grip, self.config, *given)
+        return roll_contacts(grip, self.config, ContactSet.of(grip.contacts), self.wrench)
 
     def move(self, step=None):
         """Turn the rollers (r,) [m]; as drawn, to and fro, if None."""

@@ -26,6 +26,7 @@ from isotruss_ros.core import (
 from isotruss_ros.core.contact.dents import Dents
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.attach_grip import attach_grip
+from isotruss_ros.core.holding.contact_search import ContactSet
 from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.held_gradient import held_gradient
 from isotruss_ros.core.holding.held_grip import NotHeldError
@@ -345,7 +346,8 @@ def move(grip, values):
         bent = replace(grip.statics.bent, stiffness=scale)
         statics = replace(grip.statics, dents=indentation, bent=bent)
         softened = replace(grip, tubes=tubes, statics=statics)
-    return roll_contacts(softened, config, grip.contacts, values[10:], grip.angles, values[6:9])
+    softened = replace(softened, anchors=values[10:])
+    return roll_contacts(softened, config, ContactSet.of(grip.contacts), values[6:9])
 
 
 @pytest.mark.parametrize('name', GRASPS)

@@ -18,8 +18,6 @@ NAMES = HOME.robot.member_names
 
 def judge(shift=0.0, other=-0.01, needed=0.3, friction=0.5, stable=True, used=0.5):
     """Judge an equilibrium of the first two members; another one is as deep in the object."""
-    depths = np.full(len(NAMES), -0.1)
-    depths[:2], depths[4] = 0.02, other
     found = SimpleNamespace(
         config=HOME,
         body=ConvexObject.disc((shift, 0.0), 0.3),
@@ -29,7 +27,8 @@ def judge(shift=0.0, other=-0.01, needed=0.3, friction=0.5, stable=True, used=0.
         sections=SimpleNamespace(used=np.full(len(NAMES), used)),
     )
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(settle_grasp_module, 'member_depths', lambda *_: depths)
+        others = np.array([4]), np.array([other])
+        patch.setattr(settle_grasp_module, 'depths_in_others', lambda _: others)
         return _judge(found, Pose(0.0, 0.0, 0.0), friction)
 
 

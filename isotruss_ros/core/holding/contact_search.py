@@ -1,0 +1,311 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Search for the contacts of an object: all of them press, and no other corner is in a bent tube.
+
+Each set of contacts is solved for equilibrium. The condition that is violated most proposes the
+next sets: a contact in tension opens, and a corner in the skin of a tube comes into contact. The
+search is depth-first, and the number of sets is bounded.
+"""
+
+from __future__ import annotations
+
+import cmath
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+from isotruss_ros.core.holding.build_statics import contacts_at, facing_lines
+from isotruss_ros.core.holding.contact_forces import PressedContacts
+from isotruss_ros.core.holding.contact_statics import MAX_INCLINATION
+from isotruss_ros.core.holding.held_grip import HeldGrip, MAX_DISPLACEMENT
+from isotruss_ros.core.kinematics.depths import member_lines
+from isotruss_ros.core.manipulation.grip import GRIP_SIZES
+from isotruss_ros.core.model.convex_object import segment_gaps
+from isotruss_ros.core.model.shapes import Shape
+from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
+from isotruss_ros.core.numerics.tolerances import MAX_SEARCH_STEPS, ROUNDING
+import numpy as np
+
+#: Largest depth of a corner without contact in the skin of a bent tube [m]. It covers the error
+#: of the centre line between the nodes of the frame.
+SKIN_TOLERANCE = 2e-5
+
+
+class ContactSet(NamedTuple):
+    """Contacts whose equilibrium is to be found."""
+
+    contacts: PressedContacts
+    #: (k,) index of each contact in the previous equilibrium, also of a contact that has rolled
+    #: over a face to another corner; -1 for a new contact
+    origins: Indices
+    #: index of a face's end that touches without force, because it would pull in contact, and
+    #: penetrate the tube without; None: no such end
+    grazing: int | None = None
+
+    @classmethod
+    def of(cls, contacts: PressedContacts) -> ContactSet:
+        """Return the set of the contacts of the previous equilibrium, or of the first one."""
+        return cls(contacts, np.arange(len(contacts.members)))
+
+    @property
+    def key(self) -> tuple[object, ...]:
+        """Return a value that is equal for equal sets."""
+        contacts, is_new = self.contacts, self.origins < 0
+        arrays = contacts.members, contacts.corners, is_new
+        return *(array.tobytes() for array in arrays), self.grazing
+
+    def without(self, dropped: int) -> ContactSet:
+        """Return the set without one of its contacts."""
+        return ContactSet(self.contacts.without(dropped), np.delete(self.origins, dropped))
+
+
+class FreeCorner(NamedTuple):
+    """Corner without contact that penetrates a grasping member."""
+
+    depth: float  #: depth in the skin, or height above a contact nearer than a tube radius [m]
+    contact: int  #: index of the nearest contact of the same member
+    corner: int  #: index of the corner
+    along: float  #: distance from this contact along the faces, counter-clockwise [m]
+
+
+#: Returns the equilibrium of a set that follows from another equilibrium (None: the first one).
+ContactSolver = Callable[[ContactSet, HeldGrip | None], HeldGrip | None]
+
+
+def search_contacts(
+    solve: ContactSolver,
+    contacts: PressedContacts,
+    rolls: bool = False,
+    limit: int = MAX_SEARCH_STEPS,
+) -> HeldGrip | None:
+    """
+    Return the equilibrium in which all contacts press and no other corner penetrates its member.
+
+    :param rolls: whether the contacts have a history. Then a third member may gain or lose
+        contact; otherwise the end of a face may graze.
+    :param limit: largest number of sets that are solved.
+    """
+    waiting: list[tuple[ContactSet, HeldGrip | None]] = [(ContactSet.of(contacts), None)]
+    tried: set[tuple[object, ...]] = set()
+    pressing: list[HeldGrip] = []
+    solved = 0
+    while waiting and solved < limit:
+        chosen, before = waiting.pop()
+        if chosen.key in tried:
+            continue
+        # Rolling keeps the tabulated dents until contacts change. With new dents, the first set
+        # may be consistent.
+        if solved > 0 or not rolls:
+            tried.add(chosen.key)
+        solved += 1
+        found = solve(chosen, before)
+        if found is None:
+            ends = np.flatnonzero(_is_face_end(chosen.contacts)).tolist()
+            sets, parent = [chosen.without(k) for k in ends], before
+        else:
+            sets, parent = _violations(found, rolls), found
+        if sets is None:
+            pressing.append(found)
+            # Without a history, the other sets that followed from the same equilibrium compete.
+            waiting = [] if rolls else [each for each in waiting if each[1] is before]
+            waiting = [each for each in waiting if each[0].grazing is None]
+        elif not pressing:
+            waiting += [(more, parent) for more in sets if more.grazing is None]
+            waiting[:0] = [(more, parent) for more in sets if more.grazing is not None]
+    return min(pressing, key=_displacement, default=None)
+
+
+def _displacement(grip: HeldGrip) -> float:
+    """Return the distance of the object's centroid from its measured or previous place [m]."""
+    return abs(grip.body.middle - grip.statics.body.middle)
+
+
+def _violations(grip: HeldGrip, rolls: bool) -> list[ContactSet] | None:
+    """Return the sets that mend the largest violation, the most likely set last; None if none."""
+    pulling = most_pulling(grip, rolls)
+    if pulling is not None:
+        current = ContactSet.of(grip.contacts)
+        opened = current.without(pulling)
+        return [opened] if rolls else [current._replace(grazing=pulling), opened]
+    corner = max(free_corners(grip), default=None)
+    if corner is not None:
+        return with_corner(grip, corner, rolls)
+    return _with_third(grip) if rolls else None
+
+
+def _is_face_end(contacts: PressedContacts) -> Flags:
+    """Return a mask (k,) that is true for contacts at an end of a face."""
+    return np.bincount(contacts.owners)[contacts.owners] > 1
+
+
+def most_pulling(grip: HeldGrip, third: bool = False) -> int | None:
+    """
+    Return the index of the face end with the largest tension; None without tension.
+
+    :param third: whether the contact of a third member is considered as well.
+    """
+    owners, normal = grip.contacts.owners, grip.state.normal_forces
+    chosen = np.where(_is_face_end(grip.contacts) | (third and owners[-1] > 1), normal, np.inf)
+    least = int(chosen.argmin())
+    return least if chosen[least] < -ROUNDING * np.abs(normal).sum() else None
+
+
+def free_corners(grip: HeldGrip, gap: float = -SKIN_TOLERANCE) -> Iterator[FreeCorner]:
+    """
+    Yield the corners without contact that penetrate a grasping member.
+
+    A corner that is nearer to a contact than a tube radius belongs to the dent of the contact; it
+    penetrates the tube if it is higher than the corner in contact.
+
+    :param gap: largest gap in the bent tube that counts as penetration [m].
+    """
+    contacts, radius = grip.contacts, grip.statics.tube_radius
+    for own in contacts.ends if grip.body.shape.faces_at(0) else ():
+        far: list[FreeCorner] = []
+        for corner, (_, along, k) in _nearby_corners(grip, own.tolist()).items():
+            if abs(along) >= radius:
+                far.append(FreeCorner(0.0, k, corner, along))
+                continue
+            normal = complex(grip.state.normals[k])
+            own_height = _height(grip, int(contacts.corners[k]), normal)
+            if (higher := _height(grip, corner, normal) - own_height) > SKIN_TOLERANCE:
+                yield FreeCorner(higher, k, corner, along)
+        if far:
+            corners = np.array([free.corner for free in far])
+            depths = skin_depths(grip, np.full(len(far), contacts.members[own[0]]), corners)
+            for free, depth in zip(far, depths.tolist(), strict=True):
+                if depth > -gap:
+                    yield free._replace(depth=depth)
+
+
+def _nearby_corners(grip: HeldGrip, own: list[int]) -> dict[int, tuple[float, float, int]]:
+    """
+    Return the corners without contact that may penetrate a member with the contacts `own`.
+
+    The values are the distance along the faces from the nearest contact, this distance with its
+    sign, and the index of the contact.
+    """
+    shape, statics, body = grip.body.shape, grip.statics, grip.body
+    normal, touching = (
+        complex(statics.straight_normals[own[0]]),
+        grip.contacts.corners[own].tolist(),
+    )
+    skin = ((complex(statics.bent.start[own[0]]) - body.center) / normal).real
+    least = skin - (1.0 + 2.0 * MAX_DISPLACEMENT) * statics.tube_radius
+    found: dict[int, tuple[float, float, int]] = {}
+    for k, begin in zip(own, touching, strict=True):
+        for side in range(2):
+            face = shape.faces_at(begin)[side]
+            along = face.step * face.length
+            while face.corner not in touching and _height(grip, face.corner, normal) > least:
+                near = abs(along), along, k
+                found[face.corner] = min(near, found.get(face.corner, near))
+                face = shape.faces_at(face.corner)[side]
+                along += face.step * face.length
+    return found
+
+
+def _height(grip: HeldGrip, corner: int, normal: complex) -> float:
+    """Return the coordinate of a corner along a normal, from the origin of the object [m]."""
+    facing = normal / grip.body.turn
+    return (_corner_point(grip.body.shape, corner, facing) / facing).real
+
+
+def _corner_point(shape: Shape, corner: int, normal: complex) -> complex:
+    """Return the point of a corner's arc that is farthest along a normal, x + iy [m]."""
+    before, after = (face.normal for face in shape.faces_at(corner))
+    if (before / normal).imag > 0.0:
+        return shape.point_at(corner, before)
+    return shape.point_at(corner, after if (normal / after).imag > 0.0 else normal)
+
+
+def skin_depths(grip: HeldGrip, members: Indices, corners: Indices) -> Array:
+    """Return the depths (c,) of corners in bent members [m]; -inf beyond the straight members."""
+    body, shape = grip.body, grip.body.shape
+    starts, normals = facing_lines(grip.config, body, members)
+    spans = member_lines(grip.config)[members, 1] - starts
+    length, axis = np.abs(spans), spans / np.abs(spans)
+
+    def away_from(lines: Points, normals: Points) -> Points:
+        facing = (normals / body.turn).tolist()
+        points = [_corner_point(shape, *at) for at in zip(corners.tolist(), facing, strict=True)]
+        return (body.center + body.turn * np.array(points) - lines) / axis
+
+    straight = away_from(starts, normals).real
+    places = straight.clip(0.0, length)
+    for _ in range(2):  # the second place is at the foot on the bent line, to second order
+        lines, turned = _bent_lines(grip, members, places)
+        away = away_from(lines, normals * turned) / turned
+        places = (places + away.real).clip(0.0, length)
+    depths = grip.statics.tube_radius + (away * axis / normals).real
+    return np.where((straight >= 0.0) & (straight <= length), depths, -np.inf)
+
+
+def _bent_lines(grip: HeldGrip, members: Indices, places: Array) -> tuple[Points, Points]:
+    """Return points (c,) of bent centre lines [m], and their directions relative to straight."""
+    bent, state = grip.statics.bent, grip.state
+    starts, ends = member_lines(grip.config)[members].T
+    moved = bent.displacements(state.loads, state.feet)
+    piece, within, _ = bent.structure.locate(members, places)
+    give = bent.frame.interpolate(moved, piece, within)
+    straight = starts + places * (ends - starts) / np.abs(ends - starts)
+    return straight + give @ (1.0, 1.0j, 0.0), np.exp(1j * give[:, 2])
+
+
+def depths_in_others(grip: HeldGrip) -> tuple[Indices, Array]:
+    """Return the members near the object that do not grasp it, and its depths in them, bent."""
+    starts, ends = member_lines(grip.config).T
+    near = segment_gaps(grip.body, starts, ends)
+    radius = grip.statics.tube_radius
+    reach = (1.0 + 2.0 * MAX_DISPLACEMENT) * radius
+    members = np.setdiff1d(np.flatnonzero(near.gaps < reach), grip.members)
+    spans, shares = (ends - starts)[members], near.shares[members]
+    lines, _ = _bent_lines(grip, members, shares * np.abs(spans))
+    moved = lines - starts[members] - shares * spans
+    return members, radius - near.gaps[members] - (moved / near.normals[members]).real
+
+
+def with_corner(grip: HeldGrip, free: FreeCorner, rolls: bool) -> list[ContactSet]:
+    """Return the sets with a corner in contact, the most likely set last."""
+    contacts, shape, k = grip.contacts, grip.body.shape, free.contact
+    radius = grip.statics.tube_radius
+    before, after = (face.normal for face in shape.faces_at(free.corner))
+    normal = complex(grip.state.normals[k]) / grip.body.turn
+    if max(cmath.phase(before / normal), cmath.phase(normal / after)) > MAX_INCLINATION:
+        return []
+    member, corners = contacts.members[k], contacts.corners.copy()
+    corners[k] = free.corner
+    owners, index = contacts.members == member, np.arange(len(contacts.members))
+    kept = index[~owners | (index == k)]
+    rolled = ContactSet(contacts_at(shape, contacts.members[kept], corners[kept], radius), kept)
+    if abs(free.along) < radius:
+        facing = [shape.point_at(corner, normal) for corner in corners[owners].tolist()]
+        if abs(facing[0] - facing[-1]) < radius:
+            return [rolled]
+        return [rolled, ContactSet(contacts_at(shape, contacts.members, corners, radius), index)]
+    new = int(np.searchsorted(kept, k)) + (free.along > 0.0)
+    members = np.insert(contacts.members[kept], new, member)
+    corners = np.insert(contacts.corners[kept], new, free.corner)
+    origins = np.insert(kept, new, -1 if rolls else k)
+    pair = ContactSet(contacts_at(shape, members, corners, radius), origins)
+    return [rolled, pair] if rolls else [pair._replace(grazing=new), rolled, pair]
+
+
+def _with_third(grip: HeldGrip) -> list[ContactSet] | None:
+    """Return the set with a third member that the object penetrates; None if there is none."""
+    if len(grip.members) >= GRIP_SIZES[-1]:
+        return None
+    members, depths = depths_in_others(grip)
+    if depths.max(initial=0.0) <= SKIN_TOLERANCE:
+        return None
+    contacts, member = grip.contacts, members[depths.argmax()]
+    normal = facing_lines(grip.config, grip.body, np.array([member]))[1][0] / grip.body.turn
+    new = int(np.searchsorted(contacts.members, member))
+    more = contacts_at(
+        grip.body.shape,
+        np.insert(contacts.members, new, member),
+        np.insert(contacts.corners, new, grip.body.shape.corner_at(complex(normal))),
+        grip.statics.tube_radius,
+    )
+    return [ContactSet(more, np.insert(np.arange(len(contacts.members)), new, -1))]

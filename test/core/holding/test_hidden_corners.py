@@ -1,0 +1,123 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""No corner of a held polygon is deeper in a bent tube than those that press."""
+
+from isotruss_ros.core import HoldStatus, load_robot, place_between, Polygon, settle_grasp
+from isotruss_ros.core.errors import ConfigurationError, GraspError
+from isotruss_ros.core.estimation.grip_model import attach_model
+from isotruss_ros.core.holding.held_grip import NotHeldError
+from isotruss_ros.core.holding.roll_grip import roll_grip
+from isotruss_ros.core.manipulation.limits import MemberLengthLimit
+from isotruss_ros.core.planning.closing import Closing
+from isotruss_ros.core.planning.motion_in_place import hold_between, squeeze_in_place
+from isotruss_ros.core.planning.violations import RequirementError
+from nightly import some_now
+import numpy as np
+import pytest
+from shapes import random_polygon
+from skin_depths import hidden_depth
+
+ROBOTS = [
+    load_robot(name)
+    for name in ('nine_member', 'triangle', 'open_chain', 'bow_tie', 'ring_of_four')
+]
+FRICTION = 1.3
+#: Depth of a corner that the centre line between nodes of the frame does not resolve [m].
+TOLERANCE = 1e-4
+OPEN_CHAIN = ROBOTS[2].configuration([0.094, -0.015, -0.044, -0.089, 0.020, -0.094])
+HEXAGON = Polygon(
+    [
+        (-0.015, 0.186),
+        (-0.120, 0.143),
+        (-0.187, -0.003),
+        (-0.168, -0.082),
+        (0.033, -0.184),
+        (0.185, -0.026),
+    ]
+)
+DEEP = place_between(OPEN_CHAIN, ('middle/F-B', 'middle/C-F'), HEXAGON, -1.183, 0.0205)
+#: Seeds of random grasps.
+SEEDS = some_now(range(100, 114), 1)
+
+
+def random_grasps(seed, count):
+    """Yield random polygons that are pressed between two members in random configurations."""
+    rng = np.random.default_rng(seed)
+    while count:
+        robot = ROBOTS[rng.integers(len(ROBOTS))]
+        travel = rng.uniform(-0.1, 0.1, len(robot.roller_names))
+        names = [robot.member_names[i] for i in rng.permutation(len(robot.member_names))[:2]]
+        shape = random_polygon(rng, rng.uniform(0.1, 0.35), rounded=bool(rng.integers(2)))
+        place = rng.uniform(-3.0, 3.0), rng.uniform(0.003, 0.025)
+        try:
+            config = robot.configuration(travel)
+            yield config, place_between(config, names, shape, *place)
+        except (ConfigurationError, GraspError):
+            continue
+        count -= 1
+
+
+def test_a_hexagon_that_had_a_corner_in_a_tube_rests_on_this_corner():
+    settled = settle_grasp(OPEN_CHAIN, DEEP.body, FRICTION)
+    assert settled.held
+    assert hidden_depth(settled.equilibrium) < TOLERANCE
+
+
+@pytest.mark.parametrize('seed', SEEDS)
+def test_settled_polygons_have_no_hidden_corner(seed):
+    holds = []
+    for config, grip in random_grasps(seed, 24):
+        settled = settle_grasp(config, grip.body, FRICTION, members=grip.members)
+        holds.append(settled.hold)
+        if settled.equilibrium is not None and settled.hold is not HoldStatus.OTHER_CONTACT:
+            assert hidden_depth(settled.equilibrium) < TOLERANCE
+    assert holds.count(HoldStatus.HELD) > 10
+    assert holds.count(HoldStatus.NO_BALANCE) < 3
+
+
+@pytest.mark.parametrize('seed', SEEDS)
+def test_polygons_in_the_loop_have_no_hidden_corner(seed):
+    for config, grip in random_grasps(seed, 12):
+        try:
+            grasp = attach_model(config, grip, zero_deviation=0.002)
+        except NotHeldError:
+            continue
+        grasp = roll_grip(grasp, config)
+        if grasp is not None and grasp.hold(np.inf) is HoldStatus.HELD:
+            assert hidden_depth(grasp) < TOLERANCE
+
+
+@pytest.mark.parametrize('seed', SEEDS)
+def test_rolling_polygons_have_no_hidden_corner(seed):
+    rolled = []
+    for config, grip in random_grasps(seed, 12):
+        settled = settle_grasp(config, grip.body, FRICTION, members=grip.members)
+        grasp = settled.equilibrium if settled.held else None
+        rng = np.random.default_rng(seed)
+        step = 3e-3 * rng.uniform(-1.0, 1.0, len(config.roller_positions))
+        for _ in range(8):
+            if grasp is None or grasp.hold(FRICTION) is not HoldStatus.HELD:
+                break
+            grasp = roll_grip(grasp, config.moved_to(grasp.config.roller_positions + step))
+            rolled.append(grasp is not None)
+            assert grasp is None or hidden_depth(grasp) < TOLERANCE
+    assert np.mean(rolled) > 0.9
+
+
+@pytest.mark.parametrize('seed', SEEDS)
+def test_polygons_that_are_squeezed_in_place_have_no_hidden_corner(seed):
+    squeezed = 0
+    for config, grip in random_grasps(seed, 12):
+        members = tuple(config.robot.member_names.index(name) for name in grip.members)
+        limits = (MemberLengthLimit(0.3, 3.0),)
+        closing = Closing(grip.body, members, limits, 0.0)
+        try:
+            grasp = hold_between(config, closing)
+            for share in (1.1, 1.3):
+                grasp = squeeze_in_place(grasp, share * grasp.squeeze, closing)
+                squeezed += 1
+                assert hidden_depth(grasp) < TOLERANCE
+        except RequirementError:
+            continue
+    assert squeezed > 3
