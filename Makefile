@@ -4,6 +4,8 @@ PYTHON ?= python3
 MINUTES ?= 10
 WALKS ?= 1000
 CALLS ?= 100000
+MUTANTS ?= 200
+SEED ?= 0
 # Kinds of processors whose rounding the random calls run with, as far as this one has their instructions.
 CORETYPES ?= Nehalem Sandybridge Haswell
 PLANT ?= elastic
@@ -33,7 +35,7 @@ unexport PYTHONDONTWRITEBYTECODE
 # Set by the wheels' start-up hook once it has set the library path, of whichever environment it ran in.
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
-.PHONY: help venv test wheel noble matrix nightly demo view paper plant docs colcon bench fuzz calls soak coverage format clean
+.PHONY: help venv test wheel noble matrix nightly demo view paper plant docs colcon bench fuzz calls mutants soak coverage format clean
 .PHONY: unit-tests system-tests docs-venv noble-venv noble-some noble-all FORCE
 
 help:
@@ -43,7 +45,7 @@ help:
 	@echo 'make wheel    build the wheel, install it into an empty environment, and run the Python of README.md there'
 	@echo 'make noble    some tests with the versions of Ubuntu 24.04, in .noble'
 	@echo 'make matrix   tests without ROS with the versions of Ubuntu 24.04, of Debian 13, and the newest, in .matrix'
-	@echo 'make nightly  long checks: all tests, demo and paper as in make noble; matrix, soak, calls, plant, demo in MuJoCo'
+	@echo 'make nightly  long checks: all tests, demo and paper as in make noble; matrix, soak, calls, mutants, plant, demo in MuJoCo'
 	@echo 'make paper    compute and draw the figures of the paper: docs/paper.md'
 	@echo 'make plant    compare our model with MuJoCo: docs/plant.md'
 	@echo 'make pictures draw the outdated pictures and films of README and site again'
@@ -52,6 +54,7 @@ help:
 	@echo 'make bench    run the benchmarks'
 	@echo 'make fuzz     fuzz the readers of files, MINUTES=10 each (x86-64)'
 	@echo 'make calls    CALLS=100000 random calls of the core'
+	@echo 'make mutants MUTANTS=200 small faults in loop, holding and gate, of which the tests must notice 95 %; SEED=0'
 	@echo 'make soak     run the nodes at 1 kHz for MINUTES=15, WALKS=1000 walks at the edge of the shapes'
 	@echo 'make coverage run the tests and list lines and branches of the core that no test runs'
 	@echo 'make format   format the sources and fix what can be fixed'
@@ -88,6 +91,7 @@ nightly: venv
 	$(PYTEST) --dist loadgroup -m nightly
 	+$(MAKE) soak
 	+$(MAKE) calls
+	+$(MAKE) mutants
 	+$(MAKE) plant
 	+$(MAKE) demo PLANT=mujoco
 	+$(MAKE) demo PLANT=mujoco SENSORS=real
@@ -159,6 +163,9 @@ calls: venv
 		OPENBLAS_CORETYPE=$$kind FIRST_CALL=$$first CALLS=$$(($(CALLS) / $(words $(CORETYPES)))) \
 			$(PYTEST) test/core/test_random_calls.py; first=$$((first + $(CALLS))); done
 
+mutants: venv $(STAMPS)/mutants
+	$(BIN)/python tools/mutants.py --count $(MUTANTS) --seed $(SEED)
+
 coverage: venv
 	EXAMPLES_SHARE=1 $(PYTEST) -m 'not system and not linter and not nightly' --cov=isotruss_ros.core --cov-branch \
 		--cov-report=term-missing:skip-covered
@@ -168,7 +175,7 @@ format: venv
 	$(BIN)/ruff format .
 
 clean:
-	rm -rf .venv .noble .matrix docs/_build docs/api .colcon build install log *.egg-info .pytest_cache .ruff_cache .mypy_cache .hypothesis
+	rm -rf .venv .noble .matrix .mutants docs/_build docs/api .colcon build install log *.egg-info .pytest_cache .ruff_cache .mypy_cache .hypothesis
 
 # The script leaves the stamp alone while the same Python serves the same folder.
 $(STAMPS)/python: FORCE
@@ -192,6 +199,11 @@ $(STAMPS)/package: $(STAMPS)/packages setup.py setup.cfg package.xml
 $(STAMPS)/fuzz: $(STAMPS)/packages requirements-fuzz.txt
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --only-binary :all: --no-deps \
 		-r requirements-fuzz.txt
+	@touch $@
+
+$(STAMPS)/mutants: $(STAMPS)/packages requirements-mutants.txt
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --only-binary :all: --no-deps \
+		-r requirements-mutants.txt
 	@touch $@
 
 $(STAMPS)/docs: $(STAMPS)/packages requirements-docs.txt

@@ -1,0 +1,270 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Mutation tests of the loop that holds an object: small faults in the sources fail some test.
+
+A mutant is a source file with one operator or number changed by Cosmic Ray. The tests that execute
+its function run in a forked process, the shortest first. A mutant that passes them survives; the
+exit code is 1 if more than 5 % of the mutants of a folder survive.
+
+    python tools/mutants.py --count 200 --seed 0
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+from collections.abc import Callable, Iterator
+import functools
+import itertools
+import json
+import multiprocessing
+import os
+from pathlib import Path
+import random
+import shutil
+import subprocess
+import sys
+import time
+from typing import Any, NamedTuple
+
+from cosmic_ray.ast import ast_nodes, get_ast
+from cosmic_ray.mutating import MutationVisitor
+from cosmic_ray.operators.operator import Operator
+from cosmic_ray.operators.provider import OperatorProvider
+import coverage
+import hypothesis  # noqa: F401 - loaded before forks, as the next three
+import numpy as np  # noqa: F401
+import pytest
+
+TOP = Path(__file__).parents[1]
+CORE = 'isotruss_ros/core/'
+#: Mutated files, and the tests that are tried first.
+FOLDERS = {
+    'safety': ([CORE + 'safety/*.py'], ('test/core/safety',)),
+    'servo': ([CORE + 'servo/*.py'], ('test/core/servo',)),
+    'estimation': ([CORE + 'estimation/*.py'], ('test/core/estimation',)),
+    'holding': ([CORE + 'holding/*.py'], ('test/core/holding',)),
+    'gate': (
+        [CORE + 'inputs.py', 'isotruss_ros/nodes/framework/gate.py'],
+        ('test/core/test_inputs.py', 'test/nodes/test_input_gate.py'),
+    ),
+}
+#: Tests that count; random calls and planning take long, and the others do not hold objects.
+TESTS = [
+    *(f'test/core/{name}' for name in ('safety', 'servo', 'estimation', 'holding')),
+    *(f'test/core/{name}' for name in ('contact', 'manipulation', 'paths', 'simulation')),
+    *(f'test/core/test_{name}.py' for name in ('command_history', 'inputs', 'symmetries')),
+    'test/nodes/test_input_gate.py',
+]
+#: Endings of the operators of Cosmic Ray whose faults every test finds, as bits of floating point
+#: numbers, or none, as identity in place of equality.
+NO_FAULTS = (
+    'RemoveDecorator',
+    'VariableReplacer',
+    'VariableInserter',
+    *('_FloorDiv', '_Mod', '_RShift', '_LShift', '_BitXor', '_Invert', '_Is', '_IsNot'),
+)
+#: Options of pytest.
+OPTIONS = ['-q', '-n', '0', '-p', 'no:cacheprovider']
+#: Largest share of surviving mutants of a folder [-].
+MAX_SURVIVING_SHARE = 0.05
+#: Largest duration of the tests of a mutant, as measured without mutants [s].
+MAX_TEST_DURATION = 60.0
+
+
+class Mutant(NamedTuple):
+    """Source file with one change, which an operator of Cosmic Ray makes."""
+
+    folder: str  #: name of the folder
+    path: str  #: path of the file
+    line: int  #: number of the changed line
+    operator: Operator  #: operator that makes the change
+    number: int  #: number of the change among those of the operator
+
+    def write(self, tree: Path) -> tuple[str, str]:
+        """Change the file; return the changed line before and after."""
+        source = (tree / self.path).read_text(encoding='utf-8')
+        changed = MutationVisitor.mutate_code(source, self.operator, self.number)
+        (tree / self.path).write_text(changed, encoding='utf-8')
+        lines = zip(source.splitlines(), changed.splitlines(), strict=False)
+        before, after = next((one, other) for one, other in lines if one != other)
+        return before.strip(), after.strip()
+
+
+def copy_tree(tree: Path) -> None:
+    """Copy the files of the repository, which are mutated there."""
+    shutil.rmtree(tree, ignore_errors=True)
+    command = ['git', 'ls-files', '-z', '--cached', '--others', '--exclude-standard']
+    listed = subprocess.run(command, cwd=TOP, check=True, capture_output=True, text=True).stdout
+    for name in filter(None, listed.split('\0')):
+        if (TOP / name).exists():
+            (tree / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(TOP / name, tree / name, follow_symlinks=False)
+    # Bytecode that is valid by the content of a source, because mutants have equal times.
+    options = ['-q', '--invalidation-mode', 'checked-hash']
+    subprocess.run(
+        [sys.executable, '-m', 'compileall', *options, tree / 'isotruss_ros'], check=True
+    )
+
+
+def in_fork(tree: Path, work: Callable[[], Any], timeout: float | None = None) -> int | None:
+    """Return the exit code of a function in a forked process; None after a timeout [s]."""
+
+    def run() -> None:
+        os.chdir(tree)
+        sys.path.insert(0, str(tree))
+        sys.dont_write_bytecode = True
+        log = os.open('log.txt', os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+        os.dup2(log, 1)
+        os.dup2(log, 2)
+        os._exit(int(work()))
+
+    process = multiprocessing.get_context('fork').Process(target=run)
+    process.start()
+    process.join(timeout)
+    if process.exitcode is None:
+        process.kill()
+        process.join()
+        return None
+    return process.exitcode
+
+
+class Recorder:
+    """Plugin of pytest that records the durations of tests, and the lines that each executes."""
+
+    def __init__(self, tree: Path) -> None:
+        self.durations: dict[str, float] = {}
+        source = [str(tree / 'isotruss_ros')]
+        self._coverage = coverage.Coverage(str(tree / '.coverage'), source=source)
+        self._coverage.start()
+
+    def pytest_runtest_logstart(self, nodeid: str) -> None:
+        """Count the lines that are executed from now on to this test."""
+        self._coverage.switch_context(nodeid)
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        """Add the duration of a part of a test."""
+        self.durations[report.nodeid] = self.durations.get(report.nodeid, 0.0) + report.duration
+
+    def pytest_sessionfinish(self) -> None:
+        """Write what was recorded."""
+        self._coverage.stop()
+        self._coverage.save()
+        Path('durations.json').write_text(json.dumps(self.durations), encoding='utf-8')
+
+
+def measure(tree: Path) -> tuple[dict[str, float], coverage.CoverageData]:
+    """Run the tests without mutants; return their durations [s] and the lines they execute."""
+    command = [*OPTIONS, '-m', 'not nightly', *TESTS]
+    failed = in_fork(tree, lambda: pytest.main(command, plugins=[Recorder(tree)]))
+    if failed:
+        sys.exit('the tests fail without mutants, see .mutants/log.txt')
+    data = coverage.CoverageData(str(tree / '.coverage'))
+    data.read()
+    return json.loads((tree / 'durations.json').read_text(encoding='utf-8')), data
+
+
+def all_mutants(tree: Path, folder: str) -> Iterator[Mutant]:
+    """Yield the mutants of a folder; annotations and decorators are not changed."""
+    provider = OperatorProvider()
+    operators = [provider[name]() for name in provider if not name.endswith(NO_FAULTS)]
+    for path in sorted(path for pattern in FOLDERS[folder][0] for path in tree.glob(pattern)):
+        source, name = path.read_text(encoding='utf-8'), str(path.relative_to(tree))
+        nodes, fixed = list(ast_nodes(get_ast(source))), list(unchanged_spans(source))
+        for operator in operators:
+            spots = [spot for node in nodes for spot in operator.mutation_positions(node)]
+            for number, (start, _) in enumerate(spots):
+                if not any(begin <= start < end for begin, end in fixed):
+                    yield Mutant(folder, name, start[0], operator, number)
+
+
+def unchanged_spans(source: str) -> Iterator[tuple[tuple[int, int], tuple[int, int]]]:
+    """Yield begin and end (line, column) of annotations and decorators."""
+    for node in ast.walk(ast.parse(source)):
+        kept = [getattr(node, 'annotation', None), getattr(node, 'returns', None)]
+        for part in [*kept, *getattr(node, 'decorator_list', [])]:
+            if part is not None:
+                yield (part.lineno, part.col_offset), (part.end_lineno, part.end_col_offset)
+
+
+def find_tests(
+    tree: Path, mutant: Mutant, durations: dict[str, float], data: coverage.CoverageData
+) -> list[str]:
+    """Return the tests that execute the function of a mutant, or any function of its file."""
+    parsed = ast.parse((tree / mutant.path).read_text(encoding='utf-8'))
+    kinds = (ast.FunctionDef, ast.AsyncFunctionDef)
+    functions = [node for node in ast.walk(parsed) if isinstance(node, kinds)]
+    around = [node for node in functions if node.lineno <= mutant.line <= node.end_lineno]
+    lines = {
+        line for node in around or functions for line in range(node.lineno, node.end_lineno + 1)
+    }
+    contexts = data.contexts_by_lineno(str(tree / mutant.path))
+    executing = {test for line in lines for test in contexts.get(line, ()) if test}
+    own = FOLDERS[mutant.folder][1]
+    ordered = sorted(executing, key=lambda test: (not test.startswith(own), durations[test]))
+    spent = itertools.accumulate(durations[test] for test in ordered)
+    return [test for test, s in zip(ordered, spent, strict=True) if s < MAX_TEST_DURATION]
+
+
+def try_sample(
+    tree: Path,
+    mutants: list[Mutant],
+    count: int,
+    durations: dict[str, float],
+    data: coverage.CoverageData,
+) -> int:
+    """Try mutants that are not listed as equal; print the survivors, and return their number."""
+    listed = json.loads((tree / 'tools' / 'equal_mutants.json').read_text(encoding='utf-8'))
+    equal = {(entry['path'], entry['before'], entry['after']) for entry in listed}
+    survivors = tried = 0
+    for mutant in mutants:
+        if tried == count:
+            break
+        tests = find_tests(tree, mutant, durations, data)
+        limit = 20.0 + 5.0 * sum(durations[test] for test in tests)
+        run = functools.partial(pytest.main, [*OPTIONS, '-x', *tests])
+        path = tree / mutant.path
+        original = path.read_text(encoding='utf-8')
+        try:
+            before, after = mutant.write(tree)
+            if (mutant.path, before, after) in equal:
+                continue
+            tried += 1
+            if not tests or in_fork(tree, run, limit) == 0:
+                survivors += 1
+                message = f'{mutant.path}:{mutant.line}: passes {len(tests)} tests'
+                print(f'{message}\n- {before}\n+ {after}', flush=True)
+        finally:
+            path.write_text(original, encoding='utf-8')
+    return survivors
+
+
+def main() -> int:
+    """Try a random sample of the mutants; print the survivors and the shares."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[1])
+    parser.add_argument('--count', type=int, default=200, help='number of mutants')
+    parser.add_argument('--seed', type=int, default=0, help='seed of the random choice')
+    parser.add_argument('--folders', nargs='*', default=list(FOLDERS), choices=FOLDERS)
+    options = parser.parse_args()
+    tree, folders, bad = TOP / '.mutants', options.folders, False
+    copy_tree(tree)
+    durations, data = measure(tree)
+    for folder in folders:
+        mutants = list(all_mutants(tree, folder))
+        random.Random(options.seed).shuffle(mutants)
+        count, begin = min(-(-options.count // len(folders)), len(mutants)), time.monotonic()
+        survivors = try_sample(tree, mutants, count, durations, data)
+        killed, spent = 1.0 - survivors / count, (time.monotonic() - begin) / count
+        print(
+            f'{folder}: {killed:.1%} of {count} mutants killed, a sample of {len(mutants)}; '
+            f'{spent:.1f} s each',
+            flush=True,
+        )
+        bad |= survivors > MAX_SURVIVING_SHARE * count
+    return int(bad)
+
+
+if __name__ == '__main__':
+    sys.exit(main())
