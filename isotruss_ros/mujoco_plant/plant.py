@@ -10,9 +10,10 @@ import math
 from typing import NamedTuple
 
 from isotruss_ros.core.kinematics.robot import Robot
+from isotruss_ros.core.model.check_load import EXTERNAL_WRENCH
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import Pose
-from isotruss_ros.core.numerics.arrays import Array, finite_array, Indices
+from isotruss_ros.core.numerics.arrays import Array, finite_array, Indices, load_array
 from isotruss_ros.mujoco_plant.mjcf import ARMATURE_FACTOR, export_mjcf, spring_damping
 from isotruss_ros.mujoco_plant.options import load_mujoco, PlantError, PlantOptions
 from isotruss_ros.mujoco_plant.springs import springs_of
@@ -124,9 +125,9 @@ class MujocoPlant:
         Apply an external wrench to the object from now on.
 
         :param wrench: wrench (fx, fy, m) about the object's centre, robot frame [N, N m].
-        :raises PlantError: the wrench is not three finite numbers.
+        :raises PlantError: the wrench is not three finite numbers within range.
         """
-        pulling = finite_array(wrench, 3, 'the wrench (fx, fy, m)', PlantError)
+        pulling = load_array(wrench, 3, EXTERNAL_WRENCH, PlantError)
         self.data.qfrc_applied[self._object_dofs] = pulling
 
     def load_joint(self, joint: str, force: ArrayLike) -> None:
@@ -135,10 +136,10 @@ class MujocoPlant:
 
         :param joint: name of the joint.
         :param force: force (fx, fy) in the robot frame [N].
-        :raises PlantError: the force is not two finite numbers.
+        :raises PlantError: the force is not two finite numbers within range.
         """
-        body = self._find_body(joint)
-        self.data.xfrc_applied[body, :2] = finite_array(force, 2, 'the load (fx, fy)', PlantError)
+        body, what = self._find_body(joint), f'the load (fx, fy) [N] on joint {joint}'
+        self.data.xfrc_applied[body, :2] = load_array(force, 2, what, PlantError)
 
     def set_friction(self, friction: float) -> None:
         """

@@ -7,8 +7,11 @@ from __future__ import annotations
 
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.model.convex_object import check_friction, ConvexObject
-from isotruss_ros.core.numerics.arrays import Array, finite_array
+from isotruss_ros.core.numerics.arrays import Array, load_array
 from numpy.typing import ArrayLike
+
+#: Name of the external wrench in messages.
+EXTERNAL_WRENCH = 'the external wrench (fx, fy [N], m [N m])'
 
 
 def check_load(
@@ -24,4 +27,4 @@ def check_load(
     :raises GraspError: the coefficient or the wrench is invalid.
     """
     mu = check_friction(body.friction_or(friction))
-    return mu, finite_array(external_wrench, 3, 'the external wrench (fx, fy, m)', GraspError)
+    return mu, load_array(external_wrench, 3, EXTERNAL_WRENCH, GraspError)

@@ -17,6 +17,9 @@ Flags = NDArray[np.bool_]
 #: Largest magnitude of a number from outside, in SI units; its inverse is the smallest positive
 #: number. Numbers out of this range are mistakes, and products of such numbers overflow.
 MAX_MAGNITUDE = 1e12
+#: Largest magnitude of a force [N] and of a moment [N m]. The tubes fail under a few kN; larger
+#: loads are mistakes, or come from a broken sensor.
+MAX_LOAD = 1e6
 #: Largest number of entries of a list, and of characters of a text, from outside [-]; longer input
 #: is a mistake. Python does not convert integers of several thousand digits to text.
 MAX_ENTRIES = 1000
@@ -36,6 +39,13 @@ def finite_array(
     :raises IsotrussError: the values are invalid; the message names them and the requirement.
     """
     return _finite(values, (count,), what, error, most)
+
+
+def load_array(
+    values: ArrayLike, count: int, what: str, error: type[IsotrussError]
+) -> NDArray[np.float64]:
+    """Return a copy of `count` forces and moments, at most `MAX_LOAD` each; see `finite_array`."""
+    return finite_array(values, count, what, error, MAX_LOAD)
 
 
 def finite_rows(

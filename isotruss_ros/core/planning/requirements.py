@@ -14,7 +14,7 @@ from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
 from isotruss_ros.core.errors import GraspError, quote
 from isotruss_ros.core.manipulation.grip import GRIP_SIZES
 from isotruss_ros.core.model.convex_object import check_friction, DEFAULT_FRICTION
-from isotruss_ros.core.numerics.arrays import finite_array
+from isotruss_ros.core.numerics.arrays import finite_array, load_array
 from isotruss_ros.core.planning.grasp_plan import ClosedGrip
 from isotruss_ros.core.planning.violations import RequirementError
 from isotruss_ros.core.statics.wrinkling import MAX_UTILISATION
@@ -83,8 +83,8 @@ class GraspRequirements:
 
     def __post_init__(self) -> None:
         """Check the values; names are checked against the robot when a search begins."""
-        for name in ('external_wrench', 'direction'):
-            values = finite_array(getattr(self, name), 3, f'requirement {name}', GraspError)
+        for name, check in ('external_wrench', load_array), ('direction', finite_array):
+            values = check(getattr(self, name), 3, f'requirement {name}', GraspError)
             object.__setattr__(self, name, tuple(values.tolist()))
         for field in fields(self):
             value = getattr(self, field.name)

@@ -8,7 +8,8 @@ from __future__ import annotations
 from isotruss_ros.core.errors import GraspError, IsotrussError
 from isotruss_ros.core.inputs import Input, RejectedInput, StampedInput
 from isotruss_ros.core.kinematics.robot import Robot
-from isotruss_ros.core.numerics.arrays import covariance_matrix, finite_array
+from isotruss_ros.core.model.check_load import EXTERNAL_WRENCH
+from isotruss_ros.core.numerics.arrays import covariance_matrix, finite_array, load_array
 from isotruss_ros.core.statics.section import tube_pressures
 import numpy as np
 
@@ -37,8 +38,10 @@ def _check_numbers(robot: Robot, name: str, given: StampedInput) -> None:
     """Raise IsotrussError if numbers of an input are invalid."""
     words, count, value = name.replace('_', ' '), len(robot.roller_names), given.value
     finite_array([given.time], 1, f'time of {words} [s]', GraspError)
-    if name in ('twist', 'pose', 'wrench'):
+    if name in ('twist', 'pose'):
         finite_array(value, 3, words, GraspError)
+    elif name == 'wrench':
+        load_array(value, 3, EXTERNAL_WRENCH, GraspError)
     elif name == 'pressures':
         tube_pressures(robot.description, value)
     elif name == 'rollers':

@@ -15,9 +15,10 @@ from isotruss_ros.core.holding.loaded_frame import held_joints
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_depths, push_out
+from isotruss_ros.core.model.check_load import EXTERNAL_WRENCH
 from isotruss_ros.core.model.convex_object import check_friction, ConvexObject
 from isotruss_ros.core.model.pose import Pose
-from isotruss_ros.core.numerics.arrays import Array, finite_array
+from isotruss_ros.core.numerics.arrays import Array, finite_array, load_array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.tolerances import ROUNDING
 import numpy as np
@@ -71,9 +72,9 @@ class ElasticObject:
         """
         Set the external wrench (fx, fy, m) on the object [N, N m], used from the next step on.
 
-        :raises GraspError: the wrench is not three finite numbers.
+        :raises GraspError: the wrench is not three finite numbers within range.
         """
-        self._wrench = finite_array(wrench, 3, 'the external wrench (fx, fy, m)', GraspError)
+        self._wrench = load_array(wrench, 3, EXTERNAL_WRENCH, GraspError)
         self._pulled_anew = True
 
     @property

@@ -11,7 +11,7 @@ from functools import cached_property
 
 from isotruss_ros.core.errors import SolverError, StructureError
 from isotruss_ros.core.kinematics.configuration import Configuration, require_configuration
-from isotruss_ros.core.numerics.arrays import Array, finite_array
+from isotruss_ros.core.numerics.arrays import Array, load_array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.records import Record
 from isotruss_ros.core.statics.cut_frame import CutFrame, keep_apart
@@ -129,9 +129,10 @@ def deform(
         distance s of the load from the member's start [m, N, N m].
     :param paper_model: True for the paper's model, which is linear, with straight tubes under all
         loads.
-    :raises StructureError: the robot has no such joint, module or member; a load is not finite or
-        outside of its member; a pressure is invalid; the robot is a mechanism (the message names
-        the moving parts); or the loads exceed the limit load (the message names it).
+    :raises StructureError: the robot has no such joint, module or member; a load is not finite,
+        larger than 1e6 N or N m, or outside of its member; a pressure is invalid; the robot is a
+        mechanism (the message names the moving parts); or the loads exceed the limit load (the
+        message names it).
     """
     require_configuration(config)
     structure = structure_of(config, pressure)
@@ -140,11 +141,11 @@ def deform(
     for joint, force in joint_loads.items():
         _check_name('joint', joint, robot.topology.joint_names, robot.name)
         what = f'the load (fx, fy) [N] on joint {joint}'
-        loads[structure.node(joint), :2] += finite_array(force, 2, what, StructureError)
+        loads[structure.node(joint), :2] += load_array(force, 2, what, StructureError)
     for module, load in (module_loads or {}).items():
         _check_name('module', module, robot.module_names, robot.name)
         what = f'the load (fx, fy, m) [N, N m] on module {module}'
-        half = 0.5 * finite_array(load, 3, what, StructureError)
+        half = 0.5 * load_array(load, 3, what, StructureError)
         for node in 'BC':
             loads[structure.node(f'{module}/{node}')] += half
     state = frame.solve(loads) if paper_model else _bend(frame, loads)
@@ -160,7 +161,7 @@ def _load_tubes(structure: Structure, tube_loads: Mapping[str, ArrayLike]) -> tu
         number = names.index(member)
         for load in np.reshape(np.asarray(given, dtype=float), (-1, 4)):
             what = f'the load (place, fx, fy, m) [m, N, N m] on member {member}'
-            rows.append(finite_array(load, 4, what, StructureError))
+            rows.append(load_array(load, 4, what, StructureError))
             length = float(config.member_lengths[number])
             if not 0.0 < load[0] < length:
                 raise StructureError(
@@ -181,11 +182,8 @@ def _load_tubes(structure: Structure, tube_loads: Mapping[str, ArrayLike]) -> tu
 
 def _bend(frame: Frame, loads: Array) -> FrameState:
     """Return displacements, reactions and member forces of a bent frame in equilibrium."""
-    with np.errstate(over='ignore', invalid='ignore'):
-        found = frame.bend(loads)
-    if found is None:
-        frame.solve(loads)  # raises StructureError if the loads overflow
-    else:
+    found = frame.bend(loads)
+    if found is not None:
         moved = found.displacements
         left = moved - found.respond(loads.reshape(-1, 1))[0].reshape(-1, 3)
         near = np.abs(left[:, :2]).max() <= MAX_UNLOADED_SHARE * np.abs(moved[:, :2]).max()

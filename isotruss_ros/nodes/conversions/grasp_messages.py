@@ -14,6 +14,7 @@ from isotruss_msgs.msg import Contact, GraspState
 from isotruss_msgs.srv import AnalyzeGrasp
 from isotruss_ros.core import ConvexObject
 from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
+from isotruss_ros.core.numerics.arrays import load_array
 from isotruss_ros.nodes.conversions.messages import (
     ALIGNED_OBJECT,
     check_frame,
@@ -27,8 +28,6 @@ from isotruss_ros.nodes.conversions.object_messages import read_described
 from isotruss_ros.nodes.grasp.grasp_report import GraspQuery, GraspReport
 import numpy as np
 
-#: Largest valid component of a wrench [N, N m]; larger values come from a broken sensor.
-MAX_WRENCH = 1e6
 #: Fields of an analysis that are mappings by member; in messages they are lists in the order of
 #: `contact_members`.
 MEMBER_FIELDS = (
@@ -51,20 +50,17 @@ def read_external_wrench(
     :param frame: name of the robot frame.
     :param angle: angle of the object in the robot frame [rad]; None if unknown.
     :raises MessageError: the message has another frame, or a component is not finite or exceeds
-        `MAX_WRENCH`.
+        `MAX_LOAD`.
     """
     wrench = _planar(message.wrench)
+    what = 'external wrench (force.x, force.y [N], torque.z [N m])'
+    load_array(wrench, 3, what, MessageError)
     if frame and message.header.frame_id == name_frame(frame, OBJECT) and angle is not None:
         fx, fy, m = wrench
         force = complex(fx, fy) * cmath.rect(1.0, angle)
         wrench = force.real, force.imag, m
     else:
         check_frame('external wrench', message.header, name_frame(frame, ALIGNED_OBJECT))
-    if not all(abs(component) <= MAX_WRENCH for component in wrench):
-        raise MessageError(
-            f'external wrench {wrench}: force.x, force.y and torque.z must be finite, '
-            f'at most {MAX_WRENCH:g} N and N m'
-        )
     return wrench
 
 
