@@ -287,15 +287,16 @@ def points_on_members(
     points, axis = _line(tubes, moved[..., -1])
     inside, spread = np.zeros((2, count, 2, count)), np.zeros((2, count, len(ends)))
     for i in range(len(ends) // 6):
-        first = i * frame.layout.most
-        at = np.flatnonzero(frame.layout.slot // frame.layout.most == i)
-        slot, turn = frame.layout.slot[at] - first, axis[at]
+        owner, slot = np.divmod(frame.layout.cut[:, 0], frame.layout.width)
+        at = np.flatnonzero(owner == i)
+        slot, turn = slot[at] // 3, axis[at]
         turn = np.array([[turn.real, turn.imag], [-turn.imag, turn.real]])
-        own = tangent.cuts.inverse[i].reshape(frame.layout.most, 3, -1, 3)[:, :2, :, :2]
+        most = frame.layout.width // 3 - 2
+        own = tangent.cuts.inverse[i].reshape(most, 3, most, 3)[:, :2, :, :2]
         own = np.einsum('aic,cidj,bjd->acbd', turn, own[slot][:, :, slot], turn)
         inside[np.ix_([0, 1], at, [0, 1], at)] = own
         own = tangent.cuts.spread[i].reshape(-1, 3, 6)[slot, :2]
-        spread[:, at, 6 * i : 6 * i + 6] = np.einsum('aic,cie->ace', turn, own)
+        spread.reshape(2, count, -1, 6)[:, at, i] = np.einsum('aic,cie->ace', turn, own)
     dents = np.zeros((count, count)) if dents is None else dents
     inside[1, :, 1] += dents
     return ContactPoints(

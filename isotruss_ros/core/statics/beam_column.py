@@ -31,8 +31,6 @@ import numpy as np
 MOTION = np.array(
     [[4, 5, 0, 2, 3, 0], [9, 6, 1, 7, 8, 1], [0, 0, 1, 0, 0, 10], [7, 8, 0, 9, 6, 0]]
 )
-#: Imaginary step of derivatives [m, N, N m^2]; its square is below rounding.
-COMPLEX_STEP = 1e-20
 
 
 class EndForces(NamedTuple):
@@ -55,16 +53,12 @@ class BeamColumns(NamedTuple):
     """
     Members that bend under loads and are straight without loads; complex for complex steps.
 
-    :ivar length: (k,) rest lengths l0 [m].
-    :ivar stretch: (k,) axial compliances l0 / EA [m/N].
-    :ivar rotary: (3, 3, k) derivatives of (M1 + M2, M1 - M2) with respect to (s, b): those of the
-        sum by s and by b, and that of the difference by b (second axis), each a polynomial of
-        degree 2 in N (first axis).
+    :ivar values: (11, k) rest lengths l0 [m]; axial compliances l0 / EA [m/N]; and derivatives of
+        (M1 + M2, M1 - M2) with respect to (s, b): those of the sum by s and by b, and that of the
+        difference by b, first their constant terms, then their factors of N and of N^2.
     """
 
-    length: Array
-    stretch: Array
-    rotary: Array
+    values: Array
 
     @classmethod
     def of(cls, length: Array, section: Array, pins: tuple[Flags, Flags]) -> BeamColumns:
@@ -79,24 +73,22 @@ class BeamColumns(NamedTuple):
         bar = (flexural == 0.0) | (pinned_start & pinned_end)
         bend = np.where(bar, 1.0, flexural) / length
         slide, arm = 1.0 / shear, 0.25 * length / bend
-        third = arm / 3.0
-        series = np.ones((3, 2, len(length)), dtype=length.dtype)
-        sway, bow = series.swapaxes(0, 1)
-        sway[0] += 12.0 * bend * slide / length
-        sway[1], bow[1] = -0.2 * third, third
-        sway[2] = third * (0.2 * slide + 2.0 / 105.0 * arm)
-        bow[2] = -arm * (slide / 3.0 + arm / 45.0)
-        back = _reciprocal(series)
-        # The rotation of a pinned end is eliminated.
-        pinned, one_pin = (
-            pinned_start | pinned_end,
-            2.0 * _reciprocal(sway / 6.0 + 0.5 * back[:, 1]),
-        )
-        rotary = np.empty((3, 3, len(length)), dtype=length.dtype)
-        rotary[:, 0] = np.where(pinned, one_pin, 12.0 * back[:, 0])
-        rotary[:, 1] = np.subtract(pinned_end, pinned_start, dtype=float) * one_pin
-        rotary[:, 2] = np.where(pinned, one_pin, 4.0 * bow)
-        return cls(length, length / axial, np.where(bar, 0.0, bend) * rotary)
+        stiff = arm / (arm + 3.0 * slide)  # 1 / (1 + phi)
+        ratio = length * stiff**2
+        values = np.zeros((11, len(length)), dtype=length.dtype)
+        values[0], values[1] = length, length / axial
+        sway, across, bow = values[2::3], values[3::3], values[4::3]
+        sway[0], sway[1] = 12.0 * bend * stiff, 0.2 * ratio
+        sway[2] = ratio * (arm * (0.04 / 3.0 * stiff - 2.0 / 105.0) - 0.2 * slide)
+        bow[0], bow[1], bow[2] = 4.0 * bend, length / 3.0, -length * (slide / 3.0 + arm / 45.0)
+        pinned = pinned_start | pinned_end
+        if pinned.any():  # the rotation of a pinned end is eliminated
+            one_pin = _reciprocal(_reciprocal(sway) + _reciprocal(bow))
+            across[:] = np.subtract(pinned_end, pinned_start, dtype=float) * one_pin
+            sway[:], bow[:] = np.where(pinned, one_pin, sway), np.where(pinned, one_pin, bow)
+        if bar.any():
+            values[2:, bar] = 0.0
+        return cls(values)
 
     def evaluate(self, longer: Array, turns: Array, known: Array | None = None) -> EndForces:
         """
@@ -109,10 +101,10 @@ class BeamColumns(NamedTuple):
             the energy is stationary. Newton's method treats N as an unknown, because N has large
             rounding errors if it is computed from small elongations of stiff members.
         """
-        rotary = self.rotary
+        stretch, rotary = self.values[1], self.values[2:].reshape(3, 3, -1)
         straight, first, second = by_power = rotary[:, :2] * turns[0] + rotary[:, 1:] * turns[1]
         _, bowed, hardened = (by_power * turns).sum(axis=1)
-        soft = 1.0 / (self.stretch - hardened)
+        soft = 1.0 / (stretch - hardened)
         nearest = (longer + 0.5 * bowed) * soft
         pull = nearest if known is None else known
         bent = pull * second

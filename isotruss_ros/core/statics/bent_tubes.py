@@ -22,6 +22,7 @@ from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.numerics.tolerances import MAX_SEARCH_STEPS, NEGLIGIBLE_SHARE, ROUNDING
 from isotruss_ros.core.statics.beam_column import end_forces
 from isotruss_ros.core.statics.cut_frame import CutFrame, keep_apart
+from isotruss_ros.core.statics.cut_layout import CutLayout
 from isotruss_ros.core.statics.frame import Frame
 from isotruss_ros.core.statics.structure import Structure
 from isotruss_ros.core.statics.tangent import Slopes, Tangent
@@ -70,6 +71,60 @@ class PlaceChanges(NamedTuple):
     forces: Array
 
 
+class Lines(NamedTuple):
+    """Members of k load points: start x + iy [m], unit vector to the end x + iy, length [m]."""
+
+    start: Points
+    axis: Points
+    length: Array
+    turns: Array  #: (k, 3, 3) unit loads and displacements of the member's axes as (fx, fy, m)
+
+    @classmethod
+    def of(cls, structure: Structure, members: Indices) -> Lines:
+        """Return the members with given indices (k,), from pinch point to pinch point."""
+        config, topology = structure.config, structure.config.robot.topology
+        start, length = config.points[topology.b[members]], config.member_lengths[members]
+        axis = (config.points[topology.c[topology.following[members]]] - start) / length
+        turns = np.zeros((len(members), 3, 3))
+        turns[:, 0, 0] = turns[:, 1, 1] = axis.real
+        turns[:, 1, 0], turns[:, 0, 1], turns[:, 2, 2] = axis.imag, -axis.imag, 1.0
+        return cls(start, axis, length, turns)
+
+
+class Cuts(NamedTuple):
+    """Frame with nodes at k load points."""
+
+    frame: Frame
+    ahead: Array  #: (k,) 1 for load points on pieces that run along their member, else -1
+    places: Array  #: (k,) `BentTubes.places`, shifted so that no part is too short [m]
+
+
+class Changes(NamedTuple):
+    """
+    Changes of a linearised frame with k load points by p causes.
+
+    The causes are 3 k unit loads at the load points, k unit motions of the load points, and in the
+    last column the step to equilibrium.
+
+    :ivar nodes: (n, 3, p) displacements of the nodes [m, rad].
+    :ivar multipliers: (q, p) Lagrange multipliers.
+    :ivar responses: (k, 3, p) responses at the load points, see `BentTubes`.
+    :ivar state: (k, 3) responses in the linearised state.
+    :ivar slopes: inclinations of the tubes before, then behind the load points.
+    :ivar forces: (2 k, 3) changes of the forces of the parts before and behind the load points by
+        unit motions of these, with fixed nodes.
+    :ivar inclined: (k, k) changes of the inclinations by these motions, with fixed nodes.
+    """
+
+    nodes: Array
+    multipliers: Array
+    responses: Array
+    state: Array
+    slopes: Slopes
+    forces: Array
+    inclined: Array
+
+
 @dataclass(frozen=True, eq=False)
 class BentTubes:
     """
@@ -87,6 +142,9 @@ class BentTubes:
     :ivar linear: whether the model is the paper's linear one, with the equilibrium of the
         undeformed tubes.
     :ivar before: state about which the tubes are linearised; None: the state without loads.
+    :ivar layout: layout of similar cuts, which saves time; or None.
+    :ivar given_lines: members of the load points, which saves time; or None.
+    :ivar given_cuts: frame with nodes at the load points, which saves time; or None.
     """
 
     structure: Structure
@@ -95,33 +153,40 @@ class BentTubes:
     stiffness: float = 1.0
     linear: bool = False
     before: Displaced | None = None
+    layout: CutLayout | None = None
+    given_lines: Lines | None = None
+    given_cuts: Cuts | None = None
 
     @cached_property
+    def lines(self) -> Lines:
+        """Return the members of the load points."""
+        return self.given_lines or Lines.of(self.structure, self.members)
+
+    @property
     def start(self) -> Points:
         """Return the pinch point at the start of each load point's member, (k,) x + iy [m]."""
-        config = self.structure.config
-        return config.points[config.robot.topology.b[self.members]]
+        return self.lines.start
 
-    @cached_property
+    @property
     def length(self) -> Array:
         """Return the length of each load point's member, pinch to pinch, (k,) [m]."""
-        return self.structure.config.member_lengths[self.members]
+        return self.lines.length
 
-    @cached_property
+    @property
     def axis(self) -> Points:
         """Return the unit vector from start to end of each load point's member, (k,) x + iy."""
-        config, topology = self.structure.config, self.structure.config.robot.topology
-        end = config.points[topology.c[topology.following[self.members]]]
-        return (end - self.start) / self.length
+        return self.lines.axis
 
     @cached_property
-    def _cut(self) -> tuple[Frame, Array, Array]:
-        """Return the values of the properties `frame`, `ahead` and `cuts`."""
+    def _cuts(self) -> Cuts:
+        """Return the frame with nodes at the load points."""
         frame = self.structure.frame
+        if self.given_cuts is not None:
+            return self.given_cuts
         if not len(self.members):
-            return frame, self.places, self.places
-        pieces, inside, ahead, cuts = self._locate_cuts(self.places)
-        return CutFrame(frame, pieces, inside), ahead, cuts
+            return Cuts(frame, self.places, self.places)
+        pieces, inside, ahead, places = self._locate_cuts(self.places)
+        return Cuts(CutFrame(frame, pieces, inside, self.layout), ahead, places)
 
     def _locate_cuts(self, places: Array) -> tuple[Indices, Array, Array, Array]:
         """Return the pieces of tubes, the cuts in them, `ahead` and `cuts` for load points."""
@@ -130,21 +195,11 @@ class BentTubes:
         return pieces, inside, ahead, places + ahead * (inside - within)
 
     def bent_to(self, before: Displaced | None) -> BentTubes:
-        """
-        Return these tubes, linearised about another state of the frame.
-
-        :param before: the other state; None: the state without loads.
-        """
-        found = replace(self, before=before)
-        found.__dict__['_cut'] = self._cut
-        return found
+        """Return these tubes, linearised about another state; None: the state without loads."""
+        return replace(self, before=before, given_lines=self.lines, given_cuts=self._cuts)
 
     def bent_like(self, others: BentTubes) -> BentTubes:
-        """
-        Return these tubes, linearised about a state taken from the tubes of a similar robot.
-
-        :param others: tubes of the similar robot.
-        """
+        """Return these tubes, linearised about a state taken from the tubes of a similar robot."""
         if others.before is None:
             return self
         displacements, multipliers, _, pull = others.before
@@ -157,37 +212,27 @@ class BentTubes:
         displaced = np.append(nodes, own, axis=0), multipliers, np.zeros((len(own), 3)), pull[part]
         return self.bent_to(Displaced(*displaced))
 
-    @cached_property
+    @property
     def ahead(self) -> Array:
         """Return (k,) 1 for load points on pieces that run along their member, else -1."""
-        return self._cut[1]
+        return self._cuts.ahead
 
-    @cached_property
+    @property
     def cuts(self) -> Array:
         """Return `places` (k,), shifted so that no part of a member is too short [m]."""
-        return self._cut[2]
+        return self._cuts.places
 
     @property
     def is_straight(self) -> bool:
         """Return whether the tubes are linearised about the state without loads."""
         return self.before is None
 
-    @cached_property
+    @property
     def frame(self) -> Frame:
         """Return the structure's frame with additional nodes at the load points."""
-        return self._cut[0]
+        return self._cuts.frame
 
-    def locate(self, members: Indices, places: Array) -> tuple[Indices, Array, Array]:
-        """
-        Return the parts of members that contain given points, see `Structure.locate`.
-
-        :param members: (c,) indices of the members.
-        :param places: (c,) distances from the members' starts [m].
-        """
-        piece, within, ahead = self.structure.locate(members, places)
-        return *self.frame.locate(piece, within), ahead
-
-    @cached_property
+    @property
     def share(self) -> float:
         """
         Return the factor on the loads of the frame: 1, or almost 0 for the paper's model.
@@ -209,30 +254,51 @@ class BentTubes:
         return self.frame.tangent(displacements, multipliers, pull)
 
     @cached_property
-    def _units(self) -> Array:
-        """Return the unit loads at the load points as loads (3 n, 3 k) on the nodes."""
-        frame, count = self.frame, len(self.members)
-        found = np.zeros((len(frame.points), 3, count, 3))
-        x, y = self.axis.real, self.axis.imag
-        own, ones = np.arange(count), np.ones(count)
-        turns = np.array([[x, -y, 0.0 * x], [y, x, 0.0 * x], [0.0 * x, 0.0 * x, ones]])
-        found[frame.nodes, :, own] = turns.transpose(2, 0, 1)
-        return found.reshape(-1, 3 * count) * (self.share / self.stiffness)
-
-    @cached_property
-    def _changes(self) -> tuple[Array, Array]:
+    def _changes(self) -> Changes:
         """
-        Return p changes of the displacements (n, 3, p) and of the multipliers (q, p).
+        Return the changes by unit loads and unit motions of the load points.
 
-        The causes of these changes are 3 k unit loads at the load points, k unit motions of the
-        load points, and in the last column the step to equilibrium.
+        :raises StructureError: the structure has no stiffness in its bent shape.
         """
-        units = self._units
-        loads = np.column_stack([units, -self._place_rates[0]])
-        applied = np.zeros(len(units))
+        frame, tangent, layout = self.frame, self.tangent, self.frame.layout
+        count, nodes, turns = len(self.members), frame.nodes[0], self.lines.turns
+        own, cut, moving, size = np.arange(count), layout.cut, self._moving, 3 * nodes
+        right = np.zeros((len(tangent.factored.scaling.scale), 4 * count + 1))
+        local = np.zeros((len(layout.ends) * layout.width, right.shape[1]))
+        columns = np.arange(3 * count).reshape(count, 1, 3)
+        local[cut[:, :, None], columns] = turns * (self.share / self.stiffness)
+        slopes = tangent.slopes(layout.beside, np.repeat([2, 1], count))
+        forces, inclined = np.zeros((2 * count, 3)), np.zeros((count, count))
         if self.before is not None:
-            applied = units @ self.before.loads.ravel()
-        return self.tangent.balance(applied, loads)
+            by_length = tangent.length_rates[layout.beside]
+            # If a place moves, the part before it becomes longer and the part behind it shorter.
+            ways = np.concatenate([self.ahead, -self.ahead])[:, None]
+            forces = by_length * ways
+            pushed = tangent.nodal_forces(layout.beside, forces[..., None])[..., 0]
+            along = moving.start + own[:, None]
+            local[layout.sides[:count], along] = -pushed[:count]
+            local[layout.sides[count:], along] -= pushed[count:]
+            # The length of a part between two places of one member depends on both places.
+            changed = (slopes.by_forces * by_length).sum(axis=1)[:, None] * layout.longer
+            inclined = _mean(changed * self.ahead)
+            left = local[:, : 3 * count] @ self.before.loads.ravel()
+            carried = tangent.carried
+            left[cut] -= carried[size:].reshape(count, 3)
+            local[:, -1] = left
+            right[:size, -1], right[size:, -1] = -carried[:size], -tangent.constraints[1]
+        found, local = tangent.respond_locally(right, local)
+        moved = np.concatenate([found[:size], local[cut.ravel()]])
+        moved = moved.reshape(nodes + count, 3, -1)
+        back = turns.swapaxes(1, 2)
+        responses = back @ moved[nodes:]
+        responses[:, 2] = _mean((slopes.by_ends @ local[layout.sides])[:, 0])
+        responses[:, 2, moving] += inclined
+        if self.before is not None:
+            # The displacement is relative to the place, which moves along its member.
+            responses[own, 0, moving.start + own] -= 1.0
+        state = (back @ tangent.displacements[nodes:, :, None])[..., 0]
+        state[:, 2] = _mean(slopes.values)
+        return Changes(moved, found[size:], responses, state, slopes, forces, inclined)
 
     @property
     def _moving(self) -> slice:
@@ -241,70 +307,11 @@ class BentTubes:
         return slice(3 * count, 4 * count)
 
     @cached_property
-    def _place_rates(self) -> tuple[Array, Array, Array]:
-        """
-        Return the derivatives of loads, inclinations and forces with respect to `places`.
-
-        :return: derivatives at fixed nodes: of the loads that the members carry (3 n, k), of the
-            inclinations at the load points (k, k), and of the forces of the parts before and
-            behind the load points (2 k, 3).
-        """
-        frame, tangent, count = self.frame, self.tangent, len(self.members)
-        carried, inclined = np.zeros((len(frame.points) * 3, count)), np.zeros((count, count))
-        if self.before is None:
-            return carried, inclined, np.zeros((2 * count, 3))
-        parts, _ = self._parts
-        # If a place moves, the part before it becomes longer and the part behind it shorter.
-        ways = np.append(self._cut[1], -self._cut[1])[:, None, None]
-        by_length = tangent.length_rates[parts][..., None]
-        rates = by_length * ways
-        forces, own = tangent.nodal_forces(parts, rates)[..., 0], np.arange(count)[:, None]
-        carried[frame.places[frame.before], own] = forces[:count]
-        carried[frame.places[frame.behind], own] += forces[count:]
-        # The length of a part between two places of one member depends on both places.
-        longer = (parts[:, None] == frame.before) * self._cut[1]
-        longer -= (parts[:, None] == frame.behind) * self._cut[1]
-        changes = by_length * longer[:, None]
-        inclined = self._mean((self._slopes.by_forces[:, None] @ changes)[:, 0])
-        return carried, inclined, rates[..., 0]
-
-    @cached_property
-    def _parts(self) -> tuple[Indices, Indices]:
-        """Return the parts before, then behind the load points (2 k,), and which end is there."""
-        count = len(self.members)
-        return np.append(self.frame.before, self.frame.behind), np.repeat([2, 1], count)
-
-    @cached_property
-    def _slopes(self) -> Slopes:
-        """Return the tube's inclinations before and behind each load point."""
-        return self.tangent.slopes(*self._parts)
-
-    def _mean(self, sides: Array) -> Array:
-        """Return the mean (k, ...) of values (2 k, ...) before and behind each load point."""
-        count = len(self.members)
-        return 0.5 * (sides[:count] + sides[count:])
-
-    @cached_property
-    def _rows(self) -> tuple[Array, Array]:
-        """Return the responses (k, 3) in the linearised state, and their p changes."""
-        frame, tangent, back = self.frame, self.tangent, self.axis.conj()
-        moved, _ = self._changes
-        own = tangent.displacements[frame.nodes]
-        there = (own[:, 0] + 1j * own[:, 1]) * back
-        nodes = moved[frame.nodes]
-        along = (nodes[:, 0] + 1j * nodes[:, 1]) * back[:, None]
-        slope = self._mean(self._slopes.values)
-        inclined = self.inclination_changes(moved)
-        return (
-            np.stack([there.real, there.imag, slope], axis=1),
-            np.stack([along.real, along.imag, inclined], axis=1),
-        )
-
-    @cached_property
     def matrix(self) -> Array:
         """Return the compliance (k, 3, k, 3): responses at the load points to unit loads."""
         count = len(self.members)
-        return (self._rows[1][:, :, : 3 * count] / self.share).reshape(count, 3, count, 3)
+        found = self._changes.responses[:, :, : 3 * count] / self.share
+        return found.reshape(count, 3, count, 3)
 
     @cached_property
     def rates(self) -> Array:
@@ -314,24 +321,13 @@ class BentTubes:
         The responses are the displacements [m] and inclinations [rad] at the load points; `places`
         are in metres.
         """
-        count = len(self.members)
-        found = self._rows[1][..., self._moving].copy()
-        own = np.arange(count)
-        found[:, 2] += self._place_rates[1]
-        if self.before is not None:
-            # The displacement is relative to the place, which moves along its member.
-            found[own, 0, own] -= 1.0
-            return found / self.share
-        return np.zeros_like(found)
+        return self._changes.responses[..., self._moving] / self.share
 
     @cached_property
     def given(self) -> Array:
         """Return the responses (k, 3), extrapolated to zero loads and zero places."""
-        state, changes = self._rows
-        found = (state + changes[..., -1]) / self.share
-        if self.before is not None:
-            found -= np.einsum('iajb,jb->ia', self.matrix, self.before.loads)
-        return found - self.rates @ self._cut[2]
+        none = np.zeros((len(self.members), 3))
+        return self.respond(none, none[:, 0])
 
     def respond(self, loads: Array, places: Array) -> Array:
         """
@@ -342,8 +338,8 @@ class BentTubes:
         :param loads: (k, 3) forces along and across the members [N], and moments [N m].
         :param places: (k,) distances of the load points from the members' starts [m].
         """
-        moved = np.einsum('iajb,jb->ia', self.matrix, loads)
-        return self.given + moved + self.rates @ places
+        changes = self._changes
+        return (changes.state + changes.responses @ self._ways(loads, places)) / self.share
 
     def distance(self, loads: Array, places: Array) -> float:
         """
@@ -362,18 +358,20 @@ class BentTubes:
 
     def _displace(self, ways: Array) -> tuple[Array, Array]:
         """Return the changes by `ways` of the nodes' displacements (n, 3) and positions (n, 3)."""
-        nodes = self._changes[0] @ ways
+        nodes = self._changes.nodes @ ways
+        if self.before is None:
+            return nodes, nodes
         moved = nodes.copy()
-        if self.before is not None:
-            # The displacement is relative to the place, which moves along its member.
-            slid = self.axis * ways[self._moving]
-            moved[self.frame.nodes, :2] -= np.column_stack([slid.real, slid.imag])
+        # The displacement is relative to the place, which moves along its member.
+        slid = self.axis * ways[self._moving]
+        moved[self.frame.nodes, 0] -= slid.real
+        moved[self.frame.nodes, 1] -= slid.imag
         return moved, nodes
 
     def _ways(self, loads: Array, places: Array) -> Array:
         """Return `ways` (p,), factors on the columns of `_changes`: loads, places, and 1."""
         known = 0.0 if self.before is None else self.before.loads
-        return np.concatenate([(loads - known).ravel(), places - self._cut[2], [1.0]])
+        return np.concatenate([(loads - known).ravel(), places - self.cuts, [1.0]])
 
     def displace(self, loads: Array, places: Array) -> Displaced:
         """
@@ -385,7 +383,7 @@ class BentTubes:
         ways, tangent = self._ways(loads, places), self.tangent
         moved, nodes = self._displace(ways)
         displacements = tangent.displacements + moved
-        multipliers = tangent.multipliers + self._changes[1] @ ways
+        multipliers = tangent.multipliers + self._changes.multipliers @ ways
         pull = tangent.forces.values[:, 0] + self._force_changes(ways, nodes)[0][:, 0]
         return Displaced(displacements, multipliers, loads, pull)
 
@@ -397,11 +395,22 @@ class BentTubes:
         :param places: (k,) distances of the load points from the members' starts [m].
         :param structure: new structural model of the robot; None: unchanged.
         """
-        found = replace(self, structure=structure or self.structure, places=places, before=None)
-        parts = self.frame.length[self._parts[0]].reshape(2, -1).min(axis=0)
+        same = structure is None or structure is self.structure
+        found = BentTubes(
+            self.structure if same else structure,
+            self.members,
+            places,
+            self.stiffness,
+            self.linear,
+            layout=self.frame.layout,
+            given_lines=self.lines if same else None,
+        )
+        count = len(places)
+        parts = self.frame.length[self.frame.layout.beside]
         # A node that moves by more than half of a part is interpolated on the bent member, because
         # the error of its extrapolation would turn the part.
-        if (np.abs(found.cuts - self.cuts) <= 0.5 * parts).all():
+        nearer = np.minimum(parts[:count], parts[count:])
+        if (np.abs(found.cuts - self.cuts) <= 0.5 * nearer).all():
             return found.bent_to(self.displace(loads, found.cuts))
         known = self.bent_to(self.displace(loads, self.cuts))
         return found.bent_to(found.bent_like(known).before._replace(loads=loads))
@@ -435,13 +444,13 @@ class BentTubes:
         :return: (n, 3, p) displacements of the nodes due to the loads, and the changes due to the
             motion of the load points.
         """
-        frame, count, found = self.frame, len(self.members), self._changes[0]
-        by_loads = found[..., : 3 * count] @ loads.reshape(3 * count, -1)
-        nodes = found[..., self._moving] @ places
+        frame, changes = self.frame, self._changes
+        nodes = changes.nodes[..., self._moving] @ places
         forces = np.zeros((len(frame.length), 3, places.shape[1]))
-        moved = np.tile(places, (2, 1))
-        np.add.at(forces, self._parts[0], self._place_rates[2][..., None] * moved[:, None])
-        return by_loads, PlaceChanges(nodes, self._place_rates[1] @ places, forces)
+        moved = np.concatenate([places, places])
+        np.add.at(forces, frame.layout.beside, changes.forces[..., None] * moved[:, None])
+        by_loads = self.node_changes(loads) * self.share
+        return by_loads, PlaceChanges(nodes, changes.inclined @ places, forces)
 
     def inclination_changes(self, moved: Array) -> Array:
         """
@@ -449,8 +458,8 @@ class BentTubes:
 
         :param moved: (n, 3, p) displacements ux, uy [m], theta [rad].
         """
-        ends = moved.reshape(-1, moved.shape[2])[self.frame.places[self._parts[0]]]
-        return self._mean((self._slopes.by_ends @ ends)[:, 0])
+        ends = moved.reshape(-1, moved.shape[2])[self.frame.places[self.frame.layout.beside]]
+        return _mean((self._changes.slopes.by_ends @ ends)[:, 0])
 
     def node_changes(self, loads: Array) -> Array:
         """
@@ -459,7 +468,7 @@ class BentTubes:
         :param loads: (k, 3, p) additional loads at the load points.
         """
         count = 3 * len(self.members)
-        return self._changes[0][..., :count] @ loads.reshape(count, -1) / self.share
+        return self._changes.nodes[..., :count] @ loads.reshape(count, -1) / self.share
 
     def displacements(self, loads: Array, places: Array) -> Array:
         """
@@ -468,7 +477,8 @@ class BentTubes:
         :param loads: (k, 3) loads at the load points.
         :param places: (k,) distances of the load points from the members' starts [m].
         """
-        return self.displace(loads, places).displacements / self.share
+        moved, _ = self._displace(self._ways(loads, places))
+        return (self.tangent.displacements + moved) / self.share
 
     def end_forces(self, loads: Array, places: Array) -> tuple[Array, Array]:
         """
@@ -488,8 +498,9 @@ class BentTubes:
     def _force_changes(self, ways: Array, nodes: Array) -> tuple[Array, Array]:
         """Return the changes of `EndForces.values` (c, 3) and chord lengths (c,) by `ways`."""
         changes, longer = self.tangent.force_changes(nodes[..., None])
-        changes, slid = changes[..., 0], np.tile(ways[self._moving], 2)
-        np.add.at(changes, self._parts[0], self._place_rates[2] * slid[:, None])
+        changes, slid = changes[..., 0], ways[self._moving]
+        slid = np.concatenate([slid, slid])[:, None]
+        np.add.at(changes, self.frame.layout.beside, self._changes.forces * slid)
         return changes, longer[:, 0]
 
     def section_changes(self, changes: Array) -> tuple[Array, Array, Array]:
@@ -502,15 +513,21 @@ class BentTubes:
         :return: (n, 3, p) displacements of the nodes; (k, p) changes of the inclinations at the
             load points; and (c, 3, p) changes of the members' N, M1 and M2 with fixed nodes.
         """
-        frame, tangent = self.frame, self.tangent
+        frame, tangent, parts = self.frame, self.tangent, self.frame.layout.beside
         every = np.arange(len(frame.length))
         units = np.broadcast_to(np.eye(4)[:, None], (4, len(every), 4))
         rates = np.einsum('cfi,icp->cfp', tangent.force_rates(every, units), changes)
         carried = np.zeros((3 * len(frame.points), changes.shape[2]))
         np.subtract.at(carried, frame.places, tangent.nodal_forces(every, rates))
         moved, _ = tangent.respond(carried)
-        moved, (parts, _) = moved.reshape(-1, 3, changes.shape[2]), self._parts
-        _, _, by_forces, by_shear = self._slopes
+        moved = moved.reshape(-1, 3, changes.shape[2])
+        _, _, by_forces, by_shear = self._changes.slopes
         shear = (by_shear / frame.section[2, parts])[:, None] * changes[3, parts]
-        inclined = self._mean((by_forces[:, None] @ rates[parts])[:, 0] + shear)
+        inclined = _mean((by_forces[:, None] @ rates[parts])[:, 0] + shear)
         return moved, inclined + self.inclination_changes(moved), rates
+
+
+def _mean(sides: Array) -> Array:
+    """Return the mean (k, ...) of values (2 k, ...) before and behind each load point."""
+    count = len(sides) // 2
+    return 0.5 * (sides[:count] + sides[count:])

@@ -7,13 +7,13 @@ from __future__ import annotations
 
 from functools import cached_property
 from itertools import pairwise
-from typing import NamedTuple
 
-from isotruss_ros.core.numerics.arrays import Array, Flags, Indices
-from isotruss_ros.core.statics.beam_column import BeamColumns, COMPLEX_STEP
+from isotruss_ros.core.numerics.arrays import Array, Indices
+from isotruss_ros.core.numerics.tolerances import EPSILON
+from isotruss_ros.core.statics.beam_column import BeamColumns
+from isotruss_ros.core.statics.cut_layout import CutLayout
 from isotruss_ros.core.statics.elimination import Scaling
 from isotruss_ros.core.statics.frame import Frame
-from isotruss_ros.core.statics.frame_pattern import member_places
 from isotruss_ros.core.statics.tangent import Tangent
 import numpy as np
 
@@ -21,107 +21,6 @@ import numpy as np
 #: a guide ring act at this distance, by which displacements err by 1e-7. The relative rounding
 #: errors of stiffnesses are inversely proportional to it.
 SHORTEST_PART = 1e-8
-
-
-class CutLayout(NamedTuple):
-    """
-    Connections of the parts of a frame whose k members are divided at c cuts in one order.
-
-    The nodes at the cuts are the last nodes. The first part of a divided member has the member's
-    index; the other parts have the last indices.
-
-    :ivar count: number k of members of the uncut frame.
-    :ivar piece: (c,) index of the member that each cut divides.
-    :ivar order: (c,) indices that sort the cuts by member and along each member.
-    :ivar whole: (k + c,) index of the uncut member to which each part belongs.
-    :ivar start: (k + c,) indices of the start nodes.
-    :ivar end: (k + c,) indices of the end nodes.
-    :ivar places: (k + c, 6) indices of the displacements of the parts' ends.
-    :ivar pins: two masks (k + c,) of starts and of ends that transmit no moment.
-    :ivar before: (c,) indices of the parts that end at the cuts.
-    :ivar behind: (c,) indices of the parts that begin at the cuts.
-    :ivar members: (q,) indices of the divided members.
-    :ivar parts: (c + q,) indices of their parts.
-    :ivar ends: (q, 6) indices of the displacements of their end nodes.
-    :ivar most: largest number b of cuts of a member.
-    :ivar slot: (c,) number of each cut, if the cuts of each member are counted on from a multiple
-        of b.
-    :ivar local: places of the parts' stiffness in q matrices of the displacements at b cuts and at
-        both ends.
-    :ivar units: places of diagonal entries of these matrices that belong to no cut.
-    """
-
-    count: int  # type: ignore[assignment]
-    piece: Indices
-    order: Indices
-    whole: Indices
-    start: Indices
-    end: Indices
-    places: Indices
-    pins: tuple[Flags, Flags]
-    before: Indices
-    behind: Indices
-    members: Indices
-    parts: Indices
-    ends: Indices
-    most: int
-    slot: Indices
-    local: Indices
-    units: Indices
-
-    @classmethod
-    def of(cls, frame: Frame, piece: Indices, order: Indices) -> CutLayout:
-        """Return the connections of a frame whose members `piece` are divided in an order."""
-        count, cuts = len(frame.start), len(piece)
-        nodes, behind = len(frame.points) + np.arange(cuts), count + np.arange(cuts)
-        members, first = np.unique(piece[order], return_index=True)
-        last = np.append(first[1:], cuts) - 1
-        whole = np.append(np.arange(count), piece)
-        start, end = frame.start[whole], frame.end[whole]
-        pins = frame.pins[0][whole], frame.pins[1][whole]
-        ahead = behind[order]  # part behind each cut, along the members
-        before = np.roll(ahead, 1)
-        before[first] = members
-        start[ahead] = end[before] = nodes[order]
-        end[ahead[last]] = frame.end[members]
-        pins[0][ahead] = pins[1][before] = False
-        parts = np.append(members, ahead)
-        ends = member_places(frame.start[members], frame.end[members])
-        # Numbers of nodes: the cuts of a member, then its ends.
-        each = np.diff(np.append(first, cuts))
-        most, number = int(each.max()), np.arange(len(members))
-        slot = np.empty_like(piece)
-        slot[order] = np.arange(cuts) + (most * number - first).repeat(each)
-        node = np.append(np.full(len(frame.points), -1), slot)
-        owner = np.searchsorted(members, whole[parts])
-        begins, stops = node[start[parts]], node[end[parts]]
-        begins = np.where(begins < 0, most, begins - most * owner)
-        stops = np.where(stops < 0, most + 1, stops - most * owner)
-        own, width = member_places(begins, stops), 3 * most + 6
-        local = own[:, :, None] * width + own[:, None] + width**2 * owner.reshape(-1, 1, 1)
-        none = np.setdiff1d(np.arange(most * len(members)), slot)
-        none, inner = np.divmod(np.add.outer(3 * none, np.arange(3)), 3 * most)
-        found = np.empty_like(piece)
-        found[order] = before
-        return cls(
-            count,
-            piece,
-            order,
-            whole,
-            start,
-            end,
-            member_places(start, end),
-            pins,
-            found,
-            behind,
-            members,
-            parts,
-            ends,
-            most,
-            slot,
-            local.ravel(),
-            (none * width**2 + inner * (width + 1)).ravel(),
-        )
 
 
 class CutFrame(Frame):
@@ -143,7 +42,8 @@ class CutFrame(Frame):
         ):
             layout = CutLayout.of(frame, piece, order)
         self.uncut, self.layout, self.whole = frame, layout, layout.whole
-        self.names, self.rows, self.spans = frame.names, frame.rows, frame.spans
+        self.names, self.held = frame.names, frame.held
+        self.rows, self.spans = frame.rows, frame.spans
         places = frame.points[frame.start[piece]] + within * frame.axis[piece]
         self.points = np.append(frame.points, places)
         self.nodes = np.arange(len(frame.points), len(self.points))
@@ -155,27 +55,16 @@ class CutFrame(Frame):
         ends = frame.length[self.whole]
         ends[self.before] = within
         self.axis, self.length = frame.axis[self.whole], ends - self.begins
-
-    @cached_property
-    def columns(self) -> BeamColumns:
-        """Return the parts as beam-columns; imaginary parts are derivatives by rest lengths."""
-        parts = self.layout.parts
+        # Imaginary parts are derivatives by the rest lengths.
+        parts = layout.parts
         cut = BeamColumns.of(
-            self.length[parts] + 1j * COMPLEX_STEP,
+            self.length[parts] + 1j * EPSILON,
             self.section[:, parts],
             (self.pins[0][parts], self.pins[1][parts]),
         )
-        found = []
-        for whole, part in zip(self.uncut.columns, cut, strict=True):
-            values = whole[..., self.whole].astype(complex)
-            values[..., parts] = part
-            found.append(values)
-        return BeamColumns(*found)
-
-    @property
-    def held(self) -> Flags:
-        """Return the mask (n, 3) of displacements that supports fix; none at cuts."""
-        return np.append(self.uncut.held, np.zeros((len(self.nodes), 3), dtype=bool), axis=0)
+        values = frame.columns.values[:, self.whole].astype(complex)
+        values[:, parts] = cut.values
+        self.columns = BeamColumns(values)
 
     @property
     def scaling(self) -> Scaling:

@@ -13,20 +13,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
 from isotruss_ros.core.numerics.tolerances import COINCIDENCE, MAX_CONDITION, MAX_NEWTON_ITERATIONS
 from isotruss_ros.core.statics.beam_column import BeamColumns, end_forces
+from isotruss_ros.core.statics.cut_layout import FrameArrays
 from isotruss_ros.core.statics.elimination import Elimination, Scaling
 from isotruss_ros.core.statics.frame_pattern import FramePattern, Members, TurnRows
 from isotruss_ros.core.statics.tangent import Tangent, TUBE_CURVATURE
 import numpy as np
 from scipy.sparse import coo_matrix
-
-if TYPE_CHECKING:
-    from isotruss_ros.core.statics.cut_frame import CutLayout
 
 #: Largest admissible ratio of the displacements to those of the linear prediction [-].
 MAX_GROWTH = 1.5
@@ -55,28 +52,10 @@ class FrameState:
     bowing: Array
 
 
-class Frame:
+class Frame(FrameArrays):
     """
-    Nodes, members and constraints of a frame.
+    Plane frame of beam-columns.
 
-    :ivar points: (n,) nodes x + iy [m].
-    :ivar start: (k,) indices of the members' start nodes.
-    :ivar end: (k,) indices of the members' end nodes.
-    :ivar section: (3, k) EA [N], EI [N m^2] and GA [N] of the members.
-    :ivar pins: two masks (k,) of starts and of ends that transmit no moment.
-    :ivar length: (k,) lengths of the members [m].
-    :ivar axis: (k,) unit vectors of the members from start to end, x + iy.
-    :ivar places: (k, 6) indices of the displacements of the members' ends.
-    :ivar held: (n, 3) mask of the displacements ux, uy, theta that supports fix.
-    :ivar names: (n,) names of the nodes for error messages.
-    :ivar rows: constraints on rotations, see `TurnRows`.
-    :ivar spans: (s,) spans of the constraints without loads, x + iy [m].
-    :ivar whole: (k,) index of the uncut member of which each member is a part.
-    :ivar begins: (k,) distance of each member's start from the start of the uncut member [m].
-    :ivar nodes: (c,) indices of the nodes at the cuts.
-    :ivar before: (c,) indices of the members that end at the cuts.
-    :ivar behind: (c,) indices of the members that begin at the cuts.
-    :ivar layout: connections of the parts; None without cuts.
     :param members: members between the nodes.
     :param pattern: pattern of a frame with the same connections and supports; None: it is
         computed.
@@ -101,18 +80,14 @@ class Frame:
         self.places = self._pattern.places
         self.whole, self.begins = np.arange(len(span)), np.zeros(len(span))
         self.nodes = self.before = self.behind = np.zeros(0, dtype=np.intp)
-        self.layout: CutLayout | None = None
+        self.layout = None
+        self.columns = BeamColumns.of(self.length, self.section, self.pins)
 
     @property
     def members(self) -> Members:
         """Return the members between the nodes."""
         axial, flexural, shear = self.section
         return Members(self.start, self.end, axial, flexural, shear, *self.pins)
-
-    @cached_property
-    def columns(self) -> BeamColumns:
-        """Return the members as beam-columns."""
-        return BeamColumns.of(self.length, self.section, self.pins)
 
     @property
     def no_loads(self) -> tuple[Array, Array]:
@@ -278,7 +253,9 @@ class Frame:
 
     def _reactions(self, missing: Array) -> Array:
         """Return the support reactions (n, 3) from the residual of the balance (3 n,)."""
-        return np.where(self.held.ravel(), missing, 0.0).reshape(-1, 3)
+        found = np.zeros((len(self.points), 3))
+        found[: len(self.held)] = missing.reshape(-1, 3)[: len(self.held)] * self.held
+        return found
 
 
 def _factorize(pattern: FramePattern, entries: Array) -> Elimination | None:

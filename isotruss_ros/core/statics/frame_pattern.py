@@ -19,10 +19,6 @@ import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-#: Largest number of unknowns of a block that is eliminated [-]; larger ones are solved as sparse
-#: matrices.
-MAX_BLOCK_UNKNOWNS = 400
-
 
 class TurnRows(NamedTuple):
     """
@@ -77,7 +73,7 @@ class TurnRows(NamedTuple):
         )
 
     def spans(self, points: Points) -> Points:
-        """Return the spans (s,) from node positions (n,), x + iy [m]."""
+        """Return the vector of each span, (s,) x + iy [m], from node positions (n,)."""
         return np.add.reduceat(self.share * points[self.node], self.first)
 
     def linearize(self, spans: Points, displacements: Array) -> tuple[Array, Array, Points]:
@@ -184,7 +180,7 @@ class FramePattern:
         turning[members.end[~members.pinned_end]] = True
         # A hinge has no rotation.
         real = np.ones(count, dtype=bool)
-        real[2 : held.size : 3] = turning
+        np.put(real, 3 * np.arange(len(held)) + 2, turning)
         self.free = real & np.append(~held.ravel(), np.ones(rows.count, dtype=bool))
         row, column, (one, other) = held.size + rows.row, rows.column, rows.pairs
         first = np.concatenate([self.places.repeat(6), row, column, one])
@@ -199,10 +195,11 @@ class FramePattern:
         self._number_joints(inner)
 
     def _number_blocks(self, owner: Indices, real: Flags) -> None:
-        """Number the entries of the blocks, for each unknown's block `owner`, -1 for joints."""
+        """Set `blocks`, `units`, and `slots` of blocks; `owner` is each unknown's block or -1."""
         (first, second), count = self.entries, len(owner)
         total, inner = int(owner.max(initial=-1)) + 1, owner >= 0
-        order = np.argsort(owner, kind='stable')[np.count_nonzero(~inner) :]
+        order = np.argsort(owner, kind='stable')
+        order = order[inner[order]]
         sizes = np.bincount(owner[inner], minlength=total)
         local = np.zeros(count, dtype=np.intp)
         local[order] = np.arange(len(order)) - np.repeat(np.cumsum(sizes) - sizes, sizes)
@@ -234,7 +231,7 @@ class FramePattern:
         self.units = offsets[owner[fixed]] + local[fixed] * (row[owner[fixed]] + 1)
 
     def _number_joints(self, inner: Flags) -> None:
-        """Number the entries of the joints' matrix, and the blocks' entries in it."""
+        """Set `slots` of the joints' matrix, `size`, `fill`, `sparse` and `sources`."""
         count, outer = len(self.joints), [each.outer for each in self.blocks]
         rows, columns = (self._joint[each] for each in self.entries)
         filled = [np.broadcast_arrays(each[:, :, None], each[:, None]) for each in outer]
@@ -276,8 +273,8 @@ def _find_blocks(members: Members, turning: Flags, rows: TurnRows, free: Flags) 
     label = label[np.append(np.arange(count).repeat(3), np.arange(count, size))]
     unknowns = np.bincount(label, minlength=number)
     chosen = np.zeros(number, dtype=bool)
-    chosen[label[: 3 * count : 3][turning]] = True
-    chosen &= unknowns <= MAX_BLOCK_UNKNOWNS
+    chosen[label[3 * np.flatnonzero(turning)]] = True
+    chosen &= unknowns <= MAX_DENSE_COORDINATES
     block = np.where(chosen, np.cumsum(chosen) - 1, -1)[label]
     # A single block is the whole frame.
     several = block.max() > 0 and (free & (block < 0)).any()

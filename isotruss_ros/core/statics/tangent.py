@@ -7,24 +7,23 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple, TYPE_CHECKING
+import math
+from typing import NamedTuple
 
 from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.numerics.factorization import count_negative_pivots
+from isotruss_ros.core.numerics.tolerances import EPSILON
 from isotruss_ros.core.statics.beam_column import (
     BeamColumns,
     chord_motions,
     chord_stiffness,
-    COMPLEX_STEP,
     end_forces,
     EndForces,
 )
+from isotruss_ros.core.statics.cut_layout import FrameArrays
 from isotruss_ros.core.statics.elimination import Elimination
 import numpy as np
-
-if TYPE_CHECKING:
-    from isotruss_ros.core.statics.frame import Frame
 
 #: Error of displacements that are predicted from another state, per square of the displacement of
 #: a node between both states [1/m].
@@ -85,7 +84,7 @@ class Tangent:
     :ivar given: factorised matrix; None: it is computed.
     """
 
-    frame: Frame
+    frame: FrameArrays
     displacements: Array
     multipliers: Array
     axis: Points
@@ -99,7 +98,7 @@ class Tangent:
     @classmethod
     def of(
         cls,
-        frame: Frame,
+        frame: FrameArrays,
         displacements: Array,
         multipliers: Array,
         pull: Array | None = None,
@@ -125,8 +124,8 @@ class Tangent:
         chords = np.array([first + second, first - second])
         chords *= 0.5
         chords[0] -= np.arctan2(span.imag, span.real)
-        found = columns.evaluate(longer + (rest - columns.length), chords, pull)
-        rates = found.values.imag / COMPLEX_STEP
+        found = columns.evaluate(longer + (rest - columns.values[0]), chords, pull)
+        rates = found.values.imag / EPSILON
         forces = EndForces(*(each.real.copy() for each in found))
         constraints = frame.rows.linearize(frame.spans, displacements)
         axis = frame.axis * span / length
@@ -162,13 +161,12 @@ class Tangent:
 
         :raises StructureError: a cut member has no stiffness.
         """
-        layout = self.frame.layout
-        (members, width), parts = layout.ends.shape, self.matrices[layout.parts]
-        size = 3 * layout.most + width
-        whole = np.bincount(layout.local, parts.ravel(), members * size**2)
+        layout, parts = self.frame.layout, self.matrices[self.frame.layout.parts]
+        shape = len(layout.ends), layout.width, layout.width
+        whole = np.bincount(layout.local, parts.ravel(), math.prod(shape))
         whole[layout.units] = 1.0
-        whole = whole.reshape(members, size, size)
-        inner, coupling = whole[:, :-width, :-width], whole[:, :-width, -width:]
+        whole = whole.reshape(shape)
+        inner, coupling = whole[:, :-6, :-6], whole[:, :-6, -6:]
         try:
             inverse = np.linalg.inv(inner)
         except np.linalg.LinAlgError as error:
@@ -176,7 +174,7 @@ class Tangent:
                 'a loaded member has no stiffness in its bent shape: its loads must be smaller'
             ) from error
         spread = -inverse @ coupling
-        ends = whole[:, -width:, -width:] + coupling.swapaxes(1, 2) @ spread
+        ends = whole[:, -6:, -6:] + coupling.swapaxes(1, 2) @ spread
         return CondensedCuts(inner, inverse, spread, ends)
 
     @property
@@ -212,24 +210,35 @@ class Tangent:
         :param loads: (3 n, p) additional loads, one column each [N, N m].
         :param gaps: (c, p) changes of the right-hand sides of the constraints.
         """
-        layout, cut, rows = self.frame.layout, 3 * len(self.frame.nodes), self.frame.rows.count
-        count = len(loads) - cut
-        right = np.empty((count + rows, loads.shape[1]))
+        layout, rows = self.frame.layout, self.frame.rows.count
+        count, columns = len(loads) - 3 * len(self.frame.nodes), loads.shape[1]
+        right = np.empty((count + rows, columns))
         right[:count], right[count:] = loads[:count], gaps
         if layout is None:
             found = self.factored.solve(right)
             return found[:count], found[count:]
-        _, inverse, spread, _ = self.cuts
-        local = np.zeros((inverse.shape[0] * inverse.shape[1] // 3, 3, loads.shape[1]))
-        local[layout.slot] = loads[count:].reshape(-1, 3, loads.shape[1])
-        local = local.reshape(*inverse.shape[:2], -1)
-        for places, push in zip(layout.ends, spread.swapaxes(1, 2) @ local, strict=True):
+        local = np.zeros((len(layout.ends) * layout.width, columns))
+        local[layout.cut.ravel()] = loads[count:]
+        found, local = self.respond_locally(right, local)
+        return np.concatenate([found[:count], local[layout.cut.ravel()]]), found[count:]
+
+    def respond_locally(self, right: Array, local: Array) -> tuple[Array, Array]:
+        """
+        Return the changes of the unknowns (u, p), and of the displacements in cut members.
+
+        :param right: (u, p) right-hand sides of (4) without cuts; they are overwritten.
+        :param local: (q w, p) additional loads on cut members, see `CutLayout.width`.
+        """
+        (_, inverse, spread, _), ends = self.cuts, self.frame.layout.ends
+        moved = local.reshape(len(ends), -1, local.shape[1])
+        inner, outer = moved[:, :-6], moved[:, -6:]
+        pushed = outer + spread.swapaxes(1, 2) @ inner
+        for places, push in zip(ends, pushed, strict=True):
             right[places] += push
-        found, moved = self.factored.solve(right), np.empty_like(loads)
-        local = inverse @ local + spread @ found[layout.ends]
-        moved[:count] = found[:count]
-        moved[count:] = local.reshape(-1, 3, loads.shape[1])[layout.slot].reshape(cut, -1)
-        return moved, found[count:]
+        found = self.factored.solve(right)
+        outer = found[ends]
+        moved = np.concatenate([inverse @ inner + spread @ outer, outer], axis=1)
+        return found, moved.reshape(local.shape)
 
     def balance(self, applied: Array, loads: Array | None = None) -> tuple[Array, Array]:
         """
@@ -273,14 +282,14 @@ class Tangent:
         frame, count = self.frame, changes.shape[2]
         each = parts.repeat(count)
         # Derivatives by complex steps have no rounding error of differences.
-        steps = 1j * COMPLEX_STEP * changes.reshape(4, -1)
+        steps = 1j * EPSILON * changes.reshape(4, -1)
         section = np.vstack([frame.length, frame.section])[:, each] + steps
         pins = frame.pins[0][each], frame.pins[1][each]
         columns = BeamColumns.of(section[0], section[1:], pins)
         longer, turns = self.stretched
         known = self.forces.stressed[each, 0]
         found = columns.evaluate(longer[each] - steps[0], turns[:, each], known)
-        rates = found.values.imag / COMPLEX_STEP
+        rates = found.values.imag / EPSILON
         return rates.reshape(len(parts), count, 3).swapaxes(1, 2)
 
     def nodal_forces(self, parts: Indices | slice, rates: Array) -> Array:
