@@ -23,6 +23,7 @@ from isotruss_ros.core.numerics.tolerances import MAX_SEARCH_STEPS, NEGLIGIBLE_S
 from isotruss_ros.core.statics.beam_column import end_forces
 from isotruss_ros.core.statics.cut_frame import CutFrame, keep_apart
 from isotruss_ros.core.statics.cut_layout import CutLayout
+from isotruss_ros.core.statics.elimination import Elimination
 from isotruss_ros.core.statics.frame import Frame
 from isotruss_ros.core.statics.structure import Structure
 from isotruss_ros.core.statics.tangent import Slopes, Tangent
@@ -123,6 +124,7 @@ class Changes(NamedTuple):
     slopes: Slopes
     forces: Array
     inclined: Array
+    factored: Elimination  #: factorised matrix of the frame
 
 
 @dataclass(frozen=True, eq=False)
@@ -263,7 +265,7 @@ class BentTubes:
         frame, tangent, layout = self.frame, self.tangent, self.frame.layout
         count, nodes, turns = len(self.members), frame.nodes[0], self.lines.turns
         own, cut, moving, size = np.arange(count), layout.cut, self._moving, 3 * nodes
-        right = np.zeros((len(tangent.factored.scaling.scale), 4 * count + 1))
+        right = np.zeros((size + frame.rows.count, 4 * count + 1))
         local = np.zeros((len(layout.ends) * layout.width, right.shape[1]))
         columns = np.arange(3 * count).reshape(count, 1, 3)
         local[cut[:, :, None], columns] = turns * (self.share / self.stiffness)
@@ -286,7 +288,7 @@ class BentTubes:
             left[cut] -= carried[size:].reshape(count, 3)
             local[:, -1] = left
             right[:size, -1], right[size:, -1] = -carried[:size], -tangent.constraints[1]
-        found, local = tangent.respond_locally(right, local)
+        factored, found, local = tangent.respond_locally(right, local)
         moved = np.concatenate([found[:size], local[cut.ravel()]])
         moved = moved.reshape(nodes + count, 3, -1)
         back = turns.swapaxes(1, 2)
@@ -298,7 +300,8 @@ class BentTubes:
             responses[own, 0, moving.start + own] -= 1.0
         state = (back @ tangent.displacements[nodes:, :, None])[..., 0]
         state[:, 2] = _mean(slopes.values)
-        return Changes(moved, found[size:], responses, state, slopes, forces, inclined)
+        responded = moved, found[size:], responses, state
+        return Changes(*responded, slopes, forces, inclined, factored)
 
     @property
     def _moving(self) -> slice:
@@ -519,7 +522,7 @@ class BentTubes:
         rates = np.einsum('cfi,icp->cfp', tangent.force_rates(every, units), changes)
         carried = np.zeros((3 * len(frame.points), changes.shape[2]))
         np.subtract.at(carried, frame.places, tangent.nodal_forces(every, rates))
-        moved, _ = tangent.respond(carried)
+        moved, _ = tangent.respond(carried, factored=self._changes.factored)
         moved = moved.reshape(-1, 3, changes.shape[2])
         _, _, by_forces, by_shear = self._changes.slopes
         shear = (by_shear / frame.section[2, parts])[:, None] * changes[3, parts]

@@ -101,12 +101,16 @@ def keep_apart(pieces: Indices, places: Array, length: Array) -> Array:
     :param places: (c,) distances of the cuts from the members' starts [m].
     :param length: (c,) length of the member of each cut [m].
     """
-    apart = np.clip(places, SHORTEST_PART, length - SHORTEST_PART)
-    order = np.lexsort((apart, pieces)).tolist()
+    ends = length.tolist()
+    apart = [
+        max(SHORTEST_PART, min(place, end - SHORTEST_PART))
+        for place, end in zip(places.tolist(), ends, strict=True)
+    ]
+    order = sorted(range(len(ends)), key=lambda i: (pieces[i], apart[i]))
     pairs = [pair for pair in pairwise(order) if pieces[pair[0]] == pieces[pair[1]]]
     for first, second in pairs:
         apart[second] = max(apart[second], apart[first] + SHORTEST_PART)
-    apart = np.minimum(apart, length - SHORTEST_PART)
     for first, second in reversed(pairs):
+        apart[second] = min(apart[second], ends[second] - SHORTEST_PART)
         apart[first] = min(apart[first], apart[second] - SHORTEST_PART)
-    return apart
+    return np.array(apart)

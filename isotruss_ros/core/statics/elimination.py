@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 from isotruss_ros.core.numerics.arrays import Array
@@ -59,31 +61,30 @@ class Scaling(NamedTuple):
         scale[count:] = 1.0 / np.sqrt(np.where(norms > 0.0, norms, 1.0))
         return cls(pattern, scale, scale[first] * scale[second])
 
-    def eliminate(self, entries: Array) -> Elimination:
+    def eliminate(self, entries: Array, right: Array) -> tuple[Elimination, Array]:
         """
-        Eliminate the blocks of a frame.
+        Eliminate the blocks of a frame, and solve for the changes of all unknowns.
 
         :param entries: `FramePattern.entries` of the frame.
+        :param right: (u, p) right-hand sides, see `Elimination.solve`.
         :raises numpy.linalg.LinAlgError: a block or the joints' matrix is exactly singular.
         """
-        pattern = self.pattern
+        pattern, right = self.pattern, right * self.scale[:, None]
         values = np.bincount(pattern.slots, entries * self.weight, pattern.size)
         values[pattern.units] = 1.0
-        stiffness, inverses, spreads, fill = [], [], [], []
+        stiffness, insides, spreads, fill = [], [], [], []
         for inner, outer, part in pattern.blocks:
             (count, size), width = inner.shape, outer.shape[1]
             whole = values[part].reshape(count, size, size + width)
             stiff, coupling = whole[..., :size], whole[..., size:]
-            # The product of inverse and coupling would have a larger rounding error.
-            right = np.broadcast_to(np.eye(size), stiff.shape)
-            both = np.linalg.solve(stiff, np.concatenate([coupling, right], axis=2))
-            spread, inverse = both[..., :width], both[..., width:]
+            # The product of an inverse and the coupling would have a larger rounding error.
+            found = np.linalg.solve(stiff, np.concatenate([coupling, right[inner]], axis=2))
+            spread = found[..., :width]
             stiffness.append(stiff)
-            inverses.append(inverse)
             spreads.append(spread)
+            insides.append(found[..., width:])
             fill.append((coupling.swapaxes(1, 2) @ spread).ravel())
-        begin = pattern.blocks[-1].part.stop if fill else 0
-        joints = values[begin:-1]
+        joints = values[pattern.blocks[-1].part.stop if fill else 0 : -1]
         if fill:
             joints = joints - np.bincount(pattern.fill, np.concatenate(fill), len(joints) + 1)[:-1]
         size = len(pattern.joints)
@@ -91,16 +92,17 @@ class Scaling(NamedTuple):
             matrix = joints.reshape(size, size)
         else:
             matrix = csc_matrix((joints, *pattern.sparse), shape=(size, size))
-        return Elimination(self, stiffness, inverses, spreads, matrix, factorize(matrix.copy()))
+        found = Elimination(self, stiffness, spreads, matrix, factorize(matrix.copy()))
+        return found, found.complete(right, insides)
 
 
-class Elimination(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Elimination:
     """
     Matrix of (4), scaled, with eliminated blocks; see `FramePattern.blocks` for the groups.
 
     :ivar scaling: numbering and scaling of the unknowns.
     :ivar stiffness: for each group, (b, s, s) matrix of the blocks.
-    :ivar inverses: for each group, (b, s, s) inverse.
     :ivar spreads: for each group, (b, s, t) inverse times coupling to the joints.
     :ivar matrix: (j, j) Schur complement, the matrix of the joints.
     :ivar joints: its factorisation.
@@ -108,10 +110,14 @@ class Elimination(NamedTuple):
 
     scaling: Scaling
     stiffness: list[Array]
-    inverses: list[Array]
     spreads: list[Array]
     matrix: Array | csc_matrix
     joints: Factor
+
+    @cached_property
+    def inverses(self) -> list[Array]:
+        """Return for each group the inverses (b, s, s) of the blocks."""
+        return [np.linalg.inv(each) for each in self.stiffness]
 
     def solve(self, right: Array) -> Array:
         """
@@ -119,28 +125,33 @@ class Elimination(NamedTuple):
 
         Entries of displacements that supports fix are ignored; the result is zero there.
         """
-        pattern, scale = self.scaling.pattern, self.scaling.scale[:, None]
-        right, columns = right * scale, right.shape[1]
-        found = np.zeros_like(right)
-        insides, pushed = [], []
-        for (inner, outer, _), inverse, spread in zip(
-            pattern.blocks, self.inverses, self.spreads, strict=True
-        ):
-            push = right[inner]
-            insides.append(inverse @ push)
-            pushed.append((spread.swapaxes(1, 2) @ push).reshape(outer.size, columns))
+        right = right * self.scaling.scale[:, None]
+        blocks = zip(self.scaling.pattern.blocks, self.inverses, strict=True)
+        return self.complete(right, [inverse @ right[each.inner] for each, inverse in blocks])
+
+    def complete(self, right: Array, insides: list[Array]) -> Array:
+        """
+        Return the changes (u, p) of all unknowns from those of blocks with fixed joints.
+
+        :param right: (u, p) scaled right-hand sides.
+        :param insides: for each group, (b, s, p) scaled changes with fixed joints.
+        """
+        pattern, columns, loads = self.scaling.pattern, right.shape[1], right
+        groups = list(zip(pattern.blocks, self.spreads, insides, strict=True))
         loads = right[pattern.joints]
-        if pushed:
+        if groups:
+            pushed = [
+                (spread.swapaxes(1, 2) @ right[each.inner]).reshape(each.outer.size, columns)
+                for each, spread, _ in groups
+            ]
             none = np.zeros((1, columns))
             loads -= np.concatenate([*pushed, none])[pattern.sources].sum(axis=1)
-        moved = np.zeros((len(pattern.joints) + 1, columns))
+        moved, found = np.zeros((len(loads) + 1, columns)), np.zeros(right.shape)
         moved[:-1] = self.joints.solve(loads)
-        for (inner, outer, _), inside, spread in zip(
-            pattern.blocks, insides, self.spreads, strict=True
-        ):
-            found[inner] = inside - spread @ moved[outer]
         found[pattern.joints] = moved[:-1]
-        found *= scale
+        for (inner, outer, _), spread, inside in groups:
+            found[inner] = inside - spread @ moved[outer]
+        found *= self.scaling.scale[:, None]
         return found
 
     @property

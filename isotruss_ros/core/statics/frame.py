@@ -261,7 +261,8 @@ class Frame(FrameArrays):
 def _factorize(pattern: FramePattern, entries: Array) -> Elimination | None:
     """Return the factorised matrix of (4); None for a mechanism in double precision."""
     try:
-        found = Scaling.of(pattern, entries).eliminate(entries)
+        none = np.zeros((len(pattern.free), 1))
+        found, _ = Scaling.of(pattern, entries).eliminate(entries, none)
     except np.linalg.LinAlgError:
         return None
     return found if found.condition < MAX_CONDITION else None

@@ -81,13 +81,18 @@ class Structure:
         :return: (c,) indices of the pieces in the frame; (c,) distances from the pieces' starts
             [m]; (c,) 1 for pieces that point along their member, -1 for the others.
         """
-        robot, left = self.config.robot, self.config.member_lengths[members] - places
-        ring = robot.description.module.guide_ring_distance
-        # On BD at the start, on CE at the end, or on the long piece between these.
-        kind = np.where(places < ring, 0, np.where(left <= ring, 1, 2))
-        owner = np.where(kind == 1, robot.topology.following[members], members)
-        within = np.choose(kind, [places, left, places - ring])
-        return self.pieces[kind, owner], within, np.where(kind == 1, -1.0, 1.0)
+        robot, lengths = self.config.robot, self.config.member_lengths[members].tolist()
+        ring, following = robot.description.module.guide_ring_distance, robot.topology.following
+        found = []  # numbers are few, so lists are faster than arrays
+        for member, place, length in zip(members.tolist(), places.tolist(), lengths, strict=True):
+            if place < ring:
+                found.append((0, member, place, 1.0))  # on BD at the start
+            elif length - place <= ring:
+                found.append((1, following[member], length - place, -1.0))  # on CE at the end
+            else:
+                found.append((2, member, place - ring, 1.0))
+        kind, owner, within, ahead = (np.array(each) for each in zip(*found, strict=True))
+        return self.pieces[kind, owner], within, ahead
 
 
 def _frame_points(robot: Mechanism, nodes: Points) -> Points:

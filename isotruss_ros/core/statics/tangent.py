@@ -189,45 +189,60 @@ class Tangent:
 
     @cached_property
     def factored(self) -> Elimination:
-        """
-        Return the factorised matrix of (4); displacements of nodes at cuts are eliminated.
+        """Return the factorised matrix of (4), see `eliminate`."""
+        if self.given is not None:
+            return self.given
+        return self.eliminate(np.zeros((len(self.frame.scaling.scale), 1)))[0]
 
+    def eliminate(self, right: Array) -> tuple[Elimination, Array]:
+        """
+        Return the factorised matrix of (4), and the changes (u, p) of the unknowns.
+
+        :param right: (u, p) right-hand sides of (4) without cuts.
         :raises StructureError: the structure has no stiffness in its bent shape.
         """
         if self.given is not None:
-            return self.given
+            return self.given, self.given.solve(right)
         try:
-            return self.frame.scaling.eliminate(self.entries)
+            return self.frame.scaling.eliminate(self.entries, right)
         except np.linalg.LinAlgError as error:
             raise StructureError(
                 'the structure has no stiffness in its bent shape: the loads must be smaller'
             ) from error
 
-    def respond(self, loads: Array, gaps: Array | float = 0.0) -> tuple[Array, Array]:
+    def respond(
+        self, loads: Array, gaps: Array | float = 0.0, factored: Elimination | None = None
+    ) -> tuple[Array, Array]:
         """
         Return the changes of displacements (3 n, p) and multipliers (c, p) due to p load cases.
 
         :param loads: (3 n, p) additional loads, one column each [N, N m].
         :param gaps: (c, p) changes of the right-hand sides of the constraints.
+        :param factored: the factorised matrix, if known.
         """
+        factored = factored or self.factored
         layout, rows = self.frame.layout, self.frame.rows.count
         count, columns = len(loads) - 3 * len(self.frame.nodes), loads.shape[1]
         right = np.empty((count + rows, columns))
         right[:count], right[count:] = loads[:count], gaps
         if layout is None:
-            found = self.factored.solve(right)
+            found = factored.solve(right)
             return found[:count], found[count:]
         local = np.zeros((len(layout.ends) * layout.width, columns))
         local[layout.cut.ravel()] = loads[count:]
-        found, local = self.respond_locally(right, local)
+        _, found, local = self.respond_locally(right, local, factored)
         return np.concatenate([found[:count], local[layout.cut.ravel()]]), found[count:]
 
-    def respond_locally(self, right: Array, local: Array) -> tuple[Array, Array]:
+    def respond_locally(
+        self, right: Array, local: Array, factored: Elimination | None = None
+    ) -> tuple[Elimination, Array, Array]:
         """
-        Return the changes of the unknowns (u, p), and of the displacements in cut members.
+        Return the factorised matrix, and changes due to p load cases with loads on cut members.
 
         :param right: (u, p) right-hand sides of (4) without cuts; they are overwritten.
         :param local: (q w, p) additional loads on cut members, see `CutLayout.width`.
+        :param factored: the factorised matrix, if known.
+        :return: the factorised matrix; changes (u, p) of the unknowns; and (q w, p) displacements.
         """
         (_, inverse, spread, _), ends = self.cuts, self.frame.layout.ends
         moved = local.reshape(len(ends), -1, local.shape[1])
@@ -235,10 +250,13 @@ class Tangent:
         pushed = outer + spread.swapaxes(1, 2) @ inner
         for places, push in zip(ends, pushed, strict=True):
             right[places] += push
-        found = self.factored.solve(right)
+        if factored is None:
+            factored, found = self.eliminate(right)
+        else:
+            found = factored.solve(right)
         outer = found[ends]
         moved = np.concatenate([inverse @ inner + spread @ outer, outer], axis=1)
-        return found, moved.reshape(local.shape)
+        return factored, found, moved.reshape(local.shape)
 
     def balance(self, applied: Array, loads: Array | None = None) -> tuple[Array, Array]:
         """

@@ -210,8 +210,8 @@ def changed_forces(grip, moving):
     for step in (1e-6, -1e-6):
         bent = grip.statics.bent.update(grip.state.loads, grip.state.feet)
         # The tubes give as before, from where they start now.
-        assert np.isfinite(bent.given).all()
-        bent.__dict__['start'] = bent.start + step * moving
+        lines = bent.lines._replace(start=bent.start + step * moving)
+        bent = replace(bent, given_lines=lines)
         statics = replace(grip.statics, bent=bent)
         closure = stick(statics, grip.anchors, travel, grip.angles, NOTHING)
         found.append(statics.solve(grip.state.unknowns, grip.wrench, closure).normal_forces)
