@@ -91,8 +91,8 @@ class Structure:
                 found.append((1, following[member], length - place, -1.0))  # on CE at the end
             else:
                 found.append((2, member, place - ring, 1.0))
-        kind, owner, within, ahead = (np.array(each) for each in zip(*found, strict=True))
-        return self.pieces[kind, owner], within, ahead
+        kind, owner, within, ahead = np.array(found).reshape(-1, 4).T
+        return self.pieces[kind.astype(int), owner.astype(int)], within, ahead
 
 
 def _frame_points(robot: Mechanism, nodes: Points) -> Points:
