@@ -323,6 +323,27 @@ class Timeline:
         return value + (time - start) / (end - start) * (following - value)
 
 
+class Stamps:
+    """Stamps of the used readings, by which repeated readings are recognised."""
+
+    def __init__(self) -> None:
+        self._used: dict[str, set[float]] = {}
+
+    def use(self, name: str, time: float) -> bool:
+        """
+        Return whether a reading is new, and record its stamp; a repeated stamp is not new.
+
+        :param name: name of the measured quantity.
+        :param time: stamp of the reading [s]; stamps of `HISTORY_DURATION` are stored.
+        """
+        used = self._used.get(name, set())
+        if time in used:
+            return False
+        stored = {before for before in used if before > time - HISTORY_DURATION}
+        self._used[name] = stored | {time}
+        return True
+
+
 class RollerParts:
     """
     Last readings of each roller, from joint states with all or some of the rollers.

@@ -8,6 +8,7 @@ from pathlib import Path
 from isotruss_msgs.msg import StateEstimate
 from isotruss_ros.core.estimation import state_estimate
 from isotruss_ros.core.estimation.state_estimator import StateEstimator
+from isotruss_ros.core.inputs import CLOCK_SKEW
 from isotruss_ros.core.statics.sag import Sag
 from isotruss_ros.nodes import state_estimator
 from isotruss_ros.nodes.conversions.messages import (
@@ -112,6 +113,26 @@ def test_estimate_is_robust_to_late_swapped_and_missing_markers():
         found = last_estimate(w)
     assert np.abs(found.offsets).max() < 2e-4
     assert found.used_joints == sorted(NAMES)
+
+
+@pytest.mark.parametrize('ahead', [0.0, 0.9 * CLOCK_SKEW])
+def test_a_repeated_marker_message_is_used_once(ahead):
+    """Also if its stamp is in the future, and its age counts from its reception."""
+    found = []
+    for repeats in (1, 5):
+        with world(estimator()) as w:
+            markers = listen(w)
+            w.spin(0.2, w.probe.send_joints)
+            message = to_joint_markers({'Q': tuple(ROBOT.home.nodes[1] + [0.0, 2e-3])})
+            message.header = make_header(w.probe.past(-ahead), 'truss')
+            for number in range(5):
+                if number < repeats:
+                    markers.publish(message)
+                w.spin(0.002)
+            w.spin(0.2, w.probe.send_joints)
+            found.append(last_estimate(w).offsets)
+    assert np.abs(found[0]).max() > 1e-4
+    assert found[0].tolist() == pytest.approx(found[1].tolist(), rel=1e-6)
 
 
 def test_markers_wait_for_joint_states_of_their_time():

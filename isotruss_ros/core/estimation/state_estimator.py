@@ -26,7 +26,7 @@ from isotruss_ros.core.estimation.slip_watch import SlipWatch
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings, StateEstimate
 from isotruss_ros.core.holding.held_grip import HoldStatus
 from isotruss_ros.core.holding.loaded_frame import held_joints
-from isotruss_ros.core.inputs import HISTORY_DURATION, steady_pressures, Timeline
+from isotruss_ros.core.inputs import HISTORY_DURATION, Stamps, steady_pressures, Timeline
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.grip import find_members, Grip
 from isotruss_ros.core.model.pose import Pose
@@ -58,6 +58,7 @@ class StateEstimator:
         self._zeros, self._config = OffsetFilter(robot, given), robot.home
         self.belief: GripBelief | None = None
         self._readings, self._slips = Timeline(), SlipWatch(len(robot.roller_names))
+        self._stamps = Stamps()
         self._pressures: tuple[float, ...] | None = None
         self._rolled, self._strange = 0.0, 0
         self._used_offsets = self._zeros.offsets  # roller offsets in the equilibrium of the grip
@@ -121,14 +122,15 @@ class StateEstimator:
         :param time: time of the measurement [s].
         :param pose: pose of the object, robot frame.
         :param deviations: (3,) standard deviations of x, y [m] and angle [rad], positive.
-        :return: whether the pose was used; it is not used if it is old or no object is held.
+        :return: whether the pose was used; it is not used if it is old or repeated, or if no
+            object is held.
         :raises ConfigurationError: no configuration exists at the encoder readings.
         :raises GraspError: the pose is not three valid numbers, or a deviation is not positive.
         """
         what = "the object's pose (x, y, angle) [m, rad]"
         pose = Pose(*finite_array(pose, 3, what, GraspError, MAX_MAGNITUDE).tolist())
         deviations = _positive(deviations, 3, 'deviations of the pose [m, rad]')
-        if self._grip is None or not self._in_time(time):
+        if self._grip is None or not self._in_time(time) or not self._stamps.use('pose', time):
             return False
         known = self.belief
         searches = 0 if known is None else known.searches
@@ -154,7 +156,7 @@ class StateEstimator:
         :param time: time of the measurement [s].
         :param joints: measured position (x, y) for the name of each joint, robot frame [m].
         :param deviation: standard deviation of a coordinate, positive [m].
-        :return: whether at least one marker was used.
+        :return: whether at least one marker was used; old and repeated markers are not used.
         :raises ConfigurationError: no configuration exists at the encoder readings.
         :raises GraspError: the robot has no such joint, a position is not two valid numbers, or
             the deviation is not positive.
@@ -165,7 +167,10 @@ class StateEstimator:
             if name not in names:
                 raise GraspError(f'joint {name!r}: must be one of {", ".join(names)}')
             finite_array(place, 2, f'marker on joint {name} [m]', GraspError, MAX_MAGNITUDE)
-        if not joints or not self._in_time(time):
+        if not self._in_time(time):
+            return False
+        joints = {name: at for name, at in joints.items() if self._stamps.use(name, time)}
+        if not joints:
             return False
         readings, zeros = self._readings.at(time), self._zeros
         self._roll()

@@ -20,7 +20,7 @@ from isotruss_ros.core.estimation.grip_belief import GripBelief
 from isotruss_ros.core.estimation.state_estimate import MAX_KNOWN_DEVIATION
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, MIN_RELATIVE_MARGIN
 from isotruss_ros.core.holding.loaded_frame import lowest_frequency
-from isotruss_ros.core.inputs import steady_pressures
+from isotruss_ros.core.inputs import StampedInput, Stamps, steady_pressures
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.status import RollerCommand, Status
@@ -63,6 +63,7 @@ class SqueezeControl:
         self._pressures: tuple[float, ...] | None = None
         self._offsets: Array | float | None = None
         self._zeros: Array | None = None
+        self._estimates = Stamps()
         self.acknowledge()
 
     def acknowledge(self) -> None:
@@ -82,7 +83,7 @@ class SqueezeControl:
         self.gains: LoopGains = gains_of(DEFAULT_GAIN)
         self._swings, self._rest = SwingWatch(), 0.0
         self._velocity, self._elapsed, self._slipped = np.zeros(3), 0.0, 0.0
-        self._seen: Pose | None = None  # the last pose with which the belief was updated
+        self._poses = Stamps()
         self._excess = 0.0
         self._start = BeliefStart()
 
@@ -115,18 +116,21 @@ class SqueezeControl:
         """
         self._pressures = steady_pressures(self._pressures, pressures)
 
-    def take_offsets(self, offsets: Array | float, covariance: Array | None) -> None:
+    def take_offsets(
+        self, offsets: Array | float, covariance: Array | None, time: float | None = None
+    ) -> None:
         """
         Set the roller offsets that are included in all roller positions from now on.
 
         :param offsets: (r,) roller offsets [m].
         :param covariance: (r, r) covariance of the offsets [m^2]; None if unknown.
+        :param time: stamp of the covariance [s]; None: a new covariance.
         """
         before, self._offsets, belief = self._offsets, offsets, self.belief
-        fresh, self._zeros = covariance is not self._zeros, covariance
+        self._zeros = covariance
         if belief is None:
             return
-        if fresh and covariance is not None:
+        if covariance is not None and (time is None or self._estimates.use('estimate', time)):
             belief.set_zero_covariance(covariance)
         if before is not None and not np.array_equal(offsets, before):
             belief.correct_zeros(offsets - before)
@@ -157,7 +161,7 @@ class SqueezeControl:
         config: Configuration,
         grip: Grip,
         elapsed: float,
-        sample: tuple[Pose, float] | None = None,
+        sample: tuple[StampedInput, float] | None = None,
         gripped: bool = False,
         rollers: tuple[Array, float] | None = None,
     ) -> HoldStatus:
@@ -170,8 +174,8 @@ class SqueezeControl:
         :param config: configuration of the robot.
         :param grip: grip with the object at its predicted pose.
         :param elapsed: time since the previous cycle [s].
-        :param sample: last measured pose, and its age relative to the configuration [s]; None: the
-            pose of the grip with zero age.
+        :param sample: last measured pose, and its age relative to the configuration [s]; a pose
+            with a used stamp is not used again. None: a new pose, that of the grip, with zero age.
         :param gripped: whether the client reports that the object is gripped. Then an equilibrium
             with the desired squeeze is assumed if only wrong roller offsets can explain the
             measured pose.
@@ -192,10 +196,10 @@ class SqueezeControl:
             return hold
         self._choose_gains(belief)
         belief.pass_corrections(elapsed, self.gains.filter_time)
-        pose, age = sample or (grip.body.pose, 0.0)
-        if sample is None or pose is not self._seen:
-            self._seen = pose
-            self._observe(belief, pose, age)
+        if sample is None:
+            self._observe(belief, grip.body.pose, 0.0)
+        elif self._poses.use('pose', sample[0].time):
+            self._observe(belief, sample[0].value, sample[1])
         self._look_for_swings(belief, elapsed)
         return HoldStatus.HELD
 

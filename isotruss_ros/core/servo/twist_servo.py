@@ -360,8 +360,11 @@ class TwistServo:
     ) -> HoldStatus:
         """Propagate the belief of the held object to the midpoint of the cycle."""
         (rollers, pose), settings, estimate = inputs, self.settings, self.inputs.estimate
-        covariance = estimate.value.covariance if isinstance(estimate, StampedInput) else None
-        squeeze.take_offsets(rollers.value.offsets, covariance)
+        offsets = rollers.value.offsets
+        if isinstance(estimate, StampedInput):
+            squeeze.take_offsets(offsets, estimate.value.covariance, estimate.time)
+        else:
+            squeeze.take_offsets(offsets, None)
         pressures = self.inputs.pressures
         squeeze.take_pressures(fresh_pressures(now, settings.pressure_timeout, pressures))
         # In a late loop, commands are valid for longer than the period.
@@ -370,13 +373,16 @@ class TwistServo:
         if squeeze.belief is None:
             self._poses.clear()
         # Poses later than the measured rollers wait until the travel up to them is measured.
-        self._poses.add(pose.time, pose.value)
+        self._poses.add(pose.time, pose)
         self._poses.discard_before(rollers.time)
-        time, seen = self._poses.first
+        time, measured = self._poses.first
         middle = now + 0.5 * settings.period
         here = settings.grip.moved_to(grip.body.pose)
-        sample, measured = (seen, middle - time), (rollers.value.positions, middle - rollers.time)
-        return squeeze.follow(config, here, elapsed, sample, gripped, measured)
+        sample, travel = (
+            (measured, middle - time),
+            (rollers.value.positions, middle - rollers.time),
+        )
+        return squeeze.follow(config, here, elapsed, sample, gripped, travel)
 
     def _regulate(
         self,

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
+import math
 from typing import Any, NamedTuple
 
 from isotruss_ros.core.inputs import (
@@ -82,6 +83,7 @@ class Gate:
         simulated = node.get_parameter('use_sim_time').value
         self._skew = SIMULATED_CLOCK_SKEW if simulated else CLOCK_SKEW
         self.waiting: deque[tuple[Any, str]] = deque(maxlen=MAX_QUEUED_MESSAGES)
+        self._stamped = math.nan, math.nan  # stamp and time of the last message
         self.subscription: Subscription = subscribe_newest(
             node, topic.kind, topic.topic, self.receive, every
         )
@@ -117,6 +119,9 @@ class Gate:
             setting, stamp = self._setting, read_stamp(message.header)
             oldest = self._oldest or getattr(self._node.values, setting)
             time = check_stamp(self._name, stamp, now, oldest, setting, self._skew)
+            if stamp == self._stamped[0]:  # a repetition of a stamp that was in the future
+                time = min(time, self._stamped[1])
+            self._stamped = stamp, time
         value = self._read(message)
         if value is not None:
             self._take(StampedInput(value, time), now)

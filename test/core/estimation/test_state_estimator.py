@@ -341,6 +341,32 @@ def test_old_and_future_markers_are_ignored():
         assert drawn.estimator.take_markers(time, drawn.markers(), MARKER) is counts
 
 
+def test_repeated_measurements_are_used_once():
+    once, often = (DrawnRobot(2, held=True) for _ in range(2))
+    for drawn, repeats in ((once, 1), (often, 5)):
+        for _ in range(20):
+            drawn.move()
+            markers = drawn.markers()
+            pose = drawn.grip.pose + POSE * drawn.rng.normal(size=3)
+            for repeat in range(repeats):
+                time = float(str(drawn.time))
+                used = drawn.estimator.take_markers(time, dict(markers), MARKER)
+                assert used is (repeat == 0)
+                assert drawn.estimator.take_pose(time, Pose(*pose), POSE) is (repeat == 0)
+    found, expected = often.estimator.estimate(), once.estimator.estimate()
+    for name in ('offsets', 'offset_covariance', 'pose', 'squeeze', 'squeeze_deviation'):
+        assert getattr(found, name) == pytest.approx(getattr(expected, name), abs=1e-12)
+
+
+def test_markers_of_one_stamp_may_come_in_parts():
+    drawn = DrawnRobot(2)
+    drawn.move()
+    markers = drawn.markers()
+    for name in THREE:
+        assert drawn.estimator.take_markers(drawn.time, {name: markers[name]}, MARKER)
+    assert not drawn.estimator.take_markers(drawn.time, markers, MARKER)
+
+
 def test_poses_are_used_with_a_grip_and_with_encoder_readings_of_their_time():
     free, drawn = DrawnRobot(1), DrawnRobot(1, held=True)
     free.move()

@@ -16,6 +16,7 @@ from isotruss_ros.core import (
     Status,
     TwistServo,
 )
+from isotruss_ros.core.estimation.state_estimate import EstimatedTravel
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.inputs import RollerState, StampedInput
 from isotruss_ros.core.servo.servo_settings import ServoSettings, SqueezeSettings
@@ -88,6 +89,33 @@ def test_belief_begins_before_the_first_twist():
     made, positions, pose = held_servo()
     decide(made, positions, pose, NOW)
     assert made.squeeze.grasp.pose == pytest.approx(pose, abs=1e-3)
+
+
+def test_repeated_readings_are_used_once():
+    """Each reading is handed over in five cycles, by the second servo as an equal new object."""
+    (once, positions, pose), (often, _, _) = held_servo(), held_servo()
+    period, rng, spread = 0.01, np.random.default_rng(0), 2e-3**2 * np.eye(len(positions))
+    for number in range(300):
+        now = NOW + period * number
+        if number % 5 == 0:
+            seen, stamp = pose + rng.normal(size=3) * [1e-3, 1e-3, math.radians(0.5)], now
+            once.receive(
+                pose=StampedInput(Pose(*seen), stamp),
+                estimate=StampedInput(EstimatedTravel(HOME, spread), stamp),
+            )
+        often.receive(
+            pose=StampedInput(Pose(*seen), stamp),
+            estimate=StampedInput(EstimatedTravel(HOME, spread.copy()), stamp),
+        )
+        for servo in (once, often):
+            state = RollerState(positions + 1e-3 * math.sin(0.1 * number), HOME, HOME)
+            servo.receive(
+                twist=StampedInput((0.0, 0.0, 0.0), now), rollers=StampedInput(state, now)
+            )
+            assert servo.decide(now).command.status < Status.HALT_NO_TWIST
+    assert 'slipped' not in often.squeeze.note()
+    assert often.squeeze.belief.pose == pytest.approx(once.squeeze.belief.pose, abs=1e-7)
+    assert often.squeeze.squeeze == pytest.approx(once.squeeze.squeeze, abs=1e-5)
 
 
 def test_an_object_that_is_taken_away_at_rest_is_no_fault():
