@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 from isotruss_ros.core.errors import IsotrussError
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
+from numpy.typing import ArrayLike
 
 #: Largest time by which a stamp may be ahead of the clock [s]; clocks are not exactly synchronous.
 CLOCK_SKEW = 0.01
@@ -323,24 +324,25 @@ class Timeline:
         return value + (time - start) / (end - start) * (following - value)
 
 
-class Stamps:
-    """Stamps of the used readings, by which repeated readings are recognised."""
+class UsedReadings:
+    """Stamps and values of used readings, by which repeated readings are recognised."""
 
     def __init__(self) -> None:
-        self._used: dict[str, set[float]] = {}
+        self._used: dict[str, set[tuple[float, bytes]]] = {}
 
-    def use(self, name: str, time: float) -> bool:
+    def use(self, name: str, time: float, value: ArrayLike) -> bool:
         """
-        Return whether a reading is new, and record its stamp; a repeated stamp is not new.
+        Record a reading; return whether it is new: of another stamp or value than those before.
 
         :param name: name of the measured quantity.
-        :param time: stamp of the reading [s]; stamps of `HISTORY_DURATION` are stored.
+        :param time: stamp of the reading [s]; readings of `HISTORY_DURATION` are stored.
+        :param value: numbers of the reading.
         """
-        used = self._used.get(name, set())
-        if time in used:
+        reading, used = (time, np.asarray(value).tobytes()), self._used.get(name, set())
+        if reading in used:
             return False
-        stored = {before for before in used if before > time - HISTORY_DURATION}
-        self._used[name] = stored | {time}
+        stored = {before for before in used if before[0] > time - HISTORY_DURATION}
+        self._used[name] = stored | {reading}
         return True
 
 

@@ -26,7 +26,7 @@ from isotruss_ros.core.estimation.slip_watch import SlipWatch
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings, StateEstimate
 from isotruss_ros.core.holding.held_grip import HoldStatus
 from isotruss_ros.core.holding.loaded_frame import held_joints
-from isotruss_ros.core.inputs import HISTORY_DURATION, Stamps, steady_pressures, Timeline
+from isotruss_ros.core.inputs import HISTORY_DURATION, steady_pressures, Timeline, UsedReadings
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.grip import find_members, Grip
 from isotruss_ros.core.model.pose import Pose
@@ -58,7 +58,7 @@ class StateEstimator:
         self._zeros, self._config = OffsetFilter(robot, given), robot.home
         self.belief: GripBelief | None = None
         self._readings, self._slips = Timeline(), SlipWatch(len(robot.roller_names))
-        self._stamps = Stamps()
+        self._measured = UsedReadings()
         self._pressures: tuple[float, ...] | None = None
         self._rolled, self._strange = 0.0, 0
         self._used_offsets = self._zeros.offsets  # roller offsets in the equilibrium of the grip
@@ -130,7 +130,9 @@ class StateEstimator:
         what = "the object's pose (x, y, angle) [m, rad]"
         pose = Pose(*finite_array(pose, 3, what, GraspError, MAX_MAGNITUDE).tolist())
         deviations = _positive(deviations, 3, 'deviations of the pose [m, rad]')
-        if self._grip is None or not self._in_time(time) or not self._stamps.use('pose', time):
+        if self._grip is None or not self._in_time(time):
+            return False
+        if not self._measured.use('pose', time, pose):
             return False
         known = self.belief
         searches = 0 if known is None else known.searches
@@ -169,7 +171,7 @@ class StateEstimator:
             finite_array(place, 2, f'marker on joint {name} [m]', GraspError, MAX_MAGNITUDE)
         if not self._in_time(time):
             return False
-        joints = {name: at for name, at in joints.items() if self._stamps.use(name, time)}
+        joints = {name: at for name, at in joints.items() if self._measured.use(name, time, at)}
         if not joints:
             return False
         readings, zeros = self._readings.at(time), self._zeros

@@ -20,7 +20,7 @@ from isotruss_ros.core.estimation.grip_belief import GripBelief
 from isotruss_ros.core.estimation.state_estimate import MAX_KNOWN_DEVIATION
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, MIN_RELATIVE_MARGIN
 from isotruss_ros.core.holding.loaded_frame import lowest_frequency
-from isotruss_ros.core.inputs import StampedInput, Stamps, steady_pressures
+from isotruss_ros.core.inputs import StampedInput, steady_pressures, UsedReadings
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.status import RollerCommand, Status
@@ -63,7 +63,7 @@ class SqueezeControl:
         self._pressures: tuple[float, ...] | None = None
         self._offsets: Array | float | None = None
         self._zeros: Array | None = None
-        self._estimates = Stamps()
+        self._estimates = UsedReadings()
         self.acknowledge()
 
     def acknowledge(self) -> None:
@@ -83,7 +83,7 @@ class SqueezeControl:
         self.gains: LoopGains = gains_of(DEFAULT_GAIN)
         self._swings, self._rest = SwingWatch(), 0.0
         self._velocity, self._elapsed, self._slipped = np.zeros(3), 0.0, 0.0
-        self._poses = Stamps()
+        self._poses = UsedReadings()
         self._excess = 0.0
         self._start = BeliefStart()
 
@@ -130,7 +130,8 @@ class SqueezeControl:
         self._zeros = covariance
         if belief is None:
             return
-        if covariance is not None and (time is None or self._estimates.use('estimate', time)):
+        use = self._estimates.use
+        if covariance is not None and (time is None or use('estimate', time, covariance)):
             belief.set_zero_covariance(covariance)
         if before is not None and not np.array_equal(offsets, before):
             belief.correct_zeros(offsets - before)
@@ -175,7 +176,7 @@ class SqueezeControl:
         :param grip: grip with the object at its predicted pose.
         :param elapsed: time since the previous cycle [s].
         :param sample: last measured pose, and its age relative to the configuration [s]; a pose
-            with a used stamp is not used again. None: a new pose, that of the grip, with zero age.
+            is used once. None: a new pose, that of the grip, with zero age.
         :param gripped: whether the client reports that the object is gripped. Then an equilibrium
             with the desired squeeze is assumed if only wrong roller offsets can explain the
             measured pose.
@@ -198,7 +199,7 @@ class SqueezeControl:
         belief.pass_corrections(elapsed, self.gains.filter_time)
         if sample is None:
             self._observe(belief, grip.body.pose, 0.0)
-        elif self._poses.use('pose', sample[0].time):
+        elif self._poses.use('pose', sample[0].time, sample[0].value):
             self._observe(belief, sample[0].value, sample[1])
         self._look_for_swings(belief, elapsed)
         return HoldStatus.HELD
