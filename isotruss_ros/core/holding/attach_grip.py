@@ -79,20 +79,13 @@ def attach_grip(
     Find the equilibrium of an object near its measured pose, with unknown contact history.
 
     The contact history is the previous rolling of the contacts; for the conditions that replace it
-    see `attach_grip.rest`.
+    see `rest`. The iteration starts from the equilibrium `before` if its contacts are the same.
 
-    :param config: configuration of the robot.
-    :param body: the object at its measured pose.
     :param members: (m,) indices of the two or three grasping members; None: the members that the
         object overlaps, or if it overlaps fewer than two, the two nearest.
-    :param external_wrench: (fx, fy, m) on the object about its frame's origin [N, N m]; None:
-        zero.
-    :param tubes: model of the tubes.
-    :param before: previous equilibrium. The iteration starts from it if its contacts are similar.
-    :param quick: True to try so few contact hypotheses (face ends in contact) that the search fits
-        in a control cycle.
+    :param external_wrench: (fx, fy, m) about the origin of the object's frame [N, N m].
+    :param quick: True to try so few sets of contacts that the search fits in a control cycle.
     :raises NotHeldError: no equilibrium near the measured pose exists.
-    :raises StructureError: see `structure_of`.
     """
     body = body.smoothed(0.5 * config.robot.description.tube_diameter)
     depths = member_depths(config, body)
@@ -122,8 +115,6 @@ def lay_faces(found: HeldGrip, friction: float, gap: float) -> HeldGrip:
     Otherwise, return the given equilibrium. With wrong roller offsets the modelled tubes are
     inclined, so the model has a gap at one end of a face that is in contact.
 
-    :param found: equilibrium near the measured pose, see `attach_grip`.
-    :param friction: coefficient of friction between tubes and object.
     :param gap: largest gap at the far end of the face that wrong offsets can explain [m].
     """
     if found.required_friction <= friction:
@@ -265,8 +256,6 @@ def rest(
     - If an end of a face grazes, its N is zero. This takes the place of the measured angle; apart
       from that, the conditions are those without a face contact.
 
-    :param statics: equations of equilibrium.
-    :param body: the object at its measured pose.
     :param grazing: index of the end of a face that touches without force; None: no such end.
     """
     contacts, places, count = statics.contacts, statics.places, len(statics.sides)

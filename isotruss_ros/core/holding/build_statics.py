@@ -31,13 +31,7 @@ ANGLE_STEP = 0.01
 
 
 def find_pressed(config: Configuration, body: ConvexObject, members: Indices) -> PressedContacts:
-    """
-    Return the contacts of given members with an object, see `Shape.contact_patch`.
-
-    :param config: configuration of the robot.
-    :param body: the object at its pose.
-    :param members: (m,) increasing indices of the members.
-    """
+    """Return the contacts of given members with an object, see `Shape.contact_patch`."""
     starts, normals = facing_lines(config, body, members)
     own = normals * body.turn.conjugate()
     radius = 0.5 * config.robot.description.tube_diameter
@@ -58,9 +52,6 @@ def contacts_at(
 
     The two ends of a face share it, whether or not both are in contact. So the forces are
     continuous if an end gains contact. A face shorter than a tube radius has one contact.
-
-    :param members: (k,) indices of the members, in ascending order.
-    :param corners: (k,) indices of the corners, counter-clockwise on each member.
     """
     cuts = np.full((len(members), 2), np.inf)
     for k, corner in enumerate(corners.tolist()):
@@ -73,13 +64,7 @@ def contacts_at(
 def facing_lines(
     config: Configuration, body: ConvexObject, members: Indices
 ) -> tuple[Points, Points]:
-    """
-    Return the starts (m,) [m] of members, and their normals (m,) away from an object, x + iy.
-
-    :param config: configuration of the robot.
-    :param body: the object at its pose.
-    :param members: (m,) indices of the members.
-    """
+    """Return the starts (m,) of members [m], and their normals (m,) away from an object."""
     starts, ends = member_lines(config)[members].T
     axes = (ends - starts) / np.abs(ends - starts)
     aside = (axes.conj() * (body.middle - starts)).imag
@@ -96,13 +81,7 @@ def build_statics(
     """
     Return the equilibrium equations of an object with given contacts, for straight tubes.
 
-    :param config: configuration of the robot.
-    :param body: the object at its pose.
-    :param contacts: contacts of the object.
-    :param tubes: model of the tubes.
-    :param normals: (k,) normals of the tubes at the contacts, x + iy, on which the depths of the
-        dents depend; None: normals of the straight tubes.
-    :raises StructureError: see `structure_of`.
+    The dents depend on the normals (k,) of the tubes at the contacts; None: straight tubes.
     """
     structure = structure_of(config, tubes.pressure)
     starts, straight = facing_lines(config, body, contacts.members)
@@ -132,12 +111,7 @@ def build_statics(
 
 
 def start_at(statics: ContactStatics, body: ConvexObject) -> Array:
-    """
-    Return an initial guess of the unknowns (3 + 4k,).
-
-    :param statics: equations of equilibrium.
-    :param body: the object at its measured pose.
-    """
+    """Return an initial guess of the unknowns (3 + 4k,)."""
     places, bent = statics.places, statics.bent
     start = np.zeros(places.size)
     start[:3] = body.center.real, body.center.imag, body.pose.angle
@@ -160,15 +134,7 @@ def find_dents(
     tubes: TubeModel,
     normals: Points,
 ) -> Dents:
-    """
-    Return the depths of the dents at all contacts as functions of the normal forces.
-
-    :param structure: structural model of the robot.
-    :param body: the object at its pose.
-    :param contacts: contacts of the object.
-    :param tubes: model of the tubes.
-    :param normals: (k,) normals of the tubes at the contacts, away from the object, x + iy.
-    """
+    """Return the depths of the dents at all contacts as functions of the normal forces."""
     if tubes.paper_model:
         return Dents()
     robot, shape = structure.config.robot, body.shape

@@ -77,11 +77,7 @@ class Places(NamedTuple):
     @classmethod
     @functools.lru_cache(maxsize=16)
     def of(cls, count: int) -> Places:
-        """
-        Return the indices of unknowns and equations for a number of contacts.
-
-        :param count: number k of contacts.
-        """
+        """Return the indices of unknowns and equations for a number of contacts."""
         begins = [POSE + i * count for i in range(5)]
         unknowns = [slice(begins[i], begins[i + 1]) for i in range(4)]
         rows = slice(3 * count, 3 * count + 3), slice(3 * count + 3, None)
@@ -186,11 +182,7 @@ class GripResponse:
         return -forces / forces[np.arange(len(self.ends)), self.ends, None]
 
     def opening_rates(self, rates: Array) -> Array:
-        """
-        Return the derivatives (2k, p, e) of `opening`.
-
-        :param rates: (3 + 4k, p, e) derivatives of `parted`.
-        """
+        """Return the derivatives (2k, p, e) of `opening`."""
         each, ends, begin = np.arange(len(self.ends)), self.ends, self._begin
         tension = self.parted[begin:][ends, each]
         forces = rates[begin:]
@@ -219,8 +211,6 @@ def slip_conditions(owners: Indices, friction: float) -> Array:
     """
     Return the matrix that converts contact forces to reserves of friction, mu N - |T|.
 
-    :param owners: (k,) grasping member of each contact, numbered 0, 1 or 2 within the grip.
-    :param friction: coefficient of friction mu.
     :return: (2m, 2k) matrix. Its columns are the normal forces N and friction forces T of k
         contacts. Its rows are mu N - T of the m members, then mu N + T of the m members, where N
         and T are summed over the member's contacts.

@@ -82,9 +82,8 @@ def search_contacts(
     """
     Return the equilibrium in which all contacts press and no other corner penetrates its member.
 
-    :param rolls: whether the contacts have a history. Then a third member may gain or lose
-        contact; otherwise the end of a face may graze.
-    :param limit: largest number of sets that are solved.
+    At most `limit` sets are solved. If contacts roll, a third member may gain or lose contact;
+    otherwise the end of a face may graze.
     """
     waiting: list[tuple[ContactSet, HeldGrip | None]] = [(ContactSet.of(contacts), None)]
     tried: set[tuple[object, ...]] = set()
@@ -140,11 +139,7 @@ def _is_face_end(contacts: PressedContacts) -> Flags:
 
 
 def most_pulling(grip: HeldGrip, third: bool = False) -> int | None:
-    """
-    Return the index of the face end with the largest tension; None without tension.
-
-    :param third: whether the contact of a third member is considered as well.
-    """
+    """Return the index of the face end with the largest tension; None without tension."""
     owners, normal = grip.contacts.owners, grip.state.normal_forces
     chosen = np.where(_is_face_end(grip.contacts) | (third and owners[-1] > 1), normal, np.inf)
     least = int(chosen.argmin())

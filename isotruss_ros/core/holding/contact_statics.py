@@ -117,28 +117,15 @@ class ContactStatics:
         return self._aside * self.bent.axis
 
     def are_on_members(self, feet: Array) -> bool:
-        """
-        Return whether all contacts are between the ends of their members.
-
-        :param feet: (k,) distances of the contacts from the members' starts [m].
-        """
+        """Return whether all contacts are between the ends of their members."""
         return bool(((feet >= 0.0) & (feet <= self.bent.length)).all())
 
     def loads(self, unknowns: Array) -> Array:
-        """
-        Return the loads on the tubes (k, 3): forces along and across [N], and moments [N m].
-
-        :param unknowns: unknowns (3 + 4k,), see `ContactForces`.
-        """
+        """Return the loads on the tubes (k, 3): forces along and across [N], and moments [N m]."""
         return self._push(unknowns).loads
 
     def load_rates(self, unknowns: Array, change: Array) -> Array:
-        """
-        Return the changes (k, 3, c) of the loads on the tubes for c changes of the unknowns.
-
-        :param unknowns: unknowns (3 + 4k,), see `ContactForces`.
-        :param change: (3 + 4k, c) changes of the unknowns.
-        """
+        """Return the changes (k, 3, c) of the loads on the tubes for c changes of the unknowns."""
         begin = self.places.inclinations.start
         bending = change[begin:].reshape(3, len(self.sides), -1)
         return np.einsum('lnk,nkc->klc', self._push(unknowns).rates, bending)
@@ -179,11 +166,6 @@ class ContactStatics:
         Order of the rows: for each contact, the conditions that object and member touch (along the
         member, across it, and in inclination); then the balance of the object; then the conditions
         of friction or rolling.
-
-        :param unknowns: unknowns (3 + 4k,), see `ContactForces`.
-        :param wrench: external wrench (fx, fy, m / arm) on the object [N]; arm is the object's
-            characteristic radius.
-        :param conditions: conditions of friction or rolling.
         """
         places, count, arm = self.places, len(self.sides), self.body.arm
         axis, moment = self.bent.axis, places.balance.start + 2
@@ -230,12 +212,7 @@ class ContactStatics:
         return residual, ContactForces(unknowns, normals, loads, jacobian)
 
     def rolling_rows(self, unknowns: Array, normals: Points) -> Array:
-        """
-        Return the derivatives (k, 3 + 4k) of the rolling invariants by the unknowns.
-
-        :param unknowns: unknowns (3 + 4k,), see `ContactForces`.
-        :param normals: (k,) unit normals from the object toward the tubes.
-        """
+        """Return the derivatives (k, 3 + 4k) of the rolling invariants by the unknowns."""
         places, count = self.places, len(normals)
         derivative, own = np.zeros((count, places.size)), np.arange(count)
         facing = normals * np.exp(-1j * unknowns[ANGLE])
@@ -253,13 +230,6 @@ class ContactStatics:
         member, phi_i the travel of the tube, arc the arc length along the object's surface, nu_i
         the normal and theta the object's angle; kappa_i is -1 if the object is on the right of the
         member, otherwise 1.
-
-        :param unknowns: unknowns (3 + 4k,), see `ContactForces`.
-        :param normals: (k,) unit normals from the object toward the tubes.
-        :param travel: (k,) length phi_i of tube that has passed the start of each contact's member
-            [m].
-        :param angles: (k,) previous angles of the normals in the object's frame, not wrapped to
-            one turn [rad].
         """
         found = unwrapped(unknowns, normals, angles)
         arcs = self.body.shape.unroll(found, self.contacts.corners)
@@ -277,13 +247,6 @@ class ContactStatics:
         Solve the equilibrium equations by Newton's method from initial unknowns; None on failure.
 
         If a node moves by more than `reach`, the solution is approximate.
-
-        :param start: (3 + 4k,) initial unknowns.
-        :param wrench: external wrench (fx, fy, m / arm) on the object [N]; arm is the object's
-            characteristic radius.
-        :param conditions: conditions of friction or rolling.
-        :param steps: largest number of Newton steps.
-        :param reach: largest motion of a node for which the linearised tubes are accurate [m].
         """
         places, unknowns = self.places, start.copy()
         longest = np.full(places.size, MAX_TURN * self.body.arm)
@@ -320,12 +283,6 @@ class ContactStatics:
         """
         Solve for the equilibrium with tubes that are linearised about this equilibrium.
 
-        :param start: (3 + 4k,) initial unknowns.
-        :param wrench: external wrench (fx, fy, m / arm) on the object [N]; arm is the object's
-            characteristic radius.
-        :param conditions: conditions of friction or rolling.
-        :param steps: largest number of Newton steps for each linearisation.
-        :param reach: the tubes are linearised again if a node has moved by more than this [m].
         :return: the equations with these tubes, and the equilibrium; None if it is not found.
         """
         statics, unknowns, close = self, start, False
@@ -347,12 +304,6 @@ class ContactStatics:
 
 
 def unwrapped(unknowns: Array, normals: Points, angles: Array) -> Array:
-    """
-    Return the angles (k,) of normals in the object's frame, continued beyond one turn [rad].
-
-    :param unknowns: unknowns (3 + 4k,), see `ContactForces`.
-    :param normals: (k,) unit normals from the object toward the tubes.
-    :param angles: (k,) previous angles, which differ by at most half a turn [rad].
-    """
+    """Return the angles (k,) of normals in the object's frame, continued beyond one turn [rad]."""
     own = normals * np.exp(-1j * unknowns[ANGLE])
     return angles + np.angle(own * np.exp(-1j * angles))

@@ -251,11 +251,7 @@ def _lost_gradient(settled: SettledGrasp) -> GraspGradient:
 
 
 def _find_largest(values: Array) -> Indices:
-    """
-    Return the indices (t,) of all values that equal the largest one up to rounding.
-
-    :param values: (n,) values.
-    """
+    """Return the indices (t,) of all values that equal the largest one up to rounding."""
     largest = float(values.max())
     return np.flatnonzero(values >= largest - EQUALITY_TOLERANCE * abs(largest))
 

@@ -31,11 +31,7 @@ class GripRecord(NamedTuple):
 
     @classmethod
     def of(cls, grip: HeldGrip) -> GripRecord:
-        """
-        Return the record of a grip.
-
-        :param grip: equilibrium without an external wrench.
-        """
+        """Return the record of a grip."""
         own = grip.tubes.pressure is not None
         pressures = grip.statics.bent.structure.pressures if own else None
         return cls(grip.config.roller_positions, grip.contacts, grip.state.unknowns, pressures)
@@ -48,17 +44,13 @@ class GripRecord(NamedTuple):
         before: HeldGrip | None = None,
     ) -> HeldGrip | None:
         """
-        Return the recorded grip after rolling to a configuration; None without equilibrium.
+        Return the recorded grip after rolling to a near configuration; None without equilibrium.
 
-        :param config: configuration close to the recorded configuration.
+        The iteration starts from the bent tubes of `before` if its members are the same.
+
         :param body: the object; its pose is not used.
-        :param external_wrench: (fx, fy, m) on the object about its frame's origin [N, N m]; None:
-            zero.
-        :param before: similar grip, from whose bent tubes the iteration starts if its members are
-            the same.
         :raises GraspError: the object cannot have the recorded contacts.
         :raises ConfigurationError: the robot cannot have the recorded configuration.
-        :raises StructureError: see `structure_of`.
         """
         there, body = config.moved_to(self.travel), body.moved_to(self.unknowns[:3])
         contacts, tubes = self.contacts, TubeModel(pressure=self.pressures)

@@ -43,10 +43,6 @@ def held_gradient(grip: HeldGrip) -> HeldGradient:
 
     The contacts stick. From the equilibrium equations F(y, x) = 0 follows y' = -F_y^-1 F_x, see
     `grasp_gradient`. Joint positions include the displacements due to contact forces.
-
-    :param grip: equilibrium of the object.
-    :raises GraspError: the equilibrium is neutral (its Jacobian is singular).
-    :raises StructureError: see `structure_of`.
     """
     if grip.response is None:
         raise GraspError(

@@ -125,11 +125,7 @@ class HeldGrip:
         return tuple(self.config.robot.member_names[i] for i in self.members)
 
     def touching(self, friction: float) -> Grip:
-        """
-        Return the contacts of this equilibrium as a `Grip`, whose members are straight.
-
-        :param friction: coefficient of friction between tubes and object.
-        """
+        """Return the contacts of this equilibrium as a `Grip`, whose members are straight."""
         grip = Grip(self.member_names, self.body.moved_to(self.pose), friction)
         return grip.touching(self.contacts.owners, self.contacts.corners)
 
@@ -158,11 +154,7 @@ class HeldGrip:
         return float((np.abs(self.friction_forces) / self.normal_forces).max())
 
     def hold(self, friction: float) -> HoldStatus:
-        """
-        Return the object's hold status for a given coefficient of friction.
-
-        :param friction: coefficient of friction between tube and object.
-        """
+        """Return the object's hold status for a given coefficient of friction."""
         if self.normal_forces.min() <= 0.0:
             return HoldStatus.NO_CONTACT
         if not self.statics.are_on_members(self.state.feet):
@@ -178,7 +170,6 @@ class HeldGrip:
         is a plane in the space of wrenches. The margin is the distance to the nearest plane. If
         one end of a face opens first, the other forces change, see `slip_rows`.
 
-        :param friction: coefficient of friction between tube and object.
         :return: the margin; negative after slip, zero in a neutral equilibrium.
         """
         if self.response is None:
@@ -192,8 +183,6 @@ class HeldGrip:
 
         Its norm is 1 if the moment is taken about the centroid, as in `slip_margin`, and not about
         the origin of the object's frame. For `arm` see `HeldGrip.arm`.
-
-        :param friction: coefficient of friction between tube and object.
         """
         reserve, slope, size = self.slip_reserves(friction)
         nearest, about_middle = int((reserve / size).argmin()), self.about_middle
@@ -214,7 +203,6 @@ class HeldGrip:
         """
         Return the reserves of friction of all slip conditions, and their derivatives by a wrench.
 
-        :param friction: coefficient of friction between tube and object.
         :return: (c,) reserves, the contact forces times the rows of `slip_rows` [N]; (c, 3)
             derivatives of the reserves by the wrench; and (c,) norms of these derivatives for
             moments about the centroid.
@@ -232,8 +220,6 @@ class HeldGrip:
         for wrenches that also open the end. So its row belongs to the plane of opening or to the
         plane of slip in the space of wrenches, whichever is farther from the origin. The distance
         of this plane is a lower bound of the distance to the intersection of both planes.
-
-        :param friction: coefficient of friction between tube and object.
         """
         if friction in self._slip_rows:
             return self._slip_rows[friction]
@@ -337,11 +323,7 @@ class HeldGrip:
         return -0.0 if response is None else response.squeeze_stiffness
 
     def ahead(self, travel: Array) -> Array:
-        """
-        Return the equilibrium's unknowns (3 + 4k,), extrapolated to additional roller travel.
-
-        :param travel: (r,) additional roller travel [m].
-        """
+        """Return the unknowns (3 + 4k,), extrapolated to additional roller travel (r,) [m]."""
         if self.motion is None:
             return self.state.unknowns
         before, change = self.motion
@@ -368,7 +350,6 @@ def scaled_wrench(wrench: Array | None, arm: float) -> Array:
     """
     Return a wrench with its moment divided by a length, (fx, fy, m / arm) [N].
 
-    :param wrench: (fx, fy, m) about the origin of the object's frame [N, N m]; None: zero.
     :param arm: characteristic radius of the object [m].
     """
     return np.zeros(3) if wrench is None else np.asarray(wrench) / (1.0, 1.0, arm)
@@ -379,8 +360,5 @@ def travel_rates(config: Configuration, members: Indices) -> Array:
     Return the derivatives (k, r) of tube travel at members' starts by roller travel [-].
 
     Tube travel is the length of tube that has passed the start of a member.
-
-    :param config: configuration of the robot.
-    :param members: (k,) indices of the members.
     """
     return (members[:, None] == config.robot.topology.driven).astype(float)

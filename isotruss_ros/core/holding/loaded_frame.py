@@ -32,8 +32,6 @@ def held_joints(grip: HeldGrip) -> Array:
 
     The positions include the displacements due to the contact forces. Their order is that of
     `Topology.joint_names`.
-
-    :param grip: equilibrium of the object.
     """
     moved = grip.statics.bent.displacements(grip.state.loads, grip.state.feet)
     count = len(grip.config.robot.topology.joint_names)
@@ -48,10 +46,8 @@ def lowest_frequency(grip: HeldGrip) -> float | None:
     at the midpoint of its pinch points; half of the mass of each piece of tube is placed at each
     end of its member.
 
-    :param grip: equilibrium of the object.
     :return: the frequency; None if a mass is unknown or the equilibrium is neutral (its Jacobian
         is singular).
-    :raises StructureError: see `structure_of`.
     """
     body, response = grip.body, grip.response
     if grip.config.robot.description.module.mass is None or body.mass is None or response is None:

@@ -40,11 +40,7 @@ class GraspParameters(NamedTuple):
 
     @classmethod
     def of(cls, config: Configuration) -> GraspParameters:
-        """
-        Return the column indices of all parameters of grasps by a robot.
-
-        :param config: configuration of the robot.
-        """
+        """Return the column indices of all parameters of grasps by a robot."""
         rollers = len(config.roller_positions)
         tubes = rollers + 3 + len(config.robot.description.pressures)
         return cls(
@@ -139,12 +135,7 @@ class LoadedTubes:
         self.dents = dents[:, None] * blown - np.outer(self._soft * normal, stiffer)
 
     def at(self, grip: HeldGrip) -> LoadedTubes:
-        """
-        Return the derivatives at another equilibrium, along the p parameter changes `chosen`.
-
-        :param grip: the other equilibrium, in the same configuration. Its tubes are not linearised
-            again.
-        """
+        """Return the derivatives at another equilibrium in the same configuration."""
         return LoadedTubes(grip, self._chosen, self._parameters, self.sections, np.inf)
 
     @functools.cached_property
@@ -153,11 +144,7 @@ class LoadedTubes:
         return self._bent.section_changes(self.sections)
 
     def contact_rates(self, change: Array) -> ContactRates:
-        """
-        Convert derivatives of the equilibrium's unknowns to derivatives of the contacts.
-
-        :param change: (3 + 4k, p) derivatives of the unknowns, see `ContactForces`.
-        """
+        """Convert derivatives of the equilibrium's unknowns to derivatives of the contacts."""
         places = self._grip.state.places
         normal = change[places.normal]
         return ContactRates(
@@ -198,11 +185,7 @@ class LoadedTubes:
         return np.concatenate([touch, balance, closure])
 
     def respond(self, contacts: ContactRates) -> TubeRates:
-        """
-        Convert derivatives of the contacts to derivatives of the tubes' displacements and forces.
-
-        :param contacts: derivatives of the contacts with respect to the parameters.
-        """
+        """Return the derivatives of the tubes' displacements and forces."""
         bent, state = self._bent, self._grip.state
         frame, tangent, axis = bent.frame, bent.tangent, bent.axis[:, None]
         forces = contacts.forces * state.normals[:, None]
@@ -233,8 +216,6 @@ class LoadedTubes:
         Return the derivatives (2j, p) of the joint positions for the p parameter changes [m].
 
         The rows are x0, y0, x1, y1, ...; each column belongs to one parameter change in `chosen`.
-
-        :param rates: derivatives of the tubes' displacements and forces.
         """
         count = len(self._grip.config.robot.topology.joint_names)
         moved = self.moved[:count]
@@ -243,11 +224,7 @@ class LoadedTubes:
         return changes.reshape(2 * count, -1)
 
     def utilisation(self, rates: TubeRates) -> tuple[Array, Array]:
-        """
-        Return the members' utilisations, (m,), and their derivatives (m, p) by the parameters.
-
-        :param rates: derivatives of the tubes' displacements and forces.
-        """
+        """Return the members' utilisations (m,), and their derivatives (m, p)."""
         grip, bent, robot = self._grip, self._bent, self._grip.config.robot
         frame, (forces, bowing) = bent.frame, bent.end_forces(grip.state.loads, grip.state.feet)
         most = find_utilisation(bent.structure, frame, forces, bowing)

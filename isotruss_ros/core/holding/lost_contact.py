@@ -43,16 +43,7 @@ class LostContact:
         wrench: Array,
         pressure: Pressure | None,
     ) -> LostContact:
-        """
-        Return the `LostContact` of given members, or of the two members nearest to the object.
-
-        :param config: configuration of the robot.
-        :param body: the object at its given pose.
-        :param members: (k,) indices of the members; None: the two nearest to the object.
-        :param wrench: external wrench (fx, fy, m / arm) on the object [N]; arm is the
-            characteristic radius.
-        :param pressure: gauge pressure [Pa], in a form that `tube_pressures` accepts.
-        """
+        """Return the gaps of given members, or of the two members nearest to the object."""
         if members is None:
             members = np.argsort(member_depths(config, body), kind='stable')[-2:]
         file = config.robot.description
@@ -76,8 +67,6 @@ class LostContact:
 
         :return: (r,) derivatives of the slip margin with respect to roller travel, and (3,) with
             respect to the object's pose.
-
-        :raises ConfigurationError: the configuration is singular.
         """
         distances, by_nodes, by_twist = self._distances
         shares = -self.stiffness * distances

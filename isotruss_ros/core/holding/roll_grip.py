@@ -46,16 +46,13 @@ def roll_grip(
     grip: HeldGrip, config: Configuration, external_wrench: Array | None = None
 ) -> HeldGrip | None:
     """
-    Return a grip in another configuration after its contacts have rolled without slip.
+    Return a grip in a near configuration after its contacts have rolled without slip.
 
     The end of a face loses contact if it is in tension, and gains contact if it would penetrate
-    the member. A third member is part of the grip while it is in compression.
+    the member. A third member is part of the grip while it is in compression. The result is None
+    if no equilibrium exists.
 
-    :param grip: equilibrium of the object.
-    :param config: configuration close to the configuration of the grip.
-    :param external_wrench: (fx, fy, m) on the object about its frame's origin [N, N m]; None:
-        zero.
-    :return: the grip in the given configuration; None if no equilibrium exists.
+    :param external_wrench: (fx, fy, m) about the origin of the object's frame [N, N m].
     """
     wrench = scaled_wrench(external_wrench, grip.arm)
 
@@ -69,40 +66,36 @@ def roll_contacts(
     grip: HeldGrip, config: Configuration, chosen: ContactSet, wrench: Array
 ) -> HeldGrip | None:
     """
-    Return the equilibrium in another configuration, with given contacts that roll without slip.
+    Return the equilibrium in a near configuration, with given contacts that roll without slip.
 
-    :param grip: previous equilibrium.
-    :param config: configuration close to the configuration of the grip.
-    :param chosen: the k contacts; new contacts have no friction yet.
-    :param wrench: external wrench (fx, fy, m / arm) on the object [N]; arm is the object's
-        characteristic radius.
-    :return: the grip in the given configuration; None if no equilibrium exists.
+    New contacts have no friction yet. The result is None if no equilibrium exists.
     """
     moved, contacts = config.roller_positions - grip.config.roller_positions, chosen.contacts
     same, known = contacts is grip.contacts, grip.state.unknowns
-    travel = travel_rates(config, contacts.members) @ config.roller_positions
-    anchors, angles, new = grip.anchors, grip.angles, NO_CONTACTS
+    new = np.flatnonzero(chosen.origins < 0)
+    anchors, angles = grip.anchors[chosen.origins], grip.angles[chosen.origins]
     if same:  # with the same dents
         starts, structure = [grip.ahead(moved), known], structure_of(config, grip.tubes.pressure)
         loads, feet = grip.statics.loads(starts[0]), starts[0][grip.state.places.feet]
         bent = grip.statics.bent.update(loads, feet, structure)
         statics = replace(grip.statics, bent=bent)
     else:
-        new = np.flatnonzero(chosen.origins < 0)
-        anchors, angles = anchors[chosen.origins], angles[chosen.origins]
         facing = facing_lines(config, grip.body, contacts.members)[1] / grip.body.turn
-        angles[new] = np.angle(facing[new])
-        statics = build_statics(
-            config, grip.body, contacts, grip.tubes, grip.body.turn * np.exp(1j * angles)
-        )
+        for k in new.tolist():  # as another contact of the member, or as the straight member
+            beside = (contacts.members == contacts.members[k]) & (chosen.origins >= 0)
+            angles[k] = angles[beside][0] if beside.any() else np.angle(facing[k])
+        normals = grip.body.turn * np.exp(1j * angles)
+        statics = build_statics(config, grip.body, contacts, grip.tubes, normals)
         starts = [_continued(grip, statics, chosen.origins)]
         statics = replace(statics, bent=statics.bent.bent_like(grip.statics.bent))
-    conditions, reach = stick(statics, anchors, travel, angles, new), FOLLOWED_MOTION
-    for start in starts:
-        settled = statics.settle(start, wrench, conditions, MAX_SEARCH_STEPS, reach)
-        if settled is not None:
-            break
-    else:
+    travel = travel_rates(config, contacts.members) @ config.roller_positions
+    conditions = stick(statics, anchors, travel, angles, new)
+    tries = (
+        statics.settle(start, wrench, conditions, MAX_SEARCH_STEPS, FOLLOWED_MOTION)
+        for start in starts
+    )
+    settled = next((found for found in tries if found is not None), None)
+    if settled is None:
         return None
     statics, state = settled
     if len(new):
@@ -144,14 +137,6 @@ def stick(
 
     The symbols are explained in `ContactStatics.anchors`. For new contacts, the condition is zero
     friction.
-
-    :param statics: equations of equilibrium.
-    :param anchors: (k,) rolling invariants A_i [m].
-    :param travel: (k,) length phi_i of tube that has passed the start of each contact's member
-        [m].
-    :param angles: (k,) previous angles of the normals in the object's frame, not wrapped to one
-        turn [rad].
-    :param free: indices of new contacts.
     """
     places = statics.places
 
@@ -174,11 +159,6 @@ def with_pressures(grip: HeldGrip, pressures: Pressure | None) -> HeldGrip:
     The forces that flatten the tubes are tabulated for each pressure. Computing new tables takes
     longer than a control cycle, so a control loop ignores small changes of pressure, see
     `steady_pressures`.
-
-    :param grip: the grip.
-    :param pressures: gauge pressures [Pa], see `tube_pressures`; None: the pressures of the robot
-        file.
-    :raises StructureError: see `structure_of`.
     """
     if pressures == grip.tubes.pressure:
         return grip

@@ -90,8 +90,6 @@ def assess_equilibrium(given: Pose, found: HeldGrip, friction: float) -> Settled
     Return the settled grasp at an equilibrium, with its hold status.
 
     :param given: measured pose of the object.
-    :param found: equilibrium of the object.
-    :param friction: coefficient of friction between tube and object.
     """
     sticks = found.hold(friction)
     if sticks in (HoldStatus.NO_CONTACT, HoldStatus.OFF_MEMBER):

@@ -1,0 +1,118 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Search for contacts: its work is bounded, and ends of faces that graze are continuous."""
+
+from types import SimpleNamespace
+
+from held_grips import BOX, held
+from isotruss_ros.core import (
+    ConvexObject,
+    Disc,
+    Ellipse,
+    HoldStatus,
+    load_robot,
+    Polygon,
+    settle_grasp,
+)
+from isotruss_ros.core.holding import contact_search
+from isotruss_ros.core.holding.attach_grip import attach_grip
+from isotruss_ros.core.holding.contact_search import ContactSet, search_contacts
+from isotruss_ros.core.holding.contact_statics import ContactStatics
+from isotruss_ros.core.statics.bent_tubes import BentTubes
+import numpy as np
+import pytest
+from shapes import random_polygon
+from skin_depths import corner_depths
+
+ROBOTS = [load_robot(name) for name in ('nine_member', 'triangle', 'ring_of_four')]
+#: Largest numbers of evaluated equations and of linearised tubes in one call.
+MOST_EQUATIONS, MOST_LINEARISATIONS = 800, 150
+
+
+def deep_objects(count):
+    """Yield objects of 0.2 to 3 m anywhere in a robot, discs to polygons of many corners."""
+    rng = np.random.default_rng(3)
+    for number in range(count):
+        robot = ROBOTS[number % len(ROBOTS)]
+        low, high = robot.home.nodes.min(axis=0), robot.home.nodes.max(axis=0)
+        size = 10.0 ** rng.uniform(np.log10(0.1), np.log10(1.5))
+        shape = (
+            Disc(2.0 * size),
+            Ellipse((size, size * rng.uniform(0.4, 1.0))),
+            random_polygon(rng, size),
+            random_polygon(rng, size, corners=int(rng.integers(9, 40))),
+        )[number % 4]
+        yield robot.home, ConvexObject(shape, (*rng.uniform(low, high), rng.uniform(-3.0, 3.0)))
+
+
+@pytest.mark.parametrize('by_name', [False, True])
+def test_refusals_of_deep_objects_take_bounded_work(monkeypatch, by_name):
+    counted = {'equations': 0, 'update': 0}
+
+    def watch(kind, name):
+        called = getattr(kind, name)
+
+        def count(*arguments):
+            counted[name] += 1
+            return called(*arguments)
+
+        monkeypatch.setattr(kind, name, count)
+
+    watch(ContactStatics, 'equations')
+    watch(BentTubes, 'update')
+    refused = 0
+    for config, body in deep_objects(60):
+        counted.update(equations=0, update=0)
+        members = config.robot.member_names[:2] if by_name else None
+        refused += settle_grasp(config, body, 0.5, members=members).hold is not HoldStatus.HELD
+        assert counted['equations'] <= MOST_EQUATIONS
+        assert counted['update'] <= MOST_LINEARISATIONS
+    assert refused > 40
+
+
+def test_a_search_without_end_solves_a_bounded_number_of_sets(monkeypatch):
+    contacts, solved = held(BOX, 0.0).contacts, []
+
+    def solve(chosen, _):
+        solved.append(chosen)
+        return SimpleNamespace(contacts=chosen.contacts)
+
+    def others(grip, _):
+        more = ContactSet.of(grip.contacts)._replace(grazing=None)
+        origins = more.origins.copy()
+        origins[0] = -1 - len(solved)
+        return [more._replace(origins=origins), more._replace(grazing=len(solved))]
+
+    monkeypatch.setattr(contact_search, '_violations', others)
+    assert search_contacts(solve, contacts, limit=5) is None
+    assert len(solved) == 5
+    solved.clear()
+    assert search_contacts(lambda chosen, _: solved.append(chosen), contacts) is None
+    assert 1 < len(solved) < 12
+
+
+def test_an_end_of_a_face_that_grazes_touches_without_force():
+    config = load_robot('triangle').configuration([0.051, 0.069])
+    members = np.array([1, 2])
+    corners = [(0.068, -0.12), (0.011, 0.281), (-0.235, 0.176), (-0.19, -0.083), (-0.079, -0.192)]
+    shape = Polygon(corners, (0.0, 0.09, 0.14, 0.0, 0.09))
+    kinds, poses = [], []
+    for turn in np.arange(-0.03, 0.031, 1e-3):
+        body = ConvexObject(shape, (0.8462, 0.7344, 0.5733 + turn))
+        grip = attach_grip(config, body, members)
+        normal, count = grip.state.normal_forces, len(grip.contacts.members)
+        kinds.append(count)
+        poses.append(np.array(grip.pose))
+        if count == 3:
+            end = int(normal.argmin())
+            depth = corner_depths(grip, config.robot.member_names[grip.contacts.members[end]])
+            assert normal[end] == pytest.approx(0.0, abs=1e-9)
+            assert grip.state.friction_forces[end] == pytest.approx(0.0, abs=1e-9)
+            assert depth[grip.contacts.corners[end]] == pytest.approx(0.0, abs=1e-4)
+        else:
+            assert grip.pose.angle == pytest.approx(0.5733 + turn, abs=1e-9)
+    # The end comes into contact once, and the pose does not jump there.
+    assert kinds == sorted(kinds)
+    assert {2, 3} == set(kinds)
+    assert np.abs(np.diff(poses, axis=0)).max() < 5e-3
