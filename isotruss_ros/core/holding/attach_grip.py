@@ -61,8 +61,9 @@ import numpy as np
 
 #: Largest difference of a normal force from its prediction, relative to the prediction [-].
 MAX_FORCE_CHANGE = 0.3
-#: Largest number of contact hypotheses in a quick search [-]. A quick search finds 95 of the 100
-#: equilibria of boxes that the whole search finds.
+#: Largest number of sets of contacts in a quick search [-]. It finds 315 of the 318 equilibria of
+#: random polygons that the whole search finds; with 2 sets it finds 291, and with 8 it finds all
+#: and takes up to 1.5 times as long.
 QUICK_SETS = 4
 
 

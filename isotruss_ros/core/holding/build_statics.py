@@ -157,11 +157,16 @@ def find_dents(
 
 
 def _tabulated(shape: Shape, corner: int, normal: complex) -> float:
-    """Return the angle with tabulated dents that is nearest to the angle of a normal [rad]."""
+    """
+    Return the angle with tabulated dents that is nearest to the angle of a normal [rad].
+
+    Beyond the normals of a corner's faces, another corner is deeper; the dent is that of the face.
+    """
     faces = shape.faces_at(corner)
     if not faces:
         return ANGLE_STEP * round(cmath.phase(normal) / ANGLE_STEP)
     before, after = (face.normal for face in faces)
     middle, half = cmath.phase(before + after), 0.5 * cmath.phase(after / before)
-    step = half / math.ceil(half / ANGLE_STEP)
-    return middle + step * round(cmath.phase(normal * cmath.rect(1.0, -middle)) / step)
+    count = math.ceil(half / ANGLE_STEP)
+    off = round(count * cmath.phase(normal * cmath.rect(1.0, -middle)) / half)
+    return middle + half * max(-count, min(off, count)) / count

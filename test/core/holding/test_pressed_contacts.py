@@ -5,7 +5,7 @@
 
 from held_grips import HOME
 from isotruss_ros.core import ConvexObject, Disc, Polygon
-from isotruss_ros.core.holding.build_statics import build_statics, find_pressed
+from isotruss_ros.core.holding.build_statics import build_statics, contacts_at, find_pressed
 import numpy as np
 import pytest
 import robots
@@ -54,3 +54,39 @@ def test_small_objects_keep_their_side_of_a_member(side):
     # The corner that is farthest out.
     corners = np.array(small.vertices) @ [1.0, 1j] * body.turn
     assert found.corners.tolist() == [(corners * outward.conjugate()).real.argmax()]
+
+
+#: Large arcs beside short faces.
+ROUNDED = Polygon(
+    [
+        (-0.06437508664973714, -0.2101028283309208),
+        (0.04090426319996171, -0.17997485528691023),
+        (0.10341299861524661, 0.024984324751507133),
+        (-0.05883918213948619, 0.17307766633871405),
+        (-0.1206102416289031, 0.11569351212129327),
+        (-0.15950340874092248, -0.016184804122091973),
+        (-0.13959537290760876, -0.13181093320418152),
+    ],
+    (
+        0.08112582594732186,
+        0.09062635524040105,
+        0.15261018511298427,
+        0.04120285884927663,
+        0.13832332408324016,
+        0.07562513574736195,
+        0.0,
+    ),
+)
+
+
+@pytest.mark.parametrize('beyond', [0.0, 0.1, 0.307, 1.0])
+def test_dents_of_a_corner_whose_faces_are_turned_away_grow_with_the_force(beyond):
+    start, axis = member_line()
+    before = ROUNDED.faces_at(4)[0].normal
+    turn = -1j * axis / (before * np.exp(-1j * beyond))
+    center = start + (0.4 + 0.15j) * axis
+    body = ConvexObject(ROUNDED, (center.real, center.imag, np.angle(turn)))
+    contacts = contacts_at(ROUNDED, np.array([NUMBER]), np.array([4]), RADIUS)
+    dents = build_statics(HOME, body, contacts).dents
+    depths = [dents(np.array([force]))[0] for force in (1.0, 5.0, 20.0, 60.0)]
+    assert (np.diff(depths, axis=0) > 0.0).all()
