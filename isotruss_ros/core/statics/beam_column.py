@@ -71,16 +71,16 @@ class BeamColumns(NamedTuple):
         """
         (axial, flexural, shear), (pinned_start, pinned_end) = section, pins
         bar = (flexural == 0.0) | (pinned_start & pinned_end)
-        bend = np.where(bar, 1.0, flexural) / length
-        slide, arm = 1.0 / shear, 0.25 * length / bend
+        slide, arm = 1.0 / shear, 0.25 * length * length / np.where(bar, 1.0, flexural)
         stiff = arm / (arm + 3.0 * slide)  # 1 / (1 + phi)
-        ratio = length * stiff**2
+        ratio = length * stiff * stiff
         values = np.zeros((11, len(length)), dtype=length.dtype)
         values[0], values[1] = length, length / axial
         sway, across, bow = values[2::3], values[3::3], values[4::3]
-        sway[0], sway[1] = 12.0 * bend * stiff, 0.2 * ratio
+        bow[0] = length / arm  # 4 EI / l0
+        sway[0], sway[1] = 3.0 * bow[0] * stiff, 0.2 * ratio
         sway[2] = ratio * (arm * (0.04 / 3.0 * stiff - 2.0 / 105.0) - 0.2 * slide)
-        bow[0], bow[1], bow[2] = 4.0 * bend, length / 3.0, -length * (slide / 3.0 + arm / 45.0)
+        bow[1], bow[2] = length / 3.0, length * (slide / -3.0 - arm / 45.0)
         pinned = pinned_start | pinned_end
         if pinned.any():  # the rotation of a pinned end is eliminated
             one_pin = _reciprocal(_reciprocal(sway) + _reciprocal(bow))

@@ -112,9 +112,9 @@ class Changes(NamedTuple):
     :ivar responses: (k, 3, p) responses at the load points, see `BentTubes`.
     :ivar state: (k, 3) responses in the linearised state.
     :ivar slopes: inclinations of the tubes before, then behind the load points.
-    :ivar forces: (2 k, 3) changes of the forces of the parts before and behind the load points by
-        unit motions of these, with fixed nodes.
-    :ivar inclined: (k, k) changes of the inclinations by these motions, with fixed nodes.
+    :ivar inclined: (k, k) changes of the inclinations by unit motions of the load points, with
+        fixed nodes.
+    :ivar factored: factorised matrix of the frame.
     """
 
     nodes: Array
@@ -122,9 +122,8 @@ class Changes(NamedTuple):
     responses: Array
     state: Array
     slopes: Slopes
-    forces: Array
     inclined: Array
-    factored: Elimination  #: factorised matrix of the frame
+    factored: Elimination
 
 
 @dataclass(frozen=True, eq=False)
@@ -269,20 +268,19 @@ class BentTubes:
         local = np.zeros((len(layout.ends) * layout.width, right.shape[1]))
         columns = np.arange(3 * count).reshape(count, 1, 3)
         local[cut[:, :, None], columns] = turns * (self.share / self.stiffness)
-        slopes = tangent.slopes(layout.beside, np.repeat([2, 1], count))
-        forces, inclined = np.zeros((2 * count, 3)), np.zeros((count, count))
+        slopes, inclined = tangent.slopes(), np.zeros((count, count))
         if self.before is not None:
             by_length = tangent.length_rates[layout.beside]
             # If a place moves, the part before it becomes longer and the part behind it shorter.
-            ways = np.concatenate([self.ahead, -self.ahead])[:, None]
-            forces = by_length * ways
-            pushed = tangent.nodal_forces(layout.beside, forces[..., None])[..., 0]
+            ways = layout.signs.reshape(2, -1) * self.ahead
+            pushed = tangent.nodal_forces(layout.beside, by_length[..., None])[..., 0]
+            pushed *= ways.reshape(-1, 1)
             along = moving.start + own[:, None]
-            local[layout.sides[:count], along] = -pushed[:count]
-            local[layout.sides[count:], along] -= pushed[count:]
+            local[layout.sides[:count], along] = pushed[:count]
+            local[layout.sides[count:], along] += pushed[count:]
             # The length of a part between two places of one member depends on both places.
-            changed = (slopes.by_forces * by_length).sum(axis=1)[:, None] * layout.longer
-            inclined = _mean(changed * self.ahead)
+            changed = (slopes.by_forces * by_length).sum(axis=1)[:, None]
+            inclined = _mean(changed * layout.longer[layout.sided]) * self.ahead
             left = local[:, : 3 * count] @ self.before.loads.ravel()
             carried = tangent.carried
             left[cut] -= carried[size:].reshape(count, 3)
@@ -301,7 +299,7 @@ class BentTubes:
         state = (back @ tangent.displacements[nodes:, :, None])[..., 0]
         state[:, 2] = _mean(slopes.values)
         responded = moved, found[size:], responses, state
-        return Changes(*responded, slopes, forces, inclined, factored)
+        return Changes(*responded, slopes, inclined, factored)
 
     @property
     def _moving(self) -> slice:
@@ -408,12 +406,10 @@ class BentTubes:
             layout=self.frame.layout,
             given_lines=self.lines if same else None,
         )
-        count = len(places)
-        parts = self.frame.length[self.frame.layout.beside]
         # A node that moves by more than half of a part is interpolated on the bent member, because
         # the error of its extrapolation would turn the part.
-        nearer = np.minimum(parts[:count], parts[count:])
-        if (np.abs(found.cuts - self.cuts) <= 0.5 * nearer).all():
+        half = 0.5 * self.frame.length[self.frame.layout.beside].reshape(2, -1)
+        if (np.abs(found.cuts - self.cuts) <= half).all():
             return found.bent_to(self.displace(loads, found.cuts))
         known = self.bent_to(self.displace(loads, self.cuts))
         return found.bent_to(found.bent_like(known).before._replace(loads=loads))
@@ -449,9 +445,8 @@ class BentTubes:
         """
         frame, changes = self.frame, self._changes
         nodes = changes.nodes[..., self._moving] @ places
-        forces = np.zeros((len(frame.length), 3, places.shape[1]))
-        moved = np.concatenate([places, places])
-        np.add.at(forces, frame.layout.beside, changes.forces[..., None] * moved[:, None])
+        forces, parts = np.zeros((len(frame.length), 3, places.shape[1])), frame.layout.parts
+        forces[parts] = self.tangent.length_rates[parts, :, None] * self._longer(places)[:, None]
         by_loads = self.node_changes(loads) * self.share
         return by_loads, PlaceChanges(nodes, changes.inclined @ places, forces)
 
@@ -501,10 +496,15 @@ class BentTubes:
     def _force_changes(self, ways: Array, nodes: Array) -> tuple[Array, Array]:
         """Return the changes of `EndForces.values` (c, 3) and chord lengths (c,) by `ways`."""
         changes, longer = self.tangent.force_changes(nodes[..., None])
-        changes, slid = changes[..., 0], ways[self._moving]
-        slid = np.concatenate([slid, slid])[:, None]
-        np.add.at(changes, self.frame.layout.beside, self._changes.forces * slid)
+        changes, parts = changes[..., 0], self.frame.layout.parts
+        if self.before is not None:
+            lengthened = self._longer(ways[self._moving, None])
+            changes[parts] += self.tangent.length_rates[parts] * lengthened
         return changes, longer[:, 0]
+
+    def _longer(self, places: Array) -> Array:
+        """Return the changes (c, p) of rest lengths of parts by motions (k, p) of places [m]."""
+        return self.frame.layout.longer @ (self.ahead[:, None] * places)
 
     def section_changes(self, changes: Array) -> tuple[Array, Array, Array]:
         """

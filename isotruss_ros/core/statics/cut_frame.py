@@ -37,20 +37,18 @@ class CutFrame(Frame):
         self, frame: Frame, piece: Indices, within: Array, layout: CutLayout | None = None
     ) -> None:
         order = np.lexsort((within, piece))
-        if layout is None or not (
-            np.array_equal(order, layout.order) and np.array_equal(piece, layout.piece)
-        ):
+        if layout is None or layout.key != piece.tobytes() + order.tobytes():
             layout = CutLayout.of(frame, piece, order)
         self.uncut, self.layout, self.whole = frame, layout, layout.whole
         self.names, self.held = frame.names, frame.held
         self.rows, self.spans = frame.rows, frame.spans
         places = frame.points[frame.start[piece]] + within * frame.axis[piece]
-        self.points = np.append(frame.points, places)
+        self.points = np.concatenate([frame.points, places])
         self.nodes = np.arange(len(frame.points), len(self.points))
         self.start, self.end, self.places = layout.start, layout.end, layout.places
         self.before, self.behind = layout.before, layout.behind
         self.section, self.pins = frame.section[:, self.whole], layout.pins
-        self.begins = np.append(np.zeros(layout.count), within)
+        self.begins = np.concatenate([frame.begins, within])
         # Nodes have rounding errors that would turn and lengthen short parts.
         ends = frame.length[self.whole]
         ends[self.before] = within
@@ -65,6 +63,7 @@ class CutFrame(Frame):
         values = frame.columns.values[:, self.whole].astype(complex)
         values[:, parts] = cut.values
         self.columns = BeamColumns(values)
+        self.slide = 1.0 / self.section[2, layout.beside]
 
     @property
     def scaling(self) -> Scaling:

@@ -23,6 +23,7 @@ class CutLayout(NamedTuple):
     index; the other parts have the last indices.
 
     :ivar count: number k of members of the uncut frame.
+    :ivar key: bytes of `piece` and `order`, by which layouts are compared.
     :ivar piece: (c,) index of the member that each cut divides.
     :ivar order: (c,) indices that sort the cuts by member and along each member.
     :ivar whole: (k + c,) index of the uncut member to which each part belongs.
@@ -42,10 +43,13 @@ class CutLayout(NamedTuple):
     :ivar cut: (c, 3) places of the displacements at the cuts among those of all q w.
     :ivar beside: (2 c,) indices of the parts before, then behind the cuts.
     :ivar sides: (2 c, 6) places of the displacements of their ends among those of all q w.
-    :ivar longer: (2 c, c) changes of their lengths by unit motions of the cuts [-].
+    :ivar signs: (2 c,) -1 for parts before, 1 for parts behind the cuts.
+    :ivar sided: (2 c,) index of each of these parts in `parts`.
+    :ivar longer: (c + q, c) changes of the lengths of `parts` by unit motions of the cuts [-].
     """
 
     count: int  # type: ignore[assignment]
+    key: bytes
     piece: Indices
     order: Indices
     whole: Indices
@@ -64,6 +68,8 @@ class CutLayout(NamedTuple):
     cut: Indices
     beside: Indices
     sides: Indices
+    signs: Array
+    sided: Indices
     longer: Array
 
     @classmethod
@@ -98,9 +104,11 @@ class CutLayout(NamedTuple):
         both = member_places(start, end), member_places(frame.start[members], frame.end[members])
         parted = start, end, both[0], pins, found, behind, members, parts, both[1]
         local = (row[parts, :, None] * width + own[parts, None]).ravel(), unit.ravel()
-        longer = (beside[:, None] == found).astype(float) - (beside[:, None] == behind)
-        sides = row[found, 3:], beside, row[beside], longer
-        return cls(count, piece, order, whole, *parted, width, *local, *sides)
+        longer = (parts[:, None] == found).astype(float) - (parts[:, None] == behind)
+        sided = (beside[:, None] == parts).argmax(axis=1)
+        sides = row[found, 3:], beside, row[beside], np.repeat([-1.0, 1.0], cuts), sided, longer
+        key = piece.tobytes() + order.tobytes()
+        return cls(count, key, piece, order, whole, *parted, width, *local, *sides)
 
 
 class FrameArrays:
@@ -127,6 +135,7 @@ class FrameArrays:
     :ivar behind: (c,) indices of the members that begin at the cuts.
     :ivar layout: connections of the parts; None without cuts.
     :ivar columns: members as beam-columns.
+    :ivar slide: (2 c,) 1 / GA of the parts before, then behind the cuts [1/N].
     """
 
     points: Points
@@ -148,6 +157,7 @@ class FrameArrays:
     behind: Indices
     layout: CutLayout | None
     columns: BeamColumns
+    slide: Array
 
     @property
     def scaling(self) -> Scaling:

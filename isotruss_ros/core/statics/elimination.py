@@ -71,19 +71,21 @@ class Scaling(NamedTuple):
         """
         pattern, right = self.pattern, right * self.scale[:, None]
         values = np.bincount(pattern.slots, entries * self.weight, pattern.size)
-        values[pattern.units] = 1.0
-        stiffness, insides, spreads, fill = [], [], [], []
+        if len(pattern.units):
+            values[pattern.units] = 1.0
+        stiffness, spreads, fill, insides, pushed = [], [], [], [], []
         for inner, outer, part in pattern.blocks:
             (count, size), width = inner.shape, outer.shape[1]
             whole = values[part].reshape(count, size, size + width)
             stiff, coupling = whole[..., :size], whole[..., size:]
             # The product of an inverse and the coupling would have a larger rounding error.
             found = np.linalg.solve(stiff, np.concatenate([coupling, right[inner]], axis=2))
-            spread = found[..., :width]
+            carried = coupling.swapaxes(1, 2) @ found
             stiffness.append(stiff)
-            spreads.append(spread)
+            spreads.append(found[..., :width])
             insides.append(found[..., width:])
-            fill.append((coupling.swapaxes(1, 2) @ spread).ravel())
+            fill.append(carried[..., :width].ravel())
+            pushed.append(carried[..., width:].reshape(outer.size, -1))
         joints = values[pattern.blocks[-1].part.stop if fill else 0 : -1]
         if fill:
             joints = joints - np.bincount(pattern.fill, np.concatenate(fill), len(joints) + 1)[:-1]
@@ -93,7 +95,7 @@ class Scaling(NamedTuple):
         else:
             matrix = csc_matrix((joints, *pattern.sparse), shape=(size, size))
         found = Elimination(self, stiffness, spreads, matrix, factorize(matrix.copy()))
-        return found, found.complete(right, insides)
+        return found, found.complete(right, insides, pushed)
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,31 +127,30 @@ class Elimination:
 
         Entries of displacements that supports fix are ignored; the result is zero there.
         """
-        right = right * self.scaling.scale[:, None]
-        blocks = zip(self.scaling.pattern.blocks, self.inverses, strict=True)
-        return self.complete(right, [inverse @ right[each.inner] for each, inverse in blocks])
+        right, insides, pushed = right * self.scaling.scale[:, None], [], []
+        groups = zip(self.scaling.pattern.blocks, self.inverses, self.spreads, strict=True)
+        for (inner, outer, _), inverse, spread in groups:
+            push = right[inner]
+            insides.append(inverse @ push)
+            pushed.append((spread.swapaxes(1, 2) @ push).reshape(outer.size, -1))
+        return self.complete(right, insides, pushed)
 
-    def complete(self, right: Array, insides: list[Array]) -> Array:
+    def complete(self, right: Array, insides: list[Array], pushed: list[Array]) -> Array:
         """
         Return the changes (u, p) of all unknowns from those of blocks with fixed joints.
 
         :param right: (u, p) scaled right-hand sides.
         :param insides: for each group, (b, s, p) scaled changes with fixed joints.
+        :param pushed: for each group, (b t, p) scaled forces on the fixed joints.
         """
-        pattern, columns, loads = self.scaling.pattern, right.shape[1], right
-        groups = list(zip(pattern.blocks, self.spreads, insides, strict=True))
-        loads = right[pattern.joints]
-        if groups:
-            pushed = [
-                (spread.swapaxes(1, 2) @ right[each.inner]).reshape(each.outer.size, columns)
-                for each, spread, _ in groups
-            ]
-            none = np.zeros((1, columns))
-            loads -= np.concatenate([*pushed, none])[pattern.sources].sum(axis=1)
-        moved, found = np.zeros((len(loads) + 1, columns)), np.zeros(right.shape)
-        moved[:-1] = self.joints.solve(loads)
-        found[pattern.joints] = moved[:-1]
-        for (inner, outer, _), spread, inside in groups:
+        pattern, loads = self.scaling.pattern, right[self.scaling.pattern.joints]
+        if pushed:
+            loads -= pattern.sources @ (pushed[0] if len(pushed) == 1 else np.concatenate(pushed))
+        found, moved = np.zeros(right.shape), np.zeros((len(loads) + 1, loads.shape[1]))
+        found[pattern.joints] = moved[:-1] = self.joints.solve(loads)
+        for (inner, outer, _), spread, inside in zip(
+            pattern.blocks, self.spreads, insides, strict=True
+        ):
             found[inner] = inside - spread @ moved[outer]
         found *= self.scaling.scale[:, None]
         return found

@@ -16,7 +16,7 @@ from typing import NamedTuple
 from isotruss_ros.core.kinematics.constraints import MAX_DENSE_COORDINATES
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
 import numpy as np
-from scipy.sparse import coo_matrix
+from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.csgraph import connected_components
 
 
@@ -162,8 +162,7 @@ class FramePattern:
     :ivar units: positions of diagonal entries that are 1, of fixed displacements within blocks.
     :ivar fill: position of the Schur complements of all blocks in the matrix of the joints.
     :ivar sparse: row indices and column pointers of the sparse matrix of the joints; None: dense.
-    :ivar sources: (j, c) indices of the coupled unknowns of all blocks that are this unknown of
-        the joints; their number where there are fewer.
+    :ivar sources: matrix (j, .) that sums the coupled unknowns of all blocks at the joints.
     :param members: members between the nodes; only their connections are used.
     :param held: (n, 3) mask of the displacements ux, uy, theta that supports fix.
     :param rows: constraints on rotations; only their connections are used.
@@ -252,13 +251,11 @@ class FramePattern:
         direct = len(self.slots)
         self.size, self.fill = self._begin + entries + 1, found[direct:]
         self.slots = np.where(self.slots < 0, self._begin + found[:direct], self.slots)
-        ahead = np.concatenate([*(each.ravel() for each in outer), np.zeros(0, dtype=np.intp)])
-        order = np.argsort(ahead, kind='stable')
-        each = np.bincount(ahead, minlength=count + 1)[:count]
-        order = order[: each.sum()]
-        self.sources = np.full((count, int(each.max(initial=0))), len(ahead))
-        number = np.arange(len(order)) - np.repeat(np.cumsum(each) - each, each)
-        self.sources[ahead[order], number] = order
+        ahead = np.concatenate([*(each.ravel() for each in outer), rows[:0]])
+        coupled = np.flatnonzero(ahead < count)
+        places = ahead[coupled], coupled
+        sources = csr_matrix((np.ones(len(coupled)), places), shape=(count, len(ahead)))
+        self.sources = sources if self.sparse else sources.toarray()
 
 
 def _find_blocks(members: Members, turning: Flags, rows: TurnRows, free: Flags) -> Indices:

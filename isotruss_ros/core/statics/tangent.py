@@ -32,7 +32,7 @@ TUBE_CURVATURE = 15.0
 
 class Slopes(NamedTuple):
     """
-    Inclinations of the bent centre lines at p ends of members, and their derivatives.
+    Inclinations of the bent centre lines before and behind cuts, (p,), and their derivatives.
 
     :ivar values: (p,) inclinations [rad].
     :ivar by_ends: (p, 1, 6) derivatives of the inclinations by (ux, uy, theta) at start and end.
@@ -314,34 +314,30 @@ class Tangent:
         """Convert changes (p, 3, c) of members' forces to those (p, 6, c) of (fx, fy, m)."""
         return self.motions[parts, :3].swapaxes(1, 2) @ rates
 
-    def slopes(self, parts: Indices, end: Indices) -> Slopes:
+    def slopes(self) -> Slopes:
         """
-        Return the inclinations of the bent centre lines at ends of members.
+        Return the inclinations of the bent centre lines before, then behind the cuts.
 
         The inclination is the rotation of the section minus the shear angle. Relative to the chord
         it is (t - Q/GA) / (1 + N/GA) with the section's rotation t relative to the chord and the
         transverse force Q.
-
-        :param parts: (p,) indices of the members.
-        :param end: (p,) 1 for a member's start, 2 for its end.
         """
-        frame, length = self.frame, self.length[parts]
-        shear, (pull, both, _) = frame.section[2, parts], self.forces.values[parts].T
-        across, sign = both / length, 3.0 - 2.0 * end
-        softness = 1.0 + pull / shear
+        frame, parts, signs = self.frame, self.frame.layout.beside, self.frame.layout.signs
+        length, slide, forces = self.length[parts], frame.slide, self.forces.values[parts]
+        across, compliance = forces[:, 1] / length, 1.0 / (1.0 + forces[:, 0] * slide)
         sway, bow = self.stretched[1][:, parts]
-        inclined = (sway + sign * bow - across / shear) / softness
+        inclined = (sway + signs * bow - across * slide) * compliance
         turn = self.axis[parts] * frame.axis[parts].conj()
-        aside, turned = -1.0 / (shear * softness), np.arctan2(turn.imag, turn.real)
-        by_forces = np.array([aside * inclined, aside / length, 0.0 * aside]).T
-        by_chord = np.zeros((len(parts), 1, 4))
+        aside, turned = -slide * compliance, np.arctan2(turn.imag, turn.real)
+        by_forces, by_chord = np.zeros((len(parts), 3)), np.ones((len(parts), 1, 4))
+        by_forces[:, 0], by_forces[:, 1] = aside * inclined, aside / length
         by_chord[:, :, :3] = by_forces[:, None] @ self.forces.stiffness[parts]
         by_chord[:, 0, 0] -= aside * across / length
-        by_chord[:, 0, 1] += 1.0 / softness
-        by_chord[:, 0, 2] += sign / softness
-        by_chord[:, 0, 3] = 1.0
+        by_chord[:, 0, 1] += compliance
+        by_chord[:, 0, 2] += signs * compliance
         by_ends = by_chord @ self.motions[parts]
-        return Slopes(turned + inclined, by_ends, by_forces, -aside * (across + pull * inclined))
+        by_shear = -aside * (across + forces[:, 0] * inclined)
+        return Slopes(turned + inclined, by_ends, by_forces, by_shear)
 
     def force_changes(self, moved: Array) -> tuple[Array, Array]:
         """Return changes of forces (k, 3, c) and of chords (k, c) by motion (n, 3, c) of nodes."""
