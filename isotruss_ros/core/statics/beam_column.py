@@ -34,41 +34,28 @@ MOTION = np.array(
 
 
 class EndForces(NamedTuple):
-    """
-    Forces of k bent members, and the derivatives of these forces with respect to (l, s, b).
+    """Forces of k bent members, and the derivatives of these forces with respect to (l, s, b)."""
 
-    :ivar values: (k, 3) axial force N [N], and sum M1 + M2 and difference M1 - M2 of the moments
-        at start and end [N m].
-    :ivar stiffness: (k, 3, 3) derivatives of `values` with respect to (l, s, b).
-    :ivar stressed: (k, 3) `values` before the step of Newton's method that makes the energy
-        stationary in N; from these values the geometric stiffness is computed.
-    """
-
+    #: (k, 3) axial force N [N], and sum M1 + M2 and difference M1 - M2 of the moments at start and
+    #: end [N m]
     values: Array
-    stiffness: Array
+    stiffness: Array  #: (k, 3, 3) derivatives of `values` with respect to (l, s, b)
+    #: (k, 3) `values` before the step of Newton's method that makes the energy stationary in N;
+    #: from these values the geometric stiffness is computed
     stressed: Array
 
 
 class BeamColumns(NamedTuple):
-    """
-    Members that bend under loads and are straight without loads; complex for complex steps.
+    """Members that bend under loads and are straight without loads; complex for complex steps."""
 
-    :ivar values: (11, k) rest lengths l0 [m]; axial compliances l0 / EA [m/N]; and derivatives of
-        (M1 + M2, M1 - M2) with respect to (s, b): those of the sum by s and by b, and that of the
-        difference by b, first their constant terms, then their factors of N and of N^2.
-    """
-
+    #: (11, k) rest lengths l0 [m]; axial compliances l0 / EA [m/N]; and derivatives of (M1 + M2,
+    #: M1 - M2) with respect to (s, b): those of the sum by s and by b, and that of the difference
+    #: by b, first their constant terms, then their factors of N and of N^2
     values: Array
 
     @classmethod
     def of(cls, length: Array, section: Array, pins: tuple[Flags, Flags]) -> BeamColumns:
-        """
-        Return members of given rest lengths and sections.
-
-        :param length: (k,) rest lengths l0 [m].
-        :param section: (3, k) EA [N]; EI [N m^2], zero for a bar; GA [N], infinite without shear.
-        :param pins: two masks (k,) of starts and of ends that transmit no moment.
-        """
+        """Return members of given rest lengths and sections."""
         (axial, flexural, shear), (pinned_start, pinned_end) = section, pins
         bar = (flexural == 0.0) | (pinned_start & pinned_end)
         slide, arm = 1.0 / shear, 0.25 * length * length / np.where(bar, 1.0, flexural)
@@ -91,16 +78,7 @@ class BeamColumns(NamedTuple):
         return cls(values)
 
     def evaluate(self, longer: Array, turns: Array, known: Array | None = None) -> EndForces:
-        """
-        Return the end forces of bent members.
-
-        :param longer: (k,) elongations l - l0 [m].
-        :param turns: (2, k) rotations s and b, half of the sum and of the difference of the ends'
-            rotations relative to the chord [rad].
-        :param known: (k,) axial forces N about which the members are linearised; None: N at which
-            the energy is stationary. Newton's method treats N as an unknown, because N has large
-            rounding errors if it is computed from small elongations of stiff members.
-        """
+        """Return the end forces of bent members."""
         stretch, rotary = self.values[1], self.values[2:].reshape(3, 3, -1)
         straight, first, second = by_power = rotary[:, :2] * turns[0] + rotary[:, 1:] * turns[1]
         _, bowed, hardened = (by_power * turns).sum(axis=1)
@@ -155,12 +133,7 @@ def chord_stiffness(length: Array, forces: EndForces) -> Array:
 
 
 def end_forces(forces: Array, length: Array) -> Array:
-    """
-    Return the end forces (k, 6) of members, see `FrameState.end_forces`.
-
-    :param forces: (k, 3) forces, see `EndForces.values`.
-    :param length: (k,) lengths of the chords [m].
-    """
+    """Return the end forces (k, 6) of members, see `FrameState.end_forces`."""
     pull, both, apart = forces.T
     across, first, second = both / length, 0.5 * (both + apart), 0.5 * (both - apart)
     return np.stack([-pull, across, first, pull, -across, second], axis=1)
@@ -173,18 +146,7 @@ def local_stiffness(
     shear: Array,
     pins: tuple[Flags, Flags] | None = None,
 ) -> Array:
-    """
-    Return the stiffness matrices (2) in the members' own frames (x from start to end).
-
-    :param length: (k,) lengths [m].
-    :param axial: (k,) EA [N].
-    :param flexural: (k,) EI [N m^2].
-    :param shear: (k,) GA [N]; infinite for members without shear deformation.
-    :param pins: two masks (k,), true for pinned starts and for pinned ends; None: all ends are
-        fixed.
-    :return: (k, 6, 6) stiffness against (ux, uy, theta) at start and end; zero for pinned
-        rotations.
-    """
+    """Return the stiffness matrices (2) in the members' own frames (x from start to end)."""
     length, fixed = np.asarray(length, dtype=float), np.zeros(np.shape(length), dtype=bool)
     columns = BeamColumns.of(length, np.stack([axial, flexural, shear]), pins or (fixed, fixed))
     found = columns.evaluate(np.zeros_like(length), np.zeros((2, len(length))))

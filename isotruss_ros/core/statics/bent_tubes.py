@@ -40,19 +40,12 @@ PLACE_SHARE = 0.2
 
 
 class Displaced(NamedTuple):
-    """
-    State of a bent frame about which tubes are linearised.
+    """State of a bent frame about which tubes are linearised."""
 
-    :ivar displacements: (n, 3) displacements ux, uy [m], theta [rad].
-    :ivar multipliers: (q,) Lagrange multipliers of the constraints.
-    :ivar loads: (k, 3) loads at the load points, see `BentTubes` [N, N m].
-    :ivar pull: (c,) axial forces of the frame's members [N].
-    """
-
-    displacements: Array
-    multipliers: Array
-    loads: Array
-    pull: Array
+    displacements: Array  #: (n, 3) displacements ux, uy [m], theta [rad]
+    multipliers: Array  #: (q,) Lagrange multipliers of the constraints
+    loads: Array  #: (k, 3) loads at the load points, see `BentTubes` [N, N m]
+    pull: Array  #: (c,) axial forces of the frame's members [N]
 
 
 class PlaceChanges(NamedTuple):
@@ -61,15 +54,11 @@ class PlaceChanges(NamedTuple):
 
     Each of the p columns is one motion of the load points. `inclined` and `forces` do not include
     the changes that `nodes` causes.
-
-    :ivar nodes: (n, 3, p) displacements of the nodes [m, rad].
-    :ivar inclined: (k, p) changes of the inclinations at the load points [rad].
-    :ivar forces: (c, 3, p) changes of the members' forces, see `EndForces`.
     """
 
-    nodes: Array
-    inclined: Array
-    forces: Array
+    nodes: Array  #: (n, 3, p) displacements of the nodes [m, rad]
+    inclined: Array  #: (k, p) changes of the inclinations at the load points [rad]
+    forces: Array  #: (c, 3, p) changes of the members' forces, see `EndForces`
 
 
 class Lines(NamedTuple):
@@ -106,24 +95,16 @@ class Changes(NamedTuple):
 
     The causes are 3 k unit loads at the load points, k unit motions of the load points, and in the
     last column the step to equilibrium.
-
-    :ivar nodes: (n, 3, p) displacements of the nodes [m, rad].
-    :ivar multipliers: (q, p) Lagrange multipliers.
-    :ivar responses: (k, 3, p) responses at the load points, see `BentTubes`.
-    :ivar state: (k, 3) responses in the linearised state.
-    :ivar slopes: inclinations of the tubes before, then behind the load points.
-    :ivar inclined: (k, k) changes of the inclinations by unit motions of the load points, with
-        fixed nodes.
-    :ivar factored: factorised matrix of the frame.
     """
 
-    nodes: Array
-    multipliers: Array
-    responses: Array
-    state: Array
-    slopes: Slopes
+    nodes: Array  #: (n, 3, p) displacements of the nodes [m, rad]
+    multipliers: Array  #: (q, p) Lagrange multipliers
+    responses: Array  #: (k, 3, p) responses at the load points, see `BentTubes`
+    state: Array  #: (k, 3) responses in the linearised state
+    slopes: Slopes  #: inclinations of the tubes before, then behind the load points
+    #: (k, k) changes of the inclinations by unit motions of the load points, with fixed nodes
     inclined: Array
-    factored: Elimination
+    factored: Elimination  #: factorised matrix of the frame
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,27 +116,19 @@ class BentTubes:
     N m]. A response is the displacement along and across the straight member [m], and the
     inclination of the bent centre line [rad]. At a transverse force the line has a kink; there,
     the mean of the inclinations on both sides is used.
-
-    :ivar structure: structural model of the robot.
-    :ivar members: (k,) index of the member of each load point in `Robot.member_names`.
-    :ivar places: (k,) distances of the load points from the members' starts [m].
-    :ivar stiffness: factor on the modelled stiffness [-].
-    :ivar linear: whether the model is the paper's linear one, with the equilibrium of the
-        undeformed tubes.
-    :ivar before: state about which the tubes are linearised; None: the state without loads.
-    :ivar layout: layout of similar cuts, which saves time; or None.
-    :ivar given_lines: members of the load points, which saves time; or None.
-    :ivar given_cuts: frame with nodes at the load points, which saves time; or None.
     """
 
-    structure: Structure
-    members: Indices
-    places: Array
-    stiffness: float = 1.0
+    structure: Structure  #: structural model of the robot
+    members: Indices  #: (k,) index of the member of each load point in `Robot.member_names`
+    places: Array  #: (k,) distances of the load points from the members' starts [m]
+    stiffness: float = 1.0  #: factor on the modelled stiffness [-]
+    #: whether the model is the paper's linear one, with the equilibrium of the undeformed tubes
     linear: bool = False
+    #: state about which the tubes are linearised; None: the state without loads
     before: Displaced | None = None
-    layout: CutLayout | None = None
-    given_lines: Lines | None = None
+    layout: CutLayout | None = None  #: layout of similar cuts, which saves time; or None
+    given_lines: Lines | None = None  #: members of the load points, which saves time; or None
+    #: frame with nodes at the load points, which saves time; or None
     given_cuts: Cuts | None = None
 
     @cached_property
@@ -244,11 +217,7 @@ class BentTubes:
 
     @cached_property
     def tangent(self) -> Tangent:
-        """
-        Return the frame linearised about the state `before`.
-
-        :raises StructureError: the structure is a mechanism.
-        """
+        """Return the frame linearised about the state `before`."""
         if self.before is None:
             return self.frame.rest
         displacements, multipliers, _, pull = self.before
@@ -256,11 +225,7 @@ class BentTubes:
 
     @cached_property
     def _changes(self) -> Changes:
-        """
-        Return the changes by unit loads and unit motions of the load points.
-
-        :raises StructureError: the structure has no stiffness in its bent shape.
-        """
+        """Return the changes by unit loads and unit motions of the load points."""
         frame, tangent, layout = self.frame, self.tangent, self.frame.layout
         count, nodes, turns = len(self.members), frame.nodes[0], self.lines.turns
         own, cut, moving, size = np.arange(count), layout.cut, self._moving, 3 * nodes
@@ -335,20 +300,12 @@ class BentTubes:
         Return the displacements and inclinations (k, 3) at the load points, see `BentTubes`.
 
         They are affine functions of loads and places.
-
-        :param loads: (k, 3) forces along and across the members [N], and moments [N m].
-        :param places: (k,) distances of the load points from the members' starts [m].
         """
         changes = self._changes
         return (changes.state + changes.responses @ self._ways(loads, places)) / self.share
 
     def distance(self, loads: Array, places: Array) -> float:
-        """
-        Return the largest displacement of a node from the linearised state due to loads [m].
-
-        :param loads: (k, 3) loads at the load points.
-        :param places: (k,) distances of the load points from the members' starts [m].
-        """
+        """Return the largest displacement of a node from the linearised state due to loads [m]."""
         if (self.cuts != self.places).any():  # the nodes stay beside a node or another load point
             places = self._locate_cuts(places)[-1]
         ways = self._ways(loads, places)
@@ -375,12 +332,7 @@ class BentTubes:
         return np.concatenate([(loads - known).ravel(), places - self.cuts, [1.0]])
 
     def displace(self, loads: Array, places: Array) -> Displaced:
-        """
-        Return the linear prediction of the state of the frame.
-
-        :param loads: (k, 3) loads at the load points.
-        :param places: (k,) distances of the load points from the members' starts [m].
-        """
+        """Return the linear prediction of the state of the frame."""
         ways, tangent = self._ways(loads, places), self.tangent
         moved, nodes = self._displace(ways)
         displacements = tangent.displacements + moved
@@ -391,10 +343,6 @@ class BentTubes:
     def update(self, loads: Array, places: Array, structure: Structure | None = None) -> BentTubes:
         """
         Return the tubes linearised about the state that this linearisation predicts under loads.
-
-        :param loads: (k, 3) loads at the load points.
-        :param places: (k,) distances of the load points from the members' starts [m].
-        :param structure: new structural model of the robot; None: unchanged.
         """
         same = structure is None or structure is self.structure
         found = BentTubes(
@@ -415,13 +363,7 @@ class BentTubes:
         return found.bent_to(found.bent_like(known).before._replace(loads=loads))
 
     def bend(self, loads: Array, places: Array) -> BentTubes:
-        """
-        Return the tubes linearised about their equilibrium under loads.
-
-        :param loads: (k, 3) loads at the load points.
-        :param places: (k,) distances of the load points from the members' starts [m].
-        :raises StructureError: no equilibrium is found.
-        """
+        """Return the tubes linearised about their equilibrium under loads."""
         bent = self
         for _ in range(MAX_SEARCH_STEPS):
             if bent.distance(loads, places) <= ROUNDING:
@@ -437,11 +379,6 @@ class BentTubes:
         Return the frame's changes due to additional loads and to motion of the load points.
 
         Each of the p columns is one change.
-
-        :param loads: (k, 3, p) additional loads at the load points.
-        :param places: (k, p) motion of the load points along the members [m].
-        :return: (n, 3, p) displacements of the nodes due to the loads, and the changes due to the
-            motion of the load points.
         """
         frame, changes = self.frame, self._changes
         nodes = changes.nodes[..., self._moving] @ places
@@ -451,42 +388,22 @@ class BentTubes:
         return by_loads, PlaceChanges(nodes, changes.inclined @ places, forces)
 
     def inclination_changes(self, moved: Array) -> Array:
-        """
-        Return the changes (k, p) of the tubes' inclinations due to displaced nodes [rad].
-
-        :param moved: (n, 3, p) displacements ux, uy [m], theta [rad].
-        """
+        """Return the changes (k, p) of the tubes' inclinations due to displaced nodes [rad]."""
         ends = moved.reshape(-1, moved.shape[2])[self.frame.places[self.frame.layout.beside]]
         return _mean((self._changes.slopes.by_ends @ ends)[:, 0])
 
     def node_changes(self, loads: Array) -> Array:
-        """
-        Return the displacements (n, 3, p) of the nodes due to additional loads [m, rad].
-
-        :param loads: (k, 3, p) additional loads at the load points.
-        """
+        """Return the displacements (n, 3, p) of the nodes due to additional loads [m, rad]."""
         count = 3 * len(self.members)
         return self._changes.nodes[..., :count] @ loads.reshape(count, -1) / self.share
 
     def displacements(self, loads: Array, places: Array) -> Array:
-        """
-        Return the linear prediction of the nodes' displacements, (n, 3) [m, rad].
-
-        :param loads: (k, 3) loads at the load points.
-        :param places: (k,) distances of the load points from the members' starts [m].
-        """
+        """Return the linear prediction of the nodes' displacements, (n, 3) [m, rad]."""
         moved, _ = self._displace(self._ways(loads, places))
         return (self.tangent.displacements + moved) / self.share
 
     def end_forces(self, loads: Array, places: Array) -> tuple[Array, Array]:
-        """
-        Return the linear prediction of the members' end forces.
-
-        :param loads: (k, 3) loads at the load points.
-        :param places: (k,) distances of the load points from the members' starts [m].
-        :return: (c, 6) forces of the nodes on the members, see `FrameState.end_forces`, and (c,)
-            axial forces, see `FrameState.bowing`.
-        """
+        """Return the linear prediction of the members' end forces."""
         tangent, ways = self.tangent, self._ways(loads, places)
         changes, longer = self._force_changes(ways, self._displace(ways)[1])
         forces = tangent.forces.values + changes
@@ -511,10 +428,6 @@ class BentTubes:
         Return the frame's changes for p changes of sections; loads and load points are constant.
 
         In the paper's model, the results are those under loads times `NEGLIGIBLE_SHARE`.
-
-        :param changes: (4, c, p) changes of rest lengths [m], EA [N], EI [N m^2] and GA [N].
-        :return: (n, 3, p) displacements of the nodes; (k, p) changes of the inclinations at the
-            load points; and (c, 3, p) changes of the members' N, M1 and M2 with fixed nodes.
         """
         frame, tangent, parts = self.frame, self.tangent, self.frame.layout.beside
         every = np.arange(len(frame.length))

@@ -78,9 +78,6 @@ class CutFrame(Frame):
     def locate(self, piece: Indices, within: Array) -> tuple[Indices, Array]:
         """
         Return the parts (c,) that contain points, and the distances (c,) from the parts' starts.
-
-        :param piece: (c,) index of the member of the uncut frame at each point.
-        :param within: (c,) distances of the points from the members' starts [m].
         """
         order, lengths = self.layout.order, self.uncut.length
         whole, places = self.layout.piece[order], self.begins[self.behind[order]]
@@ -95,10 +92,6 @@ class CutFrame(Frame):
 def keep_apart(pieces: Indices, places: Array, length: Array) -> Array:
     """
     Return positions (c,) of cuts [m], shifted so that each part of a member has a minimum length.
-
-    :param pieces: (c,) index of the member of each cut.
-    :param places: (c,) distances of the cuts from the members' starts [m].
-    :param length: (c,) length of the member of each cut [m].
     """
     ends = length.tolist()
     apart = [

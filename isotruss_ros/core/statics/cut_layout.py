@@ -21,56 +21,35 @@ class CutLayout(NamedTuple):
 
     The nodes at the cuts are the last nodes. The first part of a divided member has the member's
     index; the other parts have the last indices.
-
-    :ivar count: number k of members of the uncut frame.
-    :ivar key: bytes of `piece` and `order`, by which layouts are compared.
-    :ivar piece: (c,) index of the member that each cut divides.
-    :ivar order: (c,) indices that sort the cuts by member and along each member.
-    :ivar whole: (k + c,) index of the uncut member to which each part belongs.
-    :ivar start: (k + c,) indices of the start nodes.
-    :ivar end: (k + c,) indices of the end nodes.
-    :ivar places: (k + c, 6) indices of the displacements of the parts' ends.
-    :ivar pins: two masks (k + c,) of starts and of ends that transmit no moment.
-    :ivar before: (c,) indices of the parts that end at the cuts.
-    :ivar behind: (c,) indices of the parts that begin at the cuts.
-    :ivar members: (q,) indices of the divided members.
-    :ivar parts: (c + q,) indices of their parts.
-    :ivar ends: (q, 6) indices of the displacements of their end nodes.
-    :ivar width: size w of the stiffness matrix of a divided member: the displacements at its cuts,
-        units if another member has more cuts, and the displacements of both ends.
-    :ivar local: places of the stiffness of `parts` among the entries of these matrices (q, w, w).
-    :ivar units: places of the units.
-    :ivar cut: (c, 3) places of the displacements at the cuts among those of all q w.
-    :ivar beside: (2 c,) indices of the parts before, then behind the cuts.
-    :ivar sides: (2 c, 6) places of the displacements of their ends among those of all q w.
-    :ivar signs: (2 c,) -1 for parts before, 1 for parts behind the cuts.
-    :ivar sided: (2 c,) index of each of these parts in `parts`.
-    :ivar longer: (c + q, c) changes of the lengths of `parts` by unit motions of the cuts [-].
     """
 
+    #: number k of members of the uncut frame
     count: int  # type: ignore[assignment]
-    key: bytes
-    piece: Indices
-    order: Indices
-    whole: Indices
-    start: Indices
-    end: Indices
-    places: Indices
-    pins: tuple[Flags, Flags]
-    before: Indices
-    behind: Indices
-    members: Indices
-    parts: Indices
-    ends: Indices
+    key: bytes  #: bytes of `piece` and `order`, by which layouts are compared
+    piece: Indices  #: (c,) index of the member that each cut divides
+    order: Indices  #: (c,) indices that sort the cuts by member and along each member
+    whole: Indices  #: (k + c,) index of the uncut member to which each part belongs
+    start: Indices  #: (k + c,) indices of the start nodes
+    end: Indices  #: (k + c,) indices of the end nodes
+    places: Indices  #: (k + c, 6) indices of the displacements of the parts' ends
+    pins: tuple[Flags, Flags]  #: two masks (k + c,) of starts and of ends that transmit no moment
+    before: Indices  #: (c,) indices of the parts that end at the cuts
+    behind: Indices  #: (c,) indices of the parts that begin at the cuts
+    members: Indices  #: (q,) indices of the divided members
+    parts: Indices  #: (c + q,) indices of their parts
+    ends: Indices  #: (q, 6) indices of the displacements of their end nodes
+    #: size w of the stiffness matrix of a divided member: the displacements at its cuts, units if
+    #: another member has more cuts, and the displacements of both ends
     width: int
+    #: places of the stiffness of `parts` among the entries of these matrices (q, w, w)
     local: Indices
-    units: Indices
-    cut: Indices
-    beside: Indices
-    sides: Indices
-    signs: Array
-    sided: Indices
-    longer: Array
+    units: Indices  #: places of the units
+    cut: Indices  #: (c, 3) places of the displacements at the cuts among those of all q w
+    beside: Indices  #: (2 c,) indices of the parts before, then behind the cuts
+    sides: Indices  #: (2 c, 6) places of the displacements of their ends among those of all q w
+    signs: Array  #: (2 c,) -1 for parts before, 1 for parts behind the cuts
+    sided: Indices  #: (2 c,) index of each of these parts in `parts`
+    longer: Array  #: (c + q, c) changes of the lengths of `parts` by unit motions of the cuts [-]
 
     @classmethod
     def of(cls, frame: FrameArrays, piece: Indices, order: Indices) -> CutLayout:
@@ -112,52 +91,30 @@ class CutLayout(NamedTuple):
 
 
 class FrameArrays:
-    """
-    Arrays of the nodes, members and constraints of a frame.
+    """Arrays of the nodes, members and constraints of a frame."""
 
-    :ivar points: (n,) nodes x + iy [m].
-    :ivar start: (k,) indices of the members' start nodes.
-    :ivar end: (k,) indices of the members' end nodes.
-    :ivar section: (3, k) EA [N], EI [N m^2] and GA [N] of the members.
-    :ivar pins: two masks (k,) of starts and of ends that transmit no moment.
-    :ivar length: (k,) lengths of the members [m].
-    :ivar axis: (k,) unit vectors of the members from start to end, x + iy.
-    :ivar places: (k, 6) indices of the displacements of the members' ends.
-    :ivar held: mask (., 3) of the displacements ux, uy, theta that supports fix; the nodes at cuts
-        are not in it.
-    :ivar names: (n,) names of the nodes for error messages.
-    :ivar rows: constraints on rotations, see `TurnRows`.
-    :ivar spans: (s,) spans of the constraints without loads, x + iy [m].
-    :ivar whole: (k,) index of the uncut member of which each member is a part.
-    :ivar begins: (k,) distance of each member's start from the start of the uncut member [m].
-    :ivar nodes: (c,) indices of the nodes at the cuts.
-    :ivar before: (c,) indices of the members that end at the cuts.
-    :ivar behind: (c,) indices of the members that begin at the cuts.
-    :ivar layout: connections of the parts; None without cuts.
-    :ivar columns: members as beam-columns.
-    :ivar slide: (2 c,) 1 / GA of the parts before, then behind the cuts [1/N].
-    """
-
-    points: Points
-    start: Indices
-    end: Indices
-    section: Array
-    pins: tuple[Flags, Flags]
-    length: Array
-    axis: Points
-    places: Indices
+    points: Points  #: (n,) nodes x + iy [m]
+    start: Indices  #: (k,) indices of the members' start nodes
+    end: Indices  #: (k,) indices of the members' end nodes
+    section: Array  #: (3, k) EA [N], EI [N m^2] and GA [N] of the members
+    pins: tuple[Flags, Flags]  #: two masks (k,) of starts and of ends that transmit no moment
+    length: Array  #: (k,) lengths of the members [m]
+    axis: Points  #: (k,) unit vectors of the members from start to end, x + iy
+    places: Indices  #: (k, 6) indices of the displacements of the members' ends
+    #: mask (., 3) of the displacements ux, uy, theta that supports fix; the nodes at cuts are not
+    #: in it
     held: Flags
-    names: Sequence[str]
-    rows: TurnRows
-    spans: Points
-    whole: Indices
-    begins: Array
-    nodes: Indices
-    before: Indices
-    behind: Indices
-    layout: CutLayout | None
-    columns: BeamColumns
-    slide: Array
+    names: Sequence[str]  #: (n,) names of the nodes for error messages
+    rows: TurnRows  #: constraints on rotations, see `TurnRows`
+    spans: Points  #: (s,) spans of the constraints without loads, x + iy [m]
+    whole: Indices  #: (k,) index of the uncut member of which each member is a part
+    begins: Array  #: (k,) distance of each member's start from the start of the uncut member [m]
+    nodes: Indices  #: (c,) indices of the nodes at the cuts
+    before: Indices  #: (c,) indices of the members that end at the cuts
+    behind: Indices  #: (c,) indices of the members that begin at the cuts
+    layout: CutLayout | None  #: connections of the parts; None without cuts
+    columns: BeamColumns  #: members as beam-columns
+    slide: Array  #: (2 c,) 1 / GA of the parts before, then behind the cuts [1/N]
 
     @property
     def scaling(self) -> Scaling:

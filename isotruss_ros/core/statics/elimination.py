@@ -26,22 +26,16 @@ class Scaling(NamedTuple):
     Numbering and scaling of the matrix of (4).
 
     Scaled, displacements and rotations, soft tubes and stiff modules have stiffness 1.
-
-    :ivar pattern: numbering of the unknowns.
-    :ivar scale: (u,) scale of each unknown; 0 for displacements that are fixed.
-    :ivar weight: scale of each of `FramePattern.entries`.
     """
 
-    pattern: FramePattern
-    scale: Array
-    weight: Array
+    pattern: FramePattern  #: numbering of the unknowns
+    scale: Array  #: (u,) scale of each unknown; 0 for displacements that are fixed
+    weight: Array  #: scale of each of `FramePattern.entries`
 
     @classmethod
     def of(cls, pattern: FramePattern, entries: Array) -> Scaling:
         """
         Return the scaling that makes the diagonal of displacements and the constraints' norms 1.
-
-        :param entries: `FramePattern.entries` of the unloaded frame.
         """
         (first, second), size = pattern.entries, len(pattern.free)
         stiff = first == second
@@ -62,13 +56,7 @@ class Scaling(NamedTuple):
         return cls(pattern, scale, scale[first] * scale[second])
 
     def eliminate(self, entries: Array, right: Array) -> tuple[Elimination, Array]:
-        """
-        Eliminate the blocks of a frame, and solve for the changes of all unknowns.
-
-        :param entries: `FramePattern.entries` of the frame.
-        :param right: (u, p) right-hand sides, see `Elimination.solve`.
-        :raises numpy.linalg.LinAlgError: a block or the joints' matrix is exactly singular.
-        """
+        """Eliminate the blocks of a frame, and solve for the changes of all unknowns."""
         pattern, right = self.pattern, right * self.scale[:, None]
         values = np.bincount(pattern.slots, entries * self.weight, pattern.size)
         if len(pattern.units):
@@ -100,21 +88,13 @@ class Scaling(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Elimination:
-    """
-    Matrix of (4), scaled, with eliminated blocks; see `FramePattern.blocks` for the groups.
+    """Matrix of (4), scaled, with eliminated blocks; see `FramePattern.blocks` for the groups."""
 
-    :ivar scaling: numbering and scaling of the unknowns.
-    :ivar stiffness: for each group, (b, s, s) matrix of the blocks.
-    :ivar spreads: for each group, (b, s, t) inverse times coupling to the joints.
-    :ivar matrix: (j, j) Schur complement, the matrix of the joints.
-    :ivar joints: its factorisation.
-    """
-
-    scaling: Scaling
-    stiffness: list[Array]
-    spreads: list[Array]
-    matrix: Array | csc_matrix
-    joints: Factor
+    scaling: Scaling  #: numbering and scaling of the unknowns
+    stiffness: list[Array]  #: for each group, (b, s, s) matrix of the blocks
+    spreads: list[Array]  #: for each group, (b, s, t) inverse times coupling to the joints
+    matrix: Array | csc_matrix  #: (j, j) Schur complement, the matrix of the joints
+    joints: Factor  #: its factorisation
 
     @cached_property
     def inverses(self) -> list[Array]:
@@ -136,13 +116,7 @@ class Elimination:
         return self.complete(right, insides, pushed)
 
     def complete(self, right: Array, insides: list[Array], pushed: list[Array]) -> Array:
-        """
-        Return the changes (u, p) of all unknowns from those of blocks with fixed joints.
-
-        :param right: (u, p) scaled right-hand sides.
-        :param insides: for each group, (b, s, p) scaled changes with fixed joints.
-        :param pushed: for each group, (b t, p) scaled forces on the fixed joints.
-        """
+        """Return the changes (u, p) of all unknowns from those of blocks with fixed joints."""
         pattern, loads = self.scaling.pattern, right[self.scaling.pattern.joints]
         if pushed:
             loads -= pattern.sources @ (pushed[0] if len(pushed) == 1 else np.concatenate(pushed))

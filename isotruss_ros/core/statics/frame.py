@@ -31,24 +31,19 @@ MAX_GROWTH = 1.5
 
 @dataclass(frozen=True, eq=False)
 class FrameState:
-    """
-    Displacements, reactions and member forces of a frame under loads.
+    """Displacements, reactions and member forces of a frame under loads."""
 
-    :ivar displacements: (n, 3) displacements ux, uy [m], theta [rad]; theta is zero at nodes at
-        which all members are pinned.
-    :ivar reactions: (n, 3) forces fx, fy [N] and moments m [N m] of the supports on the frame;
-        zero at nodes without support.
-    :ivar end_forces: (k, 6) forces of the nodes on the members; at the start and then at the end,
-        the force along the chord and across it [N] and the moment [N m].
-    :ivar multipliers: (c,) Lagrange multipliers of the constraints.
-    :ivar bowing: (k,) axial forces that amplify moments inside members [N]; zero in the linear
-        model.
-    """
-
+    #: (n, 3) displacements ux, uy [m], theta [rad]; theta is zero at nodes at which all members
+    #: are pinned
     displacements: Array
+    #: (n, 3) forces fx, fy [N] and moments m [N m] of the supports on the frame; zero at nodes
+    #: without support
     reactions: Array
+    #: (k, 6) forces of the nodes on the members; at the start and then at the end, the force along
+    #: the chord and across it [N] and the moment [N m]
     end_forces: Array
-    multipliers: Array
+    multipliers: Array  #: (c,) Lagrange multipliers of the constraints
+    #: (k,) axial forces that amplify moments inside members [N]; zero in the linear model
     bowing: Array
 
 
@@ -101,11 +96,7 @@ class Frame(FrameArrays):
 
     @cached_property
     def rest(self) -> Tangent:
-        """
-        Return the frame linearised about its unloaded state, with its factorised matrix (4).
-
-        :raises StructureError: the frame is a mechanism; the message names the nodes that move.
-        """
+        """Return the frame linearised about its unloaded state, with its factorised matrix (4)."""
         straight = self.tangent(*self.no_loads)
         entries = straight.entries
         factor = _factorize(self._pattern, entries)
@@ -146,9 +137,6 @@ class Frame(FrameArrays):
     def solve(self, loads: Array) -> FrameState:
         """
         Return displacements, reactions and member forces under loads by the linear model (4).
-
-        :param loads: (n, 3) loads fx, fy [N], m [N m] on the nodes.
-        :raises StructureError: the frame is a mechanism (the message names the nodes that move).
         """
         rest, flat = self.rest, loads.ravel()
         moved, multipliers = (each[:, 0] for each in rest.respond(flat[:, None]))
@@ -169,17 +157,7 @@ class Frame(FrameArrays):
     def bend(
         self, loads: Array, start: Tangent | None = None, growth: float = MAX_GROWTH
     ) -> Tangent | None:
-        """
-        Return the bent frame in equilibrium under loads, found by Newton's method.
-
-        :param loads: (n, 3) loads fx, fy [N], m [N m] on the nodes.
-        :param start: frame linearised about the initial state; None: about the unloaded state.
-        :param growth: largest admissible ratio of the displacements to those of the linear
-            prediction [-].
-        :return: the frame linearised about its equilibrium; None if no equilibrium is found near
-            `start`.
-        :raises StructureError: the frame is a mechanism.
-        """
+        """Return the bent frame in equilibrium under loads, found by Newton's method."""
         tangent = self.rest if start is None else start
         origin, reach = tangent.displacements, np.inf
         for count in range(MAX_NEWTON_ITERATIONS):
@@ -204,20 +182,11 @@ class Frame(FrameArrays):
     def locate(self, piece: Indices, within: Array) -> tuple[Indices, Array]:
         """
         Return the members (c,) that contain points, and the points' distances from their starts.
-
-        :param piece: (c,) index of the member at each point, of a `CutFrame` before it is cut.
-        :param within: (c,) distances of the points from the starts of these members [m].
         """
         return piece, within
 
     def interpolate(self, displacements: Array, piece: Indices, within: Array) -> Array:
-        """
-        Return the displacements (c, 3) of points inside members, with cubic centre lines.
-
-        :param displacements: (n, 3) displacements ux, uy [m], theta [rad] of the nodes.
-        :param piece: (c,) index of the member at each point, of a `CutFrame` before it is cut.
-        :param within: (c,) distances of the points from the starts of these members [m].
-        """
+        """Return the displacements (c, 3) of points inside members, with cubic centre lines."""
         part, inside = self.locate(piece, within)
         start, end = displacements[self.start[part]], displacements[self.end[part]]
         axis, length = self.axis[part], self.length[part]
@@ -237,12 +206,7 @@ class Frame(FrameArrays):
         return np.stack([moved.real, moved.imag, turned + slope], axis=1)
 
     def state(self, tangent: Tangent, loads: Array) -> FrameState:
-        """
-        Return displacements, reactions and member forces of the bent frame.
-
-        :param tangent: frame linearised about its equilibrium.
-        :param loads: (n, 3) loads fx, fy [N], m [N m] on the nodes.
-        """
+        """Return displacements, reactions and member forces of the bent frame."""
         return FrameState(
             tangent.displacements,
             self._reactions(tangent.carried - loads.ravel()),

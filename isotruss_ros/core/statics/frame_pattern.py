@@ -26,35 +26,25 @@ class TurnRows(NamedTuple):
 
     A vector, called a span, is a linear combination of node positions. Its coefficients, called
     shares, sum to zero.
-
-    :ivar count: number of rows.
-    :ivar owner: (s,) row of each span.
-    :ivar weight: (s,) weight of each span's rotation in its row.
-    :ivar first: (s,) index of the first share of each span.
-    :ivar span: (e,) index of the span to which each share belongs, ascending.
-    :ivar share: (e,) coefficient of a node's position in the span.
-    :ivar node: (e,) index of the node of each share.
-    :ivar row: (2 e,) row of each entry of the constraint matrix: first the derivatives by x of the
-        nodes, then the derivatives by y.
-    :ivar column: (2 e,) column of each entry, which is the index of a displacement.
-    :ivar pairs: two arrays (4 h,) of displacements that the geometric stiffness couples: (x, x),
-        (x, y), (y, x) and (y, y) of the two nodes of each pair of shares.
-    :ivar paired: (h,) span of each pair of shares in `pairs`.
-    :ivar product: (h,) product of both shares of each pair.
     """
 
+    #: number of rows
     count: int  # type: ignore[assignment]
-    owner: Indices
-    weight: Array
-    first: Indices
-    span: Indices
-    share: Array
-    node: Indices
+    owner: Indices  #: (s,) row of each span
+    weight: Array  #: (s,) weight of each span's rotation in its row
+    first: Indices  #: (s,) index of the first share of each span
+    span: Indices  #: (e,) index of the span to which each share belongs, ascending
+    share: Array  #: (e,) coefficient of a node's position in the span
+    node: Indices  #: (e,) index of the node of each share
+    #: (2 e,) row of each entry of the constraint matrix: first the derivatives by x of the nodes,
+    #: then the derivatives by y
     row: Indices
-    column: Indices
+    column: Indices  #: (2 e,) column of each entry, which is the index of a displacement
+    #: two arrays (4 h,) of displacements that the geometric stiffness couples: (x, x), (x, y), (y,
+    #: x) and (y, y) of the two nodes of each pair of shares
     pairs: tuple[Indices, Indices]
-    paired: Indices
-    product: Array
+    paired: Indices  #: (h,) span of each pair of shares in `pairs`
+    product: Array  #: (h,) product of both shares of each pair
 
     @classmethod
     def of(
@@ -77,14 +67,7 @@ class TurnRows(NamedTuple):
         return np.add.reduceat(self.share * points[self.node], self.first)
 
     def linearize(self, spans: Points, displacements: Array) -> tuple[Array, Array, Points]:
-        """
-        Return the constraints on rotations, linearised about displacements of the nodes.
-
-        :param spans: (s,) spans without loads, x + iy [m].
-        :param displacements: (n, 3) displacements ux, uy [m], theta [rad] of the nodes.
-        :return: entries of the constraint matrix (2 e,), violations (c,) [rad], and the spans (s,)
-            of the displaced nodes [m].
-        """
+        """Return the constraints on rotations, linearised about displacements of the nodes."""
         moved = spans + self.spans(displacements[:, 0] + 1j * displacements[:, 1])
         turned = moved * spans.conj()
         gaps = np.bincount(self.owner, self.weight * np.arctan2(turned.imag, turned.real))
@@ -94,34 +77,21 @@ class TurnRows(NamedTuple):
     def curvature(self, spans: Points, multipliers: Array) -> Array:
         """
         Return the geometric stiffness (4 h,) of the constraints, in the order of `TurnRows.pairs`.
-
-        :param spans: (s,) spans of the displaced nodes, x + iy [m].
-        :param multipliers: (c,) multipliers of the constraints.
         """
         curved = (-self.weight * multipliers[self.owner] / spans**2)[self.paired] * self.product
         return np.concatenate([curved.imag, curved.real, curved.real, -curved.imag])
 
 
 class Members(NamedTuple):
-    """
-    Straight members between nodes, as arrays with one entry for each of k members.
+    """Straight members between nodes, as arrays with one entry for each of k members."""
 
-    :ivar start: (k,) indices of the start nodes.
-    :ivar end: (k,) indices of the end nodes.
-    :ivar axial: (k,) EA [N].
-    :ivar flexural: (k,) EI [N m^2].
-    :ivar shear: (k,) GA [N]; infinite for members without shear deformation.
-    :ivar pinned_start: (k,) whether the start transmits no moment.
-    :ivar pinned_end: (k,) whether the end transmits no moment.
-    """
-
-    start: Indices
-    end: Indices
-    axial: Array
-    flexural: Array
-    shear: Array
-    pinned_start: Flags
-    pinned_end: Flags
+    start: Indices  #: (k,) indices of the start nodes
+    end: Indices  #: (k,) indices of the end nodes
+    axial: Array  #: (k,) EA [N]
+    flexural: Array  #: (k,) EI [N m^2]
+    shear: Array  #: (k,) GA [N]; infinite for members without shear deformation
+    pinned_start: Flags  #: (k,) whether the start transmits no moment
+    pinned_end: Flags  #: (k,) whether the end transmits no moment
 
 
 def member_places(start: Indices, end: Indices) -> Indices:
@@ -132,16 +102,13 @@ def member_places(start: Indices, end: Indices) -> Indices:
 class Blocks(NamedTuple):
     """
     Group of b blocks of equal size, each with s unknowns that are coupled to t of the joints.
-
-    :ivar inner: (b, s) indices of the blocks' unknowns.
-    :ivar outer: (b, t) indices of the coupled unknowns among those of the joints; their number for
-        displacements that supports fix.
-    :ivar part: entries (b, s, s + t) of the blocks among the entries of a `FramePattern`.
     """
 
-    inner: Indices
+    inner: Indices  #: (b, s) indices of the blocks' unknowns
+    #: (b, t) indices of the coupled unknowns among those of the joints; their number for
+    #: displacements that supports fix
     outer: Indices
-    part: slice
+    part: slice  #: entries (b, s, s + t) of the blocks among the entries of a `FramePattern`
 
 
 class FramePattern:

@@ -33,17 +33,15 @@ TUBE_CURVATURE = 15.0
 class Slopes(NamedTuple):
     """
     Inclinations of the bent centre lines before and behind cuts, (p,), and their derivatives.
-
-    :ivar values: (p,) inclinations [rad].
-    :ivar by_ends: (p, 1, 6) derivatives of the inclinations by (ux, uy, theta) at start and end.
-    :ivar by_forces: (p, 3) derivatives of the inclinations by `EndForces.values` with fixed nodes.
-    :ivar by_shear: (p,) derivatives of the inclinations by the logarithm of GA with fixed nodes
-        and constant forces.
     """
 
-    values: Array
+    values: Array  #: (p,) inclinations [rad]
+    #: (p, 1, 6) derivatives of the inclinations by (ux, uy, theta) at start and end
     by_ends: Array
+    #: (p, 3) derivatives of the inclinations by `EndForces.values` with fixed nodes
     by_forces: Array
+    #: (p,) derivatives of the inclinations by the logarithm of GA with fixed nodes and constant
+    #: forces
     by_shear: Array
 
 
@@ -52,48 +50,32 @@ class CondensedCuts(NamedTuple):
     Parts of q cut members; static condensation has eliminated the nodes at their cuts.
 
     Each member has displacements at b cuts; members with fewer cuts have units in their place.
-
-    :ivar stiffness: (q, 3 b, 3 b) stiffness of the nodes at the cuts with fixed member ends.
-    :ivar inverse: (q, 3 b, 3 b) its inverse.
-    :ivar spread: (q, 3 b, 6) displacements of these nodes by unit displacements of the members'
-        ends.
-    :ivar members: (q, 6, 6) condensed stiffness of the members.
     """
 
-    stiffness: Array
-    inverse: Array
+    stiffness: Array  #: (q, 3 b, 3 b) stiffness of the nodes at the cuts with fixed member ends
+    inverse: Array  #: (q, 3 b, 3 b) its inverse
+    #: (q, 3 b, 6) displacements of these nodes by unit displacements of the members' ends
     spread: Array
-    members: Array
+    members: Array  #: (q, 6, 6) condensed stiffness of the members
 
 
 @dataclass(frozen=True, eq=False)
 class Tangent:
-    """
-    Frame linearised about displacements of its nodes (corotational formulation).
+    """Frame linearised about displacements of its nodes (corotational formulation)."""
 
-    :ivar frame: the frame.
-    :ivar displacements: (n, 3) displacements ux, uy [m], theta [rad].
-    :ivar multipliers: (c,) Lagrange multipliers of the constraints.
-    :ivar axis: (k,) unit vectors of the chords, x + iy.
-    :ivar length: (k,) lengths of the chords [m].
-    :ivar stretched: (k,) elongations [m], and (2, k) rotations s and b, see `EndForces` [rad].
-    :ivar forces: axial forces and end moments of the members.
-    :ivar length_rates: (k, 3) derivatives of `EndForces.values` by the rest lengths of the parts
-        beside cuts, with fixed nodes; zero for other members.
-    :ivar constraints: see `TurnRows.linearize`.
-    :ivar given: factorised matrix; None: it is computed.
-    """
-
-    frame: FrameArrays
-    displacements: Array
-    multipliers: Array
-    axis: Points
-    length: Array
+    frame: FrameArrays  #: the frame
+    displacements: Array  #: (n, 3) displacements ux, uy [m], theta [rad]
+    multipliers: Array  #: (c,) Lagrange multipliers of the constraints
+    axis: Points  #: (k,) unit vectors of the chords, x + iy
+    length: Array  #: (k,) lengths of the chords [m]
+    #: (k,) elongations [m], and (2, k) rotations s and b, see `EndForces` [rad]
     stretched: tuple[Array, Array]
-    forces: EndForces
+    forces: EndForces  #: axial forces and end moments of the members
+    #: (k, 3) derivatives of `EndForces.values` by the rest lengths of the parts beside cuts, with
+    #: fixed nodes; zero for other members
     length_rates: Array
-    constraints: tuple[Array, Array, Points]
-    given: Elimination | None = None
+    constraints: tuple[Array, Array, Points]  #: see `TurnRows.linearize`
+    given: Elimination | None = None  #: factorised matrix; None: it is computed
 
     @classmethod
     def of(
@@ -104,15 +86,7 @@ class Tangent:
         pull: Array | None = None,
         given: Elimination | None = None,
     ) -> Tangent:
-        """
-        Linearise a frame about given displacements.
-
-        :param frame: the frame.
-        :param displacements: (n, 3) displacements ux, uy [m], theta [rad].
-        :param multipliers: (c,) Lagrange multipliers of the constraints.
-        :param pull: (k,) axial forces [N], see `BeamColumns.evaluate`; None: they are computed.
-        :param given: factorised matrix of this state; None: it is computed.
-        """
+        """Linearise a frame about given displacements."""
         columns, rest, start, end = frame.columns, frame.length, frame.start, frame.end
         shifts, turns = displacements[:, 0] + 1j * displacements[:, 1], displacements[:, 2]
         apart = (shifts[end] - shifts[start]) * frame.axis.conj()
@@ -156,11 +130,7 @@ class Tangent:
 
     @cached_property
     def cuts(self) -> CondensedCuts:
-        """
-        Return the cut members after static condensation of the nodes at their cuts.
-
-        :raises StructureError: a cut member has no stiffness.
-        """
+        """Return the cut members after static condensation of the nodes at their cuts."""
         layout, parts = self.frame.layout, self.matrices[self.frame.layout.parts]
         shape = len(layout.ends), layout.width, layout.width
         whole = np.bincount(layout.local, parts.ravel(), math.prod(shape))
@@ -195,12 +165,7 @@ class Tangent:
         return self.eliminate(np.zeros((len(self.frame.scaling.scale), 1)))[0]
 
     def eliminate(self, right: Array) -> tuple[Elimination, Array]:
-        """
-        Return the factorised matrix of (4), and the changes (u, p) of the unknowns.
-
-        :param right: (u, p) right-hand sides of (4) without cuts.
-        :raises StructureError: the structure has no stiffness in its bent shape.
-        """
+        """Return the factorised matrix of (4), and the changes (u, p) of the unknowns."""
         if self.given is not None:
             return self.given, self.given.solve(right)
         try:
@@ -215,10 +180,6 @@ class Tangent:
     ) -> tuple[Array, Array]:
         """
         Return the changes of displacements (3 n, p) and multipliers (c, p) due to p load cases.
-
-        :param loads: (3 n, p) additional loads, one column each [N, N m].
-        :param gaps: (c, p) changes of the right-hand sides of the constraints.
-        :param factored: the factorised matrix, if known.
         """
         factored = factored or self.factored
         layout, rows = self.frame.layout, self.frame.rows.count
@@ -238,11 +199,6 @@ class Tangent:
     ) -> tuple[Elimination, Array, Array]:
         """
         Return the factorised matrix, and changes due to p load cases with loads on cut members.
-
-        :param right: (u, p) right-hand sides of (4) without cuts; they are overwritten.
-        :param local: (q w, p) additional loads on cut members, see `CutLayout.width`.
-        :param factored: the factorised matrix, if known.
-        :return: the factorised matrix; changes (u, p) of the unknowns; and (q w, p) displacements.
         """
         (_, inverse, spread, _), ends = self.cuts, self.frame.layout.ends
         moved = local.reshape(len(ends), -1, local.shape[1])
@@ -261,10 +217,6 @@ class Tangent:
     def balance(self, applied: Array, loads: Array | None = None) -> tuple[Array, Array]:
         """
         Return the changes due to additional loads, and the step to equilibrium as last column.
-
-        :param applied: (3 n,) loads in the equilibrium [N, N m].
-        :param loads: (3 n, p) additional loads, one column each; None: no additional loads.
-        :return: changes (n, 3, p + 1) of displacements, and (c, p + 1) of multipliers.
         """
         gaps, count = self.constraints[1], 0 if loads is None else loads.shape[1]
         columns, opened = np.empty((len(applied), count + 1)), np.zeros((len(gaps), count + 1))
@@ -293,9 +245,6 @@ class Tangent:
         Return the changes (p, 3, c) of the forces of p members due to changes of their sections.
 
         For the forces see `EndForces`. The nodes are fixed. Each of the c columns is one change.
-
-        :param parts: (p,) indices of the members.
-        :param changes: (4, p, c) changes of rest lengths [m], EA [N], EI [N m^2] and GA [N].
         """
         frame, count = self.frame, changes.shape[2]
         each = parts.repeat(count)
