@@ -341,9 +341,7 @@ class BentTubes:
         return Displaced(displacements, multipliers, loads, pull)
 
     def update(self, loads: Array, places: Array, structure: Structure | None = None) -> BentTubes:
-        """
-        Return the tubes linearised about the state that this linearisation predicts under loads.
-        """
+        """Return the tubes linearised about the state that these predict under loads."""
         same = structure is None or structure is self.structure
         found = BentTubes(
             self.structure if same else structure,

@@ -76,9 +76,7 @@ class CutFrame(Frame):
         return self.tangent(*self.no_loads, given=self.uncut.rest.factored)
 
     def locate(self, piece: Indices, within: Array) -> tuple[Indices, Array]:
-        """
-        Return the parts (c,) that contain points, and the distances (c,) from the parts' starts.
-        """
+        """Return the parts (c,) that contain points, and the distances from the parts' starts."""
         order, lengths = self.layout.order, self.uncut.length
         whole, places = self.layout.piece[order], self.begins[self.behind[order]]
         # Keys that increase from member to member, and along each member from 0 to 1.
@@ -90,9 +88,7 @@ class CutFrame(Frame):
 
 
 def keep_apart(pieces: Indices, places: Array, length: Array) -> Array:
-    """
-    Return positions (c,) of cuts [m], shifted so that each part of a member has a minimum length.
-    """
+    """Return positions (c,) of cuts [m], shifted so that no part of a member is too short."""
     ends = length.tolist()
     apart = [
         max(SHORTEST_PART, min(place, end - SHORTEST_PART))

@@ -100,7 +100,7 @@ class Frame(FrameArrays):
         straight = self.tangent(*self.no_loads)
         entries = straight.entries
         factor = _factorize(self._pattern, entries)
-        if factor is None and self._pattern.blocks:
+        if factor is None and self._pattern.condensed:
             whole = FramePattern(self.members, self.held, self.rows, condensed=False)
             factor = _factorize(whole, entries)
         if factor is None:
@@ -123,7 +123,7 @@ class Frame(FrameArrays):
     def _what_moves(self, entries: Array) -> list[str]:
         """Return the names of the nodes that can move without force in a singular frame."""
         scaling = Scaling.of(self._pattern, entries)
-        count, free = len(scaling.scale), self._pattern.free
+        count, free = len(scaling.scale), self._pattern.unknowns.free
         places = self._pattern.entries
         matrix = coo_matrix((entries * scaling.weight, places), shape=(count, count)).toarray()
         values, vectors = np.linalg.eigh(matrix[np.ix_(free, free)])
@@ -135,9 +135,7 @@ class Frame(FrameArrays):
         return [self.names[i] for i in np.flatnonzero(by_node > 1e-3 * by_node.max())]
 
     def solve(self, loads: Array) -> FrameState:
-        """
-        Return displacements, reactions and member forces under loads by the linear model (4).
-        """
+        """Return displacements, reactions and member forces under loads by linear (4)."""
         rest, flat = self.rest, loads.ravel()
         moved, multipliers = (each[:, 0] for each in rest.respond(flat[:, None]))
         forces, _ = rest.force_changes(moved.reshape(-1, 3, 1))
@@ -180,9 +178,7 @@ class Frame(FrameArrays):
         return None
 
     def locate(self, piece: Indices, within: Array) -> tuple[Indices, Array]:
-        """
-        Return the members (c,) that contain points, and the points' distances from their starts.
-        """
+        """Return the members (c,) that contain points, and the distances from their starts."""
         return piece, within
 
     def interpolate(self, displacements: Array, piece: Indices, within: Array) -> Array:
@@ -225,8 +221,8 @@ class Frame(FrameArrays):
 def _factorize(pattern: FramePattern, entries: Array) -> Elimination | None:
     """Return the factorised matrix of (4); None for a mechanism in double precision."""
     try:
-        none = np.zeros((len(pattern.free), 1))
+        none = np.zeros((len(pattern.unknowns.free), 1))
         found, _ = Scaling.of(pattern, entries).eliminate(entries, none)
     except np.linalg.LinAlgError:
         return None
-    return found if found.condition < MAX_CONDITION else None
+    return found if found.factored.condition < MAX_CONDITION else None

@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Numbering of a frame's unknowns: parts that meet in hinges, and the hinges between them.
+Numbering of a frame's unknowns, and its blocks.
 
 The unknowns are the displacements of all nodes and the multipliers of the constraints. A hinge is
 a node at which all members are pinned. Members and constraints join the other nodes to blocks; the
-tubes of a robot are blocks. Blocks are eliminated, so only the unknowns of the joints remain.
+tubes of a robot are blocks.
 """
 
 from __future__ import annotations
@@ -15,8 +15,9 @@ from typing import NamedTuple
 
 from isotruss_ros.core.kinematics.constraints import MAX_DENSE_COORDINATES
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
+from isotruss_ros.core.statics.block_matrix import BlockMatrix, JointsMatrix, Unknowns
 import numpy as np
-from scipy.sparse import coo_matrix, csr_matrix
+from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 
@@ -75,9 +76,7 @@ class TurnRows(NamedTuple):
         return np.concatenate([slopes.real, slopes.imag]), gaps, moved
 
     def curvature(self, spans: Points, multipliers: Array) -> Array:
-        """
-        Return the geometric stiffness (4 h,) of the constraints, in the order of `TurnRows.pairs`.
-        """
+        """Return the geometric stiffness (4 h,) of the constraints, see `TurnRows.pairs`."""
         curved = (-self.weight * multipliers[self.owner] / spans**2)[self.paired] * self.product
         return np.concatenate([curved.imag, curved.real, curved.real, -curved.imag])
 
@@ -99,37 +98,16 @@ def member_places(start: Indices, end: Indices) -> Indices:
     return (3 * np.stack([start, end], axis=1)[:, :, None] + np.arange(3)).reshape(-1, 6)
 
 
-class Blocks(NamedTuple):
-    """
-    Group of b blocks of equal size, each with s unknowns that are coupled to t of the joints.
-    """
-
-    inner: Indices  #: (b, s) indices of the blocks' unknowns
-    #: (b, t) indices of the coupled unknowns among those of the joints; their number for
-    #: displacements that supports fix
-    outer: Indices
-    part: slice  #: entries (b, s, s + t) of the blocks among the entries of a `FramePattern`
-
-
 class FramePattern:
     """
     Numbering of the unknowns of all frames with equal connections and supports.
 
     :ivar places: (k, 6) indices of the displacements of each member's ends.
-    :ivar free: (u,) mask of the unknowns: displacements (3 n,) that are not fixed, and
-        multipliers.
-    :ivar rows: number of constraints.
+    :ivar unknowns: masks (u,) of the displacements (3 n,) and the multipliers.
     :ivar entries: row and column of all entries of the matrix (4): members' stiffness (36 k,),
         constraints, constraints transposed, and the constraints' geometric stiffness.
-    :ivar blocks: groups of blocks.
-    :ivar joints: (j,) indices of the unknowns of the joints.
-    :ivar slots: position of each entry in an array that has the blocks, then the matrix of the
-        joints, then one number for entries without place.
-    :ivar size: length of this array.
-    :ivar units: positions of diagonal entries that are 1, of fixed displacements within blocks.
-    :ivar fill: position of the Schur complements of all blocks in the matrix of the joints.
-    :ivar sparse: row indices and column pointers of the sparse matrix of the joints; None: dense.
-    :ivar sources: matrix (j, .) that sums the coupled unknowns of all blocks at the joints.
+    :ivar condensed: whether the matrix has blocks.
+    :ivar top: numbering of the matrix.
     :param members: members between the nodes; only their connections are used.
     :param held: (n, 3) mask of the displacements ux, uy, theta that supports fix.
     :param rows: constraints on rotations; only their connections are used.
@@ -137,109 +115,45 @@ class FramePattern:
     """
 
     def __init__(
-        self, members: Members, held: Flags, rows: TurnRows, condensed: bool = True
+        self,
+        members: Members,
+        held: Flags,
+        rows: TurnRows,
+        condensed: bool = True,
     ) -> None:
         self.places, count = member_places(members.start, members.end), held.size + rows.count
-        self.rows = rows.count
         turning = np.zeros(len(held), dtype=bool)
         turning[members.start[~members.pinned_start]] = True
         turning[members.end[~members.pinned_end]] = True
         # A hinge has no rotation.
-        real = np.ones(count, dtype=bool)
+        real, multiplier = np.ones(count, dtype=bool), np.arange(count) >= held.size
         np.put(real, 3 * np.arange(len(held)) + 2, turning)
-        self.free = real & np.append(~held.ravel(), np.ones(rows.count, dtype=bool))
+        free = real & ~np.append(held.ravel(), np.zeros(rows.count, dtype=bool))
+        self.unknowns = Unknowns(free, real, multiplier)
         row, column, (one, other) = held.size + rows.row, rows.column, rows.pairs
         first = np.concatenate([self.places.repeat(6), row, column, one])
         second = np.concatenate([np.repeat(self.places, 6, axis=0).ravel(), column, row, other])
-        self.entries = first, second
-        owner = np.full(count, -1)
-        if condensed:
-            owner = _find_blocks(members, turning, rows, self.free)
-        inner = owner >= 0
-        self.joints = np.flatnonzero(~inner & self.free)
-        self._number_blocks(owner, real)
-        self._number_joints(inner)
-
-    def _number_blocks(self, owner: Indices, real: Flags) -> None:
-        """Set `blocks`, `units`, and `slots` of blocks; `owner` is each unknown's block or -1."""
-        (first, second), count = self.entries, len(owner)
-        total, inner = int(owner.max(initial=-1)) + 1, owner >= 0
-        order = np.argsort(owner, kind='stable')
-        order = order[inner[order]]
-        sizes = np.bincount(owner[inner], minlength=total)
-        local = np.zeros(count, dtype=np.intp)
-        local[order] = np.arange(len(order)) - np.repeat(np.cumsum(sizes) - sizes, sizes)
-        across = inner[first] & ~inner[second] & real[second]
-        pairs, pair = np.unique(owner[first[across]] * count + second[across], return_inverse=True)
-        coupled, unknown = np.divmod(pairs, count)
-        widths = np.bincount(coupled, minlength=total)
-        rank = np.arange(len(pairs)) - np.repeat(np.cumsum(widths) - widths, widths)
-        slot = local[second]
-        slot[across] = (sizes[coupled] + rank)[pair]
-        joint = np.full(count, len(self.joints))
-        joint[self.joints] = np.arange(len(self.joints))
-        self._joint, offsets, begin = joint, np.zeros(total, dtype=np.intp), 0
-        self.blocks: list[Blocks] = []
-        for size, width in np.unique(np.stack([sizes, widths], axis=1), axis=0).tolist():
-            alike = np.flatnonzero((sizes == size) & (widths == width))
-            area = size * (size + width)
-            offsets[alike] = begin + area * np.arange(len(alike))
-            part = slice(begin, begin + area * len(alike))
-            begin = part.stop
-            chosen = joint[unknown[np.isin(coupled, alike)]].reshape(len(alike), width)
-            inside = order[np.isin(owner[order], alike)].reshape(len(alike), size)
-            self.blocks.append(Blocks(inside, chosen, part))
-        row, inside = sizes + widths, inner[first] & (inner[second] | across)
-        self.slots, self._begin = np.full(len(first), -1), begin
-        block = owner[first[inside]]
-        self.slots[inside] = offsets[block] + local[first[inside]] * row[block] + slot[inside]
-        fixed = np.flatnonzero(inner & ~self.free)
-        self.units = offsets[owner[fixed]] + local[fixed] * (row[owner[fixed]] + 1)
-
-    def _number_joints(self, inner: Flags) -> None:
-        """Set `slots` of the joints' matrix, `size`, `fill`, `sparse` and `sources`."""
-        count, outer = len(self.joints), [each.outer for each in self.blocks]
-        rows, columns = (self._joint[each] for each in self.entries)
-        filled = [np.broadcast_arrays(each[:, :, None], each[:, None]) for each in outer]
-        rows, columns = (
-            np.concatenate([own, *(pair[i].ravel() for pair in filled)])
-            for i, own in enumerate((rows, columns))
+        self.entries, blocks = (first, second), _find_blocks(members, turning, rows)
+        # A single block is the whole frame.
+        self.condensed = condensed and blocks.max() > 0 and bool((free & (blocks < 0)).any())
+        self.top: BlockMatrix | JointsMatrix = (
+            BlockMatrix(self.entries, blocks, self.unknowns)
+            if self.condensed
+            else JointsMatrix(self.entries, self.unknowns)
         )
-        there = np.flatnonzero((rows < count) & (columns < count))
-        keys, self.sparse = columns[there] * count + rows[there], None
-        entries = count**2
-        if count > MAX_DENSE_COORDINATES:
-            unique, keys = np.unique(keys, return_inverse=True)
-            entries = len(unique)
-            pointers = np.searchsorted(unique, count * np.arange(count + 1))
-            self.sparse = unique % count, pointers
-        found = np.full(len(rows), entries)
-        found[there] = keys
-        direct = len(self.slots)
-        self.size, self.fill = self._begin + entries + 1, found[direct:]
-        self.slots = np.where(self.slots < 0, self._begin + found[:direct], self.slots)
-        ahead = np.concatenate([*(each.ravel() for each in outer), rows[:0]])
-        coupled = np.flatnonzero(ahead < count)
-        places = ahead[coupled], coupled
-        sources = csr_matrix((np.ones(len(coupled)), places), shape=(count, len(ahead)))
-        self.sources = sources if self.sparse else sources.toarray()
 
 
-def _find_blocks(members: Members, turning: Flags, rows: TurnRows, free: Flags) -> Indices:
-    """Return the block (u,) of each unknown, -1 for unknowns of the joints."""
-    count, size = len(turning), len(turning) + rows.count
+def _find_blocks(members: Members, solid: Flags, rows: TurnRows) -> Indices:
+    """Return the block (u,) of each unknown of solid nodes (n,), -1 for unknowns of others."""
+    count, size = len(solid), len(solid) + rows.count
     one = np.append(members.start, count + rows.row)
     other = np.append(members.end, rows.column // 3)
-    solid = np.append(turning, np.ones(rows.count, dtype=bool))
-    joined = solid[one] & solid[other]
+    within = np.append(solid, np.ones(rows.count, dtype=bool))
+    joined = within[one] & within[other]
     graph = coo_matrix((joined[joined], (one[joined], other[joined])), shape=(size, size))
     number, label = connected_components(graph, directed=False)
     label = label[np.append(np.arange(count).repeat(3), np.arange(count, size))]
-    unknowns = np.bincount(label, minlength=number)
     chosen = np.zeros(number, dtype=bool)
-    chosen[label[3 * np.flatnonzero(turning)]] = True
-    chosen &= unknowns <= MAX_DENSE_COORDINATES
-    block = np.where(chosen, np.cumsum(chosen) - 1, -1)[label]
-    # A single block is the whole frame.
-    several = block.max() > 0 and (free & (block < 0)).any()
-    return block if several else np.full(len(free), -1)
+    chosen[label[3 * np.flatnonzero(solid)]] = True
+    chosen &= np.bincount(label, minlength=number) <= MAX_DENSE_COORDINATES
+    return np.where(chosen, np.cumsum(chosen) - 1, -1)[label]

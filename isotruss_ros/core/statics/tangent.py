@@ -299,4 +299,4 @@ class Tangent:
         """Return whether the frame's equilibrium is stable under the constraints."""
         cut = self.cuts.stiffness if len(self.frame.nodes) else ()
         softened = sum(count_negative_pivots(each, 0) for each in cut)
-        return self.factored.negative_pivots + softened == self.frame.rows.count
+        return self.factored.factored.negative_pivots + softened == self.frame.rows.count

@@ -148,7 +148,7 @@ def test_the_tangent_is_the_derivative_of_the_forces(rng):
     )
     change = (ahead.carried - behind.carried) / 2e-6
     answer, _ = bent.respond(change[:, None])
-    moved = np.where(frame.scaling.pattern.free, way.ravel(), 0.0)
+    moved = np.where(frame.scaling.pattern.unknowns.free, way.ravel(), 0.0)
     # What is held moves too: its forces are what the change has beside those of the unknowns.
     still = way.ravel() - moved
     held = still.reshape(way.shape)

@@ -10,7 +10,7 @@ import frames
 from frames import turning
 from hypothesis import given
 from isotruss_ros.core.errors import IsotrussError, StructureError
-from isotruss_ros.core.statics import frame_pattern
+from isotruss_ros.core.statics import block_matrix
 from isotruss_ros.core.statics.cut_frame import CutFrame
 import numpy as np
 import pytest
@@ -94,7 +94,7 @@ def random_rows(rng, points, found, held):
 def path(request, monkeypatch):
     """Solve with dense or with sparse factors, whatever the size."""
     limit = 10**6 if request.param == 'dense' else 0
-    monkeypatch.setattr(frame_pattern, 'MAX_DENSE_COORDINATES', limit)
+    monkeypatch.setattr(block_matrix, 'MAX_DENSE_COORDINATES', limit)
 
 
 @pytest.mark.usefixtures('path')
