@@ -31,9 +31,7 @@ TUBE_CURVATURE = 15.0
 
 
 class Slopes(NamedTuple):
-    """
-    Inclinations of the bent centre lines before and behind cuts, (p,), and their derivatives.
-    """
+    """Inclinations (p,) of bent centre lines before and behind cuts, with derivatives."""
 
     values: Array  #: (p,) inclinations [rad]
     #: (p, 1, 6) derivatives of the inclinations by (ux, uy, theta) at start and end
@@ -178,9 +176,7 @@ class Tangent:
     def respond(
         self, loads: Array, gaps: Array | float = 0.0, factored: Elimination | None = None
     ) -> tuple[Array, Array]:
-        """
-        Return the changes of displacements (3 n, p) and multipliers (c, p) due to p load cases.
-        """
+        """Return changes of displacements (3 n, p) and multipliers (c, p) by p load cases."""
         factored = factored or self.factored
         layout, rows = self.frame.layout, self.frame.rows.count
         count, columns = len(loads) - 3 * len(self.frame.nodes), loads.shape[1]
@@ -197,9 +193,7 @@ class Tangent:
     def respond_locally(
         self, right: Array, local: Array, factored: Elimination | None = None
     ) -> tuple[Elimination, Array, Array]:
-        """
-        Return the factorised matrix, and changes due to p load cases with loads on cut members.
-        """
+        """Return the factorised matrix, and changes by p load cases with loads on cut members."""
         (_, inverse, spread, _), ends = self.cuts, self.frame.layout.ends
         moved = local.reshape(len(ends), -1, local.shape[1])
         inner, outer = moved[:, :-6], moved[:, -6:]
@@ -215,9 +209,7 @@ class Tangent:
         return factored, found, moved.reshape(local.shape)
 
     def balance(self, applied: Array, loads: Array | None = None) -> tuple[Array, Array]:
-        """
-        Return the changes due to additional loads, and the step to equilibrium as last column.
-        """
+        """Return the changes by additional loads, and the step to equilibrium (last column)."""
         gaps, count = self.constraints[1], 0 if loads is None else loads.shape[1]
         columns, opened = np.empty((len(applied), count + 1)), np.zeros((len(gaps), count + 1))
         columns[:, :count] = loads
