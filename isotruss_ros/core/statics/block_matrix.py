@@ -214,7 +214,7 @@ class FactoredBlocks:
 
     @cached_property
     def inverses(self) -> list[Array]:
-        """Return the inverses (b, s, s) of the blocks of each group."""
+        """Return the inverse (b, s, s) of the blocks of each group."""
         return [np.linalg.inv(stiff) for stiff, _ in self.parts]
 
     def solve(self, right: Array) -> Array:
