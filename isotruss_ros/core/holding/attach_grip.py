@@ -50,12 +50,10 @@ from isotruss_ros.core.kinematics.configuration import Configuration, MAX_FIRST_
 from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.manipulation.grip import GRIP_SIZES
 from isotruss_ros.core.model.convex_object import ConvexObject
-from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.numerics.tolerances import (
     MAX_NEWTON_ITERATIONS,
     MAX_SEARCH_STEPS,
-    NEGLIGIBLE_SHARE,
 )
 import numpy as np
 
@@ -151,8 +149,7 @@ def _rest_solver(
             if found is not None:
                 motion = travel, found[1].unknowns - before.state.unknowns
         if found is None:
-            start = _search_centered(statics, wrench, chosen.grazing, steps)
-            found = None if start is None else statics.settle(start, wrench, conditions, steps)
+            found = statics.settle(start_at(statics, body), wrench, conditions, steps)
         if found is not None and len(contacts.owners) > len(contacts.ends):
             found = _tabulate_dents(*found, tubes).settle(
                 found[1].unknowns, wrench, conditions, steps
@@ -184,28 +181,6 @@ def _tabulate_dents(
     turned, structure = statics.body.moved_to(state.unknowns[:3]), statics.bent.structure
     dents = find_dents(structure, turned, statics.contacts, tubes, state.normals)
     return replace(statics, dents=dents)
-
-
-def _search_centered(
-    statics: ContactStatics, wrench: Array, grazing: int | None, steps: int
-) -> Array | None:
-    """Return an initial guess that does not depend on the origin of the object's frame."""
-    body, shape = statics.body, statics.body.shape
-    if abs(shape.centroid) <= NEGLIGIBLE_SHARE * body.arm:
-        return start_at(statics, body)
-    pose = Pose(body.middle.real, body.middle.imag, body.pose.angle)
-    centered = ConvexObject(shape.centered).moved_to(pose)
-    away = (body.middle - body.center) / body.arm
-    moment = wrench[2] - away.real * wrench[1] + away.imag * wrench[0]
-    statics = replace(statics, body=centered)
-    start, conditions = start_at(statics, centered), rest(statics, centered, grazing)
-    state = statics.solve(start, np.append(wrench[:2], moment), conditions, steps)
-    if state is None:
-        return None
-    found = state.unknowns.copy()
-    center = state.center - cmath.rect(1.0, found[ANGLE]) * shape.centroid
-    found[CENTER] = center.real, center.imag
-    return found
 
 
 def _is_like(grip: HeldGrip, statics: ContactStatics) -> bool:

@@ -26,7 +26,6 @@ import cmath
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 import functools
-import math
 from typing import NamedTuple
 
 from isotruss_ros.core.contact.dents import Dents
@@ -266,7 +265,9 @@ class ContactStatics:
                 return None if folded else state
             _, _, step, singular = lapack.dgesv(state.jacobian, -residual)
             size = np.abs(step)
-            size[CENTER] = math.hypot(step[0], step[1])
+            # The motion of the centroid does not depend on the frame of the object.
+            turn = cmath.rect(1.0, unknowns[ANGLE]) * self.body.shape.centroid
+            size[CENTER] = abs(complex(step[0], step[1]) + 1j * turn * step[ANGLE])
             if singular or not size.max() < np.inf:
                 return None
             unknowns = unknowns + step / max(1.0, float((size / longest).max()))
