@@ -59,6 +59,10 @@ class ContactSet(NamedTuple):
         """Return the set without one of its contacts."""
         return ContactSet(self.contacts.without(dropped), np.delete(self.origins, dropped))
 
+    def parts(self) -> list[ContactSet]:
+        """Return the sets without one end of a face."""
+        return [self.without(k) for k in np.flatnonzero(_is_face_end(self.contacts)).tolist()]
+
 
 class FreeCorner(NamedTuple):
     """Corner without contact that penetrates a grasping member."""
@@ -98,20 +102,17 @@ def search_contacts(
         if solved > 0 or not rolls:
             tried.add(chosen.key)
         solved += 1
-        found = solve(chosen, before)
-        if found is None:
-            ends = np.flatnonzero(_is_face_end(chosen.contacts)).tolist()
-            sets, parent = [chosen.without(k) for k in ends], before
-        else:
-            sets, parent = _violations(found, rolls), found
-        if sets is None:
-            pressing.append(found)
+        grip = solve(chosen, before)
+        mended = chosen.parts() if grip is None else _mend(grip, rolls)
+        if grip is not None and mended is None:
+            pressing.append(grip)
             # Without a history, the other sets that followed from the same equilibrium compete.
-            waiting = [] if rolls else [each for each in waiting if each[1] is before]
-            waiting = [each for each in waiting if each[0].grazing is None]
-        elif not pressing:
-            waiting += [(more, parent) for more in sets if more.grazing is None]
-            waiting[:0] = [(more, parent) for more in sets if more.grazing is not None]
+            siblings = [item for item in waiting if item[1] is before and not rolls]
+            waiting = [item for item in siblings if item[0].grazing is None]
+        elif mended and not pressing:
+            follows = before if grip is None else grip
+            waiting += [(item, follows) for item in mended if item.grazing is None]
+            waiting[:0] = [(item, follows) for item in mended if item.grazing is not None]
     return min(pressing, key=_displacement, default=None)
 
 
@@ -120,7 +121,7 @@ def _displacement(grip: HeldGrip) -> float:
     return abs(grip.body.middle - grip.statics.body.middle)
 
 
-def _violations(grip: HeldGrip, rolls: bool) -> list[ContactSet] | None:
+def _mend(grip: HeldGrip, rolls: bool) -> list[ContactSet] | None:
     """Return the sets that mend the largest violation, the most likely set last; None if none."""
     pulling = most_pulling(grip, rolls)
     if pulling is not None:
@@ -156,49 +157,49 @@ def free_corners(grip: HeldGrip, gap: float = -SKIN_TOLERANCE) -> Iterator[FreeC
     :param gap: largest gap in the bent tube that counts as penetration [m].
     """
     contacts, radius = grip.contacts, grip.statics.tube_radius
-    for own in contacts.ends if grip.body.shape.faces_at(0) else ():
+    for ends in contacts.ends if grip.body.shape.faces_at(0) else ():
         far: list[FreeCorner] = []
-        for corner, (_, along, k) in _nearby_corners(grip, own.tolist()).items():
+        for corner, (_, along, k) in _nearby_corners(grip, ends.tolist()).items():
             if abs(along) >= radius:
                 far.append(FreeCorner(0.0, k, corner, along))
                 continue
             normal = complex(grip.state.normals[k])
-            own_height = _height(grip, int(contacts.corners[k]), normal)
-            if (higher := _height(grip, corner, normal) - own_height) > SKIN_TOLERANCE:
+            height = _height(grip, int(contacts.corners[k]), normal)
+            if (higher := _height(grip, corner, normal) - height) > SKIN_TOLERANCE:
                 yield FreeCorner(higher, k, corner, along)
         if far:
             corners = np.array([free.corner for free in far])
-            depths = skin_depths(grip, np.full(len(far), contacts.members[own[0]]), corners)
+            depths = skin_depths(grip, np.full(len(far), contacts.members[ends[0]]), corners)
             for free, depth in zip(far, depths.tolist(), strict=True):
                 if depth > -gap:
                     yield free._replace(depth=depth)
 
 
-def _nearby_corners(grip: HeldGrip, own: list[int]) -> dict[int, tuple[float, float, int]]:
+def _nearby_corners(grip: HeldGrip, ends: list[int]) -> dict[int, tuple[float, float, int]]:
     """
-    Return the corners without contact that may penetrate a member with the contacts `own`.
+    Return the corners without contact that may penetrate a member with the contacts `ends`.
 
     The values are the distance along the faces from the nearest contact, this distance with its
     sign, and the index of the contact.
     """
     shape, statics, body = grip.body.shape, grip.statics, grip.body
     normal, touching = (
-        complex(statics.straight_normals[own[0]]),
-        grip.contacts.corners[own].tolist(),
+        complex(statics.straight_normals[ends[0]]),
+        grip.contacts.corners[ends].tolist(),
     )
-    skin = ((complex(statics.bent.start[own[0]]) - body.center) / normal).real
+    skin = ((complex(statics.bent.start[ends[0]]) - body.center) / normal).real
     least = skin - (1.0 + 2.0 * MAX_DISPLACEMENT) * statics.tube_radius
-    found: dict[int, tuple[float, float, int]] = {}
-    for k, begin in zip(own, touching, strict=True):
+    corners: dict[int, tuple[float, float, int]] = {}
+    for k, begin in zip(ends, touching, strict=True):
         for side in range(2):
             face = shape.faces_at(begin)[side]
             along = face.step * face.length
             while face.corner not in touching and _height(grip, face.corner, normal) > least:
                 near = abs(along), along, k
-                found[face.corner] = min(near, found.get(face.corner, near))
+                corners[face.corner] = min(near, corners.get(face.corner, near))
                 face = shape.faces_at(face.corner)[side]
                 along += face.step * face.length
-    return found
+    return corners
 
 
 def _height(grip: HeldGrip, corner: int, normal: complex) -> float:

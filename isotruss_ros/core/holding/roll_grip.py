@@ -94,7 +94,7 @@ def roll_contacts(
         statics.settle(start, wrench, conditions, MAX_SEARCH_STEPS, FOLLOWED_MOTION)
         for start in starts
     )
-    settled = next((found for found in tries if found is not None), None)
+    settled = next((solution for solution in tries if solution is not None), None)
     if settled is None:
         return None
     statics, state = settled

@@ -84,7 +84,7 @@ def test_a_search_without_end_solves_a_bounded_number_of_sets(monkeypatch):
         origins[0] = -1 - len(solved)
         return [more._replace(origins=origins), more._replace(grazing=len(solved))]
 
-    monkeypatch.setattr(contact_search, '_violations', others)
+    monkeypatch.setattr(contact_search, '_mend', others)
     assert search_contacts(solve, contacts, limit=5) is None
     assert len(solved) == 5
     solved.clear()
