@@ -150,28 +150,40 @@ def _rest_solver(
                 motion = travel, found[1].unknowns - before.state.unknowns
         if found is None:
             found = statics.settle(start_at(statics, body), wrench, conditions, steps)
-        if found is not None and len(contacts.owners) > len(contacts.ends):
-            found = _tabulate_dents(*found, tubes).settle(
-                found[1].unknowns, wrench, conditions, steps
-            )
         if found is None:
             return None
-        statics, state = found
-        angles = np.angle(state.normals * np.exp(-1j * state.unknowns[2]))
-        rolled = travel_rates(config, contacts.members) @ config.roller_positions
-        return HeldGrip(
-            config=config,
-            body=body.moved_to(state.unknowns[:3]),
-            anchors=statics.anchors(state.unknowns, state.normals, rolled, angles),
-            angles=angles,
-            statics=statics,
-            state=state,
-            wrench=wrench,
-            tubes=tubes,
-            motion=motion,
-        )
+        grip = _as_grip(config, *found, wrench, tubes)
+        if len(contacts.owners) > len(contacts.ends):
+            statics, unknowns = _tabulate_dents(*found, tubes), found[1].unknowns
+            found = statics.settle(unknowns, wrench, conditions, steps)
+            if found is None:
+                return None
+            grip = replace(_as_grip(config, *found, wrench, tubes), dent_basis=grip)
+        return replace(grip, motion=motion)
 
     return solve
+
+
+def _as_grip(
+    config: Configuration,
+    statics: ContactStatics,
+    state: ContactForces,
+    wrench: Array,
+    tubes: TubeModel,
+) -> HeldGrip:
+    """Return a grip with a solution of the equations, whose contacts have not rolled yet."""
+    angles = np.angle(state.normals * np.exp(-1j * state.unknowns[2]))
+    rolled = travel_rates(config, statics.contacts.members) @ config.roller_positions
+    return HeldGrip(
+        config=config,
+        body=statics.body.moved_to(state.unknowns[:3]),
+        anchors=statics.anchors(state.unknowns, state.normals, rolled, angles),
+        angles=angles,
+        statics=statics,
+        state=state,
+        wrench=wrench,
+        tubes=tubes,
+    )
 
 
 def _tabulate_dents(

@@ -10,7 +10,6 @@ A corner has one contact; a face has one contact at each end.
 from __future__ import annotations
 
 import cmath
-import math
 
 from isotruss_ros.core.contact.dents import corner_dents, Dents, disc_dents
 from isotruss_ros.core.holding.contact_forces import PressedContacts
@@ -26,8 +25,6 @@ import numpy as np
 
 #: Tube model with flattening and with pressure and stiffness of the robot file.
 NOMINAL_TUBES = TubeModel()
-#: Step of the angles of normals for which dents are tabulated [rad].
-ANGLE_STEP = 0.01
 
 
 def find_pressed(config: Configuration, body: ConvexObject, members: Indices) -> PressedContacts:
@@ -146,27 +143,9 @@ def find_dents(
         facing = (normals * body.turn.conjugate()).tolist()
         cuts = map(tuple, contacts.cuts.tolist())
         tables = [
-            corner_dents(
-                robot, tube, shape, _tabulated(shape, corner, normal), corner, cut, pressures
-            )
+            corner_dents(robot, tube, shape, cmath.phase(normal), corner, cut, pressures)
             for tube, normal, corner, cut in zip(
                 numbers, facing, contacts.corners.tolist(), cuts, strict=True
             )
         ]
     return Dents(tables, tubes.stiffness_scale)
-
-
-def _tabulated(shape: Shape, corner: int, normal: complex) -> float:
-    """
-    Return the angle with tabulated dents that is nearest to the angle of a normal [rad].
-
-    Beyond the normals of a corner's faces, another corner is deeper; the dent is that of the face.
-    """
-    faces = shape.faces_at(corner)
-    if not faces:
-        return ANGLE_STEP * round(cmath.phase(normal) / ANGLE_STEP)
-    before, after = (face.normal for face in faces)
-    middle, half = cmath.phase(before + after), 0.5 * cmath.phase(after / before)
-    count = math.ceil(half / ANGLE_STEP)
-    off = round(count * cmath.phase(normal * cmath.rect(1.0, -middle)) / half)
-    return middle + half * max(-count, min(off, count)) / count

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from isotruss_ros.core.contact.dents import PressedSkin
+from isotruss_ros.core.contact.pressed_skin import PressedSkin
 from isotruss_ros.core.holding.contact_forces import ContactForces, PressedContacts
 from isotruss_ros.core.numerics.arrays import Array, Flags
 from isotruss_ros.core.statics.bent_tubes import BentTubes

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import functools
 
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.holding.contact_forces import POSE, slip_conditions
+from isotruss_ros.core.holding.contact_forces import ANGLE, POSE, slip_conditions
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.holding.loaded_tubes import GraspParameters, LoadedTubes
 from isotruss_ros.core.holding.settled_grasp import SettledGrasp
@@ -206,7 +206,7 @@ def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
         )
     parameters = GraspParameters.of(grip.config)
     chosen = np.eye(parameters.size, parameters.size + 3)
-    tubes = LoadedTubes(grip, chosen, parameters)
+    tubes = LoadedTubes(grip, chosen, parameters, turns=_turn_dents(grip, chosen, parameters))
     state, places = grip.state, grip.state.places
     change = -np.linalg.solve(state.jacobian, tubes.equation_rates())
     change[:, -3:] = -np.linalg.inv(grip.tangent)[:, places.balance]
@@ -228,6 +228,17 @@ def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
         most_used=tuple(names[i] for i in _find_largest(used)),
         _changes=(tubes, change),
     )
+
+
+def _turn_dents(grip: HeldGrip, chosen: Array, parameters: GraspParameters) -> Array:
+    """Return the derivatives (k, p) of the angles in the object's frame of the dents' normals."""
+    basis = grip.dent_basis
+    if basis is None:  # straight tubes and the given pose
+        spins = LoadedTubes(grip, chosen, parameters).spins
+        return spins - chosen[parameters.place][2]
+    tubes = LoadedTubes(basis, chosen, parameters, turns=_turn_dents(basis, chosen, parameters))
+    change = -np.linalg.solve(basis.state.jacobian, tubes.equation_rates())
+    return tubes.spins + change[basis.state.places.inclinations] - change[ANGLE]
 
 
 def _lost_gradient(settled: SettledGrasp) -> GraspGradient:

@@ -89,6 +89,7 @@ class HeldGrip:
     :ivar state: solution of the equations.
     :ivar wrench: external wrench (fx, fy, m / arm) on the object, see `ConvexObject.arm` [N].
     :ivar tubes: model of the tubes.
+    :ivar dent_basis: equilibrium of whose normals the dents are; None: of the straight tubes'.
     :ivar motion: changes of roller travel (r,) [m] and of the unknowns (3 + 4k,) since the
         equilibrium of the previous configuration; None if there was no previous one.
     """
@@ -101,6 +102,7 @@ class HeldGrip:
     state: ContactForces
     wrench: Array
     tubes: TubeModel
+    dent_basis: HeldGrip | None = None
     motion: tuple[Array, Array] | None = None
 
     @functools.cached_property

@@ -99,6 +99,8 @@ class LoadedTubes:
     :param chosen: (n, p) each column is a direction of change of the n parameters.
     :param parameters: rows of the parameters in `chosen`.
     :param sections: derivatives of the sections, if known; None: they are computed.
+    :param turns: (k, p) derivatives of the angles of the dents' normals in the object's frame
+        [rad]; None: zero.
     :param reach: the tubes are linearised again if a node has moved by more than this [m].
     """
 
@@ -108,9 +110,11 @@ class LoadedTubes:
         chosen: Array,
         parameters: GraspParameters,
         sections: Array | None = None,
+        turns: Array | None = None,
         reach: float = ROUNDING,
     ) -> None:
         self._grip, self._chosen, self._parameters = grip, chosen, parameters
+        self._turns = turns
         state, statics = grip.state, grip.statics
         bent = statics.bent
         if bent.distance(state.loads, state.feet) > reach:
@@ -129,14 +133,17 @@ class LoadedTubes:
         self._push = (normal + 1j * state.friction_forces) * state.normals
         depths, self._soft = statics.dents(normal)
         self._skin = statics.tube_radius - depths
-        _, dents, _ = statics.dents.second_rates(normal)
+        _, dents, _, by_angle = statics.dents.second_rates(normal)
         blown = inflated[topology.tube[members]]
         self._stiffer = stiffer = chosen[parameters.stiffness] / grip.tubes.stiffness_scale
         self.dents = dents[:, None] * blown - np.outer(self._soft * normal, stiffer)
+        if turns is not None:
+            self.dents += by_angle[:, None] * turns
 
     def at(self, grip: HeldGrip) -> LoadedTubes:
         """Return the derivatives at another equilibrium in the same configuration."""
-        return LoadedTubes(grip, self._chosen, self._parameters, self.sections, np.inf)
+        chosen, parameters = self._chosen, self._parameters
+        return LoadedTubes(grip, chosen, parameters, self.sections, self._turns, np.inf)
 
     @functools.cached_property
     def _by_sections(self) -> tuple[Array, Array, Array]:

@@ -103,7 +103,8 @@ class Ellipse(Shape):
 
     def outline(self, spacing: float) -> Points:
         """Return points along the surface; see `Shape.outline`."""
-        count = max(16, int(np.ceil(2.0 * np.pi * self.reach / spacing)))
+        # As many in each quarter, so that the points are symmetric about both axes.
+        count = 4 * max(4, int(np.ceil(0.5 * np.pi * self.reach / spacing)))
         along = 2.0 * np.pi * np.arange(count) / count
         return self.semi_axes[0] * np.cos(along) + 1j * self.semi_axes[1] * np.sin(along)
 

@@ -4,18 +4,17 @@
 """Dents of the skin: the table against the contact it was made from, and what does not count."""
 
 from hypothesis import given, strategies
-from isotruss_ros.core import Ellipse, load_robot
+from isotruss_ros.core import Ellipse, load_robot, Polygon
 from isotruss_ros.core.contact import dents
 from isotruss_ros.core.contact.contact import solve_contact
 from isotruss_ros.core.contact.contact_points import find_contact_points
 from isotruss_ros.core.contact.dents import (
     Dents,
     DentTable,
-    DEPTH_EXPONENT,
     disc_dents,
-    PressedSkin,
 )
 from isotruss_ros.core.contact.flattening import flattening_of
+from isotruss_ros.core.contact.pressed_skin import DentSamples, DEPTH_EXPONENT, PressedSkin
 import numpy as np
 import pytest
 import robots
@@ -36,7 +35,8 @@ def test_dents_agree_with_the_cubic_spline_of_scipy(rng, count, size):
         forces = 1e5 * rng.uniform(0.5, 2.0) * depths ** rng.uniform(1.2, 1.8)
         skins = [PressedSkin(np.zeros(1), 1e-3, np.zeros(1), force[None]) for force in forces]
         press = dict(zip(depths.tolist(), skins, strict=True)).__getitem__
-        tables.append(DentTable(depths, press, flattening_of(ROBOT), 0))
+        samples = DentSamples(depths, press, flattening_of(ROBOT), 0)
+        tables.append(DentTable(depths, [samples], press))
         places = np.append(0.0, forces**DEPTH_EXPONENT)
         splines.append(CubicSpline(places, np.append(0.0, depths), bc_type='natural'))
         lasts.append(places[-1])
@@ -87,6 +87,36 @@ def test_dent_of_a_rigid_tube_agrees_with_the_table(radius):
         push = solve_contact(points, surface).push.sum()
         assert abs(push.real) < 1e-6 * abs(push)
         assert table(-push.imag)[0] == pytest.approx(depth, rel=0.02)
+
+
+#: Angles of normals: of a smooth shape, and of a corner, also near both of its faces.
+TURNS = [(Ellipse((0.2, 0.1)), x) for x in (0.0, 0.3, 1.57, -3.1)]
+TURNS += [(Polygon([(0, 0), (0.3, 0), (0, 0.3)]), x) for x in (-2.4, -3.0, -3.1, -1.65, -1.58)]
+
+
+@pytest.mark.parametrize('force', [0.3, 5.0, 40.0, 1e3, -5.0])
+@pytest.mark.parametrize(('shape', 'angle'), TURNS)
+def test_derivative_by_the_angle_agrees_with_finite_differences(shape, angle, force):
+    def table(turned):
+        return dents.corner_dents(ROBOT, 0, shape, turned, 0, (np.inf, np.inf))
+
+    step = 1e-6
+    slope = (table(angle + step)(force)[0] - table(angle - step)(force)[0]) / (2.0 * step)
+    depth = abs(table(angle)(force)[0])
+    assert table(angle).second_rates(force)[3] == pytest.approx(slope, rel=1e-4, abs=1e-6 * depth)
+
+
+@pytest.mark.parametrize('force', [0.3, 20.0])
+@pytest.mark.parametrize(('shape', 'angle'), TURNS)
+def test_dents_between_samples_agree_with_those_of_their_angle(shape, angle, force):
+    """The step between the samples is a third of what it is."""
+    whole, step = (np.inf, np.inf), dents.ANGLE_STEP
+    for away in step * np.linspace(0.0, 1.0, 7):
+        with pytest.MonkeyPatch.context() as patch:
+            coarse = dents.corner_dents.__wrapped__(ROBOT, 0, shape, angle + away, 0, whole)
+            patch.setattr(dents, 'ANGLE_STEP', step / 3.0)
+            fine = dents.corner_dents.__wrapped__(ROBOT, 0, shape, angle + away, 0, whole)
+        assert coarse(force)[0] == pytest.approx(fine(force)[0], rel=0.02)
 
 
 @pytest.mark.parametrize('force', [0.3, 5.0, 40.0, 1e3, -5.0])

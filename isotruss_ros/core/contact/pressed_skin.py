@@ -1,0 +1,135 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Contact forces on a tube's skin under an object at a given depth of the dent.
+
+Each point of the skin presses across the tube, as in `sliding_contact`, so the forces follow from
+the heights of the object's surface.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import functools
+from typing import NamedTuple
+
+from isotruss_ros.core.contact.flattening import Flattening
+from isotruss_ros.core.model.shapes import Shape
+from isotruss_ros.core.numerics.arrays import Array, Points
+from isotruss_ros.core.numerics.qp import solve_complementarity
+import numpy as np
+
+#: Number of contact points on the chord along which the object overlaps the round tube [-].
+CHORD_POINTS = 41
+DEPTH_EXPONENT = 2.0 / 3.0
+#: Spacing of the points on a corner's outline, and largest extent of the contact to each side of
+#: the contact point, in tube radii [-].
+OUTLINE_SPACING, MAX_EXTENT = 0.02, 4.0
+
+
+class PressedSkin(NamedTuple):
+    """Points of a tube's skin under an object, and the contact forces on them."""
+
+    places: Array  #: (c,) distances from the contact point along the tube, counter-clockwise [m]
+    spacing: float  #: distance between neighbouring points [m]
+    heights: Array  #: (c,) heights of the object's surface above the contact point [m]
+    forces: Array  #: (c,) contact forces, zero at points that the object does not touch [N]
+
+
+class DentSamples:
+    """
+    Forces at given depths of the dent, for one tube and one object with a given normal.
+
+    :ivar places: (n + 1,) 2/3 powers of the forces at depth zero and at the n depths [N^(2/3)].
+    :param depths: (n,) depths of the dent, positive and increasing [m].
+    :param press: skin under the object as a function of the depth.
+    :param kernel: local compliance of the tubes' sections.
+    :param tube: index of the tube.
+    """
+
+    def __init__(
+        self,
+        depths: Array,
+        press: Callable[[float], PressedSkin],
+        kernel: Flattening,
+        tube: int,
+    ) -> None:
+        self._skins = [press(depth) for depth in depths.tolist()]
+        self._kernel, self._tube = kernel, tube
+        forces = np.array([skin.forces.sum() for skin in self._skins])
+        self.places: Array = np.append(0.0, forces) ** DEPTH_EXPONENT
+
+    @functools.cached_property
+    def pressure_rates(self) -> Array:
+        """Return the derivatives (n + 1,) of `places` with respect to the gauge pressure."""
+        kernel, tube, rates = self._kernel, self._tube, [0.0]
+        for _, spacing, _, forces in self._skins:
+            # The sum of q, where C q = -gaps, changes by -l . C' q, where C l = 1.
+            closed = np.flatnonzero(forces)
+            alike = np.zeros(len(closed), dtype=np.intp)
+            dents = kernel.compliance(spacing * closed, alike, alike + tube, spacing)
+            by_gaps = np.linalg.solve(dents, np.ones(len(closed)))
+            apart = np.abs(closed[:, None] - closed)
+            softer = kernel.compliance_rates(len(forces), spacing)[tube][apart]
+            lost = float(by_gaps @ softer @ forces[closed])
+            rates.append(-DEPTH_EXPONENT * forces.sum() ** (DEPTH_EXPONENT - 1.0) * lost)
+        return np.array(rates)
+
+
+def press_disc(kernel: Flattening, tube: int, radius: float, depth: float) -> PressedSkin:
+    """Return the skin under a disc at a given depth."""
+    half = np.sqrt(radius**2 - (radius - depth) ** 2)
+    places = half * np.linspace(-1.0, 1.0, CHORD_POINTS)
+    heights = radius - np.sqrt(radius**2 - places**2)
+    return _press(kernel, tube, places, heights, depth)
+
+
+def _press(
+    kernel: Flattening, tube: int, places: Array, heights: Array, depth: float
+) -> PressedSkin:
+    """Return the skin whose contact forces close the gaps under an object at a given depth."""
+    count, spacing = len(places), float(places[1] - places[0])
+    dents = kernel.lattice_compliance(count, tube, spacing)
+    forces, _ = solve_complementarity(dents, heights - depth, np.ones(count, dtype=bool))
+    return PressedSkin(places, spacing, heights, forces)
+
+
+@functools.lru_cache(maxsize=16)
+def _outline(shape: Shape, spacing: float) -> Points:
+    """Return `Shape.outline`, cached."""
+    return shape.outline(spacing)
+
+
+def find_profile(shape: Shape, angle: float, corner: int, spacing: float) -> tuple[Array, Array]:
+    """Return positions along a tube, counter-clockwise, and the surface's heights there [m]."""
+    inward = -np.exp(1j * angle)
+    point = shape.point_at(corner, complex(-inward))
+    seen = (_outline(shape, spacing) - point) * inward.conjugate()
+    # Positions along the tube, counter-clockwise, and heights into the object.
+    along, height = -seen.imag, seen.real
+    first, last = int(along.argmin()), int(along.argmax())
+    count = (last - first) % len(along)
+    chain = (first + np.arange(count + 1)) % len(along)
+    places, found = along[chain], np.maximum(height[chain], 0.0)
+    # The contact point may be between two points of the outline.
+    place = int(np.searchsorted(places, 0.0))
+    return np.insert(places, place, 0.0), np.insert(found, place, 0.0)
+
+
+def press_corner(
+    kernel: Flattening, tube: int, places: Array, heights: Array, reach: Array, depth: float
+) -> PressedSkin:
+    """Return the skin under a corner at a given depth."""
+    low = np.flatnonzero(heights <= depth)
+    first, last = max(low[0] - 1, 0), min(low[-1] + 1, len(places) - 1)
+    # Interpolated positions at which the height of the surface is the depth.
+    begin, end = (
+        float(np.interp(depth, heights[pair], places[pair]))
+        for pair in ([low[0], first], [low[-1], last])
+    )
+    begin, end = max(begin, -float(reach[0])), min(end, float(reach[1]))
+    spacing = max(end - begin, 1e-6) / CHORD_POINTS
+    # Each point is in the middle of a piece of tube; the outer pieces end at `begin` and `end`.
+    middles = begin + (np.arange(CHORD_POINTS) + 0.5) * spacing
+    return _press(kernel, tube, middles, np.interp(middles, places, heights), depth)
