@@ -28,7 +28,8 @@ from isotruss_ros.core.numerics.tolerances import MAX_SEARCH_STEPS, ROUNDING
 import numpy as np
 
 #: Largest depth of a corner without contact in the skin of a bent tube [m]. It covers the error
-#: of the centre line between the nodes of the frame.
+#: of the centre line between the nodes of the frame. With a third and with three times of it, 144
+#: random polygons and 758 steps of rolling have the same outcomes.
 SKIN_TOLERANCE = 2e-5
 
 
