@@ -22,7 +22,6 @@ from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.numerics.tolerances import MAX_SEARCH_STEPS, NEGLIGIBLE_SHARE, ROUNDING
 from isotruss_ros.core.statics.beam_column import end_forces
 from isotruss_ros.core.statics.cut_frame import CutFrame, keep_apart
-from isotruss_ros.core.statics.cut_layout import CutLayout
 from isotruss_ros.core.statics.elimination import Elimination
 from isotruss_ros.core.statics.frame import Frame
 from isotruss_ros.core.statics.structure import Structure
@@ -126,7 +125,6 @@ class BentTubes:
     linear: bool = False
     #: state about which the tubes are linearised; None: the state without loads
     before: Displaced | None = None
-    layout: CutLayout | None = None  #: layout of similar cuts, which saves time; or None
     given_lines: Lines | None = None  #: members of the load points, which saves time; or None
     #: frame with nodes at the load points, which saves time; or None
     given_cuts: Cuts | None = None
@@ -159,13 +157,15 @@ class BentTubes:
             return self.given_cuts
         if not len(self.members):
             return Cuts(frame, self.places, self.places)
-        pieces, inside, ahead, places = self._locate_cuts(self.places)
-        return Cuts(CutFrame(frame, pieces, inside, self.layout), ahead, places)
+        pieces, inside, ahead, places = self._locate_cuts(self.structure, self.places)
+        return Cuts(CutFrame(frame, pieces, inside), ahead, places)
 
-    def _locate_cuts(self, places: Array) -> tuple[Indices, Array, Array, Array]:
+    def _locate_cuts(
+        self, structure: Structure, places: Array
+    ) -> tuple[Indices, Array, Array, Array]:
         """Return the pieces of tubes, the cuts in them, `ahead` and `cuts` for load points."""
-        pieces, within, ahead = self.structure.locate(self.members, places)
-        inside = keep_apart(pieces, within, self.structure.frame.length[pieces])
+        pieces, within, ahead = structure.locate(self.members, places)
+        inside = keep_apart(pieces, within, structure.frame.length[pieces])
         return pieces, inside, ahead, places + ahead * (inside - within)
 
     def bent_to(self, before: Displaced | None) -> BentTubes:
@@ -174,17 +174,19 @@ class BentTubes:
 
     def bent_like(self, others: BentTubes) -> BentTubes:
         """Return these tubes, linearised about a state taken from the tubes of a similar robot."""
-        if others.before is None:
-            return self
-        displacements, multipliers, _, pull = others.before
-        frame, known = self.frame, others.frame
-        whole, nodes = frame.whole, displacements[: len(frame.points) - len(frame.nodes)]
-        longer = (others.structure.frame.length / self.structure.frame.length)[whole]
+        return self if others.before is None else self.bent_to(others._state_of(self.frame))
+
+    def _state_of(self, frame: Frame) -> Displaced:
+        """Return the state of a similar frame with other cuts, interpolated from `before`."""
+        (displacements, multipliers, _, pull), known, whole = self.before, self.frame, frame.whole
+        longer = (self.structure.frame.length / frame.uncut.length)[whole]
         inner, middles = longer * frame.begins, longer * (frame.begins + 0.5 * frame.length)
-        own = known.interpolate(displacements, whole[frame.behind], inner[frame.behind])
+        cut = known.interpolate(displacements, whole[frame.behind], inner[frame.behind])
         part, _ = known.locate(whole, middles)
-        displaced = np.append(nodes, own, axis=0), multipliers, np.zeros((len(own), 3)), pull[part]
-        return self.bent_to(Displaced(*displaced))
+        nodes = displacements[: len(frame.uncut.points)]
+        return Displaced(
+            np.append(nodes, cut, axis=0), multipliers, np.zeros((len(cut), 3)), pull[part]
+        )
 
     @property
     def ahead(self) -> Array:
@@ -307,7 +309,7 @@ class BentTubes:
     def distance(self, loads: Array, places: Array) -> float:
         """Return the largest displacement of a node from the linearised state due to loads [m]."""
         if (self.cuts != self.places).any():  # the nodes stay beside a node or another load point
-            places = self._locate_cuts(places)[-1]
+            places = self._locate_cuts(self.structure, places)[-1]
         ways = self._ways(loads, places)
         moved = np.abs(self._displace(ways)[0][:, :2]).max() / self.share
         # The state is less nonlinear in the places than in the displacements.
@@ -342,23 +344,20 @@ class BentTubes:
 
     def update(self, loads: Array, places: Array, structure: Structure | None = None) -> BentTubes:
         """Return the tubes linearised about the state that these predict under loads."""
-        same = structure is None or structure is self.structure
-        found = BentTubes(
-            self.structure if same else structure,
-            self.members,
-            places,
-            self.stiffness,
-            self.linear,
-            layout=self.frame.layout,
-            given_lines=self.lines if same else None,
-        )
+        structure = self.structure if structure is None else structure
+        pieces, inside, ahead, cuts = self._locate_cuts(structure, places)
+        frame = CutFrame(structure.frame, pieces, inside, self.frame)
         # A node that moves by more than half of a part is interpolated on the bent member, because
         # the error of its extrapolation would turn the part.
         half = 0.5 * self.frame.length[self.frame.layout.beside].reshape(2, -1)
-        if (np.abs(found.cuts - self.cuts) <= half).all():
-            return found.bent_to(self.displace(loads, found.cuts))
-        known = self.bent_to(self.displace(loads, self.cuts))
-        return found.bent_to(found.bent_like(known).before._replace(loads=loads))
+        if (np.abs(cuts - self.cuts) <= half).all():
+            before = self.displace(loads, cuts)
+        else:
+            known = self.bent_to(self.displace(loads, self.cuts))
+            before = known._state_of(frame)._replace(loads=loads)
+        lines, given = self.lines if structure is self.structure else None, self.stiffness
+        cuts = Cuts(frame, ahead, cuts)
+        return BentTubes(structure, self.members, places, given, self.linear, before, lines, cuts)
 
     def bend(self, loads: Array, places: Array) -> BentTubes:
         """Return the tubes linearised about their equilibrium under loads."""

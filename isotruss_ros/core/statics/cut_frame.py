@@ -11,7 +11,7 @@ from itertools import pairwise
 from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.numerics.tolerances import EPSILON
 from isotruss_ros.core.statics.beam_column import BeamColumns
-from isotruss_ros.core.statics.cut_layout import CutLayout
+from isotruss_ros.core.statics.cut_layout import CutLayout, FrameArrays
 from isotruss_ros.core.statics.elimination import Scaling
 from isotruss_ros.core.statics.frame import Frame
 from isotruss_ros.core.statics.tangent import Tangent
@@ -30,13 +30,14 @@ class CutFrame(Frame):
     :param frame: frame without nodes at these points, called the uncut frame.
     :param piece: (c,) index of the member of the uncut frame that contains each point.
     :param within: (c,) distances of the points from the members' starts [m].
-    :param layout: layout of a frame with similar cuts, which is used if it fits; or None.
+    :param like: frame with cuts of the same members, whose arrays are used if they fit; or None.
     """
 
     def __init__(
-        self, frame: Frame, piece: Indices, within: Array, layout: CutLayout | None = None
+        self, frame: Frame, piece: Indices, within: Array, like: FrameArrays | None = None
     ) -> None:
         order = np.lexsort((within, piece))
+        layout = None if like is None else like.layout
         if layout is None or layout.key != piece.tobytes() + order.tobytes():
             layout = CutLayout.of(frame, piece, order)
         self.uncut, self.layout, self.whole = frame, layout, layout.whole

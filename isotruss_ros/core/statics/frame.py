@@ -56,6 +56,8 @@ class Frame(FrameArrays):
         computed.
     """
 
+    uncut: Frame  #: frame without cuts
+
     def __init__(
         self,
         points: Points,
@@ -75,7 +77,7 @@ class Frame(FrameArrays):
         self.places = self._pattern.places
         self.whole, self.begins = np.arange(len(span)), np.zeros(len(span))
         self.nodes = self.before = self.behind = np.zeros(0, dtype=np.intp)
-        self.layout = None
+        self.layout, self.uncut = None, self
         self.columns = BeamColumns.of(self.length, self.section, self.pins)
 
     @property
