@@ -10,8 +10,6 @@ the joints (Schur complement) is dense, or sparse.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
 from typing import NamedTuple
 
 from isotruss_ros.core.kinematics.constraints import MAX_DENSE_COORDINATES
@@ -204,26 +202,21 @@ class BlockMatrix:
         )
 
 
-@dataclass(frozen=True, eq=False)
-class FactoredBlocks:
+class FactoredBlocks(NamedTuple):
     """Matrix with eliminated blocks."""
 
     numbers: BlockMatrix
     parts: list[tuple[Array, Array]]  #: blocks (b, s, s); their inverses times coupling (b, s, t)
     joints: FactoredMatrix
 
-    @cached_property
-    def inverses(self) -> list[Array]:
-        """Return the inverse (b, s, s) of the blocks of each group."""
-        return [np.linalg.inv(stiff) for stiff, _ in self.parts]
-
     def solve(self, right: Array) -> Array:
         """Return the unknowns (u, p) for right-hand sides (u, p); those not free are zero."""
         insides, pushed = [], []
-        groups = zip(self.numbers.blocks, self.inverses, self.parts, strict=True)
-        for (inner, outer, _), inverse, (_, spread) in groups:
+        for (inner, outer, _), (stiff, spread) in zip(
+            self.numbers.blocks, self.parts, strict=True
+        ):
             push = right[inner]
-            insides.append(inverse @ push)
+            insides.append(np.linalg.solve(stiff, push))
             pushed.append(-(spread.swapaxes(1, 2) @ push).reshape(outer.size, -1))
         return self.complete(self.joints.solve(self.numbers._loads(right, pushed)), insides)
 

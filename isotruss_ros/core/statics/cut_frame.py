@@ -30,7 +30,8 @@ class CutFrame(Frame):
     :param frame: frame without nodes at these points, called the uncut frame.
     :param piece: (c,) index of the member of the uncut frame that contains each point.
     :param within: (c,) distances of the points from the members' starts [m].
-    :param like: frame with cuts of the same members, whose arrays are used if they fit; or None.
+    :param like: frame with cuts of the same members, whose scaling is used, and whose layout if it
+        fits; or None.
     """
 
     def __init__(
@@ -41,6 +42,7 @@ class CutFrame(Frame):
         if layout is None or layout.key != piece.tobytes() + order.tobytes():
             layout = CutLayout.of(frame, piece, order)
         self.uncut, self.layout, self.whole = frame, layout, layout.whole
+        self._scaling = None if like is None else like.scaling
         self.names, self.held = frame.names, frame.held
         self.rows, self.spans = frame.rows, frame.spans
         places = frame.points[frame.start[piece]] + within * frame.axis[piece]
@@ -68,8 +70,8 @@ class CutFrame(Frame):
 
     @property
     def scaling(self) -> Scaling:
-        """Return the numbering and scaling of the uncut frame."""
-        return self.uncut.scaling
+        """Return the numbering and scaling of the uncut frame, or those of a similar frame."""
+        return self._scaling or self.uncut.scaling
 
     @cached_property
     def rest(self) -> Tangent:
