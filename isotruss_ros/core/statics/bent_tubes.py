@@ -427,13 +427,15 @@ class BentTubes:
         In the paper's model, the results are those under loads times `NEGLIGIBLE_SHARE`.
         """
         frame, tangent, parts = self.frame, self.tangent, self.frame.layout.beside
-        every = np.arange(len(frame.length))
-        units = np.broadcast_to(np.eye(4)[:, None], (4, len(every), 4))
-        rates = np.einsum('cfi,icp->cfp', tangent.force_rates(every, units), changes)
-        carried = np.zeros((3 * len(frame.points), changes.shape[2]))
-        np.subtract.at(carried, frame.places, tangent.nodal_forces(every, rates))
-        moved, _ = tangent.respond(carried, factored=self._changes.factored)
-        moved = moved.reshape(-1, 3, changes.shape[2])
+        count, chosen = changes.shape[2], np.flatnonzero(changes.any(axis=(0, 2)))
+        units = np.broadcast_to(np.eye(4)[:, None], (4, len(chosen), 4))
+        rates = np.zeros((len(frame.length), 3, count))
+        rates[chosen] = tangent.force_rates(chosen, units) @ changes[:, chosen].swapaxes(0, 1)
+        pushed = tangent.nodal_forces(chosen, rates[chosen])
+        places = frame.places[chosen, :, None] * count + np.arange(count)
+        carried = np.bincount(places.ravel(), pushed.ravel(), 3 * len(frame.points) * count)
+        moved, _ = tangent.respond(-carried.reshape(-1, count), factored=self._changes.factored)
+        moved = moved.reshape(-1, 3, count)
         _, _, by_forces, by_shear = self._changes.slopes
         shear = (by_shear / frame.section[2, parts])[:, None] * changes[3, parts]
         inclined = _mean((by_forces[:, None] @ rates[parts])[:, 0] + shear)

@@ -54,40 +54,40 @@ class CutLayout(NamedTuple):
     @classmethod
     def of(cls, frame: FrameArrays, piece: Indices, order: Indices) -> CutLayout:
         """Return the connections of a frame whose members `piece` are divided in an order."""
-        count, cuts = len(frame.start), len(piece)
-        nodes, behind = len(frame.points) + np.arange(cuts), count + np.arange(cuts)
-        members, first = np.unique(piece[order], return_index=True)
-        each = np.diff(np.append(first, cuts))
-        whole = np.append(np.arange(count), piece)
-        start, end = frame.start[whole], frame.end[whole]
+        count, nodes, number = len(frame.start), len(frame.points), len(piece)
+        whole, behind = np.append(np.arange(count), piece), count + np.arange(number)
+        start, end, before = frame.start[whole], frame.end[whole], np.empty_like(piece)
         pins = frame.pins[0][whole], frame.pins[1][whole]
-        ahead = behind[order]  # part behind each cut, along the members
-        before = np.roll(ahead, 1)
-        before[first] = members
-        start[ahead] = end[before] = nodes[order]
-        end[ahead[first + each - 1]] = frame.end[members]
-        pins[0][ahead] = pins[1][before] = False
-        parts, found = np.append(members, ahead), np.empty_like(piece)
-        found[order] = before
-        beside = np.append(found, behind)
-        # Within a divided member, its cuts are numbered first, then its ends.
-        most, width = int(each.max()), 3 * int(each.max()) + 6
-        number = np.full(len(frame.points) + cuts, -1)
-        number[nodes[order]] = np.arange(cuts) - first.repeat(each)
-        begins, stops = number[start], number[end]
-        begins, stops = np.where(begins < 0, most, begins), np.where(stops < 0, most + 1, stops)
-        own = member_places(begins, stops)
-        row = own + width * np.searchsorted(members, whole).reshape(-1, 1)
-        matrix, unit = np.divmod(np.flatnonzero(np.arange(most) >= each[:, None]), most)
-        unit = (3 * unit + np.arange(3)[:, None]) * (width + 1) + width**2 * matrix
-        both = member_places(start, end), member_places(frame.start[members], frame.end[members])
-        parted = start, end, both[0], pins, found, behind, members, parts, both[1]
-        local = (row[parts, :, None] * width + own[parts, None]).ravel(), unit.ravel()
-        longer = (parts[:, None] == found).astype(float) - (parts[:, None] == behind)
-        sided = (beside[:, None] == parts).argmax(axis=1)
-        sides = row[found, 3:], beside, row[beside], np.repeat([-1.0, 1.0], cuts), sided, longer
-        key = piece.tobytes() + order.tobytes()
-        return cls(count, key, piece, order, whole, *parted, width, *local, *sides)
+        divided: dict[int, list[int]] = {}  # cuts along each divided member
+        for cut in order.tolist():
+            divided.setdefault(int(piece[cut]), []).append(cut)
+        most, parts, begins, stops, units = max(map(len, divided.values())), [], [], [], []
+        width = 3 * most + 6
+        for owner, (member, cuts) in enumerate(divided.items()):
+            chain, first = [member, *(count + cut for cut in cuts)], (most + 2) * owner
+            start[chain[1:]] = end[chain[:-1]] = [nodes + cut for cut in cuts]
+            end[chain[-1]], before[cuts] = frame.end[member], chain[:-1]
+            pins[0][chain[1:]] = pins[1][chain[:-1]] = False
+            # Within a divided member, its cuts are numbered first, then its ends.
+            inner = range(first, first + len(cuts))
+            begins += [first + most, *inner]
+            stops += [*inner, first + most + 1]
+            units += [width**2 * owner + (width + 1) * i for i in range(3 * len(cuts), 3 * most)]
+            parts += chain
+        row, members = member_places(np.array(begins), np.array(stops)), np.array(list(divided))
+        index = np.empty(len(whole), dtype=np.intp)
+        index[parts] = np.arange(len(parts))
+        beside, longer = np.append(before, behind), np.zeros((len(parts), number))
+        sided, cuts = index[beside], np.arange(number)
+        longer[sided[:number], cuts] = 1.0
+        longer[sided[number:], cuts] -= 1.0
+        places = member_places(start, end), member_places(frame.start[members], frame.end[members])
+        parted = start, end, places[0], pins, before, behind, members, np.array(parts), places[1]
+        local = (row[:, :, None] * width + row[:, None] % width).ravel()
+        numbered = width, local, np.array(units, dtype=np.intp), row[sided[:number], 3:], beside
+        signs, key = np.repeat([-1.0, 1.0], number), piece.tobytes() + order.tobytes()
+        sides = row[sided], signs, sided, longer
+        return cls(count, key, piece, order, whole, *parted, *numbered, *sides)
 
 
 class FrameArrays:
