@@ -42,16 +42,23 @@ def replay(view: View, path: Path, speed: float, wait: Callable[[float], None]) 
     from isotruss_ros.viewer.recording import BrokenRecordingError, read_recording, show_message
 
     shown, first = -math.inf, None
-    faults: set[str] = set()
+    notices: set[tuple[str, ...]] = set()
+
+    def print_once(subject: tuple[str, ...], text: str) -> None:
+        if subject not in notices:
+            print(f'replay: {subject[0]}: {text}', file=sys.stderr)
+        notices.add(subject)
+
     try:
         for now, topic, message in read_recording(path):
             first = now if first is None else first
             try:
-                show_message(view.picture, topic, message, now)
+                lacking = show_message(view.picture, topic, message, now)
             except (ConfigurationError, PictureError) as error:
-                if topic not in faults:
-                    print(f'replay: {topic}: {error}', file=sys.stderr)
-                faults.add(topic)
+                print_once((topic,), str(error))
+            else:
+                for name in lacking:
+                    print_once((topic, name), f'no field {name} in this version: unknown')
             if now - shown >= speed / FRAME_RATE:
                 view.update(now)
                 shown = now

@@ -77,14 +77,17 @@ def check_state(message: Any, members: int) -> None:
     """
     Raise PictureError if a grasp analysis belongs to another robot.
 
-    :param message: isotruss_msgs/GraspState.
+    :param message: isotruss_msgs/GraspState; an unknown utilisation is None.
     :param members: number of members of the robot.
     :raises PictureError: the numbers of utilisations and members differ, or there is no slip
         direction.
     """
-    used = np.asarray(message.utilisation, dtype=float)
-    if message.code < MIN_CODE_WITHOUT_RESULT and (len(used) != members or np.isnan(used).any()):
-        raise PictureError(f'grasp state: utilisation of {len(used)} members: must be {members}')
+    if message.code < MIN_CODE_WITHOUT_RESULT and message.utilisation is not None:
+        used = np.asarray(message.utilisation, dtype=float)
+        if len(used) != members or np.isnan(used).any():
+            raise PictureError(
+                f'grasp state: utilisation of {len(used)} members: must be {members}'
+            )
     if len(message.slip_direction) != 3:
         raise PictureError(
             f'grasp state: slip_direction has {len(message.slip_direction)} numbers; must be 3'

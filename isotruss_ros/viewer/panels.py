@@ -101,18 +101,18 @@ def _describe_grasp(picture: Picture, now: float) -> list[str]:
         return ['**no grasp analysis**']
     if state.code >= MIN_CODE_WITHOUT_RESULT:
         return [f'**no result**: {escape(state.message)}']
-    if state.held:
+    if state.held is None:
+        parts = ['**held: unknown**']
+    elif state.held:
         arrow = arrow_of(state.slip_direction)
         parts = [f'**held**, slip margin {state.slip_margin:.1f} N {arrow}'.rstrip()]
     else:
-        closed = 'yes' if state.force_closure else 'no'
+        closed = {True: 'yes', False: 'no', None: 'unknown'}[state.force_closure]
         parts = [f'**not held**: {escape(state.hold_message)}', f'force closure: {closed}']
-    used = max(state.utilisation, default=0.0)
-    return [
-        *parts,
-        f'utilisation {used:.2f} of the wrinkling moment',
-        escape(state.message),
-    ]
+    if state.utilisation is not None:
+        used = max(state.utilisation, default=0.0)
+        parts.append(f'utilisation {used:.2f} of the wrinkling moment')
+    return [*parts, escape(state.message)]
 
 
 def escape(text: str) -> str:

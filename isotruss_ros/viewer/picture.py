@@ -188,13 +188,21 @@ class Picture:
             return []
         return [self.lines[key] for key in sorted(self.lines) if key[0] == name]
 
+    def is_analyzed(self, now: float) -> bool:
+        """
+        Return whether the last grasp analysis has a result.
+
+        :param now: current time on the clock of the messages' arrival [s].
+        """
+        return self.is_fresh('state', now) and self.state.code < MIN_CODE_WITHOUT_RESULT
+
     def is_held(self, now: float) -> bool | None:
         """
         Return whether the object is held; None if unknown.
 
         :param now: current time on the clock of the messages' arrival [s].
         """
-        if not self.is_fresh('state', now) or self.state.code >= MIN_CODE_WITHOUT_RESULT:
+        if not self.is_analyzed(now) or self.state.held is None:
             return None
         return bool(self.state.held)
 
@@ -250,7 +258,7 @@ class Picture:
         :param now: current time on the clock of the messages' arrival [s].
         """
         squeeze = error = math.nan
-        if self.is_held(now) is not None and len(self.state.squeeze):
+        if self.is_analyzed(now) and len(self.state.squeeze):
             squeeze = float(np.mean(self.state.squeeze))
         if self.goal is not None and self.pose is not None:
             error = math.dist(self.goal, self.pose[:2])

@@ -6,8 +6,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+import math
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, BinaryIO
 
 from isotruss_ros.core import IsotrussError
 from isotruss_ros.viewer.message_checks import PictureError
@@ -15,6 +17,8 @@ from isotruss_ros.viewer.picture import Picture
 from mcap.reader import NonSeekingReader
 from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 
+#: First bytes of an MCAP file.
+MAGIC = b'\x89MCAP0\r\n'
 #: Text between the message definitions in a schema, and text before the name of each definition.
 SEPARATOR, NAME = '=' * 80 + '\n', 'MSG: '
 #: Type of a message, and method of `Picture` that receives it, by the end of the topic's name.
@@ -24,6 +28,25 @@ RECEIVERS = {
     'grasp/state': ('isotruss_msgs/msg/GraspState', Picture.receive_state),
     'grasp/markers': ('visualization_msgs/msg/MarkerArray', Picture.receive_markers),
     'manipulation/status': ('isotruss_msgs/msg/ManipulationStatus', Picture.receive_status),
+}
+#: Values of fields that a recording of another version lacks, by the type of the message.
+UNKNOWN_VALUES: dict[str, dict[str, Any]] = {
+    'isotruss_msgs/msg/GraspState': {
+        'message': '',
+        'held': None,
+        'force_closure': None,
+        'hold_message': '',
+        'slip_margin': math.nan,
+        'slip_direction': (0.0, 0.0, 0.0),
+        'utilisation': None,
+        'squeeze': (),
+    },
+    'isotruss_msgs/msg/ManipulationStatus': {
+        'message': '',
+        'scale': math.nan,
+        'squeeze': math.nan,
+        'squeeze_deviation': math.nan,
+    },
 }
 #: Largest size of a record [bytes]; a larger size in a file shows that the file is damaged.
 MAX_RECORD_SIZE = 2**30
@@ -37,7 +60,7 @@ class BrokenRecordingError(RecordingError):
     """Error: a recording is damaged; the part before the damage was read."""
 
 
-def read_recording(path: Path) -> Iterator[tuple[float, str, Any]]:
+def read_recording(path: str | Path) -> Iterator[tuple[float, str, Any]]:
     """
     Yield (time [s], topic, message) for each message of an MCAP file that a view can display.
 
@@ -49,29 +72,23 @@ def read_recording(path: Path) -> Iterator[tuple[float, str, Any]]:
     :raises BrokenRecordingError: the rest of the file is damaged; raised after the last complete
         message.
     """
-    types = get_typestore(Stores.EMPTY)
-    known: set[int] = set()
     count, first, last = 0, 0.0, 0.0
     fault = None
     try:
-        with path.open('rb') as stream:
-            reader = NonSeekingReader(stream, True, record_size_limit=MAX_RECORD_SIZE)
-            for schema, channel, record in reader.iter_messages(log_time_order=False):
-                if not _is_shown(channel.topic, schema, channel.message_encoding):
-                    continue
-                if schema.id not in known:
-                    _register(types, schema.name, schema.data.decode())
-                    known.add(schema.id)
-                message = types.deserialize_cdr(record.data, schema.name)
-                last = 1e-9 * record.log_time
+        with Path(path).open('rb') as stream:
+            if stream.read(len(MAGIC)) != MAGIC:
+                raise RecordingError(f'{path}: no MCAP file: record one by the node record')
+            stream.seek(0)
+            for item in _decode(stream):
+                if isinstance(item, str):
+                    fault = item
+                    break
+                last = item[0]
                 first = last if not count else first
                 count += 1
-                yield last, channel.topic, message
+                yield item
     except OSError as error:
         raise RecordingError(f'{path}: cannot be read: {error.strerror or error}') from error
-    # Any exception of the decoders of records, compressions and messages on damaged bytes.
-    except Exception as error:  # noqa: BLE001
-        fault = f'{type(error).__name__}: {error}'
     if not count:
         raise RecordingError(
             f'{path}: holds no complete message that a view shows'
@@ -84,9 +101,37 @@ def read_recording(path: Path) -> Iterator[tuple[float, str, Any]]:
         )
 
 
-def show_message(picture: Picture, topic: str, message: Any, now: float) -> None:
+def _decode(stream: BinaryIO) -> Iterator[tuple[float, str, Any] | str]:
+    """Yield time [s], topic and message for each displayable message; at damage, its cause."""
+    types = get_typestore(Stores.EMPTY)
+    registered: set[int] = set()
+    reader = NonSeekingReader(stream, True, record_size_limit=MAX_RECORD_SIZE)
+    records = reader.iter_messages(log_time_order=False)
+    while True:
+        try:
+            schema, channel, record = next(records)
+            if not _is_shown(channel.topic, schema, channel.message_encoding):
+                continue
+            if schema.id not in registered:
+                _register(types, schema.name, schema.data.decode())
+                registered.add(schema.id)
+            message = types.deserialize_cdr(record.data, schema.name)
+        except StopIteration:
+            return
+        except OSError:
+            raise
+        # Any exception of the decoders of records, compressions and messages on damaged bytes.
+        except Exception as error:  # noqa: BLE001
+            yield f'{type(error).__name__}: {error}'
+            return
+        yield 1e-9 * record.log_time, channel.topic, message
+
+
+def show_message(picture: Picture, topic: str, message: Any, now: float) -> tuple[str, ...]:
     """
-    Update a picture from a message.
+    Update a picture from a message; return the names of fields that its version lacks.
+
+    The values of these fields are unknown. Fields that a picture does not use are ignored.
 
     :param picture: the picture.
     :param topic: name of the topic, with or without namespace.
@@ -95,11 +140,13 @@ def show_message(picture: Picture, topic: str, message: Any, now: float) -> None
     :raises PictureError: the message is invalid.
     :raises ConfigurationError: no configuration exists at the roller positions of the message.
     """
-    _, receive = RECEIVERS[_find_name(topic)]
+    kind, receive = RECEIVERS[_find_name(topic)]
+    unknown = UNKNOWN_VALUES.get(kind, {})
     try:
-        receive(picture, message, now)
+        receive(picture, SimpleNamespace(**unknown | vars(message)), now)
     except AttributeError as error:  # a definition of another version
         raise PictureError(f'message without the field {error.name}') from error
+    return tuple(name for name in unknown if not hasattr(message, name))
 
 
 def _find_name(topic: str) -> str | None:

@@ -7,7 +7,9 @@ import contextlib
 import functools
 import importlib.util
 import io
+from pathlib import Path
 import struct
+from types import SimpleNamespace
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -26,6 +28,14 @@ pytestmark = pytest.mark.skipif(
     reason='needs mcap, rosbags and viser',
 )
 ROBOT = load_robot('nine_member')
+TOP = Path(__file__).parents[2]
+#: Recordings that the sources contain.
+SHIPPED = sorted(
+    path
+    for folder in ('docs', 'examples', 'test', 'paper')
+    for path in (TOP / folder).rglob('*.mcap')
+    if '_build' not in path.parts
+)
 #: With which MCAP files begin and end.
 MAGIC = b'\x89MCAP0\r\n'
 COUNT = 40
@@ -49,7 +59,14 @@ def pack_joints(number):
     return bytes(store.serialize_cdr(message, JOINT_STATE))
 
 
-def write(records, compression='ZSTD', text=None, encoding='cdr', name=JOINT_STATE):
+def write(
+    records,
+    compression='ZSTD',
+    text=None,
+    encoding='cdr',
+    name=JOINT_STATE,
+    topic='joint_states',
+):
     """Return a recording of messages in CDR, one each tenth of a second, in small chunks."""
     from mcap.writer import CompressionType, Writer
 
@@ -58,7 +75,7 @@ def write(records, compression='ZSTD', text=None, encoding='cdr', name=JOINT_STA
     writer.start('ros2')
     text = schema_text(JointState) if text is None else text
     schema = writer.register_schema(name, 'ros2msg', text.encode())
-    channel = writer.register_channel('/arm/joint_states', encoding, schema)
+    channel = writer.register_channel(f'/arm/{topic}', encoding, schema)
     for number, record in enumerate(records):
         writer.add_message(channel, 10**8 * number, record, 0)
     writer.finish()
@@ -98,7 +115,7 @@ def check_beginning(content, tmp_path):
     assert numbers == list(range(len(numbers)))
     if numbers and len(numbers) < COUNT:
         assert f' ends after {0.1 * (len(numbers) - 1):.1f} s and {len(numbers)} messages' in words
-    assert numbers or 'holds no complete message' in words
+    assert numbers or 'holds no complete message' in words or 'no MCAP file' in words
     return len(numbers)
 
 
@@ -183,7 +200,9 @@ def test_a_missing_recording_is_refused(tmp_path, capsys):
 def test_a_file_that_is_no_recording_is_refused(tmp_path, kind):
     numbers, words = read(MADE_UP[kind], tmp_path)
     assert not numbers
-    assert 'holds no complete message' in words
+    assert (
+        'no MCAP file' if kind in {'empty', 'a text'} else 'holds no complete message'
+    ) in words
 
 
 @pytest.mark.parametrize(
@@ -249,3 +268,107 @@ def test_a_recording_moves_a_picture_as_the_robot_moved(tmp_path):
     show_message(picture, topic, message, time)
     positions = [0.02, -0.01, 0.0, 0.01, 0.0, 0.015]
     assert picture.config.nodes == pytest.approx(ROBOT.configuration(positions).nodes, abs=1e-9)
+
+
+def grasp_state():
+    """Return an instance of the fields of a held grasp that a picture displays."""
+    return SimpleNamespace(
+        code=0,
+        message='',
+        held=True,
+        force_closure=True,
+        hold_message='',
+        slip_margin=1.2,
+        slip_direction=(1.0, 0.0, 0.0),
+        utilisation=(0.1,) * len(ROBOT.member_names),
+        squeeze=(5.9, 5.9),
+    )
+
+
+def status():
+    """Return an instance of the fields of a status that a picture displays."""
+    return SimpleNamespace(code=10, message='', scale=0.5, squeeze=5.9, squeeze_deviation=0.3)
+
+
+VERSIONED = {'grasp/state': grasp_state, 'manipulation/status': status}
+
+
+@pytest.mark.parametrize('path', SHIPPED, ids=lambda path: path.name)
+def test_every_message_of_a_shipped_recording_is_displayed(path):
+    from isotruss_ros.viewer.recording import read_recording, show_message
+
+    picture = Picture(ROBOT, 0.3)
+    for time, topic, message in read_recording(path):
+        show_message(picture, topic, message, time)
+    assert picture.is_held(time)
+
+
+def test_recordings_are_shipped():
+    assert SHIPPED
+
+
+@pytest.mark.parametrize(
+    ('topic', 'name'),
+    [
+        (topic, name)
+        for topic, make in VERSIONED.items()
+        for name in vars(make())
+        if name != 'code'
+    ],
+)
+def test_a_field_that_a_recording_lacks_is_unknown(topic, name):
+    from isotruss_ros.viewer.panels import describe
+    from isotruss_ros.viewer.recording import show_message
+
+    picture, message = Picture(ROBOT, 0.3), VERSIONED[topic]()
+    delattr(message, name)
+    message.added_later = 1.0
+    assert show_message(picture, topic, message, 0.0) == (name,)
+    picture.sample(0.0)
+    assert describe(picture, 0.0)
+    assert picture.describe_hindrance(0.0, 1.0)
+    assert picture.is_held(0.0) is (None if name == 'held' or topic != 'grasp/state' else True)
+
+
+def test_fields_that_a_picture_reads_are_those_with_unknown_values():
+    from isotruss_ros.viewer.recording import RECEIVERS, UNKNOWN_VALUES
+
+    for topic, make in VERSIONED.items():
+        kind, _ = RECEIVERS[topic]
+        assert vars(make()).keys() == {'code', *UNKNOWN_VALUES[kind]}
+
+
+def test_a_missing_field_is_reported_once_by_name(tmp_path, capsys):
+    from isotruss_ros.cli import replay
+
+    path = tmp_path / 'older.mcap'
+    kind, text = (
+        'isotruss_msgs/msg/ManipulationStatus',
+        'uint8 code\nstring message\nfloat64 scale',
+    )
+    record = bytes([0, 1, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 0]).ljust(20, b'\0') + bytes(8)
+    path.write_bytes(write([record] * 3, text=text + '\n', name=kind, topic='manipulation/status'))
+    assert replay.main([str(path), '--page', str(tmp_path / 'older.html')]) == 0
+    assert capsys.readouterr().err.splitlines() == [
+        f'replay: /arm/manipulation/status: no field {name} in this version: unknown'
+        for name in ('squeeze', 'squeeze_deviation')
+    ]
+
+
+def test_a_path_given_as_text_is_read(tmp_path):
+    from isotruss_ros.viewer.recording import read_recording
+
+    path = tmp_path / 'whole.mcap'
+    path.write_bytes(whole('ZSTD'))
+    assert len(list(read_recording(str(path)))) == COUNT
+
+
+def test_an_error_of_the_reader_of_messages_is_no_damage(tmp_path):
+    from isotruss_ros.viewer.recording import read_recording
+
+    path = tmp_path / 'whole.mcap'
+    path.write_bytes(whole('ZSTD'))
+    messages = read_recording(path)
+    next(messages)
+    with pytest.raises(ZeroDivisionError):
+        messages.throw(ZeroDivisionError())
