@@ -22,7 +22,6 @@ from isotruss_ros.core.holding.build_statics import (
 )
 from isotruss_ros.core.holding.contact_forces import (
     ANGLE,
-    CENTER,
     ContactForces,
     POSE,
 )
@@ -46,7 +45,7 @@ from isotruss_ros.core.holding.held_grip import (
     scaled_wrench,
     travel_rates,
 )
-from isotruss_ros.core.kinematics.configuration import Configuration, MAX_FIRST_ORDER_TRAVEL
+from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.manipulation.grip import GRIP_SIZES
 from isotruss_ros.core.model.convex_object import ConvexObject
@@ -57,8 +56,6 @@ from isotruss_ros.core.numerics.tolerances import (
 )
 import numpy as np
 
-#: Largest difference of a normal force from its prediction, relative to the prediction [-].
-MAX_FORCE_CHANGE = 0.3
 #: Largest number of sets of contacts in a quick search [-]. It finds 315 of the 318 equilibria of
 #: random polygons that the whole search finds; with 2 sets it finds 291, and with 8 it finds all
 #: and takes up to 1.5 times as long.
@@ -71,14 +68,13 @@ def attach_grip(
     members: Indices | None = None,
     external_wrench: Array | None = None,
     tubes: TubeModel = NOMINAL_TUBES,
-    before: HeldGrip | None = None,
     quick: bool = False,
 ) -> HeldGrip:
     """
     Find the equilibrium of an object near its measured pose, with unknown contact history.
 
     The contact history is the previous rolling of the contacts; for the conditions that replace it
-    see `rest`. The iteration starts from the equilibrium `before` if its contacts are the same.
+    see `rest`.
 
     :param members: (m,) indices of the two or three grasping members; None: the members that the
         object overlaps, or if it overlaps fewer than two, the two nearest.
@@ -100,7 +96,7 @@ def attach_grip(
     limit, steps = MAX_SEARCH_STEPS, MAX_NEWTON_ITERATIONS
     if quick:
         limit, steps = QUICK_SETS, MAX_SEARCH_STEPS
-    solve = _rest_solver(config, body, wrench, tubes, before, steps)
+    solve = _rest_solver(config, body, wrench, tubes, steps)
     found = search_contacts(solve, find_pressed(config, body, members), limit=limit)
     if found is None:
         raise NotHeldError(HoldStatus.NO_BALANCE)
@@ -119,7 +115,7 @@ def lay_faces(found: HeldGrip, friction: float, gap: float) -> HeldGrip:
     if found.required_friction <= friction:
         return found
     body = found.statics.body
-    solve = _rest_solver(found.config, body, found.wrench, found.tubes, None, MAX_SEARCH_STEPS)
+    solve = _rest_solver(found.config, body, found.wrench, found.tubes, MAX_SEARCH_STEPS)
     for free in sorted(free_corners(found, gap), reverse=True):
         sets = with_corner(found, free, rolls=False)
         laid = search_contacts(solve, sets[-1].contacts, limit=QUICK_SETS) if sets else None
@@ -133,7 +129,6 @@ def _rest_solver(
     body: ConvexObject,
     wrench: Array,
     tubes: TubeModel,
-    before: HeldGrip | None,
     steps: int,
 ) -> ContactSolver:
     """Return the solver of equilibria near the measured pose, with unknown contact history."""
@@ -142,14 +137,7 @@ def _rest_solver(
         contacts = chosen.contacts
         statics = build_statics(config, body, contacts, tubes)
         conditions = rest(statics, body, chosen.grazing)
-        found, motion = None, None
-        if before is not None and before.tubes[:2] == tubes[:2] and _is_like(before, statics):
-            travel = config.roller_positions - before.config.roller_positions
-            found = _solve_nearby(before, travel, statics, wrench, conditions)
-            if found is not None:
-                motion = travel, found[1].unknowns - before.state.unknowns
-        if found is None:
-            found = statics.settle(start_at(statics, body), wrench, conditions, steps)
+        found = statics.settle(start_at(statics, body), wrench, conditions, steps)
         if found is None:
             return None
         grip = _as_grip(config, *found, wrench, tubes)
@@ -159,7 +147,7 @@ def _rest_solver(
             if found is None:
                 return None
             grip = replace(_as_grip(config, *found, wrench, tubes), dent_basis=grip)
-        return replace(grip, motion=motion)
+        return grip
 
     return solve
 
@@ -193,38 +181,6 @@ def _tabulate_dents(
     turned, structure = statics.body.moved_to(state.unknowns[:3]), statics.bent.structure
     dents = find_dents(structure, turned, statics.contacts, tubes, state.normals)
     return replace(statics, dents=dents)
-
-
-def _is_like(grip: HeldGrip, statics: ContactStatics) -> bool:
-    """Return whether grip and `statics` have contacts of the same members, corners and sides."""
-    own, contacts = grip.contacts, statics.contacts
-    pairs = (
-        (own.members, contacts.members),
-        (own.corners, contacts.corners),
-        (grip.statics.sides, statics.sides),
-    )
-    return all(np.array_equal(*pair) for pair in pairs)
-
-
-def _solve_nearby(
-    grip: HeldGrip,
-    travel: Array,
-    statics: ContactStatics,
-    wrench: Array,
-    conditions: ContactConditions,
-) -> tuple[ContactStatics, ContactForces] | None:
-    """Return an equilibrium near the predicted equilibrium, with similar forces; or None."""
-    start, places, known = grip.ahead(travel), grip.state.places, grip.state
-    bent, structure = grip.statics.bent, statics.bent.structure
-    if structure is not bent.structure:
-        bent = bent.update(known.loads, known.feet, structure)
-    found = replace(statics, bent=bent).settle(start, wrench, conditions, MAX_SEARCH_STEPS)
-    if found is None:
-        return None
-    moved = np.abs(found[1].unknowns - start)
-    far = max(float(moved[CENTER].max()), float(moved[places.feet].max()))
-    alike = (moved[places.normal] <= MAX_FORCE_CHANGE * np.abs(start[places.normal])).all()
-    return found if far <= MAX_FIRST_ORDER_TRAVEL and bool(alike) else None
 
 
 def rest(

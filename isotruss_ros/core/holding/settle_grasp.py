@@ -38,7 +38,6 @@ def settle_grasp(
     external_wrench: ArrayLike = (0.0, 0.0, 0.0),
     pressure: Pressure | None = None,
     members: Sequence[str] | None = None,
-    previous: SettledGrasp | None = None,
     paper_model: bool = False,
 ) -> SettledGrasp:
     """
@@ -58,7 +57,6 @@ def settle_grasp(
         file.
     :param members: names `t/j-k` of the two or three grasping members; None: the members that the
         object overlaps, or if it overlaps fewer than two, the two nearest.
-    :param previous: result for a similar grasp, from which the iteration starts.
     :param paper_model: see `analyze_grasp`.
     :raises GraspError: an argument is invalid.
     :raises StructureError: a pressure is invalid, the robot is a mechanism, or its stiffness laws
@@ -70,10 +68,9 @@ def settle_grasp(
     numbers = None
     if members is not None:
         numbers = find_members(config.robot, Grip(tuple(members), body).members).members
-    before = None if previous is None else previous.equilibrium
     tubes = TubeModel(paper_model=paper_model, pressure=pressure)
     try:
-        found = attach_grip(config, body, numbers, wrench, tubes, before)
+        found = attach_grip(config, body, numbers, wrench, tubes)
     except NotHeldError as error:
         lost = LostContact.of(config, body, numbers, scaled_wrench(wrench, body.arm), pressure)
         reason, depths = str(error), member_depths(config, body)

@@ -173,7 +173,6 @@ def _analyze(
                 query.friction,
                 query.external_wrench,
                 pressure=query.pressures,
-                previous=None if last is None else last.settled,
                 paper_model=query.paper_model,
             )
         else:

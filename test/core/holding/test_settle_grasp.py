@@ -3,7 +3,6 @@
 
 """The equilibrium of a free object: held or not, by which forces, and how far from slipping."""
 
-from collections import Counter
 from dataclasses import replace
 
 from grips import gripped
@@ -11,13 +10,10 @@ from isotruss_ros.core import (
     analyze_grasp,
     ConvexObject,
     Disc,
-    Grip,
     HoldStatus,
     load_robot,
     place_between,
-    RollingGrip,
     settle_grasp,
-    tangent_center,
 )
 from isotruss_ros.core.holding import attach_grip as attach_grip_module
 from isotruss_ros.core.holding.attach_grip import attach_grip
@@ -92,47 +88,6 @@ def test_object_with_one_contact_is_not_held(center):
     assert settled.normal_forces == {}
     assert settled.required_friction == np.inf
     assert settled.slip_margin < -5.0
-
-
-def test_warm_start_has_the_same_equilibrium(monkeypatch):
-    """Along paths, and where object, load or members jump; only then it begins from the pose."""
-    robot, rng, begun = HOME.robot, np.random.default_rng(0), Counter()
-    start = attach_grip_module.start_at
-    counted = Counter()
-
-    def noted(*arguments):
-        counted['cold'] += 1
-        return start(*arguments)
-
-    monkeypatch.setattr(attach_grip_module, 'start_at', noted)
-    for _ in range(4):
-        x, y = tangent_center(HOME, 'north/Z', 0.3, rng.uniform(0.0, 0.03))
-        held = RollingGrip.attach(
-            HOME, Grip.at_module(HOME.robot, 'north/Z', ConvexObject.disc((x, y), 0.3))
-        )
-        velocities, previous = rng.uniform(-0.04, 0.04, 6), None
-        away, wrench = np.zeros(2), np.zeros(3)
-        for k in range(30):
-            jumps = k % 8 == 7
-            if jumps:
-                away = rng.normal(size=2) * 10.0 ** rng.uniform(-3.0, -1.3)
-                wrench = rng.normal(size=3) * [10.0, 10.0, 1.0]
-            config = robot.configuration(0.01 * k * velocities)
-            pose = held.moved_to(config).pose
-            cylinder = ConvexObject.disc((pose.x + away[0], pose.y + away[1]), 0.3)
-            counted.clear()
-            found = settle_grasp(config, cylinder, FRICTION, wrench, previous=previous)
-            begun[jumps or previous is None, counted['cold']] += 1
-            expected = settle_grasp(config, cylinder, FRICTION, wrench)
-            assert found.hold is expected.hold
-            assert found.displacement == pytest.approx(expected.displacement, abs=1e-10)
-            assert found.stiffness == pytest.approx(expected.stiffness, rel=1e-7, abs=1e-6)
-            assert found.slip_margin == pytest.approx(expected.slip_margin, rel=1e-6, abs=1e-7)
-            for name, force in expected.normal_forces.items():
-                assert found.normal_forces[name] == pytest.approx(force, rel=1e-6)
-            previous = found
-    assert begun[False, 0] > 4 * begun[False, 1]
-    assert begun[True, 1] > 10
 
 
 @pytest.mark.parametrize('change', [0.0, 1e-4, -1e-3, [0.0] * 5 + [2.5, 2.5] + [0.0] * 4])
