@@ -17,6 +17,7 @@ from isotruss_ros.core.model.outline_checks import check_outline, polygon_moment
 from isotruss_ros.core.model.shapes import Face, Shape, SurfacePoints
 from isotruss_ros.core.model.smooth_outline import SmoothOutline
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
+from isotruss_ros.core.numerics.tolerances import COINCIDENCE
 import numpy as np
 
 #: Largest exterior angle of corners that are regarded as samples of a smooth outline [rad]. The
@@ -142,8 +143,13 @@ class Polygon(Shape):
         return np.append(0.0, np.cumsum(self.turns[1:]))
 
     def _corner_of(self, normals: Points) -> Indices:
-        """Return the index (c,) of the vertex whose normal cone contains each direction (c,)."""
-        angles = np.angle(normals * self.normals[0].conj()) % (2.0 * np.pi)
+        """
+        Return the index (c,) of the vertex whose normal cone contains each direction (c,).
+
+        A direction along the normal of a side, up to rounding, is in the cone before it.
+        """
+        angles = np.angle(normals * self.normals[0].conj()) - COINCIDENCE
+        angles %= 2.0 * np.pi
         return self._directions.searchsorted(angles) % len(self.vertices)
 
     @cached_property
@@ -161,7 +167,7 @@ class Polygon(Shape):
         """Return the farthest corner along a normal; see `Shape.corner_at`."""
         facing, directions, _ = self._numbers
         # As `_corner_of`.
-        angle = cmath.phase(normal * facing[0]) % (2.0 * math.pi)
+        angle = (cmath.phase(normal * facing[0]) - COINCIDENCE) % (2.0 * math.pi)
         return bisect.bisect_left(directions, angle) % len(facing)
 
     def point_at(self, corner: int, normal: complex) -> complex:

@@ -26,6 +26,8 @@ import scipy
 CONE_SHARE = 0.85
 #: Weight of the members' rotation relative to the friction angle [-].
 TURN_WEIGHT = 0.3
+#: Digits after the point of values [-, rad] that are compared; the others are rounding.
+ROUNDED_DIGITS = 9
 
 
 def contact_ends(body: ConvexObject, normals: Points, tube_radius: float) -> tuple[Points, Points]:
@@ -139,9 +141,12 @@ def find_facing(
     others = -firsts * np.exp(1j * wedges)
     used = friction_angles(body.moved_to(ORIGIN), firsts, others, tube_radius)
     firsts, others = firsts * body.turn, others * body.turn
-    moved = np.abs(np.angle(firsts / normals[0])) + np.abs(np.angle(others / normals[1]))
-    price = np.where(used <= angle, used + turning * moved, math.inf)
-    best = int(price.argmin())
+    turns = np.abs(np.angle([firsts / normals[0], others / normals[1]]))
+    price = np.where(used <= angle, used + turning * turns.sum(axis=0), math.inf)
+    # Rounded, so that of equal directions the frame does not choose: those of equal turns are
+    # first, then those nearest to the first member.
+    ranks = np.round([turns[0], np.square(turns).sum(axis=0), price], ROUNDED_DIGITS)
+    best = int(np.lexsort(ranks)[0])
     if price[best] == math.inf:
         return None
     return np.array([firsts[best], others[best]])

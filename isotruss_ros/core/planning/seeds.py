@@ -17,7 +17,13 @@ from isotruss_ros.core.manipulation.limits import MemberLengthLimit
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.tolerances import ROUNDING
 from isotruss_ros.core.planning.closing import BOUND_SHARE, Closing
-from isotruss_ros.core.planning.facing import balances, CONE_SHARE, find_facing, TURN_WEIGHT
+from isotruss_ros.core.planning.facing import (
+    balances,
+    CONE_SHARE,
+    find_facing,
+    ROUNDED_DIGITS,
+    TURN_WEIGHT,
+)
 from isotruss_ros.core.planning.requirements import GraspRequirements
 from isotruss_ros.core.planning.violations import RequirementError
 from isotruss_ros.core.safety.margins import object_distances
@@ -80,7 +86,8 @@ def find_seeds(
         if facing is not None:
             # Distances of members from their targets.
             turns = float(np.abs(np.angle(facing / normals)).sum())
-            found.append((float(gaps[list(group)].sum()) + 0.5 * length * turns, closing))
+            cost = float(gaps[list(group)].sum()) / length + 0.5 * turns
+            found.append((round(cost, ROUNDED_DIGITS), closing))
     if not found:
         seen = len(wanted.intersection(around))
         short = 'members' if seen < len(wanted) else 'opposed'

@@ -42,7 +42,7 @@ def test_arcs_are_touched_where_they_face_the_member():
 def price_of(body, found, normals, angle):
     """Return what directions take of friction and turning; no cone may be wider than the angle."""
     used = friction_angles(body, found[:1], found[1:], RADIUS)[0]
-    assert used <= angle
+    assert used <= angle + 1e-12
     return used + TURNING * np.abs(np.angle(found / normals)).sum()
 
 
