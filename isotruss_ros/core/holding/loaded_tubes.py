@@ -204,19 +204,18 @@ class LoadedTubes:
         # A robot that is stiffer by a fraction deforms as under loads smaller by this fraction.
         loads -= state.loads[..., None] * self._stiffer
         by_sections, inclined, rates = self._by_sections
-        by_loads, by_places = bent.changes(loads, contacts.feet)
-        nodes = by_sections + by_loads + by_places.nodes
+        moved, slope, by_places = bent.changes(loads, contacts.feet)
+        nodes = by_sections + moved
         still = tangent.displacements[frame.nodes]
         there = bent.axis * state.feet + still[:, 0] + 1j * still[:, 1]
         give = nodes[frame.nodes, 0] + 1j * nodes[frame.nodes, 1]
         give -= self._starts + 1j * self.spins * there[:, None]
         # The displacement is relative to the contact, which moves along its member.
         give = give / axis - contacts.feet
-        slope = bent.inclination_changes(by_loads + by_places.nodes) + by_places.inclined
         slope += inclined - self.spins
         changed, _ = tangent.force_changes(nodes)
         share = bent.share
-        return TubeRates(give / share, slope / share, nodes, changed + rates + by_places.forces)
+        return TubeRates(give / share, slope / share, nodes, changed + rates + by_places)
 
     def joints(self, rates: TubeRates) -> Array:
         """

@@ -47,19 +47,6 @@ class Displaced(NamedTuple):
     pull: Array  #: (c,) axial forces of the frame's members [N]
 
 
-class PlaceChanges(NamedTuple):
-    """
-    Changes of the frame if load points move along their members under constant loads.
-
-    Each of the p columns is one motion of the load points. `inclined` and `forces` do not include
-    the changes that `nodes` causes.
-    """
-
-    nodes: Array  #: (n, 3, p) displacements of the nodes [m, rad]
-    inclined: Array  #: (k, p) changes of the inclinations at the load points [rad]
-    forces: Array  #: (c, 3, p) changes of the members' forces, see `EndForces`
-
-
 class Lines(NamedTuple):
     """Members of k load points: start x + iy [m], unit vector to the end x + iy, length [m]."""
 
@@ -101,8 +88,6 @@ class Changes(NamedTuple):
     responses: Array  #: (k, 3, p) responses at the load points, see `BentTubes`
     state: Array  #: (k, 3) responses in the linearised state
     slopes: Slopes  #: inclinations of the tubes before, then behind the load points
-    #: (k, k) changes of the inclinations by unit motions of the load points, with fixed nodes
-    inclined: Array
     factored: Elimination  #: factorised matrix of the frame
 
 
@@ -266,7 +251,7 @@ class BentTubes:
         state = (back @ tangent.displacements[nodes:, :, None])[..., 0]
         state[:, 2] = _mean(slopes.values)
         responded = moved, found[size:], responses, state
-        return Changes(*responded, slopes, inclined, factored)
+        return Changes(*responded, slopes, factored)
 
     @property
     def _moving(self) -> slice:
@@ -371,18 +356,18 @@ class BentTubes:
             'the loads must be smaller'
         )
 
-    def changes(self, loads: Array, places: Array) -> tuple[Array, PlaceChanges]:
+    def changes(self, loads: Array, places: Array) -> tuple[Array, Array, Array]:
         """
-        Return the frame's changes due to additional loads and to motion of the load points.
+        Return the frame's changes by additional loads (k, 3, p) and motions (k, p) of the places.
 
-        Each of the p columns is one change.
+        :return: (n, 3, p) displacements of the nodes [m, rad]; (k, p) changes of the inclinations
+            [rad]; and (c, 3, p) those of the members' forces with fixed nodes, see `EndForces`.
         """
-        frame, changes = self.frame, self._changes
-        nodes = changes.nodes[..., self._moving] @ places
-        forces, parts = np.zeros((len(frame.length), 3, places.shape[1])), frame.layout.parts
+        changes, parts = self._changes, self.frame.layout.parts
+        ways = np.concatenate([loads.reshape(-1, loads.shape[2]), places])
+        forces = np.zeros((len(self.frame.length), 3, places.shape[1]))
         forces[parts] = self.tangent.length_rates[parts, :, None] * self._longer(places)[:, None]
-        by_loads = self.node_changes(loads) * self.share
-        return by_loads, PlaceChanges(nodes, changes.inclined @ places, forces)
+        return changes.nodes[..., :-1] @ ways, changes.responses[:, 2, :-1] @ ways, forces
 
     def inclination_changes(self, moved: Array) -> Array:
         """Return the changes (k, p) of the tubes' inclinations due to displaced nodes [rad]."""

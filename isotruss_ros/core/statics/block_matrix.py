@@ -31,67 +31,6 @@ class Unknowns(NamedTuple):
     real: Flags  #: displacements and multipliers; rotations of hinges are not
     multiplier: Flags  #: multipliers of constraints
 
-    def of(self, chosen: Indices) -> Unknowns:
-        """Return the masks of some of the unknowns."""
-        return Unknowns(*(each[chosen] for each in self))
-
-
-class JointsMatrix:
-    """Numbering of a dense or sparse matrix from its entries' rows and columns (e,)."""
-
-    def __init__(self, entries: tuple[Indices, Indices], unknowns: Unknowns) -> None:
-        (rows, columns), free = entries, np.flatnonzero(unknowns.free)
-        self.count, self.free = len(free), free
-        self.constraints = int(np.count_nonzero(unknowns.multiplier[free]))
-        number = np.full(len(unknowns.free) + 1, self.count)
-        number[free] = np.arange(self.count)
-        rows, columns = number[rows], number[columns]
-        there = np.flatnonzero((rows < self.count) & (columns < self.count))
-        keys, self.sparse, self.size = columns[there] * self.count + rows[there], None, 0
-        if self.count > MAX_DENSE_COORDINATES:
-            unique, keys = np.unique(keys, return_inverse=True)
-            pointers = np.searchsorted(unique, self.count * np.arange(self.count + 1))
-            self.sparse = unique % self.count, pointers
-        self.size = self.count**2 if self.sparse is None else len(unique)
-        self.slots = np.full(len(rows), self.size)
-        self.slots[there] = keys
-
-    def eliminate(self, values: Array, right: Array) -> tuple[FactoredMatrix, Array]:
-        """Factorise the matrix with entries (e,), and solve for right-hand sides (u, p)."""
-        packed, shape = np.bincount(self.slots, values, self.size + 1)[:-1], (self.count,) * 2
-        if self.sparse is None:
-            matrix = packed.reshape(shape)
-        else:
-            matrix = csc_matrix((packed, *self.sparse), shape=shape)
-        factored = FactoredMatrix(self, matrix, factorize(matrix.copy()))
-        return factored, factored.solve(right)
-
-
-class FactoredMatrix(NamedTuple):
-    """Factorised matrix without blocks."""
-
-    numbers: JointsMatrix
-    matrix: Array | csc_matrix
-    factor: Factor
-
-    def solve(self, right: Array) -> Array:
-        """Return the unknowns (u, p) for right-hand sides (u, p); those not free are zero."""
-        if len(right) == self.numbers.count:
-            return self.factor.solve(right)
-        found = np.zeros(right.shape)
-        found[self.numbers.free] = self.factor.solve(right[self.numbers.free])
-        return found
-
-    @property
-    def condition(self) -> float:
-        """Return the condition number [-]."""
-        return factorize_with_condition(self.matrix)[1]
-
-    @property
-    def negative_pivots(self) -> int:
-        """Return the number of negative eigenvalues."""
-        return count_negative_pivots(self.matrix, self.numbers.constraints)
-
 
 class Blocks(NamedTuple):
     """Group of b blocks of equal size, each with s unknowns that are coupled to t joints."""
@@ -105,16 +44,18 @@ class BlockMatrix:
     """
     Numbering of the blocks and joints of a matrix.
 
-    :ivar count: number u of unknowns.
     :ivar joints: (j,) indices of the joints' unknowns.
+    :ivar constraints: number of multipliers among them, which are the last ones.
     :ivar blocks: groups of blocks.
     :ivar slots: (e,) places of the entries among the packed entries of all blocks.
     :ivar size: number of packed entries; the last one is for entries of no block.
     :ivar units: places of diagonal entries that are 1, of fixed displacements.
     :ivar direct: indices of the entries that are in the matrix of the joints.
+    :ivar joint_slots: places of these, then of the Schur complements, in the joints' matrix.
+    :ivar joint_size: number of entries of the joints' matrix.
+    :ivar sparse: row indices and column pointers of the joints' matrix; None if it is dense.
     :ivar sources: matrix (j, .) that sums the coupled unknowns of all blocks at the joints.
-    :ivar matrix: numbering of the matrix of the joints.
-    :param entries: row and column (e,) of each entry; their number u for entries without place.
+    :param entries: row and column (e,) of each entry.
     :param owner: block (u,) of each unknown, -1 for joints.
     :param unknowns: masks of the unknowns.
     """
@@ -123,35 +64,35 @@ class BlockMatrix:
         self, entries: tuple[Indices, Indices], owner: Indices, unknowns: Unknowns
     ) -> None:
         first, second = entries
-        owner, self.count = np.append(owner, -1), len(owner)
-        inner = owner >= 0
-        self.joints = np.flatnonzero(~inner[:-1] & unknowns.free)
-        joint = np.full(len(owner), len(self.joints))
-        joint[self.joints] = np.arange(len(self.joints))
-        across = inner[first] & ~inner[second] & np.append(unknowns.real, False)[second]
-        self._number(owner, across, entries, joint)
-        fixed = np.flatnonzero(inner[:-1] & ~unknowns.free)
-        self.units = self._diagonal[fixed]
+        inner, self.count = owner >= 0, len(owner)
+        self.joints = np.flatnonzero(~inner & unknowns.free)
+        self.constraints = int(np.count_nonzero(unknowns.multiplier[self.joints]))
+        count = len(self.joints)
+        joint = np.full(len(owner), count)
+        joint[self.joints] = np.arange(count)
+        across = inner[first] & ~inner[second] & unknowns.real[second]
+        diagonal = self._number_blocks(owner, across, entries, joint)
+        self.units = diagonal[np.flatnonzero(inner & ~unknowns.free)]
         rows, columns = joint[first], joint[second]
-        count, outer = len(self.joints), [each.outer for each in self.blocks]
         self.direct = np.flatnonzero((rows < count) & (columns < count))
+        outer = [each.outer for each in self.blocks]
         filled = [np.broadcast_arrays(each[:, :, None], each[:, None]) for each in outer]
         rows = np.concatenate([rows[self.direct], *(pair[0].ravel() for pair in filled)])
         columns = np.concatenate([columns[self.direct], *(pair[1].ravel() for pair in filled)])
-        ahead = np.concatenate([each.ravel() for each in outer])
+        self._number_joints(rows, columns)
+        ahead = np.concatenate([rows[:0], *(each.ravel() for each in outer)])
         coupled = np.flatnonzero(ahead < count)
         places = ahead[coupled], coupled
         sources = csr_matrix((np.ones(len(coupled)), places), shape=(count, len(ahead)))
-        self.sources = sources.toarray() if count <= MAX_DENSE_COORDINATES else sources
-        self.matrix = JointsMatrix((rows, columns), unknowns.of(self.joints))
+        self.sources = sources.toarray() if self.sparse is None else sources
 
-    def _number(
+    def _number_blocks(
         self, owner: Indices, across: Flags, entries: tuple[Indices, Indices], joint: Indices
-    ) -> None:
-        """Set `blocks`, `slots` and `size`; `across` is a mask of entries of a block and joint."""
+    ) -> Indices:
+        """Set `blocks`, `slots` and `size`; return the place of each diagonal entry (u,)."""
         (first, second), count, inner = entries, len(owner), owner >= 0
         order = np.argsort(owner, kind='stable')
-        order, sizes = order[inner[order]], np.bincount(owner[inner])
+        order, sizes = order[inner[order]], np.bincount(owner[inner], minlength=1)
         local = np.zeros(count, dtype=np.intp)
         local[order] = np.arange(len(order)) - np.repeat(np.cumsum(sizes) - sizes, sizes)
         pairs, pair = np.unique(owner[first[across]] * count + second[across], return_inverse=True)
@@ -162,18 +103,29 @@ class BlockMatrix:
         slot[across] = (sizes[coupled] + rank)[pair]
         offsets, begin, self.blocks = np.zeros(len(sizes), dtype=np.intp), 0, list[Blocks]()
         for size, width in np.unique(np.stack([sizes, widths], axis=1), axis=0).tolist():
-            alike = np.flatnonzero((sizes == size) & (widths == width))
-            area = size * (size + width)
-            offsets[alike] = begin + area * np.arange(len(alike))
-            part = slice(begin, begin + area * len(alike))
+            alike, area = np.flatnonzero((sizes == size) & (widths == width)), size + width
+            offsets[alike] = begin + size * area * np.arange(len(alike))
+            part = slice(begin, begin + size * area * len(alike))
             outside = joint[unknown[np.isin(coupled, alike)]].reshape(len(alike), width)
             inside = order[np.isin(owner[order], alike)].reshape(len(alike), size)
-            self.blocks.append(Blocks(inside, outside, part))
+            self.blocks += [Blocks(inside, outside, part)] if size else []
             begin = part.stop
         row, inside = sizes + widths, inner[first] & (inner[second] | across)
         self.slots, self.size, block = np.full(len(first), begin), begin + 1, owner[first[inside]]
         self.slots[inside] = offsets[block] + local[first[inside]] * row[block] + slot[inside]
-        self._diagonal = offsets[owner] + local * (row[owner] + 1)
+        return offsets[owner] + local * (row[owner] + 1)
+
+    def _number_joints(self, rows: Indices, columns: Indices) -> None:
+        """Set `joint_slots`, `joint_size` and `sparse` for entries of the joints' matrix."""
+        count, self.sparse = len(self.joints), None
+        there = np.flatnonzero((rows < count) & (columns < count))
+        keys, self.joint_size = columns[there] * count + rows[there], count**2
+        if count > MAX_DENSE_COORDINATES:
+            unique, keys = np.unique(keys, return_inverse=True)
+            pointers = np.searchsorted(unique, count * np.arange(count + 1))
+            self.sparse, self.joint_size = (unique % count, pointers), len(unique)
+        self.joint_slots = np.full(len(rows), self.joint_size)
+        self.joint_slots[there] = keys
 
     def eliminate(self, values: Array, right: Array) -> tuple[FactoredBlocks, Array]:
         """Eliminate the blocks of a matrix with entries (e,); solve for right sides (u, p)."""
@@ -191,15 +143,14 @@ class BlockMatrix:
             insides.append(found[..., width:])
             fill.append(carried[..., :width].ravel())
             pushed.append(carried[..., width:].reshape(outer.size, -1))
-        factored, moved = self.matrix.eliminate(np.concatenate(fill), self._loads(right, pushed))
-        found = FactoredBlocks(self, parts, factored)
-        return found, found.complete(moved, insides)
-
-    def _loads(self, right: Array, pushed: list[Array]) -> Array:
-        """Return the loads (j, p) of the joints, to which the blocks add `pushed`."""
-        return right[self.joints] + self.sources @ (
-            pushed[0] if len(pushed) == 1 else np.concatenate(pushed)
-        )
+        entries = np.bincount(self.joint_slots, np.concatenate(fill), self.joint_size + 1)[:-1]
+        count = len(self.joints)
+        if self.sparse is None:
+            matrix = entries.reshape(count, count)
+        else:
+            matrix = csc_matrix((entries, *self.sparse), shape=(count, count))
+        factored = FactoredBlocks(self, parts, matrix, factorize(matrix.copy()))
+        return factored, factored.complete(right, insides, pushed)
 
 
 class FactoredBlocks(NamedTuple):
@@ -207,24 +158,30 @@ class FactoredBlocks(NamedTuple):
 
     numbers: BlockMatrix
     parts: list[tuple[Array, Array]]  #: blocks (b, s, s); their inverses times coupling (b, s, t)
-    joints: FactoredMatrix
+    matrix: Array | csc_matrix  #: (j, j) matrix of the joints
+    joints: Factor  #: its factorisation
 
     def solve(self, right: Array) -> Array:
         """Return the unknowns (u, p) for right-hand sides (u, p); those not free are zero."""
         insides, pushed = [], []
-        for (inner, outer, _), (stiff, spread) in zip(
-            self.numbers.blocks, self.parts, strict=True
-        ):
+        groups = zip(self.numbers.blocks, self.parts, strict=True)
+        for (inner, outer, _), (stiff, spread) in groups:
             push = right[inner]
             insides.append(np.linalg.solve(stiff, push))
             pushed.append(-(spread.swapaxes(1, 2) @ push).reshape(outer.size, -1))
-        return self.complete(self.joints.solve(self.numbers._loads(right, pushed)), insides)
+        return self.complete(right, insides, pushed)
 
-    def complete(self, joints: Array, insides: list[Array]) -> Array:
-        """Return the unknowns (u, p) from those of the joints, and of blocks with fixed joints."""
-        numbers, columns = self.numbers, joints.shape[1]
-        moved, found = np.zeros((len(joints) + 1, columns)), np.zeros((numbers.count, columns))
-        found[numbers.joints] = moved[:-1] = joints
+    def complete(self, right: Array, insides: list[Array], pushed: list[Array]) -> Array:
+        """
+        Return the unknowns (u, p) from those of the blocks with fixed joints, `insides` (b, s, p).
+
+        The blocks exert the forces `pushed` (b t, p) on the fixed joints.
+        """
+        numbers, loads = self.numbers, right[self.numbers.joints]
+        if pushed:
+            loads += numbers.sources @ (pushed[0] if len(pushed) == 1 else np.concatenate(pushed))
+        moved, found = np.zeros((len(loads) + 1, loads.shape[1])), np.zeros(right.shape)
+        found[numbers.joints] = moved[:-1] = self.joints.solve(loads)
         groups = zip(numbers.blocks, self.parts, insides, strict=True)
         for (inner, outer, _), (_, spread), inside in groups:
             found[inner] = inside - spread @ moved[outer]
@@ -233,14 +190,12 @@ class FactoredBlocks(NamedTuple):
     @property
     def condition(self) -> float:
         """Return the largest condition number of the blocks and of the joints' matrix [-]."""
-        return max(
-            self.joints.condition,
-            *(float(np.linalg.cond(stiff, 1).max()) for stiff, _ in self.parts),
-        )
+        blocks = (float(np.linalg.cond(stiff, 1).max()) for stiff, _ in self.parts)
+        return max(factorize_with_condition(self.matrix)[1], *blocks, 0.0)
 
     @property
     def negative_pivots(self) -> int:
         """Return the number of negative eigenvalues: the sum over all blocks (Haynsworth)."""
-        return self.joints.negative_pivots + sum(
+        return count_negative_pivots(self.matrix, self.numbers.constraints) + sum(
             count_negative_pivots(each, 0) for stiff, _ in self.parts for each in stiff
         )

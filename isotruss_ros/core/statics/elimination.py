@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.core.statics.block_matrix import FactoredBlocks, FactoredMatrix
+from isotruss_ros.core.statics.block_matrix import FactoredBlocks
 from isotruss_ros.core.statics.frame_pattern import FramePattern
 import numpy as np
 
@@ -48,7 +48,7 @@ class Scaling(NamedTuple):
     def eliminate(self, entries: Array, right: Array) -> tuple[Elimination, Array]:
         """Factorise the matrix of (4), and return the changes (u, p) of all unknowns."""
         scale = self.scale[:, None]
-        factored, found = self.pattern.top.eliminate(entries * self.weight, right * scale)
+        factored, found = self.pattern.matrix.eliminate(entries * self.weight, right * scale)
         return Elimination(self, factored), found * scale
 
 
@@ -56,7 +56,7 @@ class Elimination(NamedTuple):
     """Factorised matrix of (4)."""
 
     scaling: Scaling
-    factored: FactoredBlocks | FactoredMatrix  #: scaled
+    factored: FactoredBlocks  #: scaled
 
     def solve(self, right: Array) -> Array:
         """

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 from isotruss_ros.core.kinematics.constraints import MAX_DENSE_COORDINATES
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
-from isotruss_ros.core.statics.block_matrix import BlockMatrix, JointsMatrix, Unknowns
+from isotruss_ros.core.statics.block_matrix import BlockMatrix, Unknowns
 import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
@@ -107,7 +107,7 @@ class FramePattern:
     :ivar entries: row and column of all entries of the matrix (4): members' stiffness (36 k,),
         constraints, constraints transposed, and the constraints' geometric stiffness.
     :ivar condensed: whether the matrix has blocks.
-    :ivar top: numbering of the matrix.
+    :ivar matrix: numbering of the matrix.
     :param members: members between the nodes; only their connections are used.
     :param held: (n, 3) mask of the displacements ux, uy, theta that supports fix.
     :param rows: constraints on rotations; only their connections are used.
@@ -136,11 +136,8 @@ class FramePattern:
         self.entries, blocks = (first, second), _find_blocks(members, turning, rows)
         # A single block is the whole frame.
         self.condensed = condensed and blocks.max() > 0 and bool((free & (blocks < 0)).any())
-        self.top: BlockMatrix | JointsMatrix = (
-            BlockMatrix(self.entries, blocks, self.unknowns)
-            if self.condensed
-            else JointsMatrix(self.entries, self.unknowns)
-        )
+        blocks = blocks if self.condensed else np.full(count, -1)
+        self.matrix = BlockMatrix(self.entries, blocks, self.unknowns)
 
 
 def _find_blocks(members: Members, solid: Flags, rows: TurnRows) -> Indices:
