@@ -28,10 +28,11 @@ class PhaseRecord:
     """Record of the messages received during one phase."""
 
     name: str  #: name of the phase
-    #: (dx, dy, dangle), integral of the published twists [m, rad]
+    #: (dx, dy, dangle), integral of the twists that the manipulation node was to execute, by its
+    #: statuses [m, rad]
     commanded: np.ndarray = field(default_factory=lambda: np.zeros(3))
-    #: (dx, dy, dangle), integral of the twists that the manipulation node reported as executed,
-    #: which its limits may have reduced [m, rad]
+    #: (dx, dy, dangle), integral of the same twists as executed, which limits may have reduced
+    #: [m, rad]
     accepted: np.ndarray = field(default_factory=lambda: np.zeros(3))
     #: (dx, dy, dangle), change of the measured pose, with a continuous angle [m, rad]
     measured: np.ndarray = field(default_factory=lambda: np.zeros(3))

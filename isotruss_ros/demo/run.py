@@ -229,7 +229,7 @@ def _verdict(records: Sequence[PhaseRecord], real: bool, console: Console) -> in
     for record in records:
         if not real:
             _print_anomalies(record, console)
-        if record.shortfall > limit + record.delay:
+        if record.shortfall > limit:
             shortfall = f'{1e3 * record.shortfall:.1f} mm'
             console.print(
                 f'{record.name}: limits shortened the motion by {shortfall}', style='yellow'

@@ -58,15 +58,16 @@ def plan_table(plan: PlanGrasp.Result) -> Table:
 def motion_table(records: Sequence[PhaseRecord]) -> Table:
     """Return a table of the object's displacement and errors in each phase."""
     table = make_table(
-        'Object: displacement in mm and rotation in degrees; largest roller speed',
+        'Object: displacement in mm and rotation in degrees by executed twists and as measured, '
+        'and their difference; largest roller speed; rate of the control loop',
         ('phase',),
-        ('commanded', 'measured', 'error\nmm', 'error\ndeg', 'roller\nmm/s', 'loop\nHz'),
+        ('executed', 'measured', 'error\nmm', 'error\ndeg', 'roller\nmm/s', 'loop\nHz'),
     )
     unit = np.array([1e3, 1e3, np.rad2deg(1.0)])
     for record in records:
         table.add_row(
             record.name,
-            _numbers(unit * record.commanded),
+            _numbers(unit * record.accepted),
             _numbers(unit * record.measured),
             f'{1e3 * record.position_error:.3f}',
             f'{np.rad2deg(record.angle_error):.3f}',

@@ -17,6 +17,7 @@ from isotruss_ros.demo.path import figure_9
 from isotruss_ros.demo.record import PhaseRecord, Snapshot
 from isotruss_ros.demo.run import OBJECT_CENTER, OBJECT_DIAMETER, PULL, run
 from isotruss_ros.demo.sensors import REAL_SENSORS, truth_table
+from isotruss_ros.demo.tables import motion_table
 from isotruss_ros.nodes.conversions.path_messages import read_duration, to_trajectory_message
 from isotruss_ros.nodes.simulator import node as simulator
 from mujoco_worlds import CENTER, needs_egl, needs_mujoco, record
@@ -166,6 +167,22 @@ def test_the_table_of_the_truth_has_the_errors_of_squeeze_joints_and_pose():
     table = truth_table([record], ROBOT, 20.0)
     cells = [next(iter(column.cells)) for column in table.columns]
     assert cells == ['up', '+10', '-30', '-5', '1.0', '5.0', '2.0', '1.50']
+
+
+def test_the_columns_of_the_motion_table_add_up():
+    record = PhaseRecord(
+        'up',
+        commanded=np.array([0.09, 0.12, 0.0]),
+        accepted=np.array([0.0905, 0.12, np.radians(1.0)]),
+        measured=np.array([0.0965, 0.128, np.radians(3.5)]),
+        loop_rate=62.3,
+    )
+    table = motion_table([record])
+    _, executed, measured, error, turn, _, rate = (next(iter(c.cells)) for c in table.columns)
+    difference = np.fromstring(measured, sep=' ') - np.fromstring(executed, sep=' ')
+    assert np.hypot(*difference[:2]) == pytest.approx(float(error), abs=0.1)
+    assert difference[2] == pytest.approx(float(turn), abs=0.1)
+    assert rate == '62'
 
 
 def test_an_object_of_another_shape_is_passed_to_all_nodes_of_a_view(monkeypatch, tmp_path):
