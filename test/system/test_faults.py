@@ -10,6 +10,7 @@ It rests until somebody asks anew, and what is started again works.
 import signal
 import subprocess
 import sys
+import time
 
 from action_msgs.msg import GoalStatus
 from builtin_interfaces.msg import Duration
@@ -305,6 +306,20 @@ def test_a_path_ends_with_its_node_and_the_next_one_works(r):
     r.check_rests()  # nobody goes on with the old path
     status, code = paths.ended(paths.go(0.01))
     assert (status, code) == (GoalStatus.STATUS_SUCCEEDED, Result.REACHED)
+
+
+@pytest.mark.nightly
+def test_a_path_ends_one_timeout_after_manipulation_is_killed(r):
+    w, paths = r.w, Paths(r)
+    r.check_rests()
+    handle = paths.go(0.2)
+    w.until(r.moving)
+    r.signal('manipulation', signal.SIGKILL)
+    killed = time.monotonic()
+    assert paths.ended(handle) == (GoalStatus.STATUS_ABORTED, Result.STOPPED)
+    timeout = NODES['path_follower']['command_timeout']
+    # Less than half of `progress_timeout`, which is for a robot that does not move.
+    assert time.monotonic() - killed < timeout + 1.5
 
 
 @pytest.mark.nightly

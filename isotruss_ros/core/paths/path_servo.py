@@ -4,8 +4,9 @@
 """
 Path servo, which decides in each control cycle whether a path is followed, paused or aborted.
 
-A missing, stale or rejected pose ends the path. While the manipulation node has stopped the robot,
-or its feedback is stale, path time does not advance and the twist is zero.
+A missing, stale or rejected pose ends the path, and so does a manipulation node without valid
+feedback for the same timeout. While this node has stopped the robot, path time does not advance
+and the twist is zero.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import math
 from typing import NamedTuple
 
 from isotruss_ros.core.errors import PathError
-from isotruss_ros.core.inputs import InputError, LatestInputs, require_fresh
+from isotruss_ros.core.inputs import InputError, InputFault, LatestInputs, require_fresh
 from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.model.pose import Pose, pose_difference
 from isotruss_ros.core.numerics.arrays import Array
@@ -81,6 +82,8 @@ class PathServo:
         self.period, self.timeout, self.inputs = period, timeout, inputs
         self.tracker: PathTracker | None = None
         self._before = 0.0
+        #: Stamp of the last valid feedback, at least the start of the path [s].
+        self._answered = 0.0
 
     def measured(self, now: float) -> Pose:
         """
@@ -112,7 +115,7 @@ class PathServo:
                 f'within {settings.position_tolerance:g} m and {settings.angle_tolerance:g} rad'
             )
         self.tracker = PathTracker(path, settings, self.period)
-        self._before = now
+        self._before = self._answered = now
 
     def decide(self, now: float) -> Step:
         """
@@ -122,7 +125,12 @@ class PathServo:
         """
         elapsed, self._before = now - self._before, now
         self.tracker.clock.period = self.period
-        feedback = self._last_feedback(now)
+        try:
+            feedback = self._last_feedback(now)
+        except InputError as error:
+            if now - self._answered > self.timeout:
+                return Step(np.zeros(3), PathOutcome.STOPPED, str(error), None)
+            feedback = ServoFeedback(Status.HALT_NO_TWIST, 0.0, str(error))
         held = feedback.code >= Status.HALT_NO_TWIST
         self.tracker.allow_for_inertia(feedback.frequency)
         try:
@@ -139,13 +147,11 @@ class PathServo:
         return Step(tracking.twist, outcome, message, tracking)
 
     def _last_feedback(self, now: float) -> ServoFeedback:
-        """Return the feedback on the last twist; without it, the feedback of a stopped robot."""
-        try:
-            (given,) = require_fresh(now, self.timeout, status=self.inputs.servo_feedback)
-        except InputError as error:
-            return ServoFeedback(Status.HALT_NO_TWIST, 0.0, str(error))
+        """Return the feedback on the last twist; raise InputError if it is stale or invalid."""
+        (given,) = require_fresh(now, self.timeout, status=self.inputs.servo_feedback)
         feedback: ServoFeedback = given.value
-        if 0.0 <= feedback.scale <= 1.0:
-            return feedback
-        words = f'status: scale {feedback.scale}: must be from 0 to 1'
-        return ServoFeedback(Status.HALT_NO_TWIST, 0.0, words)
+        if not 0.0 <= feedback.scale <= 1.0:
+            words = f'status: scale {feedback.scale}: must be from 0 to 1'
+            raise InputError(InputFault.INVALID, 'status', words)
+        self._answered = max(self._answered, given.time)
+        return feedback

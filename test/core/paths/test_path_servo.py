@@ -112,6 +112,31 @@ def test_path_time_stops_while_the_robot_is_halted(servo_feedback):
     assert servo.tracker.clock.rate == 0.0
 
 
+@pytest.mark.parametrize(
+    ('last', 'words'),
+    [
+        (None, 'none received yet'),
+        (StampedInput(OBEYS, 10.0), 'must be at most 0.2 s'),
+        (RejectedInput('nonsense'), 'nonsense'),
+        (StampedInput(ServoFeedback(0, math.nan, ''), 10.0), 'scale nan'),
+    ],
+)
+def test_a_path_ends_one_timeout_after_the_last_valid_feedback(last, words):
+    servo = begun(progress_timeout=60.0)
+    end = 10.0 + TIMEOUT if isinstance(last, StampedInput) else 10.0 - PERIOD + TIMEOUT
+    for cycle in range(60):
+        now = 10.0 + cycle * PERIOD
+        servo.inputs.pose = StampedInput(Pose(0.0, 0.0, 0.0), now)
+        servo.inputs.servo_feedback = last
+        step = servo.decide(now)
+        if step.outcome is not None:
+            break
+    assert step.outcome is PathOutcome.STOPPED
+    assert words in step.message
+    assert not step.twist.any()
+    assert now == pytest.approx(end, abs=2.0 * PERIOD)
+
+
 @pytest.mark.parametrize('status', [status for status in Status if status < 30])
 def test_goes_on_while_it_moves_however_it_is_slowed(status):
     servo = begun()
