@@ -6,11 +6,13 @@ Server of a view, with access control for its page and websocket.
 
 viser 1.1.1 uses another port if the requested one is taken, hangs if an address cannot be bound,
 and accepts requests from pages of any origin. So this module passes a bound socket to viser, and
-sets options of `websockets` that viser does not set.
+sets options of `websockets` that viser does not set. A malformed message of a page is reported in
+one line.
 """
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Callable, Iterator
 import contextlib
 from http import HTTPStatus
@@ -20,6 +22,7 @@ import logging
 import os
 import secrets
 import socket
+import sys
 import threading
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
@@ -54,32 +57,30 @@ class ViewError(IsotrussError, RuntimeError):
 
 class Gate:
     """
-    Access control of a server, which admits only its own pages; other machines need a token.
+    Access control of a server, which admits only its own pages, opened with a token.
 
-    :ivar origins: origins of the pages that may open the websocket.
-    :ivar address: address to open in a browser, with a token if required.
+    Other users of this machine can reach the loopback address, so it needs the token as well. A
+    page is the server's own if its origin is a name of this machine, or the address at which its
+    connection arrived.
+
+    :ivar local: whether only this machine can reach the server.
+    :ivar address: address to open in a browser, with the token.
     :param bound: bound socket of the server.
     """
 
     def __init__(self, bound: socket.socket) -> None:
         host, port = bound.getsockname()[:2]
         served = ipaddress.ip_address(host)
-        self._token = '' if served.is_loopback else secrets.token_urlsafe(16)
+        self.local = served.is_loopback
+        self._token, self._port = secrets.token_urlsafe(16), port
         self._cookie = f'isotruss_view_{port}'
         names = {host, LOCAL, 'localhost', '::1'}
         if served.is_unspecified:
             name = socket.gethostname()
             host = _find_address()
             names |= {host, name, f'{name}.local'}
-        # Browsers omit the default port of HTTP.
-        self.origins = sorted(
-            f'http://{_bracket(name)}{end}'
-            for name in names
-            for end in ((f':{port}', '') if port == 80 else (f':{port}',))
-        )
-        self.address = f'http://{_bracket(host)}:{port}'
-        if self._token:
-            self.address += f'/?token={self._token}'
+        self._names = names
+        self.address = f'http://{_bracket(host)}:{port}/?token={self._token}'
 
     def guard(self, answer: Answer) -> Answer:
         """
@@ -96,18 +97,32 @@ class Gate:
             # Uncompressed, since script and style are inserted into the page.
             request.headers.pop('Accept-Encoding', None)
             response = answer(connection, request)
+            if response is None and not self._is_own_page(connection, request):
+                return connection.respond(
+                    HTTPStatus.FORBIDDEN, 'Only pages of this server open its websocket.\n'
+                )
             if response is not None:
                 response.body = response.body.replace(b'<head>', HEAD.encode(), 1)
                 response.headers.pop('Content-Length', None)
                 response.headers['Content-Length'] = str(len(response.body))
                 response.headers.update(HEADERS)
-                if self._token:
-                    response.headers['Set-Cookie'] = (
-                        f'{self._cookie}={self._token}; Path=/; HttpOnly; SameSite=Strict'
-                    )
+                response.headers['Set-Cookie'] = (
+                    f'{self._cookie}={self._token}; Path=/; HttpOnly; SameSite=Strict'
+                )
             return response
 
         return answer_or_refuse
+
+    def _is_own_page(self, connection: ServerConnection, request: Request) -> bool:
+        """Return whether a websocket is requested by a page of this server."""
+        arrival = ipaddress.ip_address(connection.local_address[0].partition('%')[0])
+        address = str(getattr(arrival, 'ipv4_mapped', None) or arrival)
+        # Browsers omit the default port of HTTP.
+        ends = (f':{self._port}', '') if self._port == 80 else (f':{self._port}',)
+        origins = [
+            f'http://{_bracket(name)}{end}' for name in (*self._names, address) for end in ends
+        ]
+        return request.headers.get_all('Origin') in [[origin] for origin in origins]
 
     def _has_token(self, request: Request) -> bool:
         """Return whether the address of a request contains the token."""
@@ -131,9 +146,9 @@ class _Server(viser.ViserServer):
         """Refuse to open a tunnel to the internet, which a page can request by a message."""
 
 
-def open_server(host: str, port: int) -> tuple[viser.ViserServer, str]:
+def open_server(host: str, port: int) -> tuple[viser.ViserServer, Gate]:
     """
-    Start a server; return the server, and the address to open in a browser.
+    Start a server; return the server and its access control.
 
     :param host: address of this machine to bind; 0.0.0.0: all addresses.
     :param port: port of the server; 0: any free port.
@@ -150,12 +165,17 @@ def open_server(host: str, port: int) -> tuple[viser.ViserServer, str]:
         raise ViewError(
             f'viser {viser.__version__} does not check connections: install viser 1.1.1'
         )
-    return server, gate.address
+    return server, gate
 
 
 def _bind(host: str, port: int) -> socket.socket:
     """Return a listening socket at an address of this machine."""
     where = f'no server at {host}:{port}'
+    if '%' in host:
+        raise ViewError(
+            f'{where}: browsers open no address with a zone: the host must be another address of '
+            f'this machine, such as {LOCAL}, or 0.0.0.0 for all of them'
+        )
     try:
         # Numeric addresses only: name lookup may be slow.
         family, *_, place = socket.getaddrinfo(
@@ -169,8 +189,12 @@ def _bind(host: str, port: int) -> socket.socket:
             f'{where}: the host must be an address of this machine, such as {LOCAL}, or 0.0.0.0 '
             'for all of them'
         ) from error
+    mapped = getattr(ipaddress.ip_address(place[0]), 'ipv4_mapped', None)
+    if mapped is not None:
+        family, place = socket.AF_INET, (str(mapped), port)
+    everywhere = ipaddress.ip_address(place[0]) == ipaddress.IPv6Address('::')
     try:
-        return socket.create_server(place, family=family)
+        return socket.create_server(place, family=family, dualstack_ipv6=everywhere)
     except OSError as error:
         raise ViewError(f'{where}: {os.strerror(error.errno)}') from error
 
@@ -189,10 +213,10 @@ def _serving(bound: socket.socket, gate: Gate) -> Iterator[list[bool]]:
         handler: Any, _host: str, _port: int, process_request: Answer, **options: Any
     ) -> Any:
         served.append(True)
+        asyncio.get_running_loop().set_exception_handler(_report_message)
         return serve(
             handler,
             sock=bound,
-            origins=gate.origins,  # type: ignore[arg-type]
             process_request=gate.guard(process_request),
             logger=_quiet,
             **options,
@@ -204,6 +228,12 @@ def _serving(bound: socket.socket, gate: Gate) -> Iterator[list[bool]]:
             yield served
         finally:
             module.serve = serve  # type: ignore[misc]
+
+
+def _report_message(_loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+    """Print one line about a message of a page whose handler in viser failed."""
+    reason = repr(context.get('exception') or context['message'])
+    print(f'viewer: message of a page ignored: {reason:.200}', file=sys.stderr, flush=True)
 
 
 def _find_address() -> str:

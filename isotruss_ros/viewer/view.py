@@ -20,7 +20,8 @@ class View:
 
     :ivar server: server of the view.
     :ivar picture: displayed state.
-    :ivar address: address to open in a browser.
+    :ivar address: address to open in a browser, with its token.
+    :ivar local: whether only this machine can reach the server.
     :param picture: displayed state.
     :param host: address to which the server is bound.
     :param port: port of the server; 0: any free port.
@@ -29,7 +30,8 @@ class View:
 
     def __init__(self, picture: Picture, host: str, port: int) -> None:
         self.picture = picture
-        self.server, self.address = open_server(host, port)
+        self.server, gate = open_server(host, port)
+        self.address, self.local = gate.address, gate.local
         # Beside the scene, without covering the robot.
         self.server.gui.main_panel.dock_right()
         self.server.gui.configure_theme(show_logo=False, show_share_button=False)

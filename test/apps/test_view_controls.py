@@ -113,6 +113,15 @@ def test_a_force_beyond_the_range_of_its_slider_is_ignored(session, value):
     assert session.refused[0].startswith(f"fx: '{value}' from a browser: must be from -20 to 20")
 
 
+@pytest.mark.parametrize('value', ['much\n', None, [1.0, 2.0], {}])
+def test_a_malformed_value_of_a_control_is_reported_in_one_line(session, capfd, value):
+    session.set('force x [N]', value)
+    session.set('force x [N]', 3.0)
+    session.until(lambda: session.control.wrench[0] == 3.0)
+    (line,) = capfd.readouterr().err.splitlines()
+    assert line.startswith('viewer: message of a page ignored: ')
+
+
 def test_a_drag_of_an_unknown_joint_is_ignored(session):
     session.set('drag', 'nowhere')
     session.until(lambda: session.refused)

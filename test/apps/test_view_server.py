@@ -45,11 +45,11 @@ def public():
         yield view
 
 
-def handshake(view, origin, query='', cookie=''):
+def handshake(view, origin, query='', cookie='', address='127.0.0.1'):
     """Return the status of the answer to a client that asks for the websocket."""
     try:
         with connect(
-            f'ws://127.0.0.1:{view.server.get_port()}/{query}',
+            f'ws://{address}:{view.server.get_port()}/{query}',
             origin=origin,
             subprotocols=[f'viser-v{viser.__version__}'],
             additional_headers={'Cookie': cookie},
@@ -59,11 +59,11 @@ def handshake(view, origin, query='', cookie=''):
         return error.response.status_code
 
 
-def fetch(view, query=''):
+def fetch(view, query='', address='127.0.0.1'):
     """Return the status and the headers of the page."""
-    address = f'http://127.0.0.1:{view.server.get_port()}/{query}'
+    page = f'http://{address}:{view.server.get_port()}/{query}'
     try:
-        with urllib.request.urlopen(address, timeout=60) as answer:
+        with urllib.request.urlopen(page, timeout=60) as answer:
             return answer.status, answer.headers
     except urllib.error.HTTPError as error:
         return error.code, error.headers
@@ -76,20 +76,56 @@ def token_of(view):
 
 @pytest.mark.parametrize('name', ['127.0.0.1', 'localhost'])
 def test_a_page_of_this_server_opens_the_websocket(local, name):
-    assert handshake(local, f'http://{name}:{local.server.get_port()}') == ACCEPTED
+    origin = f'http://{name}:{local.server.get_port()}'
+    assert handshake(local, origin, token_of(local)) == ACCEPTED
+
+
+@pytest.mark.parametrize('address', ['127.0.0.1', '127.0.0.2'])
+def test_a_page_opens_the_websocket_at_every_address_of_the_machine(public, address):
+    """A page at any of several networks' addresses, for which two loopback addresses stand."""
+    status, headers = fetch(public, token_of(public), address)
+    assert status == 200
+    cookie = headers['Set-Cookie'].partition(';')[0]
+    origin = f'http://{address}:{public.server.get_port()}'
+    assert handshake(public, origin, cookie=cookie, address=address) == ACCEPTED
+
+
+def test_a_page_at_another_address_of_the_machine_is_refused_the_websocket(public):
+    origin = f'http://127.0.0.3:{public.server.get_port()}'
+    assert handshake(public, origin, token_of(public), address='127.0.0.2') == REFUSED
+
+
+def test_an_address_mapped_into_ipv6_is_served_as_ipv4():
+    with served('::ffff:127.0.0.1') as view:
+        port = view.server.get_port()
+        assert view.address.startswith(f'http://127.0.0.1:{port}/?token=')
+        assert handshake(view, f'http://127.0.0.1:{port}', token_of(view)) == ACCEPTED
+
+
+@pytest.mark.skipif(not socket.has_dualstack_ipv6(), reason='needs IPv6')
+def test_all_addresses_of_ipv6_include_those_of_ipv4():
+    with served('::') as view:
+        origin = f'http://127.0.0.2:{view.server.get_port()}'
+        assert handshake(view, origin, token_of(view), address='127.0.0.2') == ACCEPTED
+
+
+def test_an_address_with_a_zone_is_refused_in_words():
+    with pytest.raises(ViewError, match='browsers open no address with a zone'):
+        View(Picture(ROBOT, 0.3), 'fe80::1%lo', 0)
 
 
 @pytest.mark.parametrize('origin', ['http://evil.example', 'null', None, 'http://localhost:1'])
 def test_a_page_from_elsewhere_is_refused_the_websocket(local, public, origin):
-    assert handshake(local, origin) == REFUSED
-    assert handshake(public, origin, token_of(public)) == REFUSED
+    for view in (local, public):
+        assert handshake(view, origin, token_of(view)) == REFUSED
 
 
-def test_beyond_this_machine_the_websocket_asks_for_the_token_too(public):
-    origin = f'http://127.0.0.1:{public.server.get_port()}'
-    assert handshake(public, origin) == REFUSED
-    assert handshake(public, origin, '?token=guess') == REFUSED
-    assert handshake(public, origin, token_of(public)) == ACCEPTED
+def test_the_websocket_needs_the_token_on_this_machine_too(local, public):
+    for view in (local, public):
+        origin = f'http://127.0.0.1:{view.server.get_port()}'
+        assert handshake(view, origin) == REFUSED
+        assert handshake(view, origin, '?token=guess') == REFUSED
+        assert handshake(view, origin, token_of(view)) == ACCEPTED
 
 
 def test_the_page_with_the_token_brings_a_cookie_that_opens_the_websocket(public):
@@ -103,12 +139,11 @@ def test_the_page_with_the_token_brings_a_cookie_that_opens_the_websocket(public
 
 
 def test_no_other_page_shows_the_view_in_a_frame(local):
-    assert fetch(local)[1]['X-Frame-Options'] == 'DENY'
+    assert fetch(local, token_of(local))[1]['X-Frame-Options'] == 'DENY'
 
 
 def test_every_page_has_the_heartbeat_script(local):
-    address = f'http://127.0.0.1:{local.server.get_port()}/'
-    asked = urllib.request.Request(address, headers={'Accept-Encoding': 'gzip'})
+    asked = urllib.request.Request(local.address, headers={'Accept-Encoding': 'gzip'})
     with urllib.request.urlopen(asked, timeout=60) as answer:
         assert SCRIPT.encode() in answer.read()
 
@@ -146,5 +181,5 @@ def test_invalid_http_prints_nothing(local, capfd):
         client.sendall(b'\x16\x03\x01\r\n\r\n')
         while client.recv(1000):
             pass
-    assert fetch(local)[0] == 200
+    assert fetch(local, token_of(local))[0] == 200
     assert capfd.readouterr().err == ''

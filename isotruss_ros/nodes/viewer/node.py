@@ -129,7 +129,7 @@ class Viewer(StoppableNode):
             raise MissingPackageError(error) from error
         host = self.values.host
         self._view = View(self.picture, host, self.values.port)
-        if 'token=' in self._view.address:
+        if not self._view.local:
             self.get_logger().warning(
                 f'host {host}: whoever knows the token in the address can watch and command the '
                 'robot; the token is sent without encryption'
