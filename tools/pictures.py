@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Make outdated pictures and films of the README and the site again.
+Make outdated pictures, films and recordings of the README and the site again.
 
 python tools/pictures.py makes all outdated pictures python tools/pictures.py --check fails if a
 picture is outdated python tools/pictures.py --keep NAME marks a picture as up to date
@@ -108,6 +108,15 @@ PICTURES = {
         ('tools/film_viewer.py', 'docs/images/viewer.gif'),
         ('tools/film_viewer.py', *(f'isotruss_ros/viewer/{name}.py' for name in VIEW), ROBOT),
     ),
+    'carry': Picture(
+        ('docs/images/carry.mcap',),
+        ('tools/record_carry.py', 'docs/images/carry.mcap'),
+        (
+            'tools/record_carry.py',
+            *(f'msg_defs/msg/{name}.msg' for name in ('GraspState', 'ManipulationStatus')),
+            ROBOT,
+        ),
+    ),
     'paper': Picture(
         tuple(f'docs/paper/figure_{number}.png' for number in (4, 5, 6, 7, 9)),
         ('-m', 'paper'),
@@ -127,7 +136,7 @@ PICTURES = {
 
 def hash_inputs(inputs: Sequence[str]) -> str:
     """
-    Return a hash of the content of files; of Python files, without comments and docstrings.
+    Return a hash of the content of files, without comments and docstrings.
 
     :param inputs: files and folders, relative to the top of the sources.
     """
@@ -141,6 +150,9 @@ def hash_inputs(inputs: Sequence[str]) -> str:
 
 
 def _read(file: Path) -> bytes:
+    if file.suffix == '.msg':
+        lines = (line.partition('#')[0].rstrip() for line in file.read_text().splitlines())
+        return '\n'.join(filter(None, lines)).encode()
     if file.suffix != '.py':
         return file.read_bytes()
     tree = ast.parse(file.read_text(encoding='utf-8'))

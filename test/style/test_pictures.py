@@ -55,6 +55,15 @@ def test_a_picture_is_out_of_date_where_what_draws_it_changed(
     assert pictures.main(['--check']) == stale
 
 
+def test_a_comment_of_a_message_makes_no_recording_outdated(pictures, tmp_path):
+    file = tmp_path / 'Grasp.msg'
+    hashes = []
+    for text in ('# Code.\nuint8 code\n', 'uint8 code  # code\n', 'uint8 result\n'):
+        file.write_text(text)
+        hashes.append(pictures.hash_inputs(['Grasp.msg']))
+    assert hashes[0] == hashes[1] != hashes[2]
+
+
 def test_every_picture_of_readme_and_pages_is_made_by_a_command():
     module = importlib.util.module_from_spec(SPEC)
     sys.modules['pictures'] = module
