@@ -52,7 +52,7 @@ CYCLES = 60
 #: First modules of the rows in the second table, below `isotruss_ros.core`.
 PARTS = {
     'twist': ('manipulation.solve_twist',),
-    '+ analysis': ('contact.analyze_grasp',),
+    '+ analysis': ('fixed_object.analyze_grasp',),
     '+ equilibrium': ('holding.settle_grasp',),
     '+ safety': ('safety.shape_guard', 'safety.roller_failure'),
     '+ servo': ('servo.twist_servo',),

@@ -3,10 +3,9 @@
 """
 Computing times of the analysis of a grasp, and their growth with the robot.
 
-Grasps are at the top module of the nine-member preset, with contact points every 5 mm, with
-flattening tubes and with the paper's round tubes. A cold analysis includes assembly,
-factorisation, contact, closure, stiffness and wrinkling. A warm analysis is in the same
-configuration with another pose of the object.
+Grasps are at the top module of the nine-member preset, with contact points every 5 mm. A cold
+analysis includes assembly, factorisation, contact, closure and wrinkling. A warm analysis is in
+the same configuration with another pose of the object.
 """
 
 from __future__ import annotations
@@ -18,7 +17,6 @@ from benchmarks.kinematics import unprepared
 from benchmarks.large_robots import nested_triangles, SIZES, top_module
 from benchmarks.measuring import median_time, part, Table, timed
 from isotruss_ros import core
-from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 
@@ -40,16 +38,6 @@ def pressed(config: core.Configuration, module: str, depth: float) -> core.Conve
     )
 
 
-def analyze(
-    config: core.Configuration,
-    cylinder: core.ConvexObject,
-    paper_model: bool = False,
-    previous: GraspAnalysis | None = None,
-) -> GraspAnalysis:
-    """Return the analysis of a grasp; the last two arguments may be positional."""
-    return core.analyze_grasp(config, cylinder, paper_model=paper_model, previous=previous)
-
-
 def tables() -> Iterator[Table]:
     """Yield the tables of the case."""
     yield Table(f'{STATES} random states.', ('analysis', 'median [ms]', 'p99 [ms]'), grasp_rows())
@@ -60,22 +48,19 @@ def tables() -> Iterator[Table]:
 def grasp_rows() -> list[list[str]]:
     """Measure whole analyses of random states."""
     robot = core.load_robot('nine_member')
-    rows = []
-    for model, paper_model in (('bent', False), ("paper's model", True)):
-        random = np.random.default_rng(1)
-        cold, warm = [], []
-        for _ in range(STATES):
-            config = robot.configuration(random.uniform(-0.15, 0.15, len(robot.roller_names)))
-            cylinder = pressed(config, MODULE, random.uniform(*DEPTHS))
-            seconds, analysis = timed(partial(analyze, config, cylinder, paper_model))
-            cold.append(seconds)
-            x, y, angle = cylinder.pose
-            moved = cylinder.moved_to((x + 1e-4, y - 1e-4, angle))
-            warm.append(timed(partial(analyze, config, moved, paper_model, analysis))[0])
-        for name, times in (('cold', cold), ('warm', warm)):
-            values = (f'{1e3 * value:.2f}' for value in np.percentile(times, [50.0, 99.0]))
-            rows.append([f'{model}, {name}', *values])
-    return rows
+    random = np.random.default_rng(1)
+    cold, warm = [], []
+    for _ in range(STATES):
+        config = robot.configuration(random.uniform(-0.15, 0.15, len(robot.roller_names)))
+        cylinder = pressed(config, MODULE, random.uniform(*DEPTHS))
+        cold.append(timed(partial(core.analyze_grasp, config, cylinder))[0])
+        x, y, angle = cylinder.pose
+        moved = cylinder.moved_to((x + 1e-4, y - 1e-4, angle))
+        warm.append(timed(partial(core.analyze_grasp, config, moved))[0])
+    return [
+        [name, *(f'{1e3 * value:.2f}' for value in np.percentile(times, [50.0, 99.0]))]
+        for name, times in (('cold', cold), ('warm', warm))
+    ]
 
 
 def growth_rows() -> list[list[str]]:
@@ -89,9 +74,12 @@ def growth_rows() -> list[list[str]]:
         def cold(
             home: core.Configuration = home, cylinder: core.ConvexObject = cylinder
         ) -> object:
-            return analyze(unprepared(home), cylinder)
+            return core.analyze_grasp(unprepared(home), cylinder)
 
-        times = median_time(cold, 1.0), median_time(partial(analyze, home, cylinder), 1.0)
+        times = (
+            median_time(cold, 1.0),
+            median_time(partial(core.analyze_grasp, home, cylinder), 1.0),
+        )
         displacements = 3 * len(structure_of(home).node_names)
         rows.append([f'{size}', f'{displacements}', *(f'{1e3 * time:.2f}' for time in times)])
     return rows

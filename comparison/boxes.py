@@ -14,7 +14,6 @@ from comparison.grasps import STEPS
 from comparison.grips import FINE, press_on, release, round_robot
 from comparison.section import Check, Section
 from isotruss_ros.core import (
-    analyze_grasp,
     Configuration,
     Disc,
     Ellipse,
@@ -64,7 +63,6 @@ class Compared:
     """Results of one object in both models."""
 
     case: Case  #: object between the two sides
-    fast: Array  #: (2, 2) normal forces on the fixed object without friction: MuJoCo, model [N]
     free: Array  #: (2, 2) normal forces on the free object: MuJoCo, model [N]
     required: Array  #: (2,) required friction: MuJoCo, model [-]
 
@@ -89,9 +87,8 @@ def compare(cases: Sequence[Case] = CASES, phases: Sequence[Phase] = PHASES) -> 
     )
     return Section(
         'Boxes between sides that do not meet',
-        'Objects are pressed between the sides `south/P-Q` and `north/R-P`. The normal forces on '
-        'the fixed object without friction are compared with `analyze_grasp`; the forces on the '
-        f'free object with friction ({FRICTION:g}) are compared with `settle_grasp`. The latter '
+        'Objects are pressed between the sides `south/P-Q` and `north/R-P`. The forces on '
+        f'the free object with friction ({FRICTION:g}) are compared with `settle_grasp`. The '
         'comparison excludes the box with a face in contact, because its contact forces depend on '
         'the contact history. Then the servo of `manipulation` picks up a free box, carries it by '
         '85 mm, turns it by 17° on two rolling corners, and puts it down; it controls the '
@@ -113,9 +110,6 @@ def compare_one(case: Case) -> Compared:
     home = round_robot().home
     grip = case.grip(home)
     plant = press_on(home, grip.body, SIDES, segments=FINE)
-    analysis = analyze_grasp(home, grip.body)
-    forces = plant.contact_forces()
-    fast = [[forces[name].normal, analysis.contact_forces[name]] for name in SIDES]
     release(plant, FRICTION)
     lies = grip.body.moved_to(plant.object_pose())
     settled = settle_grasp(home, lies, FRICTION, members=SIDES)
@@ -123,12 +117,11 @@ def compare_one(case: Case) -> Compared:
     free = [[forces[name].normal, settled.normal_forces[name]] for name in SIDES]
     used = max(abs(force.friction) / force.normal for force in forces.values())
     required = np.array([used, settled.required_friction])
-    return Compared(case, np.array(fast).T, np.array(free).T, required)
+    return Compared(case, np.array(free).T, required)
 
 
 def _force_checks(found: Sequence[Compared]) -> tuple[Check, ...]:
     """Return the checks of forces and friction with their bounds [%]."""
-    fast = max(_off(one.fast) for one in found)
     free = max(_off(one.free) for one in found if 'face' not in one.case.name)
     required = max(
         abs(one.required[0] / one.required[1] - 1.0)
@@ -137,7 +130,6 @@ def _force_checks(found: Sequence[Compared]) -> tuple[Check, ...]:
     )
     why = STEPS
     return (
-        Check('objects between two sides: normal forces, fixed', 100.0 * fast, 5.0, '%', why),
         Check('objects between two sides: normal forces, free', 100.0 * free, 5.0, '%', why),
         Check(
             'objects between two sides: required friction', 100.0 * float(required), 3.0, '%', why
@@ -153,21 +145,17 @@ def _off(forces: Array) -> float:
 def _table(found: Sequence[Compared]) -> Table:
     rows = []
     for one in found:
-        cells = [number(force) for force in (*one.fast.T.ravel(), *one.free.mean(axis=1))]
+        cells = [number(force) for force in one.free.mean(axis=1)]
         needs = [number(need, 2) for need in one.required]
         depth = f'{1e3 * one.case.indentation:.0f}'
         rows.append((one.case.name, depth, *cells, *needs))
     return Table(
         'boxes',
-        'Fixed object without friction, then free object held by friction',
+        'Free object held by friction',
         (
             'object',
             'indentation [mm]',
-            'N₁ MuJoCo [N]',
-            'N₁ ours',
-            'N₂ MuJoCo',
-            'N₂ ours',
-            'free, mean N MuJoCo [N]',
+            'mean N MuJoCo [N]',
             'ours',
             'required friction MuJoCo',
             'ours',

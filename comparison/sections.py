@@ -15,7 +15,6 @@ from comparison import (
     planned,
     pulls,
     random_carries,
-    shapes,
     unloaded,
 )
 from comparison.section import Compare, Section
@@ -24,7 +23,6 @@ SECTIONS: dict[str, Compare] = {
     'unloaded': unloaded.compare,
     'joint_loads': joint_loads.compare,
     'grasps': grasps.compare,
-    'shapes': shapes.compare,
     'pulls': pulls.compare,
     'friction': friction.compare,
     'carried': carried.compare,

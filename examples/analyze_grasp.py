@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Press an object into a corner of the robot and analyse the grasp."""
+"""Press an object that is held fast into a corner of the robot: the analysis of the paper."""
 
 from isotruss_ros import core
 
@@ -15,4 +15,3 @@ for member, length in grasp.contact_lengths.items():
     print(f'{member} touches over {1000 * length:.0f} mm')
 print('normal forces add up to', grasp.normal_wrench.round(3) + 0.0, '[N, N, N m]')
 print(f'closed by friction: {grasp.closed_by_friction}, from {grasp.required_friction:.3f} on')
-print('grasp stiffness:\n', grasp.stiffness.round(1))

@@ -13,13 +13,13 @@ with explained_imports():
 config = core.load_robot('nine_member').home
 x, y = core.tangent_center(config, 'north/Z', 0.3)
 pressed = core.ConvexObject.disc((x, y + 0.01), 0.3)  # 1 cm deeper into the corner
-analysis = core.analyze_grasp(config, pressed, friction=0.5)
+held = core.settle_grasp(config, pressed, friction=0.8)
 
 figure = Figure(figsize=(9.0, 4.5), layout='constrained')
 left, right = figure.subplots(1, 2)
 plotting.plot_robot(config, left)
 left.autoscale_view()
 left.set_aspect('equal')
-plotting.plot_grasp(config, pressed, analysis, right)
+plotting.plot_grasp(held.equilibrium, right)
 figure.savefig('drawing.png')
-print('the members press with', round(analysis.normal_forces.sum(), 1), 'N: see drawing.png')
+print('the members press with', round(sum(held.normal_forces.values()), 1), 'N: see drawing.png')

@@ -35,8 +35,7 @@ best = minimize(lambda x: solve(x)[:2], start, jac=True, bounds=bounds, constrai
 figure = Figure(figsize=(9.0, 4.8), layout='constrained')
 for values, axes in zip((start, best.x), figure.subplots(1, 2), strict=True):
     grasp = solve(values)[-1]
-    grip, used = grasp.equilibrium, max(grasp.utilisation.values())
-    analysis = core.analyze_grasp(grip.config, grip.body, 0.8, load, pressure=grip.tubes.pressure)
-    plotting.plot_grasp(grip.config, grip.body, analysis, axes, scale=0.006)
+    plotting.plot_grasp(grasp.equilibrium, axes, scale=0.006)
+    used = max(grasp.utilisation.values())
     print(f'slip margin {grasp.slip_margin:.2f} N, utilisation {used:.2f}, held: {grasp.held}')
 figure.savefig('optimised.png')

@@ -9,10 +9,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from isotruss_ros.core import ConvexObject, GraspRequirements, load_robot, plan_grasps
-from isotruss_ros.core.contact.deformed_shape import deformed_lines
-from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
 from isotruss_ros.core.errors import SolverError
+from isotruss_ros.core.holding.held_shape import deformed_lines
 from isotruss_ros.core.kinematics.depths import member_lines
+from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.planning.grasp_plan import PlannedGrasp, Progress
 from isotruss_ros.core.planning.requirements import Measure
 import numpy as np
@@ -24,9 +24,9 @@ BODY = ConvexObject.disc((0.5, 0.3), 0.35)
 #: Driven modules of the loop, and the measure of the ranking at each. The passive module P is
 #: excluded, because it cannot roll the object.
 SEARCHES = (
-    ('north/Z', Measure.CLOSURE_MARGIN),
+    ('north/Z', Measure.SLIP_MARGIN),
     ('north/Z', Measure.TOTAL_FORCE),
-    ('north/R', Measure.CLOSURE_MARGIN),
+    ('north/R', Measure.SLIP_MARGIN),
 )
 #: Coefficient of friction between tube and object [-].
 FRICTION = 0.5
@@ -45,9 +45,9 @@ class Held:
     deflection: float
 
     @property
-    def analysis(self) -> GraspAnalysis:
-        """Return the analysis of the grasp."""
-        return self.plan.analysis
+    def stiffness(self) -> Array:
+        """Return the stiffness (3, 3) of the grasp [N/m, N, N m]."""
+        return self.plan.equilibrium.response.stiffness
 
 
 def compute(advance: Advance) -> Sequence[Held]:
@@ -59,9 +59,7 @@ def compute(advance: Advance) -> Sequence[Held]:
         def tell(progress: Progress, done: int = done) -> None:
             advance((done + 0.9 * progress.share) / len(SEARCHES))
 
-        needs = GraspRequirements(
-            friction=FRICTION, module=module, count=1, min_margin=0.0, measure=measure
-        )
+        needs = GraspRequirements(friction=FRICTION, module=module, count=1, measure=measure)
         plan = plan_grasps(robot.home, BODY, needs, on_progress=tell, thorough=False)
         if not plan.grasps:
             raise SolverError(f'no grasp at module {module}: {plan.closest_violation}')
@@ -73,16 +71,16 @@ def compute(advance: Advance) -> Sequence[Held]:
 def _hold(plan: PlannedGrasp) -> Held:
     start, end = member_lines(plan.config).T[:, :, None]
     axis = (end - start) / np.abs(end - start)
-    across = ((deformed_lines(plan.analysis) - start) * axis.conj()).imag
+    across = ((deformed_lines(plan.equilibrium) - start) * axis.conj()).imag
     return Held(plan, float(np.abs(across).max()))
 
 
 def report(held: Sequence[Held]) -> Report:
     """Return text and table with the differences between the three grasps."""
-    stiffness = np.array([np.diag(each.analysis.stiffness)[:2] for each in held])
+    stiffness = np.array([np.diag(each.stiffness)[:2] for each in held])
     ratios = stiffness.max(axis=0) / stiffness.min(axis=0)
-    forces = [float(each.analysis.normal_forces.sum()) for each in held]
-    lengths = [1e3 * x for each in held for x in each.analysis.contact_lengths.values()]
+    forces = [each.plan.total_force for each in held]
+    lengths = [1e3 * x for each in held for x in each.plan.equilibrium.patches.lengths.tolist()]
     used = [each.plan.utilisation for each in held]
     return Report(
         heading='Fig. 7: three configurations that grasp one object',
@@ -94,14 +92,15 @@ def report(held: Sequence[Held]) -> Report:
         computed=f'An object of {100 * 2.0 * BODY.arm:g} cm at '
         f'({BODY.pose.x:g}, {BODY.pose.y:g}) m, free inside one loop. '
         '`core.plan_grasps` finds two configurations at one driven module of the loop (best by '
-        'closure margin, and best by force), and one at the other module. Their stiffnesses '
+        'slip margin, and best by force), and one at the other module. Their stiffnesses '
         f'differ by a factor of {number(float(ratios[0]), 2)} along x and '
         f'{number(float(ratios[1]), 2)} along y. The sum of the normal forces is '
         f'{number(min(forces), 2)} to {number(max(forces), 2)} N, evenly distributed over '
         f'{number(min(lengths), 2)} to {number(max(lengths), 2)} mm of each tube. The largest '
         f'moment is {number(max(used), 2)} of the wrinkling moment.',
         difference='Forces, regions, deformation and stiffness differ, as in the paper. All '
-        f'grasps are closed by friction ({FRICTION:g}). The numbers are those of our model.',
+        f'grasps hold the free object by friction ({FRICTION:g}). The numbers are those of '
+        '`settle_grasp`, with bent and flattened tubes.',
         assumption='Friction and the place of the object are chosen. Where tubes move by '
         'centimetres, the forces are less accurate. The search keeps moments '
         'below 0.8 of the wrinkling moment.',
@@ -112,19 +111,16 @@ def report(held: Sequence[Held]) -> Report:
 def _grasps(held: Sequence[Held]) -> Table:
     rows = []
     for each in held:
-        analysis = each.analysis
-        kx, ky, kt = np.diag(analysis.stiffness)
-        lengths = ' + '.join(
-            number(1e3 * length, 2) for length in analysis.contact_lengths.values()
-        )
+        patches, (kx, ky, kt) = each.plan.equilibrium.patches, np.diag(each.stiffness)
+        lengths = ' + '.join(number(1e3 * length, 2) for length in patches.lengths.tolist())
         pressures = ' + '.join(
-            number(1e-3 * pressure, 3) for pressure in analysis.contact_pressures.values()
+            number(1e-3 * pressure, 3) for pressure in patches.pressures.tolist()
         )
         rows.append(
             (
                 each.plan.module,
-                ', '.join(analysis.contact_lengths),
-                number(float(analysis.normal_forces.sum())),
+                ', '.join(each.plan.members),
+                number(each.plan.total_force),
                 lengths,
                 pressures,
                 number(each.plan.utilisation, 2),

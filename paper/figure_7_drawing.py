@@ -59,8 +59,10 @@ def _draw_robot(axes: Axes, each: Held) -> None:
 
 def _draw_grasp(axes: Axes, each: Held) -> None:
     body = each.plan.grip.body
-    plot_grasp(each.plan.config, body, each.analysis, axes, SCALE)
-    words = f'{describe_contacts(each.analysis)},\n{each.plan.utilisation:.2f} of wrinkling'
+    plot_grasp(each.plan.equilibrium, axes, SCALE)
+    words = (
+        f'{describe_contacts(each.plan.equilibrium)},\n{each.plan.utilisation:.2f} of wrinkling'
+    )
     axes.set_title(words, fontsize=7.0, pad=2)
     x, y = body.pose[:2]
     left, low = x - 0.92 * AROUND, y - 0.88 * AROUND

@@ -47,7 +47,7 @@ def _words_of_drawings() -> list[str]:
 def _words_of_panels() -> list[str]:
     """Return the words of the demonstration's panels in all pictured states."""
     from isotruss_ros.core import ConvexObject, load_robot
-    from isotruss_ros.demo.figures import describe_grasp
+    from isotruss_ros.demo.figures import settle
     from PIL import Image
 
     with Image.open(TOP / PANELS) as picture:
@@ -56,7 +56,7 @@ def _words_of_panels() -> list[str]:
     for panel in shown['panels']:
         body = ConvexObject.disc(panel['pose'][:2], shown['diameter'])
         config = robot.configuration(panel['rollers'])
-        words.append(describe_grasp(config, body, panel['pull'])[1])
+        words.append(settle(config, body, panel['pull'])[1])
     return words
 
 

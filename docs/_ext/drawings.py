@@ -3,7 +3,6 @@
 
 """Labelled pictures of the site: parts of a robot, forces on a held object, closure."""
 
-from dataclasses import replace
 from pathlib import Path
 
 from isotruss_ros.core import analyze_grasp, ConvexObject, load_robot, settle_grasp, tangent_center
@@ -108,9 +107,9 @@ def draw_forces() -> plt.Figure:
     robot = load_robot('nine_member')
     center = tangent_center(robot.home, 'north/Z', 0.3, 0.02)
     body = ConvexObject.disc(center, 0.3)
-    analysis = analyze_grasp(robot.home, body, 0.5)
+    held = settle_grasp(robot.home, body, 0.8)
     figure = plt.figure(figsize=(8.0, 4.0), layout='constrained')
-    axes = plot_grasp(robot.home, body, analysis, figure.add_subplot())
+    axes = plot_grasp(held.equilibrium, figure.add_subplot())
     axes.set_axis_off()
     axes.set_xlim(center[0] - 0.72, center[0] + 0.72)
     axes.set_ylim(center[1] - 0.36, center[1] + 0.34)
@@ -139,8 +138,7 @@ def _draw_verdict(axes: Axes, indentation: float, free: bool) -> None:
     home = load_robot('nine_member').home
     body = ConvexObject.disc(tangent_center(home, 'south/P', 0.3, indentation), 0.3)
     fast, settled = analyze_grasp(home, body, 0.8), settle_grasp(home, body, 0.8)
-    fast = replace(fast, utilisation=settled.utilisation)
-    plot_grasp(home, body, fast, axes, scale=0.0)
+    plot_grasp(settled.equilibrium, axes, scale=0.0)
     axes.set_axis_off()
     axes.set_ylim(body.center.imag - 0.25, body.center.imag + 0.33)
     axes.set_xlim(body.center.real - 0.36, body.center.real + 0.36)

@@ -5,16 +5,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
-from isotruss_ros.core.contact.contact import solve_contact
-from isotruss_ros.core.contact.contact_points import ContactPoints
 from isotruss_ros.core.contact.flattening import flattening
-from isotruss_ros.core.contact.refinement import measure_contact
-from isotruss_ros.core.contact.surfaces import surface_of
+from isotruss_ros.core.fixed_object.contact import ContactState, solve_contact
+from isotruss_ros.core.fixed_object.contact_points import ContactPoints
+from isotruss_ros.core.fixed_object.straight_compliance import clamped_piece
+from isotruss_ros.core.fixed_object.surfaces import surface_of
 from isotruss_ros.core.model.convex_object import ConvexObject
-from isotruss_ros.core.numerics.arrays import Array, Indices
+from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.statics.beam_column import local_stiffness
 from isotruss_ros.core.statics.section import TubeStiffness
 import numpy as np
@@ -68,75 +67,51 @@ def press(
     reach = np.arange(-int(radius / CONTACT_SPACING) - 2, int(radius / CONTACT_SPACING) + 3)
     places = position + CONTACT_SPACING * reach
     places = places[(places > 0.0) & (places < tube.length)]
-    points = _contact_points(tube, pressure, places, flattens)
-    contact = solve_contact(points, surface)
+    points, dent = _contact_points(tube, pressure, places, flattens)
+    # Toward the centre line, because the skin may be beyond the centre of a small object.
+    normals = surface.nearest(places - surface.center).normals
+    contact = solve_contact(points, surface, normals)
     force = -float((contact.forces * contact.normals).imag.sum())
-    return Pressed(force / depth, float(measure_contact(points, contact, 1).length[0]))
+    return Pressed(force / depth, _contact_length(contact, dent))
 
 
-def _clamped_points(
-    length: float, section: Sequence[float], places: Array
-) -> tuple[Array, Array, Array]:
-    """
-    Return the shape functions and the compliance of points on a clamped beam.
-
-    :param section: EA [N], EI [N m^2] and GA [N].
-    :param places: (c,) increasing distances of the points from the start of the beam [m].
-    :return: (c, 3, 6) derivatives of the displacements (ux, uy, theta) of each point with respect
-        to those of start and end; and the compliances (c, c) along and across the beam [m/N].
-    """
-    # Each point divides the beam into two members with the stiffness (2).
-    before, behind = (
-        local_stiffness(part, *np.full((3, len(part)), np.reshape(section, (3, 1))))
-        for part in (places, length - places)
-    )
-    own = np.linalg.inv(before[:, 3:, 3:] + behind[:, :3, :3])
-    shapes = -own @ np.concatenate([before[:, 3:, :3], behind[:, :3, 3:]], axis=2)
-    # N, V and M at the start due to a load determine the displacements up to the load.
-    pull, shear, moment = -(before[:, :3, 3:] @ own).transpose(1, 2, 0)
-    axial, flexural, sheared = section
-    x = places[:, None]
-    along = x / axial * pull[0]
-    across = (x / sheared - x**3 / (6.0 * flexural)) * shear[1] + x**2 / (2.0 * flexural) * moment[
-        1
-    ]
-    nearer = x <= places
-    return shapes, np.where(nearer, along, along.T), np.where(nearer, across, across.T)
+def _contact_length(contact: ContactState, dent: float) -> float:
+    """Return the length of tube in contact [m]; `dent` is a point's own compliance [m/N]."""
+    # The depth of the dent by each point's own load, minus its gap, is zero where contact ends. A
+    # round tube has no dents, and a point in contact represents half a spacing to both sides.
+    touching, depth = contact.forces > 0.0, dent * contact.forces - contact.gaps
+    share = np.full(len(depth) - 1, 0.5)
+    if dent:
+        ends = touching[1:] != touching[:-1]
+        inner = np.where(touching[1:], depth[1:], depth[:-1])[ends]
+        outer = np.where(touching[1:], depth[:-1], depth[1:])[ends]
+        share[ends] = inner / (inner - outer)
+    sides = np.append(0.5, share) + np.append(share, 0.5)
+    return CONTACT_SPACING * float(sides[touching].sum())
 
 
 def _contact_points(
     tube: ClampedTube, pressure: float, places: Array, flattens: bool
-) -> ContactPoints:
-    """Return contact points inside one member with hinged or fixed ends."""
-    only, length = np.zeros(len(places), dtype=np.intp), np.array([tube.length])
+) -> tuple[ContactPoints, float]:
+    """Return points on the skin of a member, and the dent of a point by its own force [m/N]."""
+    count, only = len(places), np.zeros(len(places), dtype=np.intp)
+    length = np.array([tube.length])
     section = tube.stiffness.section_stiffness(length, pressure)
-    shapes, along, across = _clamped_points(
-        tube.length, [float(each[0]) for each in section], places
-    )
-    inside = np.zeros((2, len(places), 2, len(places)))
-    inside[0, :, 0], inside[1, :, 1] = along, across
-    ends = np.zeros((6, 6))
-    if tube.pinned:
-        turns: tuple[Indices, ...] = np.ix_([2, 5], [2, 5])
-        ends[turns] = np.linalg.inv(local_stiffness(length, *section)[0][turns])
-    points = places.astype(np.complex128)
-    skin, dents = points, np.zeros((len(places), len(places)))
+    values = [float(value[0]) for value in section]
+    shapes, along, across = clamped_piece(tube.length, values, places)
+    points, dent = places.astype(np.complex128), 0.0
     if flattens:
         kernel = flattening(
             tube.radius, pressure, tube.stiffness.fabric, local_stiffness=tube.local_stiffness
         )
-        skin = points + 1j * kernel.radius
+        points = points + 1j * kernel.radius
         dents = kernel.compliance(places, only, only, CONTACT_SPACING)
-    inside[1, :, 1] += dents
-    return ContactPoints(
-        points=points,
-        skin=skin,
-        member=only,
-        place=places,
-        spacing=CONTACT_SPACING,
-        axis=np.ones(len(places), dtype=np.complex128),
-        inside=inside,
-        spread=shapes[:, :2].swapaxes(0, 1),
-        ends=ends,
-        dents=dents,
-    )
+        across, dent = across + dents, float(dents[0, 0])
+    compliance = np.zeros((2, count, 2, count))
+    compliance[0, :, 0], compliance[1, :, 1] = along, across
+    compliance = compliance.reshape(2 * count, -1)
+    if tube.pinned:
+        turning = local_stiffness(length, *section)[0][[2, 5]][:, [2, 5]]
+        turned = shapes.reshape(2 * count, 6)[:, [2, 5]]
+        compliance += turned @ np.linalg.inv(turning) @ turned.T
+    return ContactPoints(points, np.ones(count, dtype=np.complex128), only, compliance), dent

@@ -27,7 +27,6 @@ OPTIONS = {
     'members': ('T/J-K', 'two or three grasping members, instead of a module'),
     'squeeze': ('N', 'normal force of each grasping member [N]; default: optimal for the measure'),
     'min_slip_margin': ('N', 'smallest slip margin of the free object [N]'),
-    'min_margin': ('N', 'smallest closure margin of the fixed object [N]; default: not required'),
     'max_contact_force': ('N', 'largest normal force of one member [N]'),
     'max_total_force': ('N', 'largest sum of the normal forces [N]'),
     'max_utilisation': (

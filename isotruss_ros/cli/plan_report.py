@@ -17,7 +17,6 @@ from rich.table import Table
 COLUMNS = {
     'squeeze': ('squeeze\n[N]', 1.0, '{:.2f}'),
     'slip_margin': ('slips at\n[N]', 1.0, '{:.2f}'),
-    'closure_margin': ('closure\nmargin [mN]', 1e3, '{:.3f}'),
     'max_contact_force': ('contact\nforce [N]', 1.0, '{:.2f}'),
     'total_force': ('total\nforce [N]', 1.0, '{:.2f}'),
     'utilisation': ('moment /\nwrinkling', 1.0, '{:.2f}'),

@@ -34,7 +34,7 @@ from rich.progress import Progress
 
 COLUMNS = (
     *('robot', 'object', 'name', 'x', 'y', 'diameter', 'found', 'module', 'members', 'score'),
-    *('squeeze', 'slip_margin', 'closure_margin', 'required_friction', 'max_contact_force'),
+    *('squeeze', 'slip_margin', 'required_friction', 'max_contact_force'),
     *('total_force', 'utilisation', 'nonlinearity', 'travel', 'rigidity', 'roller_positions'),
     *('violated_requirement', 'violation_value', 'violation_bound', 'evaluations', 'error'),
 )

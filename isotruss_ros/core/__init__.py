@@ -4,14 +4,15 @@
 """
 Mechanics, estimation and control of isoperimetric truss robots, without ROS.
 
-robot -> configuration -> grasp -> twist to rollers (docs/kinematics.md);
-robot -> structure -> contact -> closure (docs/statics.md).
+robot -> configuration -> grip -> twist to rollers (docs/kinematics.md);
+robot -> structure -> contact -> held object (docs/statics.md).
+`fixed_object` is the paper's analysis of an object held fast.
 Entry points: the names in `__all__`, the public API.
 Imports NumPy, SciPy, ruamel.yaml and jsonschema, no ROS.
 """
 
-from isotruss_ros.core.contact.analyze_grasp import analyze_grasp
 from isotruss_ros.core.errors import IsotrussError
+from isotruss_ros.core.fixed_object.analyze_grasp import analyze_grasp
 from isotruss_ros.core.holding.grasp_gradient import grasp_gradient
 from isotruss_ros.core.holding.held_grip import HoldStatus
 from isotruss_ros.core.holding.settle_grasp import settle_grasp

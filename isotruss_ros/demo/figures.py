@@ -10,8 +10,8 @@ import json
 from pathlib import Path
 from typing import Any
 
-from isotruss_ros.core import analyze_grasp, Configuration, ConvexObject, Pose, Robot, settle_grasp
-from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
+from isotruss_ros.core import Configuration, ConvexObject, Pose, Robot, settle_grasp
+from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.kinematics.depths import member_lines
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.demo.path import Wrench
@@ -57,7 +57,7 @@ def draw_panels(
     :param diameter: diameter of the object [m].
     :param records: records of the phases, one for each panel.
     :param path: path of the picture.
-    :param paper_model: True for the paper's model, see `analyze_grasp`.
+    :param paper_model: whether tubes are linear, straight and round.
     """
     stops: list[tuple[str, Snapshot, Wrench | None]] = []
     for record in records:
@@ -86,16 +86,15 @@ def draw_panels(
         _draw_path(axes, [snap for snap in travelled if snap.time <= snapshot.time])
         draw_object(axes, pose, diameter)
         cylinder = ConvexObject.disc(pose[:2], diameter)
-        analysis, words = describe_grasp(configs[i], cylinder, pull, paper_model)
-        draw_forces(axes, cylinder, analysis, ARROW_SCALE)
+        grip, words = settle(configs[i], cylinder, pull, paper_model)
         if pull is not None:
             _draw_pull(axes, pose, pull)
         frame(axes, *box)
         axes.label_outer()
-        if analysis.contact_lengths:
+        if grip is not None:
+            draw_forces(axes, grip, ARROW_SCALE)
             inset = axes.inset_axes(_free_corner(configs[i], box))
-            view = plot_grasp(configs[i], cylinder, analysis, inset, ARROW_SCALE)
-            view.set_title('')
+            plot_grasp(grip, inset, ARROW_SCALE).set_title('')
         axes.set_title(f'({"abcdefgh"[i]}) {title}{words}', loc='left')
         rollers = np.asarray(snapshot.rollers).tolist()
         shown.append({'rollers': rollers, 'pose': [*pose], 'pull': pull})
@@ -103,25 +102,21 @@ def draw_panels(
     figure.savefig(path, dpi=110, bbox_inches='tight', metadata={'Description': text})
 
 
-def describe_grasp(
+def settle(
     config: Configuration, body: ConvexObject, pull: Wrench | None, paper_model: bool = False
-) -> tuple[GraspAnalysis, str]:
+) -> tuple[HeldGrip | None, str]:
     """
-    Return the analysis of a grasp, and a text that describes how the object is held.
+    Return the equilibrium of the object, and a text that describes how the object is held.
 
-    :param config: configuration of the robot.
-    :param body: the object.
     :param pull: external wrench on the object [N, N, N m]; None: zero.
-    :param paper_model: True for the paper's model, see `analyze_grasp`.
+    :param paper_model: whether tubes are linear, straight and round.
     """
-    analysis = analyze_grasp(config, body, paper_model=paper_model)
-    held, forces = '', None
-    if len(analysis.contact_lengths) > 1:
-        settled = settle_grasp(config, body, external_wrench=pull or (0.0, 0.0, 0.0))
-        if settled.held:
-            # The forces that hold it, as the tables have them.
-            held, forces = ', held', settled.normal_forces
-    return analysis, f'{held}\n{describe_contacts(analysis, forces)}'
+    wrench = pull or (0.0, 0.0, 0.0)
+    settled = settle_grasp(config, body, external_wrench=wrench, paper_model=paper_model)
+    grip = settled.equilibrium
+    if grip is None:
+        return None, '\nno contact'
+    return grip, f'{", held" if settled.held else ""}\n{describe_contacts(grip)}'
 
 
 def _free_corner(config: Configuration, box: Box) -> tuple[float, ...]:
@@ -170,7 +165,9 @@ def animate(robot: Robot, diameter: float, records: Sequence[PhaseRecord], path:
                 _draw_pull(axes, chosen[i].pose, record.pull)
         draw_object(axes, chosen[i].pose, diameter)
         cylinder = ConvexObject.disc(chosen[i].pose[:2], diameter)
-        draw_forces(axes, cylinder, analyze_grasp(configs[i], cylinder), ARROW_SCALE)
+        grip = settle_grasp(configs[i], cylinder).equilibrium
+        if grip is not None:
+            draw_forces(axes, grip, ARROW_SCALE)
         frame(axes, *box)
 
     animation = FuncAnimation(figure, show, frames=len(chosen))

@@ -118,7 +118,7 @@ def grasp_table(records: Sequence[PhaseRecord]) -> Table:
             f'{weakest.slip_margin:.1f} {arrow_of(weakest.slip_direction)}',
             f'{100.0 * max(max(grasp.friction_used) for grasp in settled):.0f}',
             ' + '.join(f'{1e3 * length:.0f}' for length in last.contact_lengths),
-            f'{100.0 * max(max(grasp.utilisation) for grasp in analyses):.0f}',
+            f'{100.0 * max(max(grasp.utilisation) for grasp in settled):.0f}',
             f'{1e3 * np.median([grasp.computing_time for grasp in analyses]):.1f}',
         )
     return table
@@ -131,7 +131,7 @@ def contact_table(records: Sequence[PhaseRecord]) -> Table:
     :param records: records of the phases.
     """
     table = make_table(
-        'Contact regions of the fixed object at\nthe end of each phase: length, largest\n'
+        'Contact regions of the held object at\nthe end of each phase: length, largest\n'
         'width, area, mean and largest pressure',
         ('phase', 'member'),
         ('length\nmm', 'width\nmm', 'area\ncm\u00b2', 'mean\nkPa', 'peak\nkPa'),

@@ -44,11 +44,16 @@ SPECS = (
     common.PRESSURE_TIMEOUT,
     common.AMBIENT_PRESSURE,
     # Lower bound: memory grows with the square of the number of points.
-    Spec('spacing', 0.005, 'Spacing of the contact points along the tubes [m]', (0.002, 0.1)),
+    Spec(
+        'spacing',
+        0.005,
+        'Spacing of the contact points of the fixed object along the tubes [m]',
+        (0.002, 0.1),
+    ),
     Spec(
         'paper_model',
         False,
-        "Whether the paper's model is used: linear structure, and tubes with round sections",
+        'Whether the tubes that hold the object are linear, straight and round',
     ),
 )
 #: Shortest period of markers, equal to the frame period of RViz [s].
@@ -133,11 +138,12 @@ class GraspAnalysisNode(ManagedNode):
             header = make_header(report.time, name_frame(self.robot.frame, ALIGNED_OBJECT))
             self._wrenches.publish(WrenchStamped(header=header, wrench=state.normal_wrench))
             grasp = report.grasp
-            contacts = find_contact_frames(grasp.analysis, self.robot)
+            grip = grasp.settled.equilibrium
+            contacts = {} if grip is None else find_contact_frames(grip)
             self._transforms.broadcast(grasp.config, grasp.body.pose, contacts, report.time)
             self._publish_forces(report.time, grasp.settled)
-            used, _ = max(grasp.utilisation.values())
-            sound = used <= MAX_UTILISATION and not grasp.analysis.flattened
+            used = grasp.largest_utilisation
+            sound = used <= MAX_UTILISATION and not grasp.settled.flattened
             level = DiagnosticStatus.OK if sound else DiagnosticStatus.WARN
         if report.code is not GraspCode.OK:
             self.reasons.note(report.code.name, words)

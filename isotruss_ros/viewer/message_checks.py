@@ -84,7 +84,7 @@ def check_state(message: Any, members: int) -> None:
     """
     if message.code < MIN_CODE_WITHOUT_RESULT and message.utilisation is not None:
         used = np.asarray(message.utilisation, dtype=float)
-        if len(used) != members or np.isnan(used).any():
+        if len(used) not in (0, members) or np.isnan(used).any():
             raise PictureError(
                 f'grasp state: utilisation of {len(used)} members: must be {members}'
             )

@@ -182,7 +182,8 @@ class Scene:
         else:
             lines = list(member_lines(picture.config))
         used = np.zeros(len(self._tubes))
-        if picture.is_analyzed(now) and picture.state.utilisation is not None:
+        known = picture.is_analyzed(now) and picture.state.utilisation is not None
+        if known and len(picture.state.utilisation):  # empty without an equilibrium
             used = np.array(picture.state.utilisation)
         for i, (tube, line) in enumerate(zip(self._tubes, lines, strict=True)):
             if not np.array_equal(line, self._lines[i]):

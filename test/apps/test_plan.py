@@ -34,7 +34,7 @@ def begun_workers(count, of=None, deadline=20.0):
 ROBOT = load_robot('nine_member')
 OBJECT = ['--center', '0.716', '0.43', '--diameter', '0.3']
 #: No grasp is like that: the search for it takes long.
-NEVER = ['--min-margin', '1000']
+NEVER = ['--min-slip-margin', '1000']
 DEADLINE = 240.0
 
 

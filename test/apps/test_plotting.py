@@ -3,9 +3,9 @@
 
 """Robots and grasps drawn in one call."""
 
-from dataclasses import replace
+from types import SimpleNamespace
 
-from isotruss_ros.core import analyze_grasp, ConvexObject, load_robot, tangent_center
+from isotruss_ros.core import ConvexObject, load_robot, settle_grasp, tangent_center
 from isotruss_ros.plotting import plot_grasp, plot_robot
 from isotruss_ros.plotting.grasp_drawing import describe_contacts
 from matplotlib.figure import Figure
@@ -41,13 +41,13 @@ def test_a_robot_without_axes_is_centred_in_a_new_figure():
 
 
 def test_a_grasp_is_drawn_with_its_forces_and_contact_lengths(axes):
-    analysis = analyze_grasp(ROBOT.home, BODY, 0.5)
-    assert plot_grasp(ROBOT.home, BODY, analysis, axes) is axes
-    assert axes.get_title() == describe_contacts(analysis)
+    grip = settle_grasp(ROBOT.home, BODY, 0.8).equilibrium
+    assert plot_grasp(grip, axes) is axes
+    assert axes.get_title() == describe_contacts(grip)
     x = axes.get_xlim()
     assert 0.5 * (x[0] + x[1]) == pytest.approx(CENTER[0])
     # One arrow for each member that presses.
-    assert len(axes.texts) == len(analysis.contact_lengths)
+    assert len(axes.texts) == len(grip.member_names)
 
 
 @pytest.mark.parametrize(
@@ -56,13 +56,10 @@ def test_a_grasp_is_drawn_with_its_forces_and_contact_lengths(axes):
         ((21.8, 22.3), (0.039, 0.0412), '22 N each, contact 39 + 41 mm'),
         ((21.8, 23.3), (0.0391, 0.0389), '22 + 23 N, contact 39 mm each'),
         ((7.0,), (0.03,), '7 N, contact 30 mm'),
-        ((), (), 'no contact'),
+        ((7.0, 8.0), (), '7 + 8 N'),
     ],
 )
 def test_contacts_are_described_by_forces_and_lengths(forces, lengths, words):
-    analysis = replace(
-        analyze_grasp(ROBOT.home, BODY, 0.5),
-        contact_forces=dict(enumerate(forces)),
-        contact_lengths=dict(enumerate(lengths)),
-    )
-    assert describe_contacts(analysis) == words
+    patches = SimpleNamespace(lengths=np.array(lengths))
+    grip = SimpleNamespace(normal_forces=np.array(forces), patches=patches)
+    assert describe_contacts(grip) == words

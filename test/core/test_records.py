@@ -39,7 +39,7 @@ RESULTS = {
     'plan': core.plan_grasps(
         ROBOT.home,
         core.ConvexObject.disc((0.7, 0.3), 0.3),
-        core.GraspRequirements(members=MEMBERS, min_margin=0.0, count=1),
+        core.GraspRequirements(members=MEMBERS, min_slip_margin=0.0, count=1),
         max_rounds=1,
     ),
 }

@@ -58,8 +58,8 @@ def assert_no_answer(w, state):
     assert not w.probe.last('closure').data
 
 
-def check_analysis(state, expected, settled=None):
-    """Check that a state has what an analysis of a grasp, and of its hold, says."""
+def check_analysis(state, expected, settled):
+    """Check that a state has the results of a fixed object and of the held one."""
     for name in ('closure_residual', 'closure_tolerance', 'closure_margin', 'required_friction'):
         assert getattr(state, name) == pytest.approx(getattr(expected, name), rel=1e-6), name
     assert state.closed_by_friction == expected.closed_by_friction
@@ -67,39 +67,38 @@ def check_analysis(state, expected, settled=None):
     assert (wrench.force.x, wrench.force.y, wrench.torque.z) == pytest.approx(
         expected.normal_wrench, rel=1e-6
     )
-    touching = expected.normal_forces > 0.0
-    forces = [contact.normal_force for contact in state.contacts]
-    assert forces == pytest.approx(expected.normal_forces[touching], rel=1e-6)
-    normals = [(contact.normal.x, contact.normal.y) for contact in state.contacts]
-    assert np.array(normals) == pytest.approx(expected.normals[touching], rel=1e-6)
+    grip = settled.equilibrium
+    contacts = state.contacts
+    assert [c.normal_force for c in contacts] == pytest.approx(grip.state.normal_forces, rel=1e-6)
+    friction = [c.friction_force for c in contacts]
+    assert friction == pytest.approx(-grip.state.friction_forces, rel=1e-6, abs=1e-9)
+    normals = [complex(c.normal.x, c.normal.y) for c in contacts]
+    assert normals == pytest.approx(grip.state.normals.tolist(), rel=1e-6)
     for name in ('lengths', 'widths', 'areas', 'pressures'):
         said = dict(zip(state.contact_members, getattr(state, f'contact_{name}'), strict=True))
-        assert said == pytest.approx(getattr(expected, f'contact_{name}'), rel=1e-6), name
-    assert list(state.peak_pressures) == pytest.approx(list(expected.peak_pressures.values()))
-    if settled is not None:
-        assert (state.held, state.hold_message) == (settled.held, settled.reason)
-        assert state.force_closure == settled.force_closure
-        assert state.slip_margin == pytest.approx(settled.slip_margin, rel=1e-4)
-        assert state.slip_direction == pytest.approx(settled.slip_direction, abs=1e-4)
+        assert said == pytest.approx(getattr(settled, f'contact_{name}'), rel=1e-6), name
+    assert list(state.peak_pressures) == pytest.approx(list(settled.peak_pressures.values()))
+    used = dict(zip(state.members, state.utilisation, strict=True))
+    assert used == pytest.approx(settled.utilisation, rel=1e-6, abs=1e-9)
+    assert np.reshape(state.stiffness, (3, 3)) == pytest.approx(settled.stiffness)
+    assert state.nonlinearity == pytest.approx(settled.nonlinearity)
+    assert (state.held, state.hold_message) == (settled.held, settled.reason)
+    assert state.force_closure == settled.force_closure
+    assert state.slip_margin == pytest.approx(settled.slip_margin, rel=1e-4)
+    assert state.slip_direction == pytest.approx(settled.slip_direction, abs=1e-4)
 
 
 def test_publishes_the_result_of_the_analysis():
-    expected = analyze_grasp(ROBOT.home, ConvexObject.disc(SQUEEZED, DIAMETER), 0.5)
-    touching = expected.normal_forces > 0.0
+    body = ConvexObject.disc(SQUEEZED, DIAMETER)
+    expected, settled = analyze_grasp(ROBOT.home, body, 0.5), settle_grasp(ROBOT.home, body, 0.5)
     with world(node()) as w:
         state = until_ok(w)
         assert state.header.frame_id == 'truss'
         assert state.message == ''
-        check_analysis(state, expected)
-        assert np.reshape(state.stiffness, (3, 3)) == pytest.approx(expected.stiffness)
-        used = w.nodes[1]._monitor.report(w.nodes[1].now()).grasp.utilisation
-        places = zip(state.utilisation, state.utilisation_places, strict=True)
-        assert dict(zip(state.members, places, strict=True)) == used
-        friction = [contact.friction_force for contact in state.contacts]
-        assert friction == pytest.approx(expected.friction_forces[touching])
-        places = [(c.position.x, c.position.y) for c in state.contacts]
-        assert np.array(places) == pytest.approx(expected.points[touching])
-        assert all(abs(c.gap) < 1e-8 for c in state.contacts)
+        check_analysis(state, expected, settled)
+        center = complex(*settled.pose[:2])
+        away = [abs(complex(c.position.x, c.position.y) - center) for c in state.contacts]
+        assert away == pytest.approx([0.5 * DIAMETER] * len(away))
         assert state.computing_time > 0.0
         w.until(lambda: w.probe.last('wrench') is not None, feed(w))
         published = w.probe.last('wrench')

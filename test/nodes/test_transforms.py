@@ -6,7 +6,7 @@
 import math
 from types import SimpleNamespace
 
-from isotruss_ros.core import analyze_grasp, ConvexObject, load_robot, Pose, tangent_center
+from isotruss_ros.core import ConvexObject, load_robot, Pose, settle_grasp, tangent_center
 from isotruss_ros.nodes.framework import transforms
 from isotruss_ros.nodes.framework.transforms import find_contact_frames, TransformBroadcaster
 import numpy as np
@@ -61,7 +61,7 @@ def test_the_frame_of_a_contact_points_into_the_object(monkeypatch):
     monkeypatch.setattr(transforms, 'TFMessage', SimpleNamespace)
     node = Node()
     body = ConvexObject.disc(tangent_center(ROBOT.home, 'north/Z', 0.29), 0.3)
-    contacts = find_contact_frames(analyze_grasp(ROBOT.home, body), ROBOT)
+    contacts = find_contact_frames(settle_grasp(ROBOT.home, body).equilibrium)
     first, _ = contacts
     broadcast(node, contacts=contacts)
     ((_, message),) = node.published

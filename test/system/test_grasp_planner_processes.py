@@ -78,7 +78,7 @@ Result = PlanGrasp.Result
 def test_survives_the_death_of_a_process():
     with world(node(workers=2)) as w:
         client = Client(w)
-        handle = client.begin(goal(min_margin=NO_MARGIN))
+        handle = client.begin(goal(min_slip_margin=NO_MARGIN))
         client.until(lambda: len(workers()) == 2)
         before = workers()
         before[0].kill()
@@ -94,7 +94,7 @@ def test_survives_the_death_of_a_process():
 def test_leaves_no_process_when_it_is_deactivated_or_destroyed():
     with world(node(workers=2)) as w:
         client, manager = Client(w), Manager(w, 'grasp_planner')
-        handle = client.begin(goal(min_margin=NO_MARGIN))
+        handle = client.begin(goal(min_slip_margin=NO_MARGIN))
         client.until(lambda: len(workers()) == 2)
         assert manager.ask(Transition.TRANSITION_DEACTIVATE)
         status, result = client.result(handle)
@@ -103,7 +103,7 @@ def test_leaves_no_process_when_it_is_deactivated_or_destroyed():
         assert not workers()
         assert not client.send(goal()).accepted
         assert manager.ask(Transition.TRANSITION_ACTIVATE)
-        client.begin(goal(min_margin=NO_MARGIN))
+        client.begin(goal(min_slip_margin=NO_MARGIN))
         client.until(workers)
     assert not workers()
 
@@ -121,7 +121,7 @@ def test_leaves_no_process_when_its_own_is_ended(how):
             def ask():
                 # Again and again: what is sent while nodes discover each other may be lost.
                 w.probe.send_joints()
-                client.send_goal_async(goal(min_margin=NO_MARGIN))
+                client.send_goal_async(goal(min_slip_margin=NO_MARGIN))
 
             w.until(lambda: len(workers(process.pid)) == 2, ask, 0.5)
             children = workers(process.pid)

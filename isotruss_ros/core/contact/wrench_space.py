@@ -29,7 +29,7 @@ class WrenchSpace:
     """Set of wrenches that contacts with limited normal forces exert on an object."""
 
     #: Radius of the largest ball around the origin within the set, Ferrari and Canny's epsilon:
-    #: the largest wrench that the contacts resist in every direction per unit of normal force [-].
+    #: the largest wrench that contacts resist in every direction per unit of normal force [-].
     epsilon: float
     volume: float  #: volume of the set [-]
 

@@ -15,8 +15,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 import math
 
-from isotruss_ros.core.contact.analyze_grasp import analyze_grasp
-from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
@@ -76,20 +74,12 @@ def _judge(grasp: HeldGrip, closing: Closing, needs: GraspRequirements) -> Close
     """Return a grip with its contact forces; raise RequirementError for slip or a violation."""
     _check_hold(grasp, needs.friction)
     closing.tally.analyses += 1
-    body = closing.body.moved_to(grasp.pose)
-    analysis = analyze_grasp(
-        grasp.config,
-        body,
-        needs.friction,
-        needs.external_wrench,
-        paper_model=needs.paper_model,
-    )
-    loads = needs.find_loads(analysis, grasp.normal_forces, grasp.sections.used)
+    loads = needs.find_loads(grasp)
     margin = None
     if needs.squeeze is None or _reached(grasp, needs.squeeze):
         with closing.tally.recording():
-            margin = _find_margin(grasp, closing, analysis, needs)
-    return ClosedGrip(grasp.config, body, analysis, loads, grasp.squeeze, margin)
+            margin = _find_margin(grasp, needs)
+    return ClosedGrip(grasp, loads, margin)
 
 
 def _check_hold(grasp: HeldGrip, friction: float) -> None:
@@ -101,9 +91,7 @@ def _check_hold(grasp: HeldGrip, friction: float) -> None:
         raise RequirementError('held', 0.0, 1.0)
 
 
-def _find_margin(
-    grasp: HeldGrip, closing: Closing, analysis: GraspAnalysis, needs: GraspRequirements
-) -> float:
+def _find_margin(grasp: HeldGrip, needs: GraspRequirements) -> float:
     """Return the slip margin of a grip under the required wrench [N]."""
     loaded: HeldGrip | None = grasp
     if any(needs.external_wrench):
@@ -111,12 +99,8 @@ def _find_margin(
     if loaded is None:
         raise RequirementError('held', 0.0, 1.0)
     _check_hold(loaded, needs.friction)
-    if set(analysis.contact_forces) != set(grasp.member_names):
-        # In a soft structure, a member of the grip may lose contact if there is no friction.
-        raise RequirementError('grip', len(analysis.contact_forces), len(closing.members))
     slip = loaded.slip_margin(needs.friction)
     needs.check_bound('min_slip_margin', slip)
-    needs.check_bound('min_margin', analysis.closure_margin)
     return slip
 
 

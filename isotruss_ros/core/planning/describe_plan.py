@@ -100,8 +100,7 @@ def _grasp_in_words(grasp: PlannedGrasp) -> str:
     where = '' if grasp.module is None else f'at {grasp.module} '
     return (
         f'{where}between {", ".join(grasp.members)}: presses with '
-        f'{grasp.squeeze:.3g} N each, slips at {grasp.slip_margin:.3g} N, closure margin '
-        f'{1e3 * grasp.closure_margin:.3g} mN, largest utilisation '
+        f'{grasp.squeeze:.3g} N each, slips at {grasp.slip_margin:.3g} N, largest utilisation '
         f'{grasp.utilisation:.2g}, forces {100.0 * grasp.nonlinearity:.2g} % above linear tubes'
         f'{outside if grasp.outside_model else ""}'
     )

@@ -9,7 +9,6 @@ from dataclasses import replace
 import math
 
 from isotruss_ros.core.errors import IsotrussError
-from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.numerics.blas_threads import single_threaded
@@ -75,11 +74,11 @@ def close_grip(
     with closing.tally.recording():
         path = [press(opened, closing, np.zeros(len(closing.members)))]
         for grip in close_in_place(path[0], closing, needs):
-            path.append(grip.config)
+            path.append(grip.equilibrium.config)
             if grip.slip_margin is None:
                 continue
             # A smaller squeeze means a shorter path.
-            score = needs.rate_grip(grip, -grip.squeeze)
+            score = needs.rate_grip(grip, -grip.equilibrium.squeeze)
             if score <= best_score:
                 break
             best, best_score = (path[:], grip), score
@@ -88,9 +87,9 @@ def close_grip(
 
 def _check_carry(grip: ClosedGrip, needs: GraspRequirements) -> None:
     """Raise RequirementError if the object slips on the path `carry`."""
-    tubes = TubeModel(paper_model=needs.paper_model)
-    poses = np.array(needs.carry)
-    found = foresee_grip(grip.config, grip.body, needs.friction, poses, tubes=tubes)
+    held, poses = grip.equilibrium, np.array(needs.carry)
+    body = held.body.moved_to(held.pose)
+    found = foresee_grip(held.config, body, needs.friction, poses, tubes=held.tubes)
     share = 0.0 if found is None else found.share
     if found is None or found.why:
         raise RequirementError('carry', share, 1.0)
@@ -104,24 +103,23 @@ def _planned(
     grip: ClosedGrip,
 ) -> PlannedGrasp:
     """Return the planned grasp, with its path from the open grip to the contact."""
-    configs, analysis, loads = (*opened, *pressed), grip.analysis, grip.loads
+    configs, held, loads = (*opened, *pressed), grip.equilibrium, grip.loads
     path = np.array([config.roller_positions for config in configs])
     travel = float(np.abs(np.diff(path, axis=0)).sum(axis=0).max())
-    names = tuple(grip.config.robot.member_names[i] for i in closing.members)
+    names = held.member_names
     return PlannedGrasp(
-        grip=Grip(names, grip.body, needs.friction),
-        members=tuple(analysis.contact_lengths),
-        config=grip.config,
-        analysis=analysis,
+        grip=Grip(names, held.body.moved_to(held.pose), needs.friction),
+        members=names,
+        config=held.config,
+        equilibrium=held,
         score=needs.rate_grip(grip, -travel),
-        squeeze=grip.squeeze,
+        squeeze=held.squeeze,
         slip_margin=grip.slip_margin,
-        closure_margin=analysis.closure_margin,
-        required_friction=analysis.required_friction,
+        required_friction=held.required_friction,
         max_contact_force=loads['max_contact_force'],
         total_force=loads['max_total_force'],
         utilisation=loads['max_utilisation'],
-        nonlinearity=analysis.nonlinearity,
+        nonlinearity=held.nonlinearity,
         travel=travel,
         rigidity=min(shape_margins(config).rigidity for config in configs),
         path=path,

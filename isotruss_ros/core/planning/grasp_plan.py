@@ -6,13 +6,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple, overload
 
-from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
+from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip, members_at
-from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.records import Record
 from isotruss_ros.core.planning.violations import Violation
@@ -26,12 +25,9 @@ class ClosedGrip(NamedTuple):
     grip violates requirements.
     """
 
-    config: Configuration  #: configuration of the robot
-    body: ConvexObject  #: the object at its pose after closing
-    analysis: GraspAnalysis  #: analysis of the fixed object
+    equilibrium: HeldGrip  #: equilibrium of the object after closing, without external wrench
     loads: dict[str, float]  #: loads, see `GraspRequirements.find_loads`
-    squeeze: float  #: mean normal force of the grasping members [N]
-    slip_margin: float | None  #: slip margin of the free object [N]
+    slip_margin: float | None  #: slip margin of the object [N]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -41,24 +37,22 @@ class PlannedGrasp(
     """
     Grasp that fulfils the requirements, with the path of the rollers to this grasp.
 
-    The rollers move linearly between the rows of the path. Closure by friction (10) is computed
-    for a fixed object; a free object may be held without closure.
+    The rollers move linearly between the rows of the path.
     """
 
     grip: Grip  #: grasping members, and the object at its pose after closing
-    members: tuple[str, ...]  #: names `t/j-k` of all members in contact with the object
+    members: tuple[str, ...]  #: names `t/j-k` of the members in contact with the object
     config: Configuration  #: configuration of the robot in the grasp
-    analysis: GraspAnalysis  #: analysis of the fixed object
+    #: equilibrium of the object, without external wrench
+    equilibrium: HeldGrip = field(repr=False)
     score: float  #: score by the required criterion; larger is better
-    squeeze: float  #: mean normal force of the grasping members on the free object [N]
-    slip_margin: float  #: slip margin of the free object [N]; zero if not held
-    closure_margin: float  #: closure margin of the fixed object [N]; negative without closure
-    required_friction: float  #: required friction of the fixed object [-]
-    max_contact_force: float  #: largest normal force on the fixed or the free object [N]
-    #: larger of the sums of normal forces on the fixed and on the free object [N]
-    total_force: float
+    squeeze: float  #: mean normal force of the grasping members [N]
+    slip_margin: float  #: slip margin under the required wrench [N]
+    required_friction: float  #: smallest coefficient of friction without slip [-]
+    max_contact_force: float  #: largest normal force of a member [N]
+    total_force: float  #: sum of the normal forces of the members [N]
     utilisation: float  #: largest utilisation of a member [-]; the model holds below 1
-    nonlinearity: float  #: nonlinearity of the contact forces, see `GraspAnalysis` [-]
+    nonlinearity: float  #: nonlinearity of the contact forces, see `SettledGrasp` [-]
     travel: float  #: largest travel of a roller along the path [m]
     rigidity: float  #: smallest rigidity index along the path, 1 at home [-]
     path: Array  #: (k, r) roller positions from the current positions to the grasp [m]

@@ -5,13 +5,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from enum import Enum
 import math
 
-from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
 from isotruss_ros.core.errors import GraspError, quote
+from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.manipulation.grip import GRIP_SIZES
 from isotruss_ros.core.model.convex_object import check_friction, DEFAULT_FRICTION
 from isotruss_ros.core.numerics.arrays import finite_array, load_array
@@ -25,7 +25,6 @@ class Measure(str, Enum):
     """Criteria by which grasps are ranked."""
 
     SLIP_MARGIN = 'slip_margin'  #: largest slip margin of the free object [N]
-    CLOSURE_MARGIN = 'closure_margin'  #: largest closure margin of the fixed object [N]
     TOTAL_FORCE = 'total_force'  #: smallest sum of normal forces [N]
     TRAVEL = 'travel'  #: shortest path of the rollers [m]
     STIFFNESS = 'stiffness'  #: largest stiffness of the object along `direction` [N/m]
@@ -46,7 +45,6 @@ class GraspRequirements:
     :ivar members: names of the two or three required grasping members; None: any members.
     :ivar squeeze: required normal force of each member [N]; None: the search chooses it.
     :ivar min_slip_margin: smallest `SettledGrasp.slip_margin`, not negative [N].
-    :ivar min_margin: smallest `GraspAnalysis.closure_margin` [N]; None: no bound.
     :ivar max_contact_force: largest normal force of a member [N].
     :ivar max_total_force: largest sum of the normal forces [N].
     :ivar max_utilisation: largest utilisation of a member [-].
@@ -57,7 +55,7 @@ class GraspRequirements:
     :ivar direction: displacement (x, y, angle) [m, rad] along which the stiffness is taken if
         `measure` is `STIFFNESS`.
     :ivar carry: poses (x, y, angle) along which the object is carried after the grasp [m, rad].
-    :ivar paper_model: see `analyze_grasp`.
+    :ivar paper_model: True for linear statics, straight tubes and round sections.
     :ivar count: number of distinct grasps, at least 1.
     :raises GraspError: a value is invalid.
     """
@@ -68,7 +66,6 @@ class GraspRequirements:
     members: tuple[str, ...] | None = None
     squeeze: float | None = None
     min_slip_margin: float = 0.0
-    min_margin: float | None = None
     max_contact_force: float = math.inf
     max_total_force: float = math.inf
     max_utilisation: float = MAX_UTILISATION
@@ -111,29 +108,21 @@ class GraspRequirements:
                 'requirement direction: (0, 0, 0): must be the displacement for the stiffness'
             )
 
-    def find_loads(
-        self, analysis: GraspAnalysis, normal_forces: Iterable[float], utilisation: Iterable[float]
-    ) -> dict[str, float]:
+    def find_loads(self, grasp: HeldGrip) -> dict[str, float]:
         """
-        Return the largest loads of a grasp, each the larger of the loads of fixed and free object.
+        Return the loads of a grasp by the names of the requirements that bound them.
 
-        The keys of the result are the names of the requirements that bound these loads.
-
-        :param analysis: analysis of the fixed object.
-        :param normal_forces: normal forces of the members on the free object [N].
-        :param utilisation: utilisation of the members under the normal forces on the free object
-            [-].
+        :param grasp: equilibrium of the object.
         :raises RequirementError: a load exceeds its bound.
         """
-        pressing = [*analysis.contact_forces.values(), *normal_forces]
         loads = {
-            'max_contact_force': max(pressing, default=0.0),
-            'max_total_force': max(analysis.normal_forces.sum(), sum(normal_forces)),
-            'max_utilisation': max([*analysis.utilisation.values(), *utilisation]),
+            'max_contact_force': float(grasp.normal_forces.max()),
+            'max_total_force': float(grasp.normal_forces.sum()),
+            'max_utilisation': float(grasp.sections.used.max()),
         }
         for name, value in loads.items():
             self.check_bound(name, value)
-        return {name: float(value) for name, value in loads.items()}
+        return loads
 
     def check_bound(self, name: str, value: float) -> None:
         """
@@ -161,9 +150,8 @@ class GraspRequirements:
             return -grip.loads['max_total_force']
         if self.measure is Measure.STIFFNESS:
             along = np.array(self.direction) / np.linalg.norm(self.direction)
-            return float(along @ grip.analysis.stiffness @ along)
-        if self.measure is Measure.CLOSURE_MARGIN:
-            return grip.analysis.closure_margin
+            response = grip.equilibrium.response
+            return 0.0 if response is None else float(along @ response.stiffness @ along)
         return grip.slip_margin
 
     def _check_members(self) -> None:

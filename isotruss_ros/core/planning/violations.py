@@ -27,7 +27,6 @@ SENTENCES_BY_REQUIREMENT = {
     'object_clearance': 'a part outside of the grip comes within {value:.4g} m of the object',
     'in_place': 'closing displaces the object by {value:.4g} m; must be at most {bound:.4g} m',
     'turned': 'the release turns the object by {value:.3g} rad; must be at most {bound:.3g}',
-    'grip': '{value:.0f} members are in contact with the fixed object; must be those of the grip',
     'squeeze': 'limits end the closing at {value:.4g} N of each member; must be {bound:.4g} N',
     'held': 'no pose near the object balances the forces of the members',
 }
@@ -36,7 +35,6 @@ SENTENCES_BY_REQUIREMENT = {
 BOUNDS = {
     'min_slip_margin': 'the slip margin is {value:.4g} N; must be at least {bound:.4g} N',
     'force_closure': 'the required friction is {value:.4g}; must be at most {bound:.4g}',
-    'min_margin': 'the closure margin is {value:.4g} N; must be at least {bound:.4g} N',
     'max_contact_force': 'one member presses with {value:.4g} N; must be at most {bound:.4g} N',
     'max_total_force': 'all members press with {value:.4g} N; must be at most {bound:.4g} N',
     'max_utilisation': 'the utilisation of a tube is {value:.3g}; must be at most {bound:.3g}',

@@ -13,7 +13,8 @@ from geometry_msgs.msg import Point, Pose, Vector3, Wrench, WrenchStamped
 from isotruss_msgs.msg import Contact, GraspState
 from isotruss_msgs.srv import AnalyzeGrasp
 from isotruss_ros.core import ConvexObject
-from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
+from isotruss_ros.core.holding.held_grip import HeldGrip
+from isotruss_ros.core.holding.held_shape import contact_points
 from isotruss_ros.core.numerics.arrays import load_array
 from isotruss_ros.nodes.conversions.messages import (
     ALIGNED_OBJECT,
@@ -26,10 +27,9 @@ from isotruss_ros.nodes.conversions.messages import (
 )
 from isotruss_ros.nodes.conversions.object_messages import read_described
 from isotruss_ros.nodes.grasp.grasp_report import GraspQuery, GraspReport
-import numpy as np
 
-#: Fields of an analysis that are mappings by member; in messages they are lists in the order of
-#: `contact_members`.
+#: Fields of a settled grasp that are mappings by member; in messages they are lists in the order
+#: of `contact_members`.
 MEMBER_FIELDS = (
     'contact_lengths',
     'contact_widths',
@@ -100,7 +100,7 @@ def read_query(
 
     :param request: request of the service `analyze_grasp`.
     :param spacing: spacing of the contact points along the tubes [m].
-    :param paper_model: True for the paper's model, see `analyze_grasp`.
+    :param paper_model: whether tubes that hold the object are linear, straight and round.
     :raises MessageError: the request describes no object, two objects, or an invalid object.
     """
     body = _read_body(request)
@@ -161,38 +161,39 @@ def to_state_message(report: GraspReport, frame: str) -> GraspState:
     state.friction_used = list(settled.friction_used.values())
     state.slip_margin, state.slip_direction = settled.slip_margin, settled.slip_direction
     state.displacement = settled.displacement
+    if settled.equilibrium is not None:
+        state.contacts = _to_contact_messages(settled.equilibrium)
+        state.members = list(settled.utilisation)
+        state.utilisation = list(settled.utilisation.values())
+        state.utilisation_places = list(settled.utilisation_places.values())
+    state.contact_members = list(settled.contact_lengths)
+    for name in MEMBER_FIELDS:
+        setattr(state, name, list(getattr(settled, name).values()))
+    state.nonlinearity = settled.nonlinearity
+    state.stiffness = settled.stiffness.ravel()
     state.closed_by_friction = analysis.closed_by_friction
     for name in ('closure_residual', 'closure_tolerance', 'required_friction', 'closure_margin'):
         setattr(state, name, getattr(analysis, name))
     state.normal_wrench = to_wrench_message(analysis.normal_wrench)
-    state.contacts = _to_contact_messages(analysis)
-    state.contact_members = list(analysis.contact_lengths)
-    for name in MEMBER_FIELDS:
-        setattr(state, name, list(getattr(analysis, name).values()))
-    utilisation = report.grasp.utilisation
-    state.members = list(utilisation)
-    state.utilisation = [used for used, _ in utilisation.values()]
-    state.utilisation_places = [place for _, place in utilisation.values()]
-    state.nonlinearity = analysis.nonlinearity
-    state.stiffness = analysis.stiffness.ravel()
     state.computing_time = report.grasp.computing_time
     return state
 
 
-def _to_contact_messages(analysis: GraspAnalysis) -> list[Contact]:
-    """Return a message for each contact point that has a normal force."""
-    touching = np.flatnonzero(analysis.normal_forces > 0.0)
-    points, normals = analysis.points[touching].tolist(), analysis.normals[touching].tolist()
-    numbers = (analysis.normal_forces, analysis.friction_forces, analysis.gaps)
+def _to_contact_messages(grip: HeldGrip) -> list[Contact]:
+    """Return a message for each contact of a held object: a corner, or an end of a face."""
+    points, state = contact_points(grip), grip.state
     return [
         Contact(
-            position=Point(x=x, y=y),
-            normal=Vector3(x=nx, y=ny),
-            normal_force=normal,
-            friction_force=friction,
-            gap=gap,
+            position=Point(x=point.real, y=point.imag),
+            normal=Vector3(x=normal.real, y=normal.imag),
+            normal_force=pressing,
+            friction_force=-rubbing,
         )
-        for (x, y), (nx, ny), normal, friction, gap in zip(
-            points, normals, *(each[touching].tolist() for each in numbers), strict=True
+        for point, normal, pressing, rubbing in zip(
+            points.tolist(),
+            state.normals.tolist(),
+            state.normal_forces.tolist(),
+            state.friction_forces.tolist(),
+            strict=True,
         )
     ]

@@ -7,9 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 import itertools
+from typing import Any
 
 from geometry_msgs.msg import Point
-from isotruss_ros.core.contact.deformed_shape import deformed_lines, force_lines, region_lines
+from isotruss_ros.core.holding.held_shape import deformed_lines, force_lines, region_lines
 from isotruss_ros.core.kinematics.depths import member_lines
 from isotruss_ros.core.numerics.arrays import Points
 from isotruss_ros.core.statics.wrinkling import MAX_UTILISATION
@@ -28,9 +29,6 @@ MIN_FORCE = 1e-9
 LINE_WIDTH, ARROW_WIDTH = 0.008, 0.015
 #: Scale of markers whose points are in metres.
 UNIT_SCALE = (1.0, 1.0, 1.0)
-#: Drawn width of contact regions for the paper's model, in which contact regions have no width
-#: [m].
-REGION_WIDTH = 0.01
 #: Spacing of points along curved outlines [m].
 OUTLINE_SPACING = 0.01
 UNDEFORMED_COLOR = ColorRGBA(r=0.18, g=0.62, b=0.27, a=0.6)
@@ -61,24 +59,31 @@ def to_marker_array(report: GraspReport, frame: str, time: float) -> MarkerArray
 
 
 def _make_grasp_markers(grasp: AnalyzedGrasp) -> list[Marker]:
-    analysis, strip = grasp.analysis, Marker.LINE_STRIP
-    used = [_tube_color(part) for part, _ in grasp.utilisation.values()]
-    regions = region_lines(grasp.config, grasp.body, analysis)
-    widths = [analysis.contact_widths.get(m, REGION_WIDTH) for m in analysis.contact_spans]
-    strongest = float(analysis.normal_forces.max(initial=0.0))
-    scale = min(ARROW_SCALE, LONGEST_ARROW / max(strongest, MIN_FORCE))
+    same, strip = itertools.repeat, Marker.LINE_STRIP
     arrow, thin = (ARROW_WIDTH, 2.0 * ARROW_WIDTH, 0.0), (0.5 * LINE_WIDTH, 0.0, 0.0)
-    members = map(_flat, member_lines(grasp.config))
-    deformed = map(_flat, deformed_lines(analysis))
-    strips = map(_strip, regions, 0.5 * np.array(widths))
-    forces = map(_flat, force_lines(grasp.body, analysis, scale))
-    same = itertools.repeat
-    rows = (
-        ('members', strip, same(UNDEFORMED_COLOR), thin, members),
-        ('deformed', strip, used, (LINE_WIDTH, 0.0, 0.0), deformed),
+    straight, grip = member_lines(grasp.config), grasp.settled.equilibrium
+    rows: list[tuple[Any, ...]] = [
+        ('members', strip, same(UNDEFORMED_COLOR), thin, map(_flat, straight))
+    ]
+    if grip is None:
+        bent = map(_flat, straight)
+        rows.append(('deformed', strip, same(DEFORMED_COLOR), (LINE_WIDTH, 0.0, 0.0), bent))
+        return _make_markers(rows)
+    scale = min(ARROW_SCALE, LONGEST_ARROW / max(float(grip.normal_forces.max()), MIN_FORCE))
+    used = map(_tube_color, grip.sections.used.tolist())
+    bent = map(_flat, deformed_lines(grip))
+    strips = map(_strip, region_lines(grip), 0.5 * grip.patches.widths)
+    forces = map(_flat, force_lines(grip, scale))
+    rows += [
+        ('deformed', strip, used, (LINE_WIDTH, 0.0, 0.0), bent),
         ('contact_regions', Marker.TRIANGLE_LIST, same(REGION), UNIT_SCALE, strips),
         ('contact_forces', Marker.ARROW, same(FORCE), arrow, forces),
-    )
+    ]
+    return _make_markers(rows)
+
+
+def _make_markers(rows: Iterable[tuple[Any, ...]]) -> list[Marker]:
+    """Return the markers of rows (namespace, type, colours, scale, lines)."""
     return [
         _make_marker(name, number, kind, color, scale, points)
         for name, kind, colors, scale, lines in rows

@@ -68,7 +68,7 @@ def read_goal(
 def _read_requirements(goal: PlanGrasp.Goal, robot: Robot) -> GraspRequirements:
     """Return the requirements in a goal; fields that are zero or empty mean the defaults."""
     names = ('max_contact_force', 'max_total_force', 'max_utilisation', 'min_rigidity')
-    given = {name: getattr(goal, name) for name in (*names, 'squeeze', 'min_margin', 'module')}
+    given = {name: getattr(goal, name) for name in (*names, 'squeeze', 'module')}
     direction = tuple(goal.direction.tolist())
     if goal.measure == 'stiffness' or any(direction):
         given['direction'] = direction

@@ -10,6 +10,7 @@ import math
 from typing import Any, TYPE_CHECKING
 
 from geometry_msgs.msg import TransformStamped
+from isotruss_ros.core.holding.held_shape import contact_resultants
 from isotruss_ros.nodes.conversions.messages import (
     ALIGNED_OBJECT,
     CONTACT,
@@ -22,7 +23,7 @@ import numpy as np
 
 if TYPE_CHECKING:
     from isotruss_ros.core import Configuration, Pose, Robot
-    from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
+    from isotruss_ros.core.holding.held_grip import HeldGrip
     from isotruss_ros.nodes.framework.managed import ManagedNode
 
 try:
@@ -94,23 +95,18 @@ class TransformBroadcaster:
         self._transforms.publish(TFMessage(transforms=stamped))
 
 
-def find_contact_frames(
-    analysis: GraspAnalysis, robot: Robot
-) -> dict[str, tuple[complex, complex]]:
+def find_contact_frames(grip: HeldGrip) -> dict[str, tuple[complex, complex]]:
     """
-    Return origin and x axis of the contact frame for each member in contact.
+    Return origin and x axis of the contact frame of each member that holds an object.
 
     The origin is the centre of pressure, x + iy [m]. The x axis is a unit vector x + iy, normal to
     the member and pointing into the object.
-
-    :param analysis: analysis of the grasp.
-    :param robot: robot to which the members belong.
     """
-    frames, forces = {}, analysis.normal_forces
-    for number in sorted(set(analysis.members[forces > 0.0].tolist())):
-        mine = forces * (analysis.members == number)
-        push = complex(-mine @ analysis.normals @ (1.0, 1.0j))
-        if push:
-            origin = complex(mine @ analysis.points @ (1.0, 1.0j)) / float(mine.sum())
-            frames[robot.member_names[number]] = origin, push / abs(push)
-    return frames
+    centers, _ = contact_resultants(grip)
+    owners, state = grip.contacts.owners, grip.state
+    push = -state.normal_forces * state.normals
+    inward = np.bincount(owners, push.real) + 1j * np.bincount(owners, push.imag)
+    axes = inward / np.abs(inward)
+    return dict(
+        zip(grip.member_names, zip(centers.tolist(), axes.tolist(), strict=True), strict=True)
+    )

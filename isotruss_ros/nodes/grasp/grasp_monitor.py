@@ -15,7 +15,6 @@ from dataclasses import replace
 import time
 from typing import Any
 
-from isotruss_ros.core.contact.analyze_grasp import analyze_grasp
 from isotruss_ros.core.errors import (
     ConfigurationError,
     GraspError,
@@ -23,6 +22,7 @@ from isotruss_ros.core.errors import (
     SolverError,
     StructureError,
 )
+from isotruss_ros.core.fixed_object.analyze_grasp import analyze_grasp
 from isotruss_ros.core.holding.grip_record import GripRecord
 from isotruss_ros.core.holding.settle_grasp import assess_equilibrium, settle_grasp
 from isotruss_ros.core.inputs import (
@@ -160,8 +160,6 @@ def _analyze(
             query.external_wrench,
             pressure=query.pressures,
             spacing=query.spacing,
-            paper_model=query.paper_model,
-            previous=None if last is None else last.analysis,
         )
         before = None if last is None else last.settled.equilibrium
         wrench = np.array(query.external_wrench)
@@ -197,11 +195,13 @@ def _alike(record: GripRecord | None, other: GripRecord | None) -> bool:
 
 def _judge(grasp: AnalyzedGrasp) -> tuple[GraspCode, str]:
     """Return the report code of a grasp analysis, and a text with its warnings."""
-    if not grasp.analysis.contact_lengths:
-        return GraspCode.OK, NO_CONTACT
-    member, (used, place) = max(grasp.utilisation.items(), key=lambda item: item[1])
+    settled = grasp.settled
+    if settled.equilibrium is None:
+        touched = bool(grasp.analysis.contact_lengths)
+        return GraspCode.OK, f'no equilibrium: {settled.reason}' if touched else NO_CONTACT
+    member, used = max(settled.utilisation.items(), key=lambda item: item[1])
     if used <= MAX_UTILISATION:
-        flat = ', '.join(grasp.analysis.flattened)
+        flat = ', '.join(settled.flattened)
         return (
             GraspCode.OK,
             f'{flat}: the section is flat at the contact; the forces are too large'
@@ -209,8 +209,8 @@ def _judge(grasp: AnalyzedGrasp) -> tuple[GraspCode, str]:
             else '',
         )
     message = (
-        f'member {member}: bending moment of {used:.2f} times its wrinkling moment, {place:.3g} m '
-        'from its start'
+        f'member {member}: bending moment of {used:.2f} times its wrinkling moment, '
+        f'{settled.utilisation_places[member]:.3g} m from its start'
     )
     if used <= 1.0:
         return GraspCode.OK, message

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import enum
 from typing import NamedTuple
 
-from isotruss_ros.core.contact.grasp_analysis import GraspAnalysis
+from isotruss_ros.core.fixed_object.grasp_analysis import GraspAnalysis
 from isotruss_ros.core.holding.settled_grasp import SettledGrasp
 from isotruss_ros.core.inputs import InputFault
 from isotruss_ros.core.kinematics.configuration import Configuration
@@ -60,8 +60,8 @@ class GraspQuery(NamedTuple):
     friction: float  #: coefficient of friction between tube and object
     #: wrench (fx, fy, m) on the object about the origin of its frame [N, N m]
     external_wrench: tuple[float, float, float]
-    spacing: float  #: spacing of the contact points along the tubes [m]
-    paper_model: bool = False  #: whether the paper's model is used, see `analyze_grasp`
+    spacing: float  #: spacing of the contact points of the fixed object along the tubes [m]
+    paper_model: bool = False  #: whether tubes that hold the object are linear, straight and round
     #: (t,) gauge pressures of the tubes in the order of the robot file [Pa]; None: the pressures
     #: of the robot file are used
     pressures: tuple[float, ...] | None = None
@@ -78,20 +78,10 @@ class AnalyzedGrasp:
     computing_time: float  #: computing time of configuration and analysis [s]
 
     @property
-    def utilisation(self) -> dict[str, tuple[float, float]]:
-        """
-        Return the largest utilisation of each member, and its position along the member.
-
-        :return: for each member, the larger of its utilisations with fixed and with free object
-            [-], and the distance from the member's start at which it occurs [m].
-        """
-        grasps = (self.analysis, self.settled) if self.settled.hold.at_rest else (self.analysis,)
-        return {
-            name: max(
-                (grasp.utilisation[name], grasp.utilisation_places[name]) for grasp in grasps
-            )
-            for name in self.analysis.utilisation
-        }
+    def largest_utilisation(self) -> float:
+        """Return the largest utilisation of a member [-]; 0 without an equilibrium."""
+        grip = self.settled.equilibrium
+        return 0.0 if grip is None else float(grip.sections.used.max())
 
 
 @dataclass(frozen=True)

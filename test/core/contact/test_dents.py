@@ -6,8 +6,6 @@
 from hypothesis import given, strategies
 from isotruss_ros.core import Ellipse, load_robot, Polygon
 from isotruss_ros.core.contact import dents
-from isotruss_ros.core.contact.contact import solve_contact
-from isotruss_ros.core.contact.contact_points import find_contact_points
 from isotruss_ros.core.contact.dents import (
     Dents,
     DentTable,
@@ -15,12 +13,13 @@ from isotruss_ros.core.contact.dents import (
 )
 from isotruss_ros.core.contact.flattening import flattening_of
 from isotruss_ros.core.contact.pressed_skin import DentSamples, DEPTH_EXPONENT, PressedSkin
+from isotruss_ros.core.fixed_object.contact import solve_contact
+from isotruss_ros.core.fixed_object.contact_points import ContactPoints
 import numpy as np
 import pytest
 import robots
 from scipy.interpolate import CubicSpline
 from shapes import circle
-import tubes
 
 ROBOT = load_robot('nine_member')
 
@@ -78,13 +77,17 @@ def test_dent_depends_on_the_pressure_of_its_tube():
 
 @pytest.mark.parametrize('radius', [0.03, 0.15])
 def test_dent_of_a_rigid_tube_agrees_with_the_table(radius):
-    stiff = tubes.bare(0.8, 1e12, 1e12, 1e12)
     tube = 0.5 * ROBOT.description.tube_diameter
     table, kernel = disc_dents(ROBOT, 0, radius), flattening_of(ROBOT, None)
+    places, alike = 1e-3 * np.arange(-150, 151), np.zeros(301, dtype=int)
+    compliance = np.zeros((602, 602))
+    compliance[301:, 301:] = kernel.compliance(places, alike, alike, 1e-3)
     for depth in (0.002, 0.01, 0.02):
-        surface = circle(0.4 + 1j * (tube + radius - depth), radius)
-        points = find_contact_points(stiff, surface, 1e-3, kernel)
-        push = solve_contact(points, surface).push.sum()
+        surface = circle(1j * (tube + radius - depth), radius)
+        axis = np.ones(301, dtype=complex)
+        points = ContactPoints(places + 1j * tube, axis, alike, compliance + 1e-12 * np.eye(602))
+        contact = solve_contact(points, surface, surface.nearest(places - surface.center).normals)
+        push = (contact.forces * contact.normals).sum()
         assert abs(push.real) < 1e-6 * abs(push)
         assert table(-push.imag)[0] == pytest.approx(depth, rel=0.02)
 

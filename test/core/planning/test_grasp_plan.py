@@ -74,7 +74,7 @@ def test_the_closest_violation_is_the_latest_one_and_of_bounds_the_nearest():
         Violation('free', -0.1, 0.0),
         Violation('reach', 0.1, 0.0),
         Violation('held', 0.0, 1.0),
-        Violation('min_margin', -1.0, 0.5),
+        Violation('min_slip_margin', -1.0, 0.5),
         Violation('max_total_force', 16.0, 8.0),
         Violation('min_slip_margin', 0.2, 0.25),
     ]
@@ -94,8 +94,8 @@ def test_the_closest_violation_is_the_latest_one_and_of_bounds_the_nearest():
     [
         (None, 'there was no grasp candidate'),
         (
-            Violation('min_margin', 0.2, 0.5),
-            'min_margin: the closure margin is 0.2 N; must be at least 0.5 N',
+            Violation('min_slip_margin', 0.2, 0.5),
+            'min_slip_margin: the slip margin is 0.2 N; must be at least 0.5 N',
         ),
         (
             Violation('no step', 0.0, 0.0),
@@ -128,7 +128,7 @@ def test_tubes_wrinkle_from_where_they_bear_more_than_their_moment(grasp):
         said = plan_in_words(GraspPlan(grasps, True, None, 12, 3, 0.1))
         assert words in said
         assert (outside in said) == (beyond in grasps)
-    assert f'{1e3 * grasp.closure_margin:.3g} mN' in said
+    assert f'slips at {grasp.slip_margin:.3g} N' in said
 
 
 def test_figures_are_those_of_the_grasp(grasp):

@@ -9,7 +9,6 @@ import itertools
 
 import closings
 from isotruss_ros.core import (
-    analyze_grasp,
     ConvexObject,
     GraspRequirements,
     load_robot,
@@ -49,7 +48,7 @@ BRICK = ConvexObject(
     Polygon([(-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)], corner_radius=0.02),
     Pose(0.716, 0.43, 0.2),
 )
-NEEDS = GraspRequirements(min_margin=0.01, count=2)
+NEEDS = GraspRequirements(min_slip_margin=0.5, count=2)
 
 
 @pytest.fixture(scope='module')
@@ -84,21 +83,20 @@ def test_grasps_are_found_in_every_loop(plans):
 def test_grasps_hold_by_their_roller_positions_alone(plans):
     for body, grasp in each(plans):
         config = load_robot('nine_member').configuration(grasp.path[-1])
-        analysis = analyze_grasp(config, grasp.grip.body, NEEDS.friction)
-        assert analysis.closed_by_friction
-        total = analysis.normal_forces.sum()
-        assert analysis.closure_margin >= NEEDS.min_margin - 1e-6 * total
-        assert grasp.closure_margin == pytest.approx(analysis.closure_margin, abs=1e-6 * total)
-        # The larger of the forces on the fixed and the free object.
-        assert grasp.total_force >= total * (1.0 - 1e-6)
-        most = max(analysis.contact_forces.values())
-        assert grasp.max_contact_force >= most * (1.0 - 1e-6)
-        assert max(analysis.utilisation.values()) <= grasp.utilisation + 1e-6
+        settled = settle_grasp(config, grasp.grip.body, NEEDS.friction, members=grasp.members)
+        assert settled.held
+        forces = settled.normal_forces.values()
+        assert settled.slip_margin >= NEEDS.min_slip_margin - 1e-3
+        assert grasp.slip_margin == pytest.approx(settled.slip_margin, rel=1e-3)
+        assert grasp.total_force == pytest.approx(sum(forces), rel=1e-3)
+        assert grasp.max_contact_force == pytest.approx(max(forces), rel=1e-3)
+        assert grasp.utilisation == pytest.approx(max(settled.utilisation.values()), rel=1e-3)
         assert grasp.utilisation <= NEEDS.max_utilisation
         assert set(grasp.members) <= set(ROBOT.member_names)
         # Free, and closed in place.
         assert grasp.grip.body.shape == body.shape
-        assert grasp.grip.body.pose == pytest.approx(body.pose, abs=5e-3)
+        assert grasp.grip.body.pose[:2] == pytest.approx(body.pose[:2], abs=5e-3)
+        assert abs(grasp.grip.body.pose.angle) < 0.06
 
 
 def test_the_way_touches_nothing_before_it_says_so_and_then_the_grip_alone_presses(plans):
@@ -140,7 +138,7 @@ def test_every_small_disc_is_found_with_few_evaluations(discs):
     evaluations = []
     for x, y, diameter in discs:
         body = ConvexObject.disc((x, y), diameter)
-        needs = replace(NEEDS, count=1, min_margin=None)
+        needs = replace(NEEDS, count=1, min_slip_margin=0.0)
         plan = plan_grasps(ROBOT.home, body, needs, thorough=False)
         assert plan.grasps
         evaluations.append(plan.evaluations)
@@ -150,6 +148,7 @@ def test_every_small_disc_is_found_with_few_evaluations(discs):
 @pytest.mark.parametrize('measure', Measure)
 def test_best_comes_first_by_every_measure(measure):
     along = np.array([1.0, 2.0, 0.5])
+    unit = along / np.linalg.norm(along)
     needs = GraspRequirements(measure=measure, direction=tuple(along), count=3)
     plan = plan_grasps(ROBOT.home, OBJECTS['north'], needs)
     scores = [grasp.score for grasp in plan]
@@ -157,10 +156,9 @@ def test_best_comes_first_by_every_measure(measure):
     for grasp in plan:
         told = {
             Measure.SLIP_MARGIN: grasp.slip_margin,
-            Measure.CLOSURE_MARGIN: grasp.closure_margin,
             Measure.TOTAL_FORCE: -grasp.total_force,
             Measure.TRAVEL: -grasp.travel,
-            Measure.STIFFNESS: along @ grasp.analysis.stiffness @ along / (along @ along),
+            Measure.STIFFNESS: unit @ grasp.equilibrium.response.stiffness @ unit,
         }[measure]
         assert grasp.score == pytest.approx(told, rel=1e-9)
 
@@ -187,7 +185,7 @@ def test_external_wrench_is_held():
         (ConvexObject.disc((0.5, 0.4), 0.9), {}, 'free'),
         (OBJECTS['north'], {'module': 'south/P'}, 'members'),
         (OBJECTS['north'], {'max_total_force': 1e-3}, 'max_total_force'),
-        (OBJECTS['north'], {'min_margin': 1e3, 'max_utilisation': np.inf}, 'min_margin'),
+        (OBJECTS['north'], {'min_slip_margin': 1e3, 'max_utilisation': np.inf}, 'min_slip_margin'),
         (OBJECTS['north'], {'max_utilisation': 1e-4}, 'max_utilisation'),
         pytest.param(
             OBJECTS['north'], {'friction': 0.0}, 'force_closure', marks=pytest.mark.nightly
@@ -204,7 +202,7 @@ def test_a_plan_without_grasps_has_the_closest_violation(body, needs, missed):
     miss = plan.closest_violation
     if missed != 'force_closure':
         assert miss.requirement == missed
-    if missed in ('max_total_force', 'min_margin', 'max_utilisation'):
+    if missed in ('max_total_force', 'min_slip_margin', 'max_utilisation'):
         assert miss.bound == getattr(needs, missed)
     if missed == 'enclosed':
         assert (miss.value, miss.bound) == (0.0, 1.0)
@@ -218,7 +216,7 @@ def test_stops_when_asked_with_what_it_has():
     plan = plan_grasps(
         ROBOT.home,
         OBJECTS['north'],
-        GraspRequirements(min_margin=1e3),
+        GraspRequirements(min_slip_margin=1e3),
         on_progress=told.append,
         should_stop=lambda: len(told) >= 3,
     )

@@ -7,15 +7,11 @@ import math
 
 from grips import pressed_between, random_pressed
 from hypothesis import given, strategies
-from isotruss_ros.core import analyze_grasp, ConvexObject, load_robot
-from isotruss_ros.core.contact.contact_points import find_contact_points
-from isotruss_ros.core.errors import GraspError, IsotrussError
-from isotruss_ros.core.statics.structure import structure_of
+from isotruss_ros.core import analyze_grasp, ConvexObject, deform, load_robot
+from isotruss_ros.core.errors import GraspError, IsotrussError, SolverError
 import numpy as np
 import pytest
 import robots
-from shapes import circle
-import tubes
 
 generators = robots.generators()
 
@@ -35,7 +31,6 @@ def test_measured_pressures_agree_with_a_robot_file_of_these_pressures(gripped):
         found = analyze_grasp(load_robot('nine_member').home, cylinder, pressure=pressure)
         np.testing.assert_array_equal(found.normal_forces, expected.normal_forces)
         assert found.utilisation == expected.utilisation
-        assert found.contact_pressures == expected.contact_pressures
     softer = analyze_grasp(load_robot('nine_member').home, cylinder, pressure={'north': 20e3})
     assert softer.normal_forces.sum() < analyze_grasp(gripped[0], cylinder).normal_forces.sum()
 
@@ -67,40 +62,28 @@ def test_wrench_forces_and_regions_are_consistent(rng, friction):
     assert analysis.closed_by_friction == (analysis.closure_residual <= analysis.closure_tolerance)
 
 
-@robots.examples(30)
+@robots.examples(20)
 @given(generators)
-def test_contact_stiffness_agrees_with_a_frame_with_nodes_at_the_contacts(rng):
+def test_utilisation_agrees_with_the_linear_deformation_under_the_contact_forces(rng):
     config, cylinder = random_pressed(rng)
-    analysis = analyze_grasp(config, cylinder, spacing=0.01, paper_model=True)
-    stiffness = analysis.stiffness
-    assert (stiffness == stiffness.T).all()
-    assert np.linalg.eigvalsh(stiffness).min() >= -1e-9 * np.abs(stiffness).max()
-    center = cylinder.center
-    radius = 0.5 * (cylinder.shape.diameter + config.robot.description.tube_diameter)
-    touching = np.flatnonzero(analysis.normal_forces > 0.0)
-    found = find_contact_points(structure_of(config), circle(center, radius), 0.01)
-    touched = found.member[touching], found.place[touching]
-    frame = tubes.robot_with_nodes(structure_of(config), *touched)
-    compliance = tubes.node_compliance(frame, frame.nodes).reshape(2 * len(touching), -1)
-    arms = (analysis.points[touching] @ [1.0, 1.0j]) - center
-    for axis, moved in enumerate((np.ones_like(arms), 1j * np.ones_like(arms), 1j * arms)):
-        # The object and its points are moved by 1; what holds them there, the supports answer.
-        forces = np.linalg.solve(compliance, moved.view(float)).view(complex)
-        wrench = [forces.sum().real, forces.sum().imag, (arms.conj() * forces).imag.sum()]
-        slack = 1e-6 * np.abs(stiffness).max()
-        assert stiffness[:, axis] == pytest.approx(wrench, rel=1e-5, abs=slack)
-        loads = np.zeros((len(frame.points), 3))
-        np.add.at(
-            loads, frame.nodes, np.column_stack([forces.real, forces.imag, 0.0 * forces.real])
-        )
-        held = frame.solve(loads).reactions.sum(axis=0)
-        assert stiffness[:2, axis] == pytest.approx(-held[:2], rel=1e-5, abs=slack)
+    analysis = analyze_grasp(config, cylinder, spacing=0.02)
+    names, loads = config.robot.member_names, {}
+    for k in np.flatnonzero(analysis.normal_forces > 0.0):
+        x, y = analysis.normal_forces[k] * analysis.normals[k]
+        loads.setdefault(names[analysis.members[k]], []).append((analysis.places[k], x, y, 0.0))
+    expected = deform(config, {}, tube_loads=loads, paper_model=True).utilisation
+    assert analysis.utilisation == pytest.approx(expected, rel=1e-6, abs=1e-9)
 
 
-def test_stiffness_is_zero_without_contact():
+@pytest.mark.parametrize(('center', 'diameter'), [((0.5, -0.8), 1.0), ((0.5, -1.8), 3.0)])
+def test_objects_deeper_than_a_tube_are_refused_before_the_contact_is_solved(center, diameter):
+    with pytest.raises(SolverError, match=r'mm deep in it; must be at most 102 mm'):
+        analyze_grasp(load_robot('nine_member').home, ConvexObject.disc(center, diameter), 0.5)
+
+
+def test_nothing_is_closed_without_contact():
     config = load_robot('nine_member').home
     analysis = analyze_grasp(config, ConvexObject.disc((0.5, 30.0), 0.2))
-    assert analysis.stiffness.tolist() == np.zeros((3, 3)).tolist()
     assert analysis.contact_lengths == {}
     assert analysis.normal_wrench.tolist() == [0.0] * 3
     assert analysis.points.shape == analysis.normals.shape == (0, 2)
@@ -122,7 +105,6 @@ def test_exact_and_relaxed_contact_agree(gripped):
     assert relaxed.normal_forces == pytest.approx(exact.normal_forces, abs=1e-4 * size)
     assert relaxed.gaps == pytest.approx(exact.gaps, abs=1e-8)
     assert relaxed.required_friction == pytest.approx(exact.required_friction, rel=1e-3)
-    assert relaxed.stiffness == pytest.approx(exact.stiffness, rel=1e-4, abs=1e-3)
 
 
 # The wedge

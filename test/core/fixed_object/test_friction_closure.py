@@ -6,7 +6,7 @@
 import itertools
 
 from hypothesis import given, strategies
-from isotruss_ros.core.contact import friction_closure
+from isotruss_ros.core.fixed_object import friction_closure
 import numpy as np
 import pytest
 import robots

@@ -1,0 +1,165 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The paper's analysis of a grasp: contact forces (5) to (9) and closure by friction (10)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Literal
+
+from isotruss_ros.core.errors import GraspError, SolverError
+from isotruss_ros.core.fixed_object.contact import ContactState, solve_contact
+from isotruss_ros.core.fixed_object.contact_points import ContactPoints, find_contact_points
+from isotruss_ros.core.fixed_object.friction_closure import balance_by_friction
+from isotruss_ros.core.fixed_object.grasp_analysis import GraspAnalysis
+from isotruss_ros.core.fixed_object.member_moments import find_utilisation
+from isotruss_ros.core.fixed_object.relaxation import relax_contact
+from isotruss_ros.core.fixed_object.surfaces import Surface, surface_of
+from isotruss_ros.core.kinematics.configuration import Configuration, require_configuration
+from isotruss_ros.core.kinematics.depths import member_depths
+from isotruss_ros.core.model.check_load import check_load
+from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.numerics.arrays import Array, finite_array, Points
+from isotruss_ros.core.numerics.blas_threads import single_threaded
+from isotruss_ros.core.statics.section import Pressure
+from isotruss_ros.core.statics.structure import structure_of
+import numpy as np
+from numpy.typing import ArrayLike
+
+#: Range of admissible spacings of contact points [m].
+SPACING_RANGE = (1e-4, 0.1)
+#: Largest overlap of an object with an undeformed member, in tube diameters [-]. Linear statics
+#: describes small deflections; the work of the contact problem grows with the overlap.
+MAX_OVERLAP = 1.0
+
+ContactSolver = Callable[[ContactPoints, Surface], ContactState]
+#: Solvers of (8) by the name of their method.
+SOLVERS: dict[str, ContactSolver] = {'exact': solve_contact, 'relaxation': relax_contact}
+
+
+@single_threaded
+def analyze_grasp(
+    config: Configuration,
+    body: ConvexObject,
+    friction: float | None = None,
+    external_wrench: ArrayLike = (0.0, 0.0, 0.0),
+    method: Literal['exact', 'relaxation'] = 'exact',
+    spacing: float = 0.005,
+    pressure: Pressure | None = None,
+) -> GraspAnalysis:
+    """
+    Compute contact forces (5) to (9) and closure by friction (10) of an object held fast.
+
+    The model is the paper's: linear statics (1) to (4), straight tubes, round sections, and no
+    friction in the deformation. For an object that is free, as one that is really held, use
+    `settle_grasp`.
+
+    :param config: configuration of the robot, with rollers at rest.
+    :param body: the object at its pose.
+    :param friction: coefficient of friction between tube and object, not negative. If None, the
+        coefficient of the object is used, or 0.5 if the object has none.
+    :param external_wrench: (fx, fy, m) on the object about the origin of its frame [N, N m].
+    :param method: 'exact' (the complementarity problem is solved by pivoting) or 'relaxation' (it
+        is solved by the paper's iteration (9)).
+    :param spacing: spacing of the contact points along the tubes [m].
+    :param pressure: gauge pressure [Pa], given as one number for all tubes, as one number for each
+        tube in the order of the robot file, or as a mapping from tube names to pressures. If None,
+        the pressure of the robot file is used.
+    :raises GraspError: an argument is invalid.
+    :raises StructureError: the robot is a mechanism, a pressure is invalid, or the stiffness laws
+        contradict each other.
+    :raises SolverError: the contact problem was not solved, or the object overlaps a member by
+        more than a tube diameter.
+    """
+    require_configuration(config)
+    mu, wrench = check_load(body, friction, external_wrench)
+    distance, solve = _check_spacing(spacing), _find_solver(method)
+    _check_overlap(config, body)
+    margin = 0.5 * config.robot.description.tube_diameter
+    surface = surface_of(body, margin)
+    structure = structure_of(config, pressure)
+    points, places, tubes = find_contact_points(structure, surface, distance)
+    contact = solve(points, surface)
+    forces, member = contact.forces, points.member
+    pressed, levers = _pressed(body, points, contact, margin)
+    normals = contact.normals.view(np.float64).reshape(-1, 2)
+    tangents = np.column_stack([-normals[:, 1], normals[:, 0]])
+    load = _about_middle(body, pressed + wrench)
+    closure = balance_by_friction(tangents, forces, load, mu, levers)
+    names, push = config.robot.member_names, forces * contact.normals
+    pressing = np.bincount(member, forces, len(names))
+    # A point in contact represents half a spacing to both sides.
+    length = distance * np.bincount(member, forces > 0.0, len(names))
+    touching = np.flatnonzero(pressing).tolist()
+    return GraspAnalysis(
+        points=(points.points + contact.displacements).view(np.float64).reshape(-1, 2),
+        members=member,
+        places=places,
+        gaps=contact.gaps,
+        normals=normals,
+        normal_forces=forces,
+        friction_forces=closure.friction_forces,
+        normal_wrench=pressed,
+        # Without contact the forces are in balance, but the object is not held.
+        closed_by_friction=closure.closed and bool(touching),
+        closure_residual=closure.residual,
+        closure_tolerance=closure.tolerance,
+        required_friction=closure.required_friction,
+        closure_margin=closure.margin,
+        contact_lengths={names[i]: float(length[i]) for i in touching},
+        contact_forces={names[i]: float(pressing[i]) for i in touching},
+        utilisation=dict(zip(names, find_utilisation(tubes, push).tolist(), strict=True)),
+    )
+
+
+def _check_spacing(spacing: float) -> float:
+    """Return the spacing of contact points [m]; raise GraspError if it is out of range."""
+    (distance,) = finite_array([spacing], 1, 'spacing [m]', GraspError).tolist()
+    if not SPACING_RANGE[0] <= distance <= SPACING_RANGE[1]:
+        raise GraspError(
+            f'spacing {spacing!r} m: must be from {SPACING_RANGE[0]} to {SPACING_RANGE[1]} m'
+        )
+    return distance
+
+
+def _find_solver(method: str) -> ContactSolver:
+    """Return the solver of (8) by the name of a method."""
+    if method not in SOLVERS:
+        raise GraspError(f'method {method!r}: must be one of {", ".join(SOLVERS)}')
+    return SOLVERS[method]
+
+
+def _check_overlap(config: Configuration, body: ConvexObject) -> None:
+    """Raise SolverError if the object overlaps a member by more than a tube diameter."""
+    depths = member_depths(config, body)
+    bound, deepest = MAX_OVERLAP * config.robot.description.tube_diameter, int(depths.argmax())
+    if depths[deepest] > bound:
+        raise SolverError(
+            f'member {config.robot.member_names[deepest]}: the object is '
+            f'{1e3 * depths[deepest]:.3g} mm deep in it; must be at most {1e3 * bound:.3g} mm, '
+            'the diameter of the tube'
+        )
+
+
+def _pressed(
+    body: ConvexObject, points: ContactPoints, contact: ContactState, margin: float
+) -> tuple[Array, Array]:
+    """Return the tubes' wrench (3,) on the object, and the lever arms (c,) of friction forces."""
+    push, normals = contact.forces * contact.normals, contact.normals
+    if body.shape.is_round:
+        force = push.sum()
+        return np.array([-force.real, -force.imag, 0.0]), np.ones(len(push))
+    # Points of the object's surface at which the forces act, relative to its frame's origin.
+    arms: Points = points.points + contact.displacements - body.center
+    arms = arms - (contact.gaps + margin) * normals
+    force, moment = push.sum(), (arms.conj() * push).imag.sum()
+    levers = ((arms + body.center - body.middle) * normals.conj()).real / body.arm
+    return -np.array([force.real, force.imag, moment]), levers
+
+
+def _about_middle(body: ConvexObject, wrench: Array) -> Array:
+    """Return (fx, fy, m / arm) about the centroid [N] of a wrench about the frame's origin."""
+    away = body.middle - body.center
+    x, y, moment = wrench
+    return np.array([x, y, (moment - away.real * y + away.imag * x) / body.arm])

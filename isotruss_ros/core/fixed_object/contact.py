@@ -1,0 +1,112 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Unilateral contact of straight tubes with a convex object: equations (5) to (8).
+
+Points on the centre lines meet the surface of the object, offset by the tube radius. For fixed
+normals the contact forces solve a linear complementarity problem; then the normals are updated at
+the deformed points, and both steps are repeated until convergence.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from isotruss_ros.core.errors import SolverError
+from isotruss_ros.core.fixed_object.contact_points import ContactPoints
+from isotruss_ros.core.fixed_object.surfaces import Surface
+from isotruss_ros.core.numerics.arrays import Array, Flags, Points
+from isotruss_ros.core.numerics.qp import solve_complementarity
+from isotruss_ros.core.numerics.tolerances import (
+    MAX_NEWTON_ITERATIONS,
+    NEGLIGIBLE_SHARE,
+    ROUNDING,
+)
+import numpy as np
+from scipy.linalg import lapack
+
+#: Largest number of updates of the normals [-]; the normals on large discs converge slowly.
+MAX_STEPS = 200
+
+
+class ContactState(NamedTuple):
+    """Contact points with their forces and gaps."""
+
+    forces: Array  #: (c,) normal forces, not negative [N]
+    gaps: Array  #: (c,) distances of the deformed tubes from the surface, not negative [m]
+    normals: Points  #: (c,) outward unit normals of the surface, x + iy
+    displacements: Points  #: (c,) displacements of the points, x + iy [m]
+
+
+def solve_contact(
+    points: ContactPoints, surface: Surface, normals: Points | None = None
+) -> ContactState:
+    """
+    Solve the contact LCP (8): nonnegative gaps and forces, complementary at each point.
+
+    :param normals: (c,) initial normals, x + iy; None: toward the undeformed points.
+    :raises SolverError: the normals do not converge.
+    """
+    away = points.points - surface.center
+    normals = surface.facing(away, points.axis) if normals is None else normals
+    gaps = open_gaps(away, normals, surface)
+    active = _deepest_points(points, gaps)
+    # A point beyond a tangent is outside of the object, so the solution for given normals is
+    # admissible for the updated normals, whose solution has less or equal energy. Therefore the
+    # steps converge, but slowly; `_settle_normals` makes them few.
+    for _ in range(MAX_STEPS):
+        pressing, active = solve_complementarity(points.normal_compliance(normals), gaps, active)
+        ahead = np.zeros_like(away)
+        ahead[active] = _settle_normals(
+            points.part(active), away[active], normals[active], gaps[active], surface
+        )
+        for push in (ahead, pressing * normals):
+            displacements = points.displacements(push)
+            left, turned, _ = surface.nearest(away + displacements)  # (5)
+            # (6), (7): no force pulls, and none is tangential.
+            local, sizes = push * turned.conj(), np.abs(push)
+            if (
+                (local.real >= 0.0).all()
+                and (np.abs(local.imag) <= NEGLIGIBLE_SHARE * sizes.max(initial=0.0)).all()
+                and (left >= -ROUNDING).all()
+                and (left[active] <= ROUNDING).all()
+            ):
+                return ContactState(local.real, left, turned, displacements)
+        normals, gaps = turned, left - (displacements * turned.conj()).real
+    raise SolverError(
+        f'the contact did not converge in {MAX_STEPS} steps; the object is pressed in too deeply'
+    )
+
+
+def _settle_normals(
+    points: ContactPoints, away: Points, normals: Points, gaps: Array, surface: Surface
+) -> Points:
+    """Return the forces (a,), x + iy [N], that close the gaps (a,) and have updated normals."""
+    if not len(away):
+        return np.zeros(0, dtype=np.complex128)
+    for _ in range(MAX_NEWTON_ITERATIONS):
+        _, pressing, failed = lapack.dposv(points.normal_compliance(normals), -gaps)
+        if failed:
+            raise SolverError('the contact compliance is not positive definite')
+        forces = pressing * normals
+        moved = points.displacements(forces)
+        left, turned, _ = surface.nearest(away + moved)
+        change = float(np.abs(turned - normals).max())
+        normals, gaps = turned, left - (moved * turned.conj()).real
+        # The change in the next step is negligible.
+        if change < 0.01 * NEGLIGIBLE_SHARE:
+            break
+    return forces
+
+
+def open_gaps(away: Points, normals: Points, surface: Surface) -> Array:
+    """Return the distances (c,) from tangents of points relative to the centre [m]."""
+    return (away * normals.conj()).real - surface.support(normals)
+
+
+def _deepest_points(points: ContactPoints, gaps: Array) -> Flags:
+    """Return a mask (c,) that is true for the deepest points of each member in the object."""
+    deepest = np.full(int(points.member.max(initial=-1)) + 1, np.inf)
+    np.minimum.at(deepest, points.member, gaps)
+    return gaps <= deepest[points.member]

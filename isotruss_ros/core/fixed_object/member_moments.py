@@ -1,0 +1,71 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Bending moments of straight tubes under contact forces, relative to the wrinkling moment."""
+
+from __future__ import annotations
+
+from isotruss_ros.core.fixed_object.straight_compliance import StraightPoints
+from isotruss_ros.core.numerics.arrays import Array, Points
+from isotruss_ros.core.statics.structure import Structure
+from isotruss_ros.core.statics.wrinkling import find_most_used
+import numpy as np
+
+
+def find_utilisation(tubes: StraightPoints, forces: Points) -> Array:
+    """
+    Return the largest |M| / M_w (m,) of each member under contact forces (c,), x + iy [N].
+
+    In straight tubes the moment is largest at a contact force or at an end of a piece of tube.
+    M_w = (p pi R^2 + N) R / 2 with the smaller tension N beside a force, see `wrinkling`.
+    """
+    structure, frame = tubes.structure, tubes.structure.frame
+    robot, first = structure.config.robot, structure.pieces[0, 0]
+    equivalent = np.concatenate([forces.real, forces.imag]) @ tubes.shapes
+    piece = tubes.pieces - first
+    pull, shear, start, end = _end_forces(structure, tubes.response @ equivalent)
+    # Forces of the nodes on a piece are those of its motion less the equivalent loads.
+    axis = np.repeat(frame.axis[tubes.pieces], 2).conj()
+    x, y, couple = equivalent.reshape(-1, 3).T
+    local = (axis * (x + 1j * y)).reshape(-1, 2)
+    pull[0, piece] += local.real[:, 0]
+    pull[1, piece] -= local.real[:, 1]
+    shear[piece] -= local.imag[:, 0]
+    start[piece] -= couple[::2]
+    end[piece] -= couple[1::2]
+    # Contact points, then starts and ends of all pieces.
+    own, within = piece[tubes.number], tubes.within
+    push = frame.axis[tubes.pieces][tubes.number].conj() * forces
+    ahead = (tubes.number[:, None] == tubes.number) & (within[:, None] > within)
+    arms = np.where(ahead, within[:, None] - within, 0.0)
+    before = pull[0][own] - ahead @ push.real
+    tension = np.concatenate([np.minimum(before, before - push.real), *pull])
+    moment = np.concatenate([shear[own] * within - start[own] + arms @ push.imag, -start, end])
+    owner = structure.owners.ravel()
+    member = np.concatenate([owner[own], owner, owner])
+    radius = 0.5 * robot.description.tube_diameter
+    wall = np.array(structure.pressures)[robot.topology.tube[member]] * np.pi * radius**2 + tension
+    used = np.full(len(moment), np.inf)
+    np.divide(2.0 * np.abs(moment), radius * wall, out=used, where=wall > 0.0)
+    return used[find_most_used(used, member)]
+
+
+def _end_forces(structure: Structure, moved: Array) -> tuple[Array, Array, Array, Array]:
+    """
+    Return the forces on all pieces of tube due to displacements (3 n,) of the frame, by (2).
+
+    They are the tension (2, 3 m) at both ends, the force across the piece at its start (3 m,) [N],
+    and the moments (3 m,) at start and end [N m].
+    """
+    frame, tube = structure.frame, slice(structure.pieces[0, 0], None)
+    start, end, axial, flexural, shear, pinned, _ = (values[tube] for values in frame.members)
+    length, nodes = frame.length[tube], moved.reshape(-1, 3)
+    apart = (nodes[end, :2] - nodes[start, :2]) @ (1.0, 1j) * frame.axis[tube].conj()
+    chord, skew = apart.imag / length, 12.0 * flexural / (shear * length**2)
+    before, behind = nodes[start, 2] - chord, nodes[end, 2] - chord
+    before = np.where(pinned, (skew - 2.0) / (4.0 + skew) * behind, before)
+    stiff = flexural / (length * (1.0 + skew))
+    first = stiff * ((4.0 + skew) * before + (2.0 - skew) * behind)
+    last = stiff * ((2.0 - skew) * before + (4.0 + skew) * behind)
+    pull = axial / length * apart.real
+    return np.stack([pull, pull]), (first + last) / length, first, last

@@ -1,0 +1,70 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Contact with any convex object: against discs, distances, least squares, and itself."""
+
+from comparison.wedge import pressed_into
+from hypothesis import given, strategies
+from isotruss_ros.core import (
+    analyze_grasp,
+    ConvexObject,
+    load_robot,
+    Polygon,
+    tangent_center,
+)
+from isotruss_ros.core.fixed_object.contact import solve_contact
+from isotruss_ros.core.fixed_object.contact_points import find_contact_points
+from isotruss_ros.core.fixed_object.surfaces import surface_of
+from isotruss_ros.core.numerics.tolerances import ROUNDING
+from isotruss_ros.core.statics.structure import structure_of
+import numpy as np
+import pytest
+import robots
+from shapes import dense_outline, random_shape, surface_distance
+
+HOME = load_robot('nine_member').home
+MODULE = 'south/P'
+TUBE_RADIUS = 0.5 * HOME.robot.description.tube_diameter
+BOX = Polygon([(-0.15, -0.1), (0.15, -0.1), (0.15, 0.1), (-0.15, 0.1)])
+SEEDS = strategies.integers(0, 10**6)
+DISC = ConvexObject.disc(tangent_center(HOME, MODULE, 0.3, 0.03), 0.3)
+
+
+def held_alike(shape, angle=0.0):
+    """Return an object where the disc is."""
+    return ConvexObject(shape, (*DISC.pose[:2], angle))
+
+
+# Gaps and forces
+
+
+@robots.examples(25)
+@given(SEEDS)
+def test_gaps_and_forces_are_complementary(seed):
+    generator = np.random.default_rng(seed)
+    shape = random_shape(generator, 0.15)
+    held = pressed_into(HOME, MODULE, shape, generator.uniform(-3.0, 3.0), 0.02)
+    surface = surface_of(held, TUBE_RADIUS)
+    points, *_ = find_contact_points(structure_of(HOME), surface, 0.005)
+    state = solve_contact(points, surface)
+    push = state.forces * state.normals
+    assert state.forces.min() >= 0.0
+    assert state.forces.sum() > 0.5
+    assert state.gaps.min() >= -ROUNDING
+    assert np.abs(state.gaps[state.forces > 0.0]).max() <= ROUNDING
+    assert state.displacements == pytest.approx(points.displacements(push), abs=1e-8)
+    # By brute force.
+    moved = (points.points + state.displacements - held.center) / held.turn
+    wanted = surface_distance(dense_outline(surface.shape, 4000), moved) - TUBE_RADIUS
+    near = np.abs(state.normals * points.axis.conj()).imag > 0.3
+    assert state.gaps[near] == pytest.approx(wanted[near], abs=2e-6)
+
+
+def test_friction_defaults_to_that_of_the_object():
+    held = pressed_into(HOME, MODULE, BOX, 0.4, 0.02)
+    slippery = ConvexObject(held.shape, held.pose, friction=0.1)
+    half, tenth = (analyze_grasp(HOME, held, friction).closure_residual for friction in (0.5, 0.1))
+    assert analyze_grasp(HOME, held).closure_residual == half
+    assert analyze_grasp(HOME, slippery, 0.5).closure_residual == half
+    assert analyze_grasp(HOME, slippery).closure_residual == pytest.approx(tenth)
+    assert tenth > half
