@@ -172,6 +172,18 @@ def test_an_oscillation_that_grows_is_stopped_before_the_object_is_lost(grasp, g
     assert np.abs(carry.errors[-1]).max() < 2e-3
 
 
+@pytest.mark.nightly
+def test_an_object_that_swings_because_its_masses_are_unknown_is_stopped_and_goes_on():
+    carry = Carry('disc 0.2 m', (5.0, 4.2), told=0.06, stiffness=0.6, late=3, load=5.0)
+    carry.run(1.0)
+    carry.push(PUSH)
+    carry.run(5.0)
+    halts = {status for status in carry.statuses if status > Status.HALT_NO_TWIST}
+    assert halts == {Status.HALT_OSCILLATES}
+    assert carry.statuses[-1] is Status.OK
+    assert np.abs(carry.errors[-1]).max() < 2e-3
+
+
 @pytest.mark.parametrize('seed', some_now(range(20)))
 def test_noise_halts_no_object_on_a_path(seed):
     carry, rng = Carry('disc 0.3 m', noise=NOISE, seed=seed), np.random.default_rng(seed)

@@ -225,6 +225,11 @@ class GripBelief:
         return self._by_considered.joint_rates(self._filter.sensitivity[SHIFTS:])
 
     @property
+    def correction(self) -> Array:
+        """Return the part (3,) of the pose that roller travel does not explain, see `bias` [m]."""
+        return self._even * pose_difference(self.pose, self._way.last[1])
+
+    @property
     def regulated_pose(self) -> Array:
         """Return the object's pose (3,) for control, with corrections smoothed by two filters."""
         return self.pose - self._lag[:, :3].sum(axis=0)

@@ -82,6 +82,8 @@ class SqueezeControl:
         self._natural: float | None = None  # its natural frequency [rad/s]
         self.gains: LoopGains = gains_of(DEFAULT_GAIN)
         self._swings, self._rest = SwingWatch(), 0.0
+        self._stamp: float | None = None  # stamp of the last pose [s]
+        self._since = 0.0  # time of the cycles since the last pose [s]
         self._velocity, self._elapsed, self._slipped = np.zeros(3), 0.0, 0.0
         self._poses = UsedReadings()
         self._excess = 0.0
@@ -197,11 +199,14 @@ class SqueezeControl:
             return hold
         self._choose_gains(belief)
         belief.pass_corrections(elapsed, self.gains.filter_time)
+        self._rest = max(self._rest - elapsed, 0.0)
+        self._since += elapsed
         if sample is None:
-            self._observe(belief, grip.body.pose, 0.0)
+            self._observe(belief, grip.body.pose, 0.0, self._since)
         elif self._poses.use('pose', sample[0].time, sample[0].value):
-            self._observe(belief, sample[0].value, sample[1])
-        self._look_for_swings(belief, elapsed)
+            before, self._stamp = self._stamp, sample[0].time
+            since = self._since if before is None else self._stamp - before
+            self._observe(belief, sample[0].value, sample[1], since)
         return HoldStatus.HELD
 
     def solve(self, twist: Array, period: float, solve: Solve) -> RollerCommand:
@@ -294,9 +299,11 @@ class SqueezeControl:
         self._lost = None
         return hold
 
-    def _observe(self, belief: GripBelief, pose: Pose, age: float) -> None:
-        """Update the belief with a new measured pose, and test for slip."""
+    def _observe(self, belief: GripBelief, pose: Pose, age: float, since: float) -> None:
+        """Update the belief with a pose, `since` [s] after the last; test for slip and swings."""
         belief.observe(pose, age)
+        self._look_for_swings(belief, since)
+        self._since = 0.0
         walked = f'the object moved by {1e3 * belief.walk.length:.0f} mm against the members'
         if belief.jump:
             self._slipped = belief.walk.length
@@ -322,16 +329,15 @@ class SqueezeControl:
         gain = settings.pose_gain or choose_gain(self.frequency)
         self.gains = gains_of(self._softening * gain)
 
-    def _look_for_swings(self, belief: GripBelief, elapsed: float) -> None:
+    def _look_for_swings(self, belief: GripBelief, since: float) -> None:
         """Latch a fault and halve the gain at an oscillation, cleared after `REST_TIME`."""
-        error, even = np.zeros(3), np.array([1.0, 1.0, belief.grasp.arm])
-        if self.reference is not None:
-            error = even * pose_difference(self.reference, belief.pose)
-        self._rest = max(self._rest - elapsed, 0.0)
+        even = np.array([1.0, 1.0, belief.grasp.arm])
+        travel = since * float(np.linalg.norm(even * self._velocity))
         if self.fault is GripFault.OSCILLATES and self._rest == 0.0:
             self.fault = None
             self._swings.forget()
-        if self.fault is None and self._swings.update(error, belief.noise.deviation, elapsed):
+        swings = self._swings.update(belief.correction, belief.noise.deviation, since, travel)
+        if self.fault is None and swings:
             self.fault = GripFault.OSCILLATES
             self._rest, self._softening = REST_TIME, 0.5 * self._softening
 

@@ -19,7 +19,7 @@ from functools import partial
 import importlib
 from typing import Any
 
-from isotruss_ros.core.errors import IsotrussError
+from isotruss_ros.core.errors import GraspError, IsotrussError
 from isotruss_ros.core.holding.held_grip import HoldStatus
 from isotruss_ros.core.inputs import (
     CommandHistory,
@@ -319,7 +319,13 @@ class TwistServo:
             return config, None, last
         # The object rolls from its measured pose, at the configuration of that time.
         start = measured.predict(before) if before.any() else measured
-        grip = roll_object(self._touching.moved_to(pose[0].value), start, config)
+        belief = None if self.squeeze is None else self.squeeze.belief
+        try:
+            grip = roll_object(self._touching.moved_to(pose[0].value), start, config)
+        except GraspError:
+            if belief is None:
+                raise
+            grip = belief.grip  # one pose without contacts is no loss: the belief decides
         return config, grip, last
 
     def _watch(self, squeeze: SqueezeControl, status: Status, now: float) -> None:

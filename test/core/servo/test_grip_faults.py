@@ -48,6 +48,33 @@ def test_noise_is_no_oscillation():
     assert detect(lambda t: 0.0, noise=1e-3, duration=300.0) is None
 
 
+def test_an_object_far_heavier_than_in_the_model_oscillates():
+    """Its gain is 0.25 of the frequency in the model; only slower objects swing with this gain."""
+    slow = 0.2 * 12.0
+    assert detect(lambda t: 0.004 * np.exp(0.2 * t) * np.sin(slow * t), duration=8.0) < 7.0
+
+
+@pytest.mark.parametrize(('share', 'detected'), [(0.2, False), (0.6, True)])
+def test_swings_are_compared_with_the_commanded_travel(share, detected):
+    """An object shaken by its client swings by a share of the commanded travel."""
+    watch, told = SwingWatch(12.0), []
+    for k in range(500):
+        pose = share * 0.01 * np.array([np.sin(10.0 * k * PERIOD), 0.0, 0.0])
+        travel = 0.01 * abs(np.sin(10.0 * (k + 1) * PERIOD) - np.sin(10.0 * k * PERIOD))
+        told.append(watch.update(pose, 0.0, PERIOD, travel))
+    assert any(told) is detected
+
+
+@pytest.mark.parametrize(('mean', 'detected'), [(0.033, True), (0.3, False)])
+def test_oscillations_are_detected_from_irregular_poses_that_resolve_them(mean, detected):
+    watch, rng, t, told = SwingWatch(12.0), np.random.default_rng(0), 0.0, []
+    while t < 6.0:
+        since = mean * rng.uniform(0.4, 1.6)
+        t += since
+        told.append(watch.update(np.array([0.01 * np.sin(10.0 * t), 0.0, 0.0]), 0.0, since))
+    assert any(told) is detected
+
+
 def test_errors_after_cycles_longer_than_a_half_period_are_no_oscillation():
     watch = SwingWatch(12.0)
     # Lengths of cycles [s] and pose errors [mm], recorded on a busy machine.

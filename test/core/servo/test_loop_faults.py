@@ -16,9 +16,11 @@ from isotruss_ros.core import (
     Status,
     TwistServo,
 )
+from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.estimation.state_estimate import EstimatedTravel
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.inputs import RollerState, StampedInput
+from isotruss_ros.core.servo import twist_servo
 from isotruss_ros.core.servo.servo_settings import ServoSettings, SqueezeSettings
 import numpy as np
 import pytest
@@ -74,6 +76,36 @@ def test_a_late_loop_counts_no_more_than_the_timeout_as_one_cycle(monkeypatch):
     assert elapsed == pytest.approx([0.0, 0.05, TIMEOUT])
 
 
+def test_ages_of_measurements_count_to_the_middle_of_the_cycle(monkeypatch):
+    made, positions, pose = held_servo()
+    follow, ages = made.squeeze.follow, []
+
+    def note(config, grip, since, sample, gripped, rollers):
+        ages.append((sample[1], rollers[1]))
+        return follow(config, grip, since, sample, gripped, rollers)
+
+    monkeypatch.setattr(made.squeeze, 'follow', note)
+    decide(made, positions, pose, NOW, (0.0, 0.01, 0.0))
+    made.receive(twist=StampedInput((0.0, 0.01, 0.0), NOW + 0.03))
+    made.decide(NOW + 0.03)
+    middle = 0.5 * PERIOD
+    assert ages == [pytest.approx((age + middle, age + middle)) for age in (0.0, 0.03)]
+
+
+def test_reference_of_an_accelerating_object_moves_as_the_command_does():
+    made, positions, pose = held_servo()
+    twist = (0.0, 0.05, 0.0)
+    decide(made, positions, pose, NOW, twist)
+    made.receive(twist=StampedInput(twist, NOW), pose=StampedInput(pose, NOW))
+    command = made.decide(NOW + PERIOD).command
+    assert command.status is Status.ACCELERATING
+    then = made.squeeze.reference
+    decide(made, positions, pose, NOW + 2.0 * PERIOD, twist)
+    moved = (made.squeeze.reference - then)[1] / PERIOD
+    assert 0.0 < command.achieved_twist[1] < 0.5 * twist[1]
+    assert moved == pytest.approx(command.achieved_twist[1], rel=0.1)
+
+
 def test_belief_of_a_held_object_is_kept_without_twists():
     made, positions, pose = held_servo()
     decide(made, positions, pose, NOW, (0.0, 0.0, 0.0))
@@ -116,6 +148,63 @@ def test_repeated_readings_are_used_once():
     assert 'slipped' not in often.squeeze.note()
     assert often.squeeze.belief.pose == pytest.approx(once.squeeze.belief.pose, abs=1e-7)
     assert often.squeeze.squeeze == pytest.approx(once.squeeze.squeeze, abs=1e-5)
+
+
+def test_one_pose_that_keeps_no_contacts_is_no_loss(monkeypatch):
+    made, positions, pose = held_servo()
+    decide(made, positions, pose, NOW, (0.0, 0.01, 0.0))
+    belief, roll = made.squeeze.belief, twist_servo.roll_object
+
+    def fail(*_):
+        raise GraspError('no pose of the object keeps its contacts in the new configuration')
+
+    for number in range(1, 20):
+        monkeypatch.setattr(twist_servo, 'roll_object', fail if number == 10 else roll)
+        status = decide(made, positions, pose, NOW + number * PERIOD, (0.0, 0.01, 0.0))
+        assert status < Status.HALT_NO_TWIST
+    assert made.squeeze.belief is belief
+    assert made.squeeze.fault is None
+
+
+def test_a_lost_object_without_contacts_is_reported_by_the_belief():
+    made, positions, pose = held_servo()
+    decide(made, positions, pose, NOW, (0.0, 0.01, 0.0))
+    decide(made, positions, Pose(5.0, 5.0, 0.0), NOW + PERIOD, (0.0, 0.01, 0.0))
+    status = decide(made, positions, Pose(5.0, 5.0, 0.0), NOW + 2 * PERIOD, (0.0, 0.01, 0.0))
+    assert status is Status.HALT_NOT_HELD
+
+
+def test_a_loop_starved_of_processor_time_is_no_oscillation():
+    """
+    Cycles, readings and commands of an unloaded robot are late at random, at 30 of 100 Hz.
+
+    Its client moves it to and fro. The pose follows its reference as late as its commands.
+    """
+    rng, (config, body) = np.random.default_rng(0), gripped(35.0, squeeze=0.1)
+    held, tick, due, sent = ElasticObject(body, 0.5), 0.01, 0.0, []
+    plant = SimulatedRobot(config, held, RollerFaults())
+    plant.advance(0.0)
+    squeeze = SqueezeSettings(held.grasp.squeeze, max_utilisation=math.inf)
+    grip = Grip.at_module(config.robot, 'north/Z', body, 0.5)
+    servo = TwistServo(config.robot, ServoSettings(grip, tick, 0.5, squeeze=squeeze))
+    gain = servo.squeeze.gains.pose
+    for number in range(500):
+        now = tick * number
+        while sent and sent[0][0] <= now:
+            plant.command(sent.pop(0)[1])
+        if number == 0 or rng.random() < 0.3:
+            state = RollerState(plant.roller_positions, plant.roller_velocities)
+            servo.receive(
+                rollers=StampedInput(state, now), pose=StampedInput(plant.object_pose, now)
+            )
+        if now >= due:
+            due = now + min(rng.exponential(0.033), 0.3)
+            servo.receive(twist=StampedInput((0.05 * math.sin(math.pi * now), 0.0, 0.0), now))
+            command = servo.decide(now).command
+            assert command.status < Status.HALT_NO_TWIST
+            sent.append((now + rng.uniform(0.0, 0.15), command.roller_velocities))
+        plant.advance(tick)
+    assert servo.squeeze.gains.pose == gain
 
 
 def test_an_object_that_is_taken_away_at_rest_is_no_fault():
