@@ -17,6 +17,7 @@ from manual_world import world
 import numpy as np
 from probe import maker, overrides, ROBOT
 import pytest
+from sensor_msgs.msg import FluidPressure
 from trajectories import AWAY, trajectory
 
 FORCE, RATE, FRICTION = 30.0, 20.0, 0.9
@@ -106,6 +107,33 @@ def test_subscribers_drop_a_grip_that_has_ended():
         w.until(lambda: record() is None)
         assert w.now - begun < 0.1
         assert w.nodes[2].details()['moves'] == 'the rollers along a trajectory'
+
+
+def test_pressures_from_before_a_clock_jump_are_not_used():
+    """One new message of a tube does not make old ones of other tubes valid."""
+    with world(plant, squeezing()) as w:
+        tubes = list(ROBOT.description.pressures)
+
+        def still():
+            w.probe.send_twist((0.0, 0.0, 0.0))
+
+        w.until_code(ManipulationStatus.OK, still)
+        w.spin(0.2, lambda: (still(), w.probe.send_pressures([30e3] * len(tubes))))
+        assert set(w.nodes[2]._servo.squeeze.grasp.tubes.pressure) == {30e3}
+        w.nodes[2]._clear_inputs()
+        w.until_code(ManipulationStatus.HALT_INVALID_TUBE_PRESSURES, still)
+        assert 'none since the clock jumped' in w.probe.last('status').message
+
+        def first():
+            still()
+            header = make_header(w.probe.past(0.0), tubes[0])
+            w.probe.gauges.publish(FluidPressure(header=header, fluid_pressure=30e3))
+
+        w.spin(0.2, first)
+        assert w.code() == ManipulationStatus.HALT_INVALID_TUBE_PRESSURES
+        w.until_code(
+            ManipulationStatus.OK, lambda: (still(), w.probe.send_pressures([30e3] * len(tubes)))
+        )
 
 
 def test_pressures_that_are_old_or_bad_halt_and_good_ones_go_on():

@@ -161,6 +161,28 @@ def test_corrections_beyond_their_covariance_are_slip_and_others_are_not():
         assert (walk.deviations > MAX_DEVIATIONS) is slipped
 
 
+@pytest.mark.parametrize('away', [(0.1, 0.0, 0.0), (0.0, 0.1, 0.0), (0.06, -0.08, 0.5)])
+def test_length_of_a_jump_counts_all_coordinates(away):
+    belief = believed()
+    carry(belief, 0.5, 1e-5)
+    belief.observe(Pose(*belief.pose + away), 0.0)
+    assert belief.jump == pytest.approx(np.linalg.norm(ARM * away), rel=0.05)
+
+
+@pytest.mark.parametrize('attached', [False, True])
+def test_another_equilibrium_explains_no_corrections(attached):
+    """Only an error of the offsets with other derivatives moves the pose, not the search."""
+    walk, noise, spread = ContactWalk(), 1e-6 * np.eye(3), 1e-2 * np.eye(1)
+    change = np.array([[1.0], [0.0], [0.0]])
+    for k in range(24):
+        rates = change if k > 20 else 0.0 * change
+        if attached and k == 21:
+            walk.attach(change)
+        moved = np.array([4e-3 if k > 20 else 0.0, 0.0, 0.0])
+        walk.add(0.05 * k, moved, noise, noise, rates, spread)
+    assert (walk.deviations > MAX_DEVIATIONS) is attached
+
+
 @pytest.mark.parametrize(('deviation', 'slipped'), [(1e-3, True), (2e-2, False)])
 def test_corrections_explained_by_wrong_offsets_are_no_slip(deviation, slipped):
     walk, noise = ContactWalk(), 1e-6 * np.eye(3)

@@ -63,6 +63,35 @@ def test_pose_correction_takes_at_most_half_of_the_error_in_a_cycle(period, gain
     assert asked_of(control, twist, period)[0][2] == pytest.approx(twist[2] + gain * turned)
 
 
+def test_pose_correction_of_a_late_loop_takes_at_most_half_of_the_error_in_the_last_interval():
+    control, late = controlled(), 0.1
+    error = np.array([1e-3, -2e-3, 3e-2])
+    asked_of(control, np.zeros(3), 0.01)
+    assert control.follow(CONFIG, GRASP, late) is HoldStatus.HELD
+    here = control.belief.regulated_pose
+    control.reference = here + error
+    assert asked_of(control, np.zeros(3), 0.01)[0] == pytest.approx(0.5 / late * error, rel=1e-4)
+
+
+@pytest.mark.parametrize('status', [Status.OK, Status.SLIDING, Status.UNREACHABLE])
+def test_reference_of_a_motion_in_another_direction_is_discarded(status):
+    control, twist = controlled(), np.array([0.01, -0.02, 0.1])
+    asked_of(control, twist, 0.01)
+    still = np.zeros(len(CONFIG.roller_positions))
+    control.advance(twist, RollerCommand(still, np.zeros(3), 1.0, status))
+    assert (control.reference is None) is (status is not Status.OK)
+
+
+def test_reference_moves_by_the_twist_without_the_part_that_limits_took_away():
+    control, twist = controlled(), np.array([0.01, -0.02, 0.1])
+    asked_of(control, twist, 0.01)
+    before, missing = control.reference, np.array([0.004, -0.002, 0.03])
+    still = np.zeros(len(CONFIG.roller_positions))
+    control.advance(twist, RollerCommand(still, np.zeros(3), 0.5, Status.OK), missing)
+    assert control.follow(CONFIG, GRASP, 0.1) is HoldStatus.HELD
+    assert control.reference - before == pytest.approx(0.1 * (0.5 * twist - missing))
+
+
 @pytest.mark.parametrize(
     ('missing', 'rate'), [(1.0, 5.0), (-1.5, -7.5), (3.0, 10.0), (-9.0, -10.0)]
 )

@@ -168,6 +168,16 @@ def test_prediction_accounts_for_the_ages_of_rollers_and_pose():
         assert np.abs(late - exact).max() < 1e-4 * np.abs(exact).max()
 
 
+def test_commands_before_a_pause_predict_nothing():
+    made, later = servo({'period': 0.05}), NOW + 1.0
+    assert made.decide(NOW).command.roller_velocities.any()
+    inputs = {name: value._replace(time=later) for name, value in moved(0.0 * HOME).items()}
+    made.receive(twist=StampedInput((0.0, 0.02, 0.1), later), **inputs)
+    expected = servo({'period': 0.05}, **moved(0.0 * HOME)).decide(NOW).command
+    found = made.decide(later).command
+    assert found.roller_velocities == pytest.approx(expected.roller_velocities, abs=1e-12)
+
+
 def test_failed_rollers_are_not_expected_to_move():
     made = servo()
     sent = made.decide(NOW).command.roller_velocities
