@@ -45,14 +45,12 @@ def read_object(path_or_text: str | Path) -> ConvexObject:
         source, text = 'object', path_or_text
     else:
         source = str(path_or_text)
-        try:
-            path = Path(path_or_text)
-        except TypeError as problem:
+        if not isinstance(path_or_text, str | Path) or not source.strip():
             raise ObjectFileError(
                 f'object {path_or_text!r}: must be the path of a file, or a text that begins '
                 'with {'
-            ) from problem
-        text = read_text(path, 'an object file', ObjectFileError)
+            )
+        text = read_text(Path(path_or_text), 'an object file', ObjectFileError)
     return make_object(parse_yaml(source, text, 'object files', ObjectFileError), source)
 
 

@@ -83,7 +83,7 @@ def test_refuses_files_with_their_name(tmp_path):
         read_object('a\0b')
 
 
-@pytest.mark.parametrize('given', [None, 5, ['a']], ids=repr)
+@pytest.mark.parametrize('given', [None, 5, ['a'], '', ' \n'], ids=repr)
 def test_refuses_neither_a_path_nor_a_text(given):
     with pytest.raises(ObjectFileError, match='must be the path of a file, or a text'):
         read_object(given)
