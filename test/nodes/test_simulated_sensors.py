@@ -84,6 +84,12 @@ def test_encoder_readings_are_multiples_of_the_resolution():
         assert np.array(heard) / 1e-3 == pytest.approx(np.round(np.array(heard) / 1e-3))
 
 
+def test_a_resolution_below_a_nanometre_is_exact():
+    with world(lambda: Simulator(overrides(encoder_step=5e-324))) as w:
+        w.until(lambda: drive(w) > 1e-3)
+        assert np.isfinite(w.probe.last('joints').position).all()
+
+
 def drive(w):
     """Command a roller, and return its measured travel [m]."""
     w.probe.send_command([0.02] + [0.0] * (len(ROBOT.roller_names) - 1))

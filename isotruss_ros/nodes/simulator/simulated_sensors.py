@@ -26,9 +26,11 @@ MARK_DISTANCE = 0.1
 #: Largest difference between times that count as equal, such as sums of periods [s].
 TIME_TOLERANCE = 1e-6
 ALL_JOINTS = 'all'
+#: Smallest resolution that is simulated [m]; numbers of steps may overflow below 1e-300 m.
+MIN_ENCODER_STEP = 1e-9
 SENSOR_SPECS = (
     Spec('encoder_delay', 0.0, 'Delay of joint_states relative to their stamps [s]', (0.0, 10.0)),
-    Spec('encoder_step', 0.0, 'Resolution of the encoders [m]', (0.0, 0.1)),
+    Spec('encoder_step', 0.0, 'Resolution of the encoders [m]; below 1e-9: exact', (0.0, 0.1)),
     Spec(
         'tracker_rate',
         0.0,
@@ -144,7 +146,7 @@ class SimulatedSensors:
         :param plant: simulated robot and object.
         """
         values, travel, step = self._values, plant.roller_positions, self._values.encoder_step
-        counted = step * np.round(travel / step) if step > 0.0 else travel
+        counted = step * np.round(travel / step) if step >= MIN_ENCODER_STEP else travel
         encoders = self._encoders.measure(
             now, lambda: np.append(counted, plant.roller_velocities), delay=values.encoder_delay
         )
