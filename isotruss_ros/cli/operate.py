@@ -20,6 +20,7 @@ from geometry_msgs.msg import PoseStamped
 from isotruss_msgs.action import MoveObject, PickObject, PlaceObject
 from isotruss_ros.core import Pose
 from isotruss_ros.nodes.conversions.messages import to_pose_message
+from isotruss_ros.nodes.framework.command_line import start_ros, StartError
 from nav_msgs.msg import Path
 import rclpy
 from rclpy.action import ActionClient
@@ -39,7 +40,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     :return: 0 on success, 1 on failure, 130 after Ctrl-C, which cancels the goal.
     """
     options = _parser().parse_args(arguments)
-    rclpy.init(args=[])
+    try:
+        start_ros([])
+    except StartError as error:
+        return _fail(str(error))
     node = rclpy.create_node('isotruss')
     try:
         return options.run(node, options)

@@ -24,6 +24,7 @@ from isotruss_ros.demo.sensors import PERFECT, REAL, REAL_SENSORS, truth_table
 from isotruss_ros.demo.tables import contact_table, grasp_table, motion_table, plan_table
 from isotruss_ros.mujoco_plant.options import RIGID_SECTION_STIFFNESS
 from isotruss_ros.mujoco_plant.rendering import require_egl
+from isotruss_ros.nodes.framework.command_line import start_ros
 from isotruss_ros.nodes.grasp.grasp_report import GraspCode
 from isotruss_ros.viewer.names import ELASTIC, MUJOCO
 import numpy as np
@@ -170,7 +171,7 @@ def _play(
     names = ', '.join(name for name, _ in started)
     console.print(f'nodes {names}; ROS_DOMAIN_ID={domain}, this machine only')
     # Python's own: those of rclpy would close the context before the nodes are stopped.
-    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    start_ros(None, SignalHandlerOptions.NO)
     client = None
     try:
         client = DemoClient(load_robot(ROBOT).roller_names, simulated, real)

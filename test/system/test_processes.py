@@ -138,6 +138,33 @@ def test_a_home_that_cannot_be_written_is_answered_by_the_variable_to_set():
     assert 'set ROS_LOG_DIR to a folder that can be written' in line
 
 
+def test_a_home_that_is_not_set_is_named_with_the_variable_to_set():
+    (line,) = start_simulator(HOME='', ROS_LOG_DIR='', ROS_HOME='').splitlines()
+    assert line.startswith('cannot start: HOME is not set')
+    assert 'ROS_LOG_DIR' in line
+
+
+@pytest.mark.parametrize('module', ['isotruss_ros.cli.operate', 'isotruss_ros.demo'])
+def test_commands_name_a_home_that_is_not_set(module, tmp_path):
+    given = {
+        'isotruss_ros.cli.operate': ['stop'],
+        'isotruss_ros.demo': ['--output', str(tmp_path)],
+    }
+    done = subprocess.run(
+        [sys.executable, '-m', module, *given[module]],
+        capture_output=True,
+        text=True,
+        timeout=DEADLINE,
+        check=False,
+        env=os.environ | {'HOME': '', 'ROS_LOG_DIR': '', 'ROS_HOME': '', 'COLUMNS': '200'},
+    )
+    assert done.returncode == 1
+    printed = done.stdout + done.stderr
+    assert 'HOME is not set' in printed
+    assert 'ROS_LOG_DIR' in printed
+    assert 'Traceback' not in printed
+
+
 @pytest.mark.parametrize(
     'environment', some_now([{'LC_ALL': 'C', 'PYTHONUTF8': '0', 'PYTHONCOERCECLOCALE': '0'}, {}])
 )

@@ -1,26 +1,41 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Command line of a node: help, and errors for invalid arguments."""
+"""Start of a node: help, and errors for invalid arguments and environments."""
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+import contextlib
 import inspect
+import os
 import sys
 from typing import Any
 
+from isotruss_ros.core import IsotrussError
 from isotruss_ros.nodes.framework.parameters import Spec
+import rclpy
+from rclpy.logging import LoggingSeverity, set_logger_level
+from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import remove_ros_args
+
+#: Variables of the environment, one of which names the folder for the log of ROS.
+LOG_FOLDER_VARIABLES = ('ROS_LOG_DIR', 'ROS_HOME', 'HOME')
 
 
-def refuse_arguments(kind: Any, arguments: Sequence[str]) -> None:
+class StartError(IsotrussError, RuntimeError):
+    """Error: ROS cannot be started with these arguments in this environment."""
+
+
+def refuse_arguments(kind: Any, arguments: Sequence[str] | None) -> None:
     """
     Print the help of a node if requested, and refuse arguments that ROS does not process.
 
     :param kind: class of the node.
-    :param arguments: arguments of the command line that are not for ROS.
+    :param arguments: command line; None: the command line of the process.
     :raises SystemExit: the help was printed (exit code 0), or an argument is invalid.
+    :raises StartError: ROS refuses an argument.
     """
     parser = argparse.ArgumentParser(
         prog=f'isotruss {kind.node_name}',
@@ -29,10 +44,42 @@ def refuse_arguments(kind: Any, arguments: Sequence[str]) -> None:
         epilog='\n'.join(['parameters:', *map(_describe, (*kind.base_specs, *kind.specs))]),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.parse_args(arguments)
+    with _explained_refusals():
+        others = remove_ros_args(arguments)[1:]
+    parser.parse_args(others)
 
 
-def explain_refusal(error: RuntimeError | UnicodeEncodeError) -> str:
+def start_ros(
+    arguments: Sequence[str] | None, handlers: SignalHandlerOptions = SignalHandlerOptions.ALL
+) -> None:
+    """
+    Initialise rclpy, without messages of rcl, which do not name an invalid argument.
+
+    :param arguments: arguments for ROS; None: the command line of the process.
+    :param handlers: signal handlers that rclpy installs.
+    :raises StartError: ROS refuses an argument, or has no folder for its log.
+    """
+    if not any(map(os.environ.get, LOG_FOLDER_VARIABLES)):
+        raise StartError(
+            'HOME is not set, so that ROS has no folder for its log: set HOME, or ROS_LOG_DIR to '
+            'a folder that can be written'
+        )
+    set_logger_level('rcl', LoggingSeverity.FATAL)
+    with _explained_refusals():
+        rclpy.init(args=arguments, signal_handler_options=handlers)
+    set_logger_level('rcl', LoggingSeverity.UNSET)
+
+
+@contextlib.contextmanager
+def _explained_refusals() -> Iterator[None]:
+    """Raise StartError instead of an error of rcl, or of the conversion before it."""
+    try:
+        yield
+    except (RuntimeError, UnicodeEncodeError) as error:
+        raise StartError(_explain_refusal(error)) from error
+
+
+def _explain_refusal(error: RuntimeError | UnicodeEncodeError) -> str:
     """
     Return a text that explains why ROS refuses its arguments, and what to correct.
 

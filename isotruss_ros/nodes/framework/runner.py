@@ -15,7 +15,7 @@ from typing import ClassVar
 
 from isotruss_ros.core import IsotrussError
 from isotruss_ros.nodes.framework import MODULES
-from isotruss_ros.nodes.framework.command_line import explain_refusal, refuse_arguments
+from isotruss_ros.nodes.framework.command_line import refuse_arguments, start_ros, StartError
 from isotruss_ros.nodes.framework.cycle import Cycle, PacedExecutor
 from isotruss_ros.nodes.framework.diagnostics import ReasonLog
 from isotruss_ros.nodes.framework.parameters import Parameters, Spec
@@ -23,14 +23,12 @@ from isotruss_ros.nodes.framework.topics import RELIABLE
 import rclpy
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
-from rclpy.logging import LoggingSeverity, set_logger_level
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
 from rclpy.timer import Timer
-from rclpy.utilities import remove_ros_args
 from scipy import interpolate, optimize  # noqa: F401 - imported before the first cycle
 from std_srvs.srv import Trigger
 
@@ -176,16 +174,13 @@ def run(kind: Callable[[], StoppableNode], args: Sequence[str] | None = None) ->
     :return: exit code, 0 if the node was interrupted or finished, 1 after an error.
     :raises SystemExit: the help was printed, or an argument is invalid.
     """
-    # rcl would print an error without the name of the invalid argument.
-    set_logger_level('rcl', LoggingSeverity.FATAL)
     try:
-        refuse_arguments(kind, remove_ros_args(args)[1:])
+        refuse_arguments(kind, args)
         # Own handlers: those of rclpy would close the context before the last command is sent.
-        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
-    except (RuntimeError, UnicodeEncodeError) as error:  # of rcl, and before it
-        print(f'cannot start: {explain_refusal(error)}', file=sys.stderr)
+        start_ros(args, SignalHandlerOptions.NO)
+    except StartError as error:
+        print(f'cannot start: {error}', file=sys.stderr)
         return 1
-    set_logger_level('rcl', LoggingSeverity.UNSET)
     received, node, what = catch_signals(), None, 'cannot start'
     try:
         try:
