@@ -126,9 +126,9 @@ def chord_motions(axis: Points, length: Array) -> Array:
 def chord_stiffness(length: Array, forces: EndForces) -> Array:
     """Return the stiffness (k, 4, 4) of bent members in the coordinates of `chord_motions`."""
     core = np.zeros((len(length), 4, 4))
-    core[:, :3, :3] = forces.stiffness
-    core[:, 0, 3] = core[:, 3, 0] = forces.stressed[:, 1] / length
-    core[:, 3, 3] = forces.stressed[:, 0] * length
+    core[:, :3, :3] = forces.stiffness.real
+    core[:, 0, 3] = core[:, 3, 0] = forces.stressed[:, 1].real / length
+    core[:, 3, 3] = forces.stressed[:, 0].real * length
     return core
 
 

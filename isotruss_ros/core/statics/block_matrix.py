@@ -190,8 +190,8 @@ class FactoredBlocks(NamedTuple):
     @property
     def condition(self) -> float:
         """Return the largest condition number of the blocks and of the joints' matrix [-]."""
-        blocks = (float(np.linalg.cond(stiff, 1).max()) for stiff, _ in self.parts)
-        return max(factorize_with_condition(self.matrix)[1], *blocks, 0.0)
+        blocks = (_norms(stiff) * _norms(np.linalg.inv(stiff)) for stiff, _ in self.parts)
+        return max(factorize_with_condition(self.matrix)[1], *(each.max() for each in blocks), 0.0)
 
     @property
     def negative_pivots(self) -> int:
@@ -199,3 +199,8 @@ class FactoredBlocks(NamedTuple):
         return count_negative_pivots(self.matrix, self.numbers.constraints) + sum(
             count_negative_pivots(each, 0) for stiff, _ in self.parts for each in stiff
         )
+
+
+def _norms(matrices: Array) -> Array:
+    """Return the 1-norms (b,) of matrices (b, s, s)."""
+    return np.abs(matrices).sum(axis=1).max(axis=1)

@@ -69,6 +69,7 @@ class Tangent:
     #: (k,) elongations [m], and (2, k) rotations s and b, see `EndForces` [rad]
     stretched: tuple[Array, Array]
     forces: EndForces  #: axial forces and end moments of the members
+    core: Array  #: (k, 4, 4) stiffness of the members, see `chord_stiffness`
     #: (k, 3) derivatives of `EndForces.values` by the rest lengths of the parts beside cuts, with
     #: fixed nodes; zero for other members
     length_rates: Array
@@ -97,8 +98,8 @@ class Tangent:
         chords *= 0.5
         chords[0] -= np.arctan2(span.imag, span.real)
         found = columns.evaluate(longer + (rest - columns.values[0]), chords, pull)
-        rates = found.values.imag / EPSILON
-        forces = EndForces(*(each.real.copy() for each in found))
+        core, rates = chord_stiffness(length, found), found.values.imag / EPSILON
+        forces = EndForces(found.values.real.copy(), core[:, :3, :3], found.stressed.real)
         constraints = frame.rows.linearize(frame.spans, displacements)
         axis = frame.axis * span / length
         stretched = longer, chords
@@ -110,6 +111,7 @@ class Tangent:
             length,
             stretched,
             forces,
+            core,
             rates,
             constraints,
             given,
@@ -123,8 +125,7 @@ class Tangent:
     @cached_property
     def matrices(self) -> Array:
         """Return the stiffness (k, 6, 6) of all members against (ux, uy, theta) at both ends."""
-        core = chord_stiffness(self.length, self.forces)
-        return self.motions.swapaxes(1, 2) @ core @ self.motions
+        return self.motions.swapaxes(1, 2) @ self.core @ self.motions
 
     @cached_property
     def cuts(self) -> CondensedCuts:
