@@ -158,16 +158,7 @@ def frame_layout(robot: Mechanism) -> FrameLayout:
     held = np.zeros((len(names), 3), dtype=bool)
     held[np.divmod(topology.grounded, 2)] = True
     own = np.arange(m)
-    # The rod turns by the mean of both arms' rotations; spans: rods, then arms BD, then arms CE.
-    bisection = TurnRows.of(
-        row=np.tile(own, 3),
-        weight=np.repeat([2.0, -1.0, -1.0], m),
-        span=np.concatenate([own.repeat(3), m + own.repeat(2), 2 * m + own.repeat(2)]),
-        share=np.concatenate([np.tile([-1.0, 0.5, 0.5], m), np.tile([-1.0, 1.0], 2 * m)]),
-        node=np.concatenate(
-            [np.stack(each, axis=1).ravel() for each in ((a, b, c), (b, d), (c, e))]
-        ),
-    )
+    bisection = _bisection_rows(a, b)
     none = np.zeros(6 * m)
     members = Members(
         start=np.concatenate([a, a, b, b, c, d]),
@@ -190,6 +181,21 @@ def frame_layout(robot: Mechanism) -> FrameLayout:
         pattern=FramePattern(members, held, bisection),
         pieces=pieces,
         owners=np.stack([own, topology.previous, own]),
+    )
+
+
+def _bisection_rows(a: Indices, b: Indices) -> TurnRows:
+    """Return the bisections (3) of modules with joints (m,) and nodes B (m,); C, D, E follow."""
+    c, d, e, m, own = b + 1, b + 2, b + 3, len(a), np.arange(len(a))
+    # The rod turns by the mean of both arms' rotations; spans: rods, then arms BD, then arms CE.
+    return TurnRows.of(
+        row=np.tile(own, 3),
+        weight=np.repeat([2.0, -1.0, -1.0], m),
+        span=np.concatenate([own.repeat(3), m + own.repeat(2), 2 * m + own.repeat(2)]),
+        share=np.concatenate([np.tile([-1.0, 0.5, 0.5], m), np.tile([-1.0, 1.0], 2 * m)]),
+        node=np.concatenate(
+            [np.stack(each, axis=1).ravel() for each in ((a, b, c), (b, d), (c, e))]
+        ),
     )
 
 
