@@ -226,6 +226,22 @@ def error(number, sizes):
     return largest_error(exact, reached, step)
 
 
+@pytest.mark.parametrize('number', [516, 594])
+def test_stiffness_derivatives_beside_a_kink_agree_with_differences(number):
+    """A contact is 0.5 mm from a guide ring, or the end of a face presses with 0.9 N."""
+    case = RandomGrasp(number)
+    grasp = settle(case, case.chosen)
+    gradient, size = grasp_gradient(grasp), 1e-6
+    step = size * np.eye(gradient.parameters.size)[0]
+    ahead, behind = (
+        values(settle(case, case.chosen.changed(change, gradient.parameters)))['stiffness']
+        for change in (step, -step)
+    )
+    slope = (ahead - behind) / (2.0 * size)
+    found = in_rows(gradient.stiffness, grasp.equilibrium.arm)[:, 0]
+    assert found == pytest.approx(slope, abs=2e-5 * np.abs(slope).max())
+
+
 @pytest.mark.parametrize('wanted', [6, pytest.param(500, marks=pytest.mark.nightly)])
 def test_gradients_agree_with_central_differences(wanted):
     # Other pressures take new tables of dents, which take a while.
