@@ -50,9 +50,6 @@ def pull(wrench):
 
 WRENCHES = {
     'analyze_grasp': lambda wrench: analyze_grasp(HOME, BODY, 0.5, wrench),
-    "analyze_grasp in the paper's model": lambda wrench: analyze_grasp(
-        HOME, BODY, 0.5, wrench, paper_model=True
-    ),
     'settle_grasp': lambda wrench: settle_grasp(HOME, BODY, 0.5, wrench),
     'settle_grasp of a lost object': lambda wrench: settle_grasp(
         HOME, BODY.moved_to((0.0, 0.8, 0.0)), 0.5, wrench

@@ -224,7 +224,6 @@ def analyze_grasp(world):
         world.body,
         world.number(0.0, 1.0),
         world.numbers(3, -20.0, 20.0),
-        paper_model=bool(world.rng.integers(2)),
     )
 
 
