@@ -26,8 +26,8 @@ class OffsetFilter:
     Gaussian belief of roller offsets and constant marker errors, x = (dphi, c, m).
 
     dphi are the offsets of the r rollers [m]. c consists of the common shift (x, y) of all markers
-    [m] and their common rotation about the centre of the joints [rad]. m are the mounting offsets
-    of the markers from the joints [m].
+    [m] and their common rotation about the origin of the robot frame [rad]. m are the mounting
+    offsets of the markers from the joints [m].
 
     :ivar mean: (n,) mean of the state.
     :ivar covariance: (n, n) covariance of the state.
@@ -39,7 +39,7 @@ class OffsetFilter:
         self._settings, self._count = settings, len(robot.roller_names)
         joints = len(robot.topology.joint_names)
         places = robot.home.nodes[:joints]
-        lever = (places - places.mean(axis=0)) @ [[0.0, 1.0], [-1.0, 0.0]]
+        lever = places @ [[0.0, 1.0], [-1.0, 0.0]]
         shift = np.tile(np.eye(2), (joints, 1))
         #: Jacobian of all marker positions with respect to the markers' constant errors.
         self._constant = np.column_stack([shift, lever.ravel(), np.eye(2 * joints)])

@@ -34,7 +34,7 @@ class EstimatorSettings:
         for a stiffness that was not measured: a factor of 0.6 to 1.5 in nine of ten robots.
     :ivar joint_error: model error of the joint positions, and mounting offset of each marker [m].
     :ivar marker_shift: common shift of all markers [m].
-    :ivar marker_turn: common rotation of all markers [rad].
+    :ivar marker_turn: common rotation of all markers about the origin of the robot frame [rad].
     :ivar pose_error: model error of the object's pose, rotations times the characteristic
         radius, positive [m].
     :ivar squeeze_error: relative model error of the squeeze [-].
@@ -49,7 +49,7 @@ class EstimatorSettings:
     stiffness: float = 0.3
     joint_error: float = 5e-4
     marker_shift: float = 3e-3
-    marker_turn: float = 3e-3
+    marker_turn: float = 0.035
     pose_error: float = 5e-4
     squeeze_error: float = 0.04
 

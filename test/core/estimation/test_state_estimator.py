@@ -3,6 +3,7 @@
 
 """The state estimator against robots that are drawn from what it expects, and sensors that lie."""
 
+import cmath
 from dataclasses import replace
 
 from carries import FRICTION, make_robot, place
@@ -49,6 +50,7 @@ class DrawnRobot:
     :ivar readings: (r,) of the encoders [m].
     :ivar grip: how the object is held; None without one.
     :ivar away: common shift of the markers (x, y) [m].
+    :ivar turn: their common rotation about the origin, as a complex number.
     """
 
     def __init__(self, seed=0, held=False, settings=EXACT, speed=0.03, random_slip=True):
@@ -65,6 +67,7 @@ class DrawnRobot:
         self.config, self.grip, self.time = ROBOT.home.moved_to(self.offsets), None, 0.0
         self.speeds, self.wrench = speed * rng.uniform(-1.0, 1.0, 6), np.zeros(3)
         self.estimator, self.away = StateEstimator(ROBOT, settings), np.zeros(2)
+        self.turn = 1.0
         if held:
             body, members = place(ROBOT, 'disc 0.2 m', 0.5)
             there = place_between(self.config, members, body.shape, indentation=0.01).body
@@ -101,7 +104,8 @@ class DrawnRobot:
 
     def markers(self, names=THREE):
         """Return measured joints by name [m]."""
-        joints = self.joints
+        joints = self.turn * (self.joints @ [1.0, 1.0j])
+        joints = np.stack([joints.real, joints.imag], axis=1)
         return {
             name: tuple(joints[NAMES.index(name)] + self.away + MARKER * self.rng.normal(size=2))
             for name in names
@@ -283,6 +287,18 @@ def test_markers_that_are_all_shifted_leave_errors_within_their_deviations(held)
         drawn.away = shift
         surprises.append(drawn.surprise(drawn.run(2.0, ALL)))
     assert np.mean(surprises) < scipy.stats.chi2.ppf(0.999, 24) / 4.0
+
+
+@pytest.mark.parametrize('names', [THREE, ALL])
+@pytest.mark.parametrize('degrees', [1.0, -1.0])
+def test_markers_in_a_turned_frame_leave_errors_within_two_deviations(names, degrees):
+    settings = replace(EstimatorSettings(), stiffness=0.0)
+    drawn = DrawnRobot(1, held=True, settings=settings)
+    drawn.turn = cmath.exp(1j * np.radians(degrees))
+    found = drawn.run(1.0, names)
+    assert found.left_out == ()
+    assert abs(found.squeeze - drawn.grip.squeeze) < 2.0 * found.squeeze_deviation
+    assert drawn.surprise(found) < scipy.stats.chi2.ppf(0.95, 6)
 
 
 def test_deviations_of_offsets_with_wrong_markers_are_bounded():

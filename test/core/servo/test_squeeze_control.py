@@ -17,8 +17,11 @@ from isotruss_ros.core import (
     Status,
     TwistServo,
 )
+from isotruss_ros.core.estimation.state_estimate import EstimatedTravel, EstimatorSettings
+from isotruss_ros.core.estimation.state_estimator import StateEstimator
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.contact_statics import TubeModel
+from isotruss_ros.core.holding.loaded_frame import held_joints
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.inputs import RollerState, StampedInput
 from isotruss_ros.core.servo.servo_settings import ServoSettings, SqueezeSettings
@@ -224,6 +227,42 @@ def test_late_loop_moves_the_object_by_the_commanded_distance(late):
     assert plant.object_pose[:2] == pytest.approx(
         (x + 0.04 * late, y - 0.02 * late), abs=2e-3 * late
     )
+
+
+@pytest.mark.parametrize('degrees', [1.0, -1.0])
+def test_an_object_at_rest_is_held_with_markers_in_a_turned_frame(degrees):
+    held, grip = ElasticObject(CYLINDER, FRICTION), measured_at(CYLINDER.pose)
+    plant, names = SimulatedRobot(CONFIG, held, RollerFaults()), CONFIG.robot.topology.joint_names
+    plant.advance(0.0)
+    squeeze = SqueezeSettings(held.grasp.squeeze)
+    servo = TwistServo(
+        CONFIG.robot, ServoSettings(grip, PERIOD, 0.2, squeeze=squeeze, bounds=None)
+    )
+    estimator = StateEstimator(CONFIG.robot, EstimatorSettings(stiffness=0.0))
+    estimator.grip, turn = grip, np.exp(1j * np.radians(degrees))
+    for number in range(40):
+        now, readings = number * PERIOD, plant.roller_positions
+        estimator.take_encoders(now, readings)
+        estimator.take_pose(now, plant.object_pose, np.array([1e-3, 1e-3, 0.009]))
+        seen = turn * (held_joints(held.grasp) @ [1.0, 1.0j])
+        if number % 3 == 0:
+            joints = dict(zip(names, np.stack([seen.real, seen.imag], axis=1), strict=True))
+            estimator.take_markers(now, {name: joints[name] for name in ('Q', 'R', 'Z')}, 1e-3)
+        found = estimator.estimate()
+        state = RollerState(readings + found.offsets, np.zeros(6), found.offsets)
+        known = EstimatedTravel(found.offsets, found.offset_covariance)
+        servo.receive(
+            twist=StampedInput((0.0, 0.0, 0.0), now),
+            rollers=StampedInput(state, now),
+            pose=StampedInput(plant.object_pose, now),
+            estimate=StampedInput(known, now),
+        )
+        decision = servo.decide(now)
+        assert decision.command.status < Status.HALT_NO_TWIST
+        plant.command(decision.command.roller_velocities)
+        plant.advance(PERIOD)
+        error = servo.squeeze.belief.squeeze - held.grasp.squeeze
+        assert abs(error) < 2.0 * found.squeeze_deviation
 
 
 def held_by(pressures, control=None):
