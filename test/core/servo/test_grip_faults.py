@@ -38,6 +38,13 @@ def test_decaying_small_and_slow_swings_are_no_oscillation(error):
     assert detect(error) is None
 
 
+@pytest.mark.parametrize('offset', [-0.05, 0.05])
+@pytest.mark.parametrize(('size', 'detected'), [(0.0009, False), (0.004, True)])
+def test_swings_are_found_wherever_the_object_is(offset, size, detected):
+    found = detect(lambda t: offset + size * np.sin(10.0 * t), duration=8.0)
+    assert (found is not None) is detected
+
+
 @pytest.mark.parametrize(('noise', 'detected'), [(0.0, True), (2e-3, False)])
 def test_swings_within_the_noise_of_the_pose_are_no_oscillation(noise, detected):
     found = detect(lambda t: 0.002 * np.sin(10.0 * t), known=noise)
