@@ -137,6 +137,15 @@ ALL = tuple(NAMES)
 RUNS = 200
 
 
+def test_joint_covariance_has_the_offsets_and_the_error_of_the_model():
+    settings = replace(EXACT, joint_error=2e-3)
+    exact, real = (StateEstimator(ROBOT, each) for each in (EXACT, settings))
+    for estimator in (exact, real):
+        estimator.take_encoders(0.0, np.zeros(len(ROBOT.roller_names)))
+    added = real.estimate().joint_covariance - exact.estimate().joint_covariance
+    assert added == pytest.approx(2e-3**2 * np.eye(len(added)), abs=1e-15)
+
+
 def test_offsets_of_a_robot_without_object_agree_with_least_squares():
     drawn = DrawnRobot(1, settings=replace(EXACT, drift=0.0, slip=0.0), random_slip=False)
     told = []

@@ -8,7 +8,7 @@ from isotruss_ros.core import Disc
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.grip_record import GripRecord
 from isotruss_ros.core.holding.held_grip import HeldGrip
-from isotruss_ros.core.holding.roll_grip import roll_grip
+from isotruss_ros.core.holding.roll_grip import roll_grip, with_pressures
 import numpy as np
 import pytest
 
@@ -40,6 +40,13 @@ def test_restored_grip_rolls_as_the_original():
     assert found.pose == pytest.approx(expected.pose, abs=1e-5)
     assert found.squeeze == pytest.approx(expected.squeeze, rel=1e-3)
     assert warm.state.unknowns == pytest.approx(found.state.unknowns, abs=1e-9)
+
+
+def test_record_has_pressures_if_they_differ_from_the_robot_file():
+    grip = held(BOX, 0.2, APART)
+    assert GripRecord.of(grip).pressures is None
+    pressures = tuple(30e3 + 1e3 * np.arange(3))
+    assert GripRecord.of(with_pressures(grip, pressures)).pressures == pytest.approx(pressures)
 
 
 def test_restored_grip_of_an_object_without_such_corners_is_refused():
