@@ -360,6 +360,24 @@ def test_a_motion_ends_where_a_node_under_it_is_killed_and_started_again(client)
     assert client.execute(moving)[1].code == 0
 
 
+@pytest.mark.nightly
+@pytest.mark.parametrize('name', ['manipulation', 'path_follower'])
+def test_a_motion_ends_one_timeout_after_a_node_under_it_is_killed(client, name):
+    client.hold()
+    moving = MoveObject.Goal(path=path_to(0.58, 0.34), speed=0.005)
+    handle = client.until_stage(moving, MoveObject.Feedback.MOVING, progress=BEGUN)
+    client.r.signal(name, signal.SIGKILL)
+    killed = time.monotonic()
+    status, result = client.end(handle)
+    took = time.monotonic() - killed
+    client.start(name)
+    assert (status, result.code) == (GoalStatus.STATUS_ABORTED, MoveObject.Result.STOPPED)
+    # Less than half of `progress_timeout`, which is for a robot that does not move.
+    assert took < PATIENT['command_timeout'] + 1.5
+    client.r.check_rests()
+    assert client.execute(READY)[1].code in ANSWERS
+
+
 def operate(words):
     """Call an action from a terminal; return the exit code and what is printed."""
     command = [sys.executable, '-m', 'isotruss_ros.cli.operate', *words.split()]
