@@ -79,3 +79,17 @@ def test_constraints_that_are_dependent_within_a_block_leave_the_frame_regular()
     assert FramePattern(found, held, frame.rows).condensed
     moved, *_ = frames.reference(np.array(points, dtype=complex), found, held, loads, rows)
     assert np.abs(frame.solve(loads).displacements - moved).max() < ROUNDING * np.abs(moved).max()
+
+
+def test_blocks_of_different_sizes_agree_with_an_independent_model():
+    # A bent cantilever, a bent bar and a short cantilever, with hinges between them.
+    points = np.array([0.0, 1.0, 1.2 + 1.0j, 2.0 + 0.8j, 2.5 + 1.2j, 3.0 + 0.5j, 3.2 - 0.5j])
+    ends = [(0, 1), (1, 2), (2, 3), (3, 4), (4, 5), (5, 6)]
+    found = frames.members(ends, 1e4, 25.0, 1e3, [(1, 1), (2, 0), (4, 1), (5, 0)])
+    held = frames.supports(7, {0: 'xyr', 6: 'xyr'})
+    frame = frames.frame(points, found, held)
+    blocks = FramePattern(found, held, frame.rows).matrix.blocks
+    assert sorted(each.inner.shape for each in blocks) == [(1, 3), (1, 6), (1, 6)]
+    loads = np.where(np.arange(7)[:, None] % 2, [1.0, -2.0, 0.5], [-0.5, 1.0, 0.0])
+    moved, *_ = frames.reference(points, found, held, loads)
+    assert np.abs(frame.solve(loads).displacements - moved).max() < ROUNDING * np.abs(moved).max()
