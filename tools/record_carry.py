@@ -12,6 +12,7 @@ in `PERIOD` is kept.
 
 from __future__ import annotations
 
+import contextlib
 from pathlib import Path
 import sys
 import tempfile
@@ -22,6 +23,7 @@ from isotruss_ros.demo.client import DemoClient
 from isotruss_ros.demo.path import Phase, translation
 from isotruss_ros.demo.processes import keep_to_this_machine, NodeProcess, running_nodes
 from isotruss_ros.nodes.grasp.grasp_report import GraspCode
+from isotruss_ros.viewer.recording import read_recording, RecordingError
 from mcap.reader import make_reader
 from mcap.writer import Writer
 import rclpy
@@ -63,16 +65,29 @@ def carry(phases: tuple[Phase, ...], file: Path, logs: Path) -> None:
             check,
             'a grasp that is held',
         )
-        client.wait_for_rest(check, 'a manipulation that is ready')
         recorder = NodeProcess('record', TIME | {'file': file}, logs / 'record.log')
         try:
-            client.wait(file.exists, recorder.require_running, 'a recording')
+            client.wait(
+                lambda: file.exists() and _has_all_topics(file),
+                recorder.require_running,
+                'a recording of all topics',
+            )
+            client.wait_for_rest(check, 'a manipulation that is ready')
             for phase in phases:
                 print(phase.name, flush=True)
                 client.play(phase, check, lambda _done: None)
         finally:
             recorder.stop()
     client.destroy_node()
+
+
+def _has_all_topics(file: Path) -> bool:
+    """Return whether the written part of a recording has a message of each displayed topic."""
+    topics = set()
+    with contextlib.suppress(RecordingError):  # because the file is not complete yet
+        for _, topic, _ in read_recording(file):
+            topics.add(topic)
+    return len(topics) == len(TOPICS)
 
 
 def thin(file: Path, thinned: Path) -> None:
