@@ -347,7 +347,6 @@ def held_fast(case):
         'forces': in_order(case, analysis.contact_forces, 1.0 / case.force),
         'lengths': in_order(case, analysis.contact_lengths, 1.0 / case.length),
         'utilisation': in_order(case, analysis.utilisation),
-        'stiffness': at_middle(case, body, analysis.stiffness),
     }
 
 
