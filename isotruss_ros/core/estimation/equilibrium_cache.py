@@ -1,0 +1,169 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Last equilibrium of the held object, with the changes of pose and squeeze since then.
+
+- `ahead` is the prediction from roller travel by (19), because computing an equilibrium in each
+  cycle would take too long.
+- `_beyond` is the error of (19) in the last motion, which `ahead` extrapolates, because the
+  bending that (19) neglects is a tenth of the motion.
+- `drift` is the rate of `_beyond`, because commands that follow from (19) must compensate it.
+- `_pending` is the linear change by corrections of the contacts, because an estimate must contain
+  a measured pose at once, and the next equilibrium follows up to 20 ms later.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from isotruss_ros.core.estimation.grip_model import (
+    anchor_rates,
+    ConsideredRates,
+    Pressures,
+    StateRates,
+)
+from isotruss_ros.core.estimation.pose_noise import MODEL_ERROR
+from isotruss_ros.core.holding.held_grip import HeldGrip, MAX_EXTRAPOLATION, travel_rates
+from isotruss_ros.core.holding.roll_grip import roll_grip, with_pressures
+from isotruss_ros.core.kinematics.configuration import Configuration, MAX_FIRST_ORDER_TRAVEL
+from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
+from isotruss_ros.core.model.pose import pose_difference
+from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.safety.usage_limits import UsageLimits
+import numpy as np
+
+
+class EquilibriumCache:
+    """
+    Equilibrium without a load, its derivatives, and later changes of pose and squeeze.
+
+    :ivar grasp: the equilibrium.
+    :ivar grip: its contacts, from which (19) predicts the motion of the object.
+    :ivar anchored: derivatives of its unknowns by the rolling invariants, see `anchor_rates`.
+    :ivar rates: derivatives of pose and squeeze by the state.
+    :ivar by_considered: derivatives by roller offsets, at an equilibrium nearby.
+    :ivar ahead: (4,) predicted changes of pose [m, m, rad] and squeeze [N] by roller travel.
+    :ivar usage: limits on motion that reduces the slip margin or increases the utilisation.
+    :param grasp: first equilibrium.
+    :param friction: coefficient of friction [-].
+    """
+
+    # Corrections since the equilibrium, see `take`.
+    ahead: Array
+    _anchors: Array
+    _pending: Array  # (4,) changes of pose [m, m, rad] and squeeze [N]
+    _pending_forces: Array
+    _moved_zeros: Array
+
+    def __init__(self, grasp: HeldGrip, friction: float) -> None:
+        self._friction = friction
+        self.by_considered = ConsideredRates.of(grasp)
+        self.take(grasp)
+        self.forget_motion(grasp)
+
+    @property
+    def pose(self) -> Array:
+        """Return the pose (3,) without load and unexplained pose [m, rad]."""
+        return np.array(self.grasp.pose) + self.ahead[:3] + self._pending[:3]
+
+    @property
+    def squeeze(self) -> float:
+        """Return the mean normal force of the members without load [N]."""
+        return self.grasp.squeeze + float(self.ahead[3] + self._pending[3])
+
+    @property
+    def drift(self) -> Array:
+        """Return the error of (19) in the last motion, per time (4,) [m/s, rad/s, N/s]."""
+        return self._beyond / self._elapsed if self._elapsed > 0.0 else np.zeros(4)
+
+    @property
+    def has_new_offsets(self) -> bool:
+        """Return whether the roller offsets were corrected since the equilibrium."""
+        return bool(self._moved_zeros.any())
+
+    def take(self, grasp: HeldGrip) -> None:
+        """Set the equilibrium, and the derivatives there."""
+        self.grasp, self.grip = grasp, grasp.touching(self._friction)
+        self.contact_rates = grip_jacobian(grasp.config, self.grip)
+        self.ahead, self._pending, self._anchors = np.zeros(4), np.zeros(4), grasp.anchors
+        self._moved_zeros = np.zeros(len(grasp.config.roller_positions))
+        self._pending_forces = np.zeros(2 * len(grasp.anchors))
+        self.anchored = anchor_rates(grasp)
+        self.rates = StateRates.of(grasp, self.anchored)
+        known = self.by_considered.grasp
+        moved = grasp.config.roller_positions - known.config.roller_positions
+        far = known.contacts is not grasp.contacts
+        if far or np.abs(moved).max() > MAX_FIRST_ORDER_TRAVEL:
+            self.by_considered = ConsideredRates.of(grasp)
+
+    def forget_motion(self, grasp: HeldGrip) -> None:
+        """Reset the quantities that are derived from the last motion, at a new equilibrium."""
+        self.usage, self._elapsed, self._beyond = UsageLimits(grasp), 0.0, np.zeros(4)
+        self._motion = np.zeros(len(grasp.config.roller_positions))
+
+    def predict(self, config: Configuration) -> tuple[Array, bool]:
+        """Predict `ahead`; return roller travel (r,) [m], and whether the last motion suffices."""
+        travel = config.roller_positions - self.grasp.config.roller_positions - self._moved_zeros
+        moved, known = self.contact_rates @ travel, self._motion
+        share = float(travel @ known) / max(float(known @ known), MODEL_ERROR**2)
+        near = abs(share) <= MAX_EXTRAPOLATION
+        share = max(-MAX_EXTRAPOLATION, min(share, MAX_EXTRAPOLATION))
+        slope = self.grasp.squeeze_stiffness()
+        self.ahead = np.append(moved[:3], slope * moved[3]) + share * self._beyond
+        return travel, near
+
+    def roll(self, config: Configuration, pressures: Pressures) -> HeldGrip | None:
+        """Return the equilibrium with all corrections in a configuration; None if none exists."""
+        given = with_pressures(self.grasp, pressures)
+        return roll_grip(replace(given, anchors=self._anchors), config)
+
+    def placed(self, shifts: Array) -> HeldGrip | None:
+        """Return the equilibrium with shifted contacts of the members (m,) [m]; None if none."""
+        anchors = self.grasp.anchors + shifts[self.grasp.contacts.owners]
+        return roll_grip(replace(self.grasp, anchors=anchors), self.grasp.config)
+
+    def shift(self, shifts: Array) -> Array:
+        """Shift the contacts (k,) along the members [m]; return the change (4,) of `_pending`."""
+        moved = self.anchored @ shifts
+        squeeze = moved[self.grasp.state.places.normal].sum() / len(self.grasp.members)
+        change = np.append(moved[:3], squeeze)
+        self._anchors = self._anchors + shifts
+        self._pending = self._pending + change
+        self._pending_forces = self._pending_forces + moved[-2 * len(shifts) :]  # noqa: E203
+        return change
+
+    def correct_zeros(self, moved: Array, sensitivity: Array, first: int) -> None:
+        """Correct the roller offsets (r,) [m]; the shifts are the states from `first` on."""
+        grasp = self.grasp
+        travel = travel_rates(grasp.config, grasp.contacts.members) @ moved
+        shifts = sensitivity[first:] @ moved
+        self._anchors = self._anchors + grasp.statics.sides * travel
+        self._anchors = self._anchors + shifts[grasp.contacts.owners]
+        self._moved_zeros = self._moved_zeros + moved
+        rates = self.by_considered.squeeze + self.rates.squeeze @ sensitivity
+        self.ahead = self.ahead + np.append(np.zeros(3), rates @ moved)
+
+    def margin(self, grasp: HeldGrip | None = None) -> float:
+        """Return the object's slip margin with pending forces, or that of an equilibrium [N]."""
+        reserve, _, size = (grasp or self.grasp).slip_reserves(self._friction)
+        if grasp is None:
+            reserve = reserve + self.grasp.slip_rows(self._friction)[0] @ self._pending_forces
+        return float((reserve / size).min())
+
+    def pose_change(self, grasp: HeldGrip) -> Array:
+        """Return the pose (3,) of a rolled equilibrium minus that of the cache with pending."""
+        return pose_difference(grasp.pose, np.array(self.grasp.pose) + self._pending[:3])
+
+    def learn(self, grasp: HeldGrip, travel: Array, change: Array, elapsed: float) -> None:
+        """Derive drift, and derivatives of margin and utilisation, from a rolled equilibrium."""
+        before = self.grasp
+        if grasp.contacts is not before.contacts:  # a discontinuity
+            self.forget_motion(grasp)
+            return
+        moved = self.contact_rates @ travel
+        pressed = grasp.squeeze - before.squeeze - self._pending[3]
+        pressed -= before.squeeze_stiffness() * moved[3]
+        self._motion, self._beyond = travel, np.append(change - moved[:3], pressed)
+        self._elapsed = elapsed
+        self.usage.learn(grasp, grasp.slip_margin(self._friction) - self.margin(), travel)

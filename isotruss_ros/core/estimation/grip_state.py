@@ -1,0 +1,138 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+State of the grip with its covariance: load, unexplained pose, delay, and shifts of the contacts.
+
+The mean of the shifts is contained in the equilibrium, see `EquilibriumCache`.
+"""
+
+from __future__ import annotations
+
+import math
+
+from isotruss_ros.core.estimation.contact_walk import ContactWalk
+from isotruss_ros.core.estimation.equilibrium_cache import EquilibriumCache
+from isotruss_ros.core.estimation.grip_model import BIAS, DELAY, LOAD, shift_deviations, SHIFTS
+from isotruss_ros.core.estimation.offset_filter import SLIP_LENGTH
+from isotruss_ros.core.estimation.pose_noise import PoseNoise
+from isotruss_ros.core.estimation.schmidt_filter import SchmidtFilter
+from isotruss_ros.core.estimation.state_estimate import EstimatorSettings
+from isotruss_ros.core.numerics.arrays import Array
+import numpy as np
+
+#: Random walk of the unexplained pose as a fraction of the object's motion, with the correlation
+#: length `SLIP_LENGTH` [-].
+POSE_WALK = 0.03
+#: Prior standard deviation of the time by which poses are older than their stamps say, and
+#: interval over which the object's velocity is measured [s].
+DELAY_DEVIATION = 0.03
+#: Number of standard deviations [-]: a pose is inconsistent if its innovation is larger (one of
+#: 60000 valid poses is), and contacts have slipped if corrections and load are larger.
+MAX_DEVIATIONS = 5.0
+
+
+class GripState(SchmidtFilter):
+    """
+    Gaussian belief of the grip's state; the roller offsets are considered.
+
+    :ivar load: external wrench (fx, fy, m / arm) on the object [N].
+    :ivar bias: (3,) unexplained pose, rotations times the arm [m].
+    :ivar delay: time by which the measured poses are older than their stamps say [s].
+    :ivar innovation: normalised squared innovation (3 degrees of freedom) of the last pose [-].
+    :ivar jump: length of the last innovation if it was inconsistent, otherwise 0 [m].
+    :ivar walk: sums of the pose corrections, from which slip is detected.
+    :ivar noise: estimated noise of the poses.
+    :param settings: prior standard deviations.
+    :param shifts: number of members.
+    :param considered: (r, r) covariance of the roller offsets [m^2].
+    :param noise: (3,) prior standard deviations of the poses, rotations times the arm [m].
+    """
+
+    def __init__(
+        self, settings: EstimatorSettings, shifts: int, considered: Array, noise: Array
+    ) -> None:
+        variances = np.zeros(SHIFTS + shifts)
+        variances[DELAY] = DELAY_DEVIATION**2
+        super().__init__(variances, considered)
+        self._settings = settings
+        self.load, self.bias, self.delay = np.zeros(3), np.zeros(3), 0.0
+        self.innovation, self.jump = 0.0, 0.0
+        self.walk, self.noise = ContactWalk(), PoseNoise(noise)
+
+    def initialise(self, cache: EquilibriumCache, friction: float) -> Array:
+        """Set the prior covariance, and update it for a pose; return the gain (n, 3)."""
+        given = self._settings
+        shifts = shift_deviations(cache.grasp, cache.anchored, friction)
+        variances = np.diag(self.covariance).copy()
+        variances[LOAD], variances[BIAS] = given.load**2, given.pose_error**2
+        variances[SHIFTS:] = shifts**2
+        self.reset(np.diag(variances))
+        # The part of the pose that shifts within friction do not explain: roller offsets.
+        rates, by_considered = cache.rates.pose, cache.by_considered.pose
+        shifted = rates[:, SHIFTS:] * variances[SHIFTS:] @ rates[:, SHIFTS:].T
+        own = given.pose_error**2 * np.eye(3)
+        left = np.linalg.solve(shifted + own, own).T @ by_considered
+        self.covariance[BIAS, BIAS] += left @ self.considered @ left.T
+        return self.condition(rates, by_considered, np.diag(self.noise.variances))
+
+    def explains(self, off: Array, cache: EquilibriumCache) -> bool:
+        """Return whether load, offsets and noise explain a difference (3,) of poses [m]."""
+        rates, give = cache.by_considered.pose, cache.rates.pose[:, LOAD] * self._settings.load
+        spread = rates @ self.considered @ rates.T + give @ give.T + np.diag(self.noise.variances)
+        return float(off @ np.linalg.solve(spread, off)) <= MAX_DEVIATIONS**2
+
+    def correct(self, off: Array, speed: Array, cache: EquilibriumCache, time: float) -> Array:
+        """
+        Update the belief with a pose; return the change (n,) of the state.
+
+        :param off: (3,) innovation of the pose, rotations times the arm [m].
+        :param speed: (3,) velocity of the object at the pose's time, turns times the arm [m/s].
+        :param cache: equilibrium that predicts the pose.
+        :param time: current time [s].
+        """
+        rates, noise = cache.rates.pose.copy(), np.diag(self.noise.variances)
+        rates[:, DELAY] = -speed
+        prior, walking = self.covariance, np.zeros_like(rates)
+        walking[:, BIAS], walking[:, SHIFTS:] = rates[:, BIAS], rates[:, SHIFTS:]
+        unsure = walking @ prior @ walking.T
+        spread = rates @ prior @ rates.T + noise
+        self.innovation, self.jump = float(off @ np.linalg.solve(spread, off)), 0.0
+        if self.innovation > MAX_DEVIATIONS**2:  # contacts and unexplained pose may be anywhere
+            self.jump = math.hypot(*off)
+            freed = np.zeros(len(prior))
+            freed[BIAS] = freed[SHIFTS:] = self.jump**2
+            self.covariance = prior + np.diag(freed)
+        by_considered = cache.by_considered.pose
+        change = self.condition(rates, by_considered, noise) @ off
+        delay = self.delay + float(change[DELAY])
+        self.delay = min(max(delay, 0.0), MAX_DEVIATIONS * DELAY_DEVIATION)
+        self.load, self.bias = self.load + change[LOAD], self.bias + change[BIAS]
+        give = cache.rates.pose[:, LOAD] * self._settings.load
+        allowed, moved = noise + give @ give.T, walking @ change
+        self.walk.add(time, moved, unsure, allowed, by_considered, self.considered)
+        return change
+
+    def propagate(
+        self, elapsed: float, moved: Array, travel: Array, cache: EquilibriumCache
+    ) -> Array:
+        """Propagate the belief by process noise; return the change (3,) of the load [N]."""
+        given = self._settings
+        left = math.exp(-elapsed / given.load_time)
+        more, kept = np.zeros_like(cache.rates.squeeze), np.ones_like(cache.rates.squeeze)
+        kept[LOAD] = left
+        more[BIAS] = POSE_WALK**2 * SLIP_LENGTH * math.hypot(*moved)
+        more[SHIFTS:] = given.slip**2 * SLIP_LENGTH * travel.max()
+        self.walk.spread(cache.rates.pose * more @ cache.rates.pose.T)
+        more[LOAD] = given.load**2 * (1.0 - left**2)
+        self.predict(kept, more)
+        self.considered = self.considered + np.diag(given.slip**2 * SLIP_LENGTH * travel)
+        decayed = (left - 1.0) * self.load
+        self.load = self.load + decayed
+        return decayed
+
+    def slip_deviations(self, margin: float) -> float:
+        """Return the norm of corrections, load and delay in deviations, for a slip margin [-]."""
+        least = max(self._settings.load, 0.5 * margin)
+        delayed = self.delay / DELAY_DEVIATION
+        return math.hypot(self.walk.deviations, delayed, *(self.load / least))

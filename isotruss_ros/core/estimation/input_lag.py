@@ -1,0 +1,73 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Delays of the inputs of the belief of a grip.
+
+Poses arrive late, so they are compared with the pose by roller travel at their stamps. Corrections
+by poses reach the control behind two low-pass filters, because the loop is stable only then, see
+`core.servo.loop_gains`.
+"""
+
+from __future__ import annotations
+
+import math
+
+from isotruss_ros.core.inputs import MAX_TIMEOUT, Timeline
+from isotruss_ros.core.numerics.arrays import Array
+import numpy as np
+
+
+class InputLag:
+    """
+    Poses by roller travel alone over time, and corrections that the control does not contain yet.
+
+    :ivar time: current time, from zero at the start [s].
+    :ivar travelled: (3,) pose by roller travel alone at the last equilibrium [m, m, rad].
+    :param pose: (3,) first pose [m, m, rad].
+    """
+
+    def __init__(self, pose: Array) -> None:
+        self.time, self.travelled = 0.0, pose
+        self._measured = 0.0, pose  # time of the last measured rollers, and pose then
+        self._way = Timeline()
+        self._way.add(*self._measured)
+        # Corrections of pose [m, m, rad] and squeeze [N] in the two low-pass filters in series.
+        self._filters = np.zeros((2, 4))
+
+    @property
+    def waiting(self) -> Array:
+        """Return the corrections (4,) of pose and squeeze that have not passed the filters."""
+        return self._filters.sum(axis=0)
+
+    @property
+    def last(self) -> Array:
+        """Return the pose (3,) by roller travel alone, now [m, rad]."""
+        return self._way.last[1]
+
+    def at(self, time: float) -> Array:
+        """Return the pose (3,) by roller travel alone at a time [m, rad]."""
+        return self._way.at(time)
+
+    def stay(self) -> None:
+        """Store that the object has not moved since the last equilibrium."""
+        self._way.add(self.time, self.travelled)
+
+    def record(self, pose: Array, since: Array, age: float) -> None:
+        """Store the pose (3,) now, and that at the last measured rollers: `since` less."""
+        # The last call's prediction is replaced, because rollers may follow their commands late.
+        self._way.add(*self._measured)
+        self._measured = self.time - age, pose - since
+        self._way.add(*self._measured)
+        self._way.add(self.time, pose)
+        self._way.discard_before(self.time - MAX_TIMEOUT)
+
+    def hold_back(self, correction: Array) -> None:
+        """Put a correction (4,) of pose and squeeze into the first filter."""
+        self._filters[0] += correction
+
+    def advance(self, elapsed: float, filter_time: float) -> None:
+        """Advance the two filters with a time constant [s]."""
+        left = math.exp(-elapsed / filter_time)
+        self._filters[1] += (1.0 - left) * self._filters[0]
+        self._filters *= left
