@@ -137,13 +137,10 @@ class BentTubes:
     @cached_property
     def _cuts(self) -> Cuts:
         """Return the frame with nodes at the load points."""
-        frame = self.structure.frame
         if self.given_cuts is not None:
             return self.given_cuts
-        if not len(self.members):
-            return Cuts(frame, self.places, self.places)
         pieces, inside, ahead, places = self._locate_cuts(self.structure, self.places)
-        return Cuts(CutFrame(frame, pieces, inside), ahead, places)
+        return Cuts(CutFrame(self.structure.frame, pieces, inside), ahead, places)
 
     def _locate_cuts(
         self, structure: Structure, places: Array
@@ -153,13 +150,13 @@ class BentTubes:
         inside = keep_apart(pieces, within, structure.frame.length[pieces])
         return pieces, inside, ahead, places + ahead * (inside - within)
 
-    def bent_to(self, before: Displaced | None) -> BentTubes:
-        """Return these tubes, linearised about another state; None: the state without loads."""
+    def _bent_to(self, before: Displaced) -> BentTubes:
+        """Return these tubes, linearised about another state."""
         return replace(self, before=before, given_lines=self.lines, given_cuts=self._cuts)
 
     def bent_like(self, others: BentTubes) -> BentTubes:
         """Return these tubes, linearised about a state taken from the tubes of a similar robot."""
-        return self if others.before is None else self.bent_to(others._state_of(self.frame))
+        return self if others.before is None else self._bent_to(others._state_of(self.frame))
 
     def _state_of(self, frame: Frame) -> Displaced:
         """Return the state of a similar frame with other cuts, interpolated from `before`."""
@@ -182,11 +179,6 @@ class BentTubes:
     def cuts(self) -> Array:
         """Return `places` (k,), shifted so that no part of a member is too short [m]."""
         return self._cuts.places
-
-    @property
-    def is_straight(self) -> bool:
-        """Return whether the tubes are linearised about the state without loads."""
-        return self.before is None
 
     @property
     def frame(self) -> Frame:
@@ -338,7 +330,7 @@ class BentTubes:
         if (np.abs(cuts - self.cuts) <= half).all():
             before = self.displace(loads, cuts)
         else:
-            known = self.bent_to(self.displace(loads, self.cuts))
+            known = self._bent_to(self.displace(loads, self.cuts))
             before = known._state_of(frame)._replace(loads=loads)
         lines, given = self.lines if structure is self.structure else None, self.stiffness
         cuts = Cuts(frame, ahead, cuts)
