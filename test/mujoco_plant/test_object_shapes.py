@@ -49,7 +49,7 @@ def test_contact_forces_agree_with_statics(name):
     held = pressed_into(config, MODULE, SHAPES[name], 0.5, 0.01)
     plant = press_on(config, held, members_at(config.robot, MODULE), segments=FINE)
     np.testing.assert_allclose(plant.object_pose(), held.pose, atol=1e-4)
-    forces, analysis = plant.contact_forces(), analyze_grasp(config, held, paper_model=True)
+    forces, analysis = plant.contact_forces(), analyze_grasp(config, held)
     assert forces.keys() == analysis.contact_forces.keys()
     for member, force in forces.items():
         assert force.normal == pytest.approx(analysis.contact_forces[member], rel=0.05)

@@ -56,28 +56,17 @@ def test_a_narrow_wedge_holds_and_statics_gives_the_friction():
 
 
 @pytest.mark.parametrize('degrees', [31.0, 40.0, 60.0])
-@pytest.mark.parametrize(
-    ('squeeze', 'flattening', 'share'),
-    [(0.02, False, 3e-3), (0.08, False, 3e-3), (0.1, False, 3e-3), (0.004, True, 0.02)],
-)
-def test_settled_grasp_without_friction_agrees_with_analyze_grasp(
-    degrees, squeeze, flattening, share
-):
+@pytest.mark.parametrize('squeeze', [0.02, 0.08, 0.1])
+def test_settled_grasp_without_friction_agrees_with_analyze_grasp(degrees, squeeze):
     config, cylinder = gripped(degrees, squeeze=squeeze)
-    analysis = analyze_grasp(config, cylinder, FRICTION, paper_model=not flattening)
-    wrench = -analysis.normal_wrench
-    tubes = TubeModel(paper_model=not flattening)
-    state = attach_grip(config, cylinder, None, wrench, tubes).state
+    analysis = analyze_grasp(config, cylinder, FRICTION)
+    tubes = TubeModel(paper_model=True)
+    state = attach_grip(config, cylinder, None, -analysis.normal_wrench, tubes).state
     expected = [analysis.contact_forces[name] for name in ('north/P-Z', 'north/Z-R')]
     pressing = sum(expected)
-    assert state.normal_forces == pytest.approx(expected, abs=share * pressing)
-    assert np.abs(state.friction_forces).max() < share * pressing
+    assert state.normal_forces == pytest.approx(expected, abs=3e-3 * pressing)
+    assert np.abs(state.friction_forces).max() < 3e-3 * pressing
     assert abs(state.center - cylinder.center) < 5e-4
-    if flattening:
-        settled = settle_grasp(config, cylinder, FRICTION, -analysis.normal_wrench)
-        # Points in contact also shift along the object's surface; here they roll on it.
-        ratio = settled.stiffness[:2, :2] / analysis.stiffness[:2, :2]
-        assert np.diag(ratio) == pytest.approx(1.0, abs=0.1)
 
 
 @pytest.mark.parametrize('center', [(9.0, 9.0), (0.5, 0.2)])
