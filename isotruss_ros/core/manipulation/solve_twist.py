@@ -107,7 +107,7 @@ def carry_out(
     :param opening_rate: opening rate of the grip, see `solve_twist` [m/s].
     :raises SolverError: a quadratic program was not solved.
     """
-    task = find_task(reach, desired, opening_rate)
+    task = find_task(reach, desired, opening_rate, handling.soft_rank)
     velocities, scale, status = task.velocities, 1.0, task.status
     limiting: tuple[str, ...] = ()
     limits = default_limits(config.robot) if limits is None else limits

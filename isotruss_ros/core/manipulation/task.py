@@ -187,13 +187,17 @@ class Task(NamedTuple):
     velocities: Array
 
 
-def find_task(reach: Reach, twist: Array, opening_rate: float = 0.0) -> Task:
+def find_task(
+    reach: Reach, twist: Array, opening_rate: float = 0.0, soft_rank: float = 0.0
+) -> Task:
     """
     Return the closest reachable twist (20) with its least-cost (11) roller speeds.
 
     :param reach: the reachable twists.
     :param twist: (3,) commanded twist vx, vy [m/s], omega [rad/s] in the robot frame.
     :param opening_rate: opening rate of the grip, see `solve_twist` [m/s]; zero in the paper.
+    :param soft_rank: singular value of the task below which a direction of the twist counts as
+        partly reachable [-].
     """
     direction, working = np.zeros(len(reach.rows)), reach.working
     opening = (reach.opening * opening_rate).tolist() if opening_rate else []
@@ -213,6 +217,8 @@ def find_task(reach: Reach, twist: Array, opening_rate: float = 0.0) -> Task:
     if opening:
         first = len(direction) - len(opening)
         direction[first:] = np.divide(opening, size)
+    if soft_rank > 0.0 and _damp(reach, direction, soft_rank):
+        status = Status.UNREACHABLE
     length = math.sqrt(direction.dot(direction))
     if length <= smallest:  # also if no roller speed produces the opening rate
         standing = np.zeros(working.count)
@@ -241,3 +247,26 @@ def least_cost(whitening: Array, equality: Array, direction: Array) -> Array:
     right = np.zeros(len(whitening))
     right[: len(direction)] = direction
     return whitening.dot(lapack.dgels(equality.dot(whitening), right)[1])
+
+
+def _damp(reach: Reach, direction: Array, soft_rank: float) -> bool:
+    """
+    Reduce a direction of (20) in place where the task is nearly singular; return whether it was.
+
+    With singular values s of the twist under the contact constraints, the components along their
+    vectors are multiplied by min(1, s^2 / soft_rank^2). So the roller speeds of a component fall
+    with s instead of growing with 1 / s.
+    """
+    count = len(reach.directions)
+    whitened = reach.rows.dot(reach.working.whitening)
+    gram = whitened.dot(whitened.T)
+    # Schur complement: Gram matrix of the twist for rollers that fulfil the contact constraints.
+    contacts = np.linalg.solve(gram[count:, count:], gram[count:, :count])
+    squares, modes = np.linalg.eigh(gram[:count, :count] - gram[:count, count:].dot(contacts))
+    if not count or squares[0] >= soft_rank**2:
+        return False
+    lost = 1.0 - np.clip(squares / soft_rank**2, 0.0, 1.0)
+    # The opening rate alone produces a part of the twist.
+    missing = direction[:count] - direction[count:].dot(contacts)
+    direction[:count] -= modes.dot(lost * missing.dot(modes))
+    return True

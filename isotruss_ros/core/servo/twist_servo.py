@@ -34,7 +34,7 @@ from isotruss_ros.core.kinematics.configuration import Configuration, Configurat
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.acceleration import limit_acceleration, limit_change
 from isotruss_ros.core.manipulation.grip import Grip
-from isotruss_ros.core.manipulation.limit_handling import LimitHandling
+from isotruss_ros.core.manipulation.limit_handling import LimitHandling, LOOP_SOFT_RANK
 from isotruss_ros.core.manipulation.limits import default_limits, Limit, stack_rows
 from isotruss_ros.core.manipulation.rolling_grip import roll_object
 from isotruss_ros.core.manipulation.solve_joint_velocity import check_joint, solve_joint_velocity
@@ -249,7 +249,7 @@ class TwistServo:
         watch = None if self._guard is None else self._guard.watch(config, grip)
         period = self.settings.period
         limits = self._limits if watch is None else (*self._limits, *watch.limits)
-        handling = LimitHandling(self.settings.slide_along_limits, period)
+        handling = LimitHandling(self.settings.slide_along_limits, period, LOOP_SOFT_RANK)
 
         def solve(grip: Grip, twist: Array, opening_rate: float = 0.0) -> RollerCommand:
             return solve_twist(config, grip, twist, failed, limits, handling, opening_rate)
@@ -264,7 +264,10 @@ class TwistServo:
         asked = command
         if command.status < Status.HALT_NO_TWIST:
             change = self._largest_change(now)
-            command = limit_acceleration(command, last, change, lambda: stack_rows(config, limits))
+            arm = 0.0 if grip is None else grip.body.arm
+            command = limit_acceleration(
+                command, last, change, lambda: stack_rows(config, limits), arm
+            )
         if watch is not None:
             command = watch.keep(command, last, period)
         if grip is not None and self.squeeze is not None:

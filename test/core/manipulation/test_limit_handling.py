@@ -127,10 +127,10 @@ def test_regularization_keeps_the_direction_and_nearly_the_progress(robot, rng, 
         return
     if exact.status is not Status.UNREACHABLE:
         assert thrifty.achieved_twist == pytest.approx(thrifty.scale * twist, abs=1e-8)
-    # Where the rollers move the object well, thrift changes nothing that matters.
+    # Where the rollers move the object well, little progress is lost.
     surface_speed = np.linalg.norm(surface(grasp) * exact.achieved_twist)
     if surface_speed > 0.3 * np.linalg.norm(exact.roller_velocities):
-        assert thrifty.scale > 0.97 * exact.scale
+        assert thrifty.scale > 0.9 * exact.scale
 
 
 @pytest.mark.parametrize('slide', [False, True])

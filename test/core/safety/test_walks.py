@@ -93,7 +93,7 @@ def reversals(commands):
 WALKS = {
     0: (450, Status.SLOWED_SELF_COLLISION),
     15: (300, Status.SLOWED_OBJECT),
-    12: (1000, Status.SLOWED_RIGIDITY),
+    13: (600, Status.SLOWED_RIGIDITY),
     2: (600, Status.SLIDING),
     17: (600, Status.SLIDING),
     # Its commands at 20 Hz go to and fro beside the bound for seconds.

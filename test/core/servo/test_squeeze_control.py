@@ -222,7 +222,7 @@ def test_late_loop_moves_the_object_by_the_commanded_distance(late):
     _, plant, _, _ = servo_on_plant((0.0, 0.0, 0.0), 1, 24.0)
     x, y = plant.object_pose[:2]
     _, plant, _, codes = servo_on_plant((0.02, -0.01, 0.0), 51, 24.0, late=late)
-    assert set(codes) == {Status.OK}
+    assert set(codes) <= {Status.OK, Status.ACCELERATING}
     # Held for longer, a command is as much less exact.
     assert plant.object_pose[:2] == pytest.approx(
         (x + 0.04 * late, y - 0.02 * late), abs=2e-3 * late
