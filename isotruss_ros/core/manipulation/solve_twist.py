@@ -41,6 +41,9 @@ def solve_twist(
     """
     Return the least-cost (11) roller velocities for a twist of the object (20).
 
+    Collisions of the robot with itself or with the object, and singular configurations, are not
+    prevented unless `limits` are those of `ShapeGuard.limits`. Forces are not computed.
+
     Contacts neither slip nor open, and unless an opening rate is given, members do not press more
     or less (a disc at a module keeps the opening angle (14)). Every tube has a constant length
     (13). A twist that is unreachable or would break contacts is replaced by the closest reachable

@@ -19,6 +19,7 @@ from isotruss_ros.core.errors import ConfigurationError, GraspError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.manipulation.grip import Grip
+from isotruss_ros.core.manipulation.limits import default_limits, Limit
 from isotruss_ros.core.manipulation.rolling_grip import roll_object
 from isotruss_ros.core.manipulation.status import RollerCommand, Status
 from isotruss_ros.core.numerics.arrays import Array
@@ -97,6 +98,17 @@ class ShapeGuard:
             *barriers,
         )
         self._without_object = tuple(each for each in self._barriers if not each.needs_object)
+
+    def limits(self, config: Configuration, grip: Grip | None) -> tuple[Limit, ...]:
+        """
+        Return the limits for `solve_twist`, those of the robot file and those of the barriers.
+
+        :param config: configuration of the robot.
+        :param grip: the grip; None without an object.
+        :raises ConfigurationError: the configuration is singular.
+        :raises GraspError: see `find_contacts`.
+        """
+        return (*default_limits(config.robot), *self.watch(config, grip).limits)
 
     def watch(self, config: Configuration, grip: Grip | None) -> Watch:
         """

@@ -10,6 +10,7 @@ from hypothesis import assume, given, strategies
 from isotruss_ros.core import ShapeGuard, solve_twist, Status
 from isotruss_ros.core.errors import ConfigurationError, GraspError
 from isotruss_ros.core.safety.barrier_law import BarrierLaw
+from isotruss_ros.core.safety.margins import shape_margins
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
 from nightly import some_now
 import numpy as np
@@ -233,3 +234,19 @@ def test_without_an_object_all_but_its_barrier_is_watched():
     assert [limit.status for limit in held] == [*(x.status for x in bare), Status.SLOWED_OBJECT]
     for one, other in zip(held, bare, strict=False):
         assert one.rows(config).matrix == pytest.approx(other.rows(config).matrix, abs=0.0)
+
+
+@pytest.mark.parametrize('turn', some_now(range(12), 2))
+def test_a_loop_with_the_limits_of_the_guard_has_no_overlap(turn):
+    angle = np.deg2rad(30.0 * turn)
+    held, twist = (
+        held_at(walks.ROBOT.home, 'north/Z'),
+        0.05 * np.array([np.cos(angle), np.sin(angle), 0.0]),
+    )
+    guard, least = ShapeGuard(walks.ROBOT), np.inf
+    for _ in range(200):
+        limits = guard.limits(held.config, held.grip)
+        command = solve_twist(held.config, held.grip, twist, limits=limits)
+        held = rolled(held, 0.1 * command.roller_velocities)
+        least = min(least, shape_margins(held.config).clearance)
+    assert least > 0.0
