@@ -71,6 +71,17 @@ def test_margins_fall_by_the_class_k_function(share):
     assert LAW.class_k_bound(np.array([share * 0.2])) == pytest.approx(expected, rel=1e-9)
 
 
+@pytest.mark.parametrize(
+    ('share', 'duration'), [(0.5, 0.01), (0.5, 1.0), (0.9, 0.01), (0.02, 0.1)]
+)
+def test_a_sample_uses_at_most_twice_the_class_k_rate_and_leaves_a_tenth(share, duration):
+    margin, last = share * LAW.band, 0.1 * LAW.safety_margin
+    rate = LAW.rate * margin / (1.0 - share)
+    expected = max(0.1 * margin, margin - 2.0 * duration * rate, last)
+    bound = LAW.discrete_bound(np.array([margin]), duration, 0.0)
+    assert bound == pytest.approx([expected], rel=1e-12)
+
+
 @pytest.mark.parametrize('travel', [0.0, 1e-4, 1e-3])
 def test_what_is_beyond_the_bound_may_lose_the_square_of_the_travel(travel):
     for margin in (0.09 * REST, 0.0, -0.1):

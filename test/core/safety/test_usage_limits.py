@@ -1,0 +1,54 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Limits of slip margin and utilisation from the effect of past travel."""
+
+from types import SimpleNamespace
+
+from isotruss_ros.core.manipulation.status import RollerCommand, Status
+from isotruss_ros.core.safety.usage_limits import UsageLimits
+import numpy as np
+import pytest
+
+PERIOD = 0.02
+TRAVEL = np.array([3e-3, -4e-3])
+
+
+def grasp(used):
+    """Return a stand-in of an equilibrium with a utilisation of its second member."""
+    config = SimpleNamespace(
+        roller_positions=np.zeros(2), robot=SimpleNamespace(member_names=('P-Q', 'Q-R'))
+    )
+    return SimpleNamespace(config=config, sections=SimpleNamespace(used=np.array([0.1, used])))
+
+
+def limited(usage, way, most):
+    """Return the command of a way (2,) in one period under a bound of the utilisation."""
+    command = RollerCommand(way / PERIOD, np.zeros(3), 1.0, Status.OK)
+    return usage.limit_utilisation(command, PERIOD, most)
+
+
+@pytest.mark.parametrize('folded', [3.0, np.inf])
+def test_utilisation_beyond_folding_counts_as_twice_the_wrinkling_moment(folded):
+    usage, twice = UsageLimits(grasp(0.5)), UsageLimits(grasp(0.5))
+    usage.learn(grasp(folded), 0.0, TRAVEL)
+    twice.learn(grasp(2.0), 0.0, TRAVEL)
+    found, expected = (limited(each, TRAVEL, 2.5).scale for each in (usage, twice))
+    assert found == expected
+    assert 0.0 < found < 1.0
+
+
+def test_utilisation_uses_five_times_its_distance_per_second_at_most():
+    usage = UsageLimits(grasp(0.5))
+    usage.learn(grasp(0.7), 0.0, TRAVEL)
+    command = limited(usage, TRAVEL, 1.0)
+    # The same travel adds 0.2, but for the regularisation.
+    assert command.scale == pytest.approx(5.0 * PERIOD * 0.3 / 0.2, rel=1e-3)
+    assert (command.status, command.limiting) == (Status.SLOWED_UTILISATION, ('member Q-R',))
+
+
+def test_utilisation_beyond_its_bound_may_only_fall():
+    usage = UsageLimits(grasp(0.5))
+    usage.learn(grasp(0.7), 0.0, TRAVEL)
+    assert limited(usage, TRAVEL, 0.6).scale == 0.0
+    assert limited(usage, -TRAVEL, 0.6).scale == 1.0
