@@ -91,7 +91,7 @@ def reversals(commands):
 
 #: Seeds of walks that come to the bounds, with their steps, and what each of them must show.
 WALKS = {
-    0: (450, Status.SLOWED_SELF_COLLISION),
+    0: (600, Status.SLOWED_SELF_COLLISION),
     15: (300, Status.SLOWED_OBJECT),
     13: (600, Status.SLOWED_RIGIDITY),
     2: (600, Status.SLIDING),
