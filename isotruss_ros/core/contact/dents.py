@@ -54,9 +54,6 @@ class DentTable:
     Table of a dent's depth as a function of the normal force, for one tube and one object.
 
     :param depths: (n,) tabulated depths of the dent, positive and increasing [m].
-    :param samples: forces at these depths, for one or several angles of the object's normal.
-    :param press: skin under the object as a function of the depth.
-    :param weights: weights of the samples.
     :param turning: derivatives of the weights with respect to the angle of the normal [1/rad].
     """
 
@@ -241,8 +238,6 @@ def disc_dents(
     """
     Return the table of the dent of a disc in one tube, cached.
 
-    :param robot: the robot.
-    :param tube: index of the tube.
     :param radius: radius of the object [m].
     :param pressures: (t,) gauge pressure of each tube [Pa]; None: as in the robot file.
     """
@@ -268,9 +263,6 @@ def corner_dents(
     The forces are interpolated between neighbouring angles by cubic polynomials, so their
     derivatives are continuous.
 
-    :param robot: the robot.
-    :param tube: index of the tube.
-    :param shape: shape of the object.
     :param angle: direction of the object's outward normal that is perpendicular to the tube, in
         the object's frame [rad].
     :param corner: index of the corner in contact, see `Shape.corner_at`.

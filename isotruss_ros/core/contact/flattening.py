@@ -80,8 +80,6 @@ class Flattening:
         """
         Return the compliance (count, count) of successive points on one tube [m/N].
 
-        :param count: number of points.
-        :param tube: index of the tube.
         :param spacing: spacing of the points [m].
         """
         size = 1 << (count - 1).bit_length()
@@ -91,7 +89,6 @@ class Flattening:
         """
         Return the derivatives with respect to pressure of the compliance between two points.
 
-        :param count: number of distances between the two points, which are 0, 1, ... spacings.
         :param spacing: spacing of the points [m].
         :return: (t, count) derivatives for each tube and distance [m/N/Pa].
         """
@@ -115,8 +112,6 @@ class Flattening:
 def lattice_distances(count: int) -> Indices:
     """
     Return the distances (count, count) between successive points, as multiples of the spacing.
-
-    :param count: number of points.
     """
     found = np.arange(count)
     return np.abs(found[:, None] - found)
@@ -149,7 +144,6 @@ def flattening(
     :param radius: tube radius R [m].
     :param pressure: (t,) gauge pressure p in each tube [Pa].
     :param fabric: E t and G t of the wall; None: f_n = 0, so the fabric has no influence.
-    :param modes: number n of the highest ring mode whose deformation spreads along the tube.
     :param local_stiffness: ratio of a tube's measured local stiffness to the theoretical one [-].
     """
     n = np.arange(2, modes + 1)
@@ -181,7 +175,6 @@ def flattening_of(robot: Mechanism, pressures: tuple[float, ...] | None = None) 
     """
     Return the local compliance of the sections of a robot's tubes, cached.
 
-    :param robot: robot with tube diameter and stiffness model.
     :param pressures: (t,) gauge pressures in the order of the robot file [Pa]; None: the pressures
         of the robot file.
     """

@@ -42,10 +42,8 @@ class DentSamples:
     Forces at given depths of the dent, for one tube and one object with a given normal.
 
     :ivar places: (n + 1,) 2/3 powers of the forces at depth zero and at the n depths [N^(2/3)].
+
     :param depths: (n,) depths of the dent, positive and increasing [m].
-    :param press: skin under the object as a function of the depth.
-    :param kernel: local compliance of the tubes' sections.
-    :param tube: index of the tube.
     """
 
     def __init__(

@@ -48,7 +48,6 @@ def wrench_space(
     :param points: (k, 2) contacts relative to the reference point of the moments [m].
     :param normals: (k, 2) unit normals away from the object.
     :param arm: characteristic radius by which moments are divided [m].
-    :raises GraspError: the norm is neither L1 nor Linf.
     """
     edges = _edge_wrenches(points, normals, friction, arm)
     if norm == 'L1':

@@ -46,7 +46,6 @@ def solve_contact(
     Solve the contact LCP (8): nonnegative gaps and forces, complementary at each point.
 
     :param normals: (c,) initial normals, x + iy; None: toward the undeformed points.
-    :raises SolverError: the normals do not converge.
     """
     away = points.points - surface.center
     normals = surface.facing(away, points.axis) if normals is None else normals

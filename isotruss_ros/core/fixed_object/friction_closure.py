@@ -53,7 +53,6 @@ def balance_by_friction(
     :param tangents: (k, 2) unit tangents of the object at the contacts, counter-clockwise.
     :param normal_forces: (k,) normal forces N_i, not negative [N].
     :param load: (3,) resultant (fx, fy, m / (d/2)) of the other forces on the object [N].
-    :param friction: coefficient of friction mu, not negative.
     :param levers: (k,) lever arms of the tangential forces, divided by half of the object's mean
         width [-]; 1 for a cylinder.
     """

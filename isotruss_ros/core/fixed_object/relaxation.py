@@ -29,11 +29,7 @@ STEPS_PER_UPDATE = 2000
 
 
 def relax_contact(points: ContactPoints, surface: Surface) -> ContactState:
-    """
-    Solve (8) by the iteration (9).
-
-    :raises SolverError: no convergence within `MAX_STEPS` updates of the normals.
-    """
+    """Solve (8) by the iteration (9)."""
     away = points.points - surface.center
     normals, forces = surface.facing(away, points.axis), np.zeros(len(away))
     for _ in range(MAX_STEPS):

@@ -77,7 +77,6 @@ def clamped_piece(
 
     :param section: EA [N], EI [N m^2] and GA [N].
     :param within: (n,) distances of the points from the start of the piece [m].
-    :param pinned_start: whether the rotation of the start is free.
     :return: (2, n, 6) displacements along and across the piece per displacement (ux, uy, theta) of
         start and end; compliances (n, n) along and across [m/N].
     """

@@ -105,7 +105,6 @@ def surface_of(body: ConvexObject, margin: float = 0.0) -> Surface:
     """
     Return the surface of an object, or this surface moved outward by an offset.
 
-    :param body: the object at its pose.
     :param margin: offset [m]: 0, or the tube radius for centre lines of round tubes.
     """
     reach = body.shape.reach + abs(body.shape.centroid) + margin

@@ -80,7 +80,6 @@ def attach_grip(
         object overlaps, or if it overlaps fewer than two, the two nearest.
     :param external_wrench: (fx, fy, m) about the origin of the object's frame [N, N m].
     :param quick: True to try so few sets of contacts that the search fits in a control cycle.
-    :raises NotHeldError: no equilibrium near the measured pose exists.
     """
     body = body.smoothed(0.5 * config.robot.description.tube_diameter)
     depths = member_depths(config, body)

@@ -49,8 +49,6 @@ class GripRecord(NamedTuple):
         The iteration starts from the bent tubes of `before` if its members are the same.
 
         :param body: the object; its pose is not used.
-        :raises GraspError: the object cannot have the recorded contacts.
-        :raises ConfigurationError: the robot cannot have the recorded configuration.
         """
         there, body = config.moved_to(self.travel), body.moved_to(self.unknowns[:3])
         contacts, tubes = self.contacts, TubeModel(pressure=self.pressures)

@@ -65,7 +65,6 @@ class NotHeldError(GraspError):
     Error: the members do not hold the object.
 
     :ivar hold: the violated condition.
-    :param hold: the violated condition.
     """
 
     def __init__(self, hold: HoldStatus) -> None:

@@ -95,9 +95,8 @@ class LoadedTubes:
     :ivar spins: (k, p) derivatives of the directions of the contacts' members [rad].
     :ivar dents: (k, p) derivatives of the dents' depths at constant forces [m].
     :ivar sections: derivatives of the tubes' sections, see `section_rates`.
-    :param grip: equilibrium of the object.
+
     :param chosen: (n, p) each column is a direction of change of the n parameters.
-    :param parameters: rows of the parameters in `chosen`.
     :param sections: derivatives of the sections, if known; None: they are computed.
     :param turns: (k, p) derivatives of the angles of the dents' normals in the object's frame
         [rad]; None: zero.

@@ -83,11 +83,7 @@ def settle_grasp(
 
 
 def assess_equilibrium(given: Pose, found: HeldGrip, friction: float) -> SettledGrasp:
-    """
-    Return the settled grasp at an equilibrium, with its hold status.
-
-    :param given: measured pose of the object.
-    """
+    """Return the settled grasp at an equilibrium, with its hold status."""
     sticks = found.hold(friction)
     if sticks in (HoldStatus.NO_CONTACT, HoldStatus.OFF_MEMBER):
         body, pressure = found.body.moved_to(given), found.tubes.pressure

@@ -20,11 +20,9 @@ def check_load(
     """
     Return the coefficient of friction and the external wrench (fx, fy, m) [N, N m] as floats.
 
-    :param body: the object.
     :param friction: coefficient of friction. If None, the coefficient of the object is used, or
         0.5 if the object has none.
     :param external_wrench: wrench (fx, fy, m) about the origin of the object's frame [N, N m].
-    :raises GraspError: the coefficient or the wrench is invalid.
     """
     mu = check_friction(body.friction_or(friction))
     return mu, load_array(external_wrench, 3, EXTERNAL_WRENCH, GraspError)

@@ -185,11 +185,7 @@ class ConvexObject(Record, headline=('shape', 'pose', 'mass', 'center_of_mass', 
 
 
 def check_friction(value: float, what: str = 'friction') -> float:
-    """
-    Return a checked coefficient of friction [-].
-
-    :raises GraspError: the coefficient is not a number from 0 to `MAX_FRICTION`.
-    """
+    """Return a checked coefficient of friction [-]."""
     (friction,) = finite_array([value], 1, what, GraspError).tolist()
     if not 0.0 <= friction <= MAX_FRICTION:
         hint = likely_unit(friction, '', 0.0, MAX_FRICTION)
@@ -213,7 +209,6 @@ def segment_gaps(body: ConvexObject, starts: Points, ends: Points) -> SegmentGap
     A normal is perpendicular to its segment and points away from the object's centroid. If the
     nearest point is an end of the segment, the normal is that of the object's surface.
 
-    :param body: the object at its pose.
     :param starts: (k,) starts of the segments, robot frame, x + iy [m].
     :param ends: (k,) ends of the segments, robot frame, x + iy [m]; they may equal the starts.
     """

@@ -73,7 +73,6 @@ def find_implausible(
     """
     Yield a fault for each stiffness of a robot file that no tube of this diameter has.
 
-    :param stiffness: block `stiffness` of the robot file with a checked form.
     :param diameter: diameter of the tubes [m].
     :param pressures: gauge pressure of each tube, by the tube's name [Pa].
     :param limits: shortest and longest member, pinch point to pinch point [m].
@@ -93,7 +92,6 @@ def _overstretched(key: str, pressure: float, radius: float, modulus: float) -> 
     """
     Yield a fault if a pressure stretches the wall too far.
 
-    :param key: key of the pressure in the robot file.
     :param pressure: gauge pressure p [Pa].
     :param radius: tube radius R [m].
     :param modulus: E t [N/m].

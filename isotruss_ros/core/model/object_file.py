@@ -55,14 +55,7 @@ def read_object(path_or_text: str | Path) -> ConvexObject:
 
 
 def make_object(content: Any, source: str) -> ConvexObject:
-    """
-    Return the object that keys and values describe, at the origin of the robot frame.
-
-    :param content: content of a file, or of a message.
-    :param source: name of the file or message, used in error messages.
-    :raises ObjectFileError: the content does not describe an object; the message names key and
-        range.
-    """
+    """Return the object that keys and values describe, at the origin of the robot frame."""
     if not isinstance(content, Mapping):
         raise ObjectFileError(
             f'{source}: {quote(repr(content))}: must be keys and values, with the key shape'

@@ -21,8 +21,6 @@ def check_outline(vertices: object, corner_radius: object) -> tuple[Points, Arra
 
     :param vertices: vertices, see `Polygon`.
     :param corner_radius: radius of the corners, see `Polygon`.
-    :raises GraspError: the polygon is not convex, or an arc does not fit; the message names the
-        vertex.
     """
     corners = _validate_vertices(vertices)
     radii = _validate_radii(corner_radius, len(corners))

@@ -57,7 +57,6 @@ def pose_difference(pose: ArrayLike, other: ArrayLike) -> Array:
     Return the first pose minus the second, (3,) [m, rad]; the angle is wrapped to (-pi, pi].
 
     :param pose: first pose x, y [m], angle [rad] in the robot frame.
-    :param other: second pose.
     """
     away = np.subtract(pose, other)
     away[2] = math.remainder(away[2], 2.0 * math.pi)

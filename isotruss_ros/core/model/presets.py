@@ -21,12 +21,7 @@ def preset_names() -> list[str]:
 
 
 def find_robot_file(name_or_path: str | Path) -> Path:
-    """
-    Return the path of a robot file, given as the name of a preset or as a path.
-
-    :param name_or_path: name of a preset, or path of a robot file (ending in .yaml).
-    :raises RobotFileError: neither such a preset nor such a file exists.
-    """
+    """Return the path of a robot file, given as the name of a preset or as a path."""
     given = str(name_or_path)
     if given in preset_names():
         return config_directory() / f'{given}.yaml'

@@ -28,13 +28,7 @@ TUBE_KEYS = {
 
 
 def read_robot_file(name_or_path: str | Path) -> RobotDescription:
-    """
-    Read a robot file and check the form of its content.
-
-    :param name_or_path: name of a preset, or path of a robot file.
-    :raises RobotFileError: the file is missing, is not YAML 1.2, or does not describe a robot.
-        Each line of the message names the file, the key, the value and the valid range.
-    """
+    """Read a robot file and check the form of its content."""
     path = find_robot_file(name_or_path)
     text = read_text(path, 'a robot file', RobotFileError)
     content = parse_yaml(path, text, 'robot files', RobotFileError)
@@ -42,13 +36,7 @@ def read_robot_file(name_or_path: str | Path) -> RobotDescription:
 
 
 def describe_robot(path: Path, content: Any) -> RobotDescription:
-    """
-    Return the checked description of a robot file's content.
-
-    :param path: path of the file, for error messages.
-    :param content: plain values, lists and mappings from the file.
-    :raises RobotFileError: the content does not describe a robot; see `read_robot_file`.
-    """
+    """Return the checked description of a robot file's content."""
     check_form(path, content)
     joints = {name: (float(x), float(y)) for name, (x, y) in content['joints'].items()}
     tubes = tuple(

@@ -28,13 +28,7 @@ MAX_COMPLAINTS = 50
 
 
 def check_form(path: Path, content: Any) -> None:
-    """
-    Raise an error that lists all faults in the form of a robot file.
-
-    :param path: path of the robot file, for error messages.
-    :param content: plain values from YAML.
-    :raises RobotFileError: the content violates the schema.
-    """
+    """Raise an error that lists all faults in the form of a robot file."""
     refuse_if_any(
         path,
         (
@@ -48,13 +42,7 @@ def check_form(path: Path, content: Any) -> None:
 
 
 def refuse_if_any(path: Path, complaints: Iterable[str]) -> None:
-    """
-    Raise RobotFileError if a robot file has faults.
-
-    :param path: path of the robot file, for error messages.
-    :param complaints: faults, one line each, without the path.
-    :raises RobotFileError: the message has one fault on each line, at most `MAX_COMPLAINTS`.
-    """
+    """Raise RobotFileError if a robot file has faults."""
     first = [f'{path}: {line}' for line in itertools.islice(complaints, MAX_COMPLAINTS + 1)]
     if len(first) > MAX_COMPLAINTS:
         first[MAX_COMPLAINTS:] = [f'{path}: and more like these']

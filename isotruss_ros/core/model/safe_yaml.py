@@ -21,14 +21,7 @@ MAX_NESTING_DEPTH = 8
 
 
 def read_text(path: Path, kind: str, error: type[IsotrussError]) -> str:
-    """
-    Return the text of a file.
-
-    :param path: path of the file.
-    :param kind: noun with an article for such a file, for error messages (such as 'a robot file').
-    :param error: class of the exception to raise.
-    :raises IsotrussError: the file is missing, too long or not UTF-8; its class is `error`.
-    """
+    """Return the text of a file."""
     try:
         with path.open('rb') as file:
             data = file.read(MAX_FILE_SIZE + 1)
@@ -44,16 +37,7 @@ def read_text(path: Path, kind: str, error: type[IsotrussError]) -> str:
 
 
 def parse_yaml(source: object, text: str, kind: str, refusal: type[IsotrussError]) -> Any:
-    """
-    Return the content of a YAML 1.2 text: plain values, lists and mappings.
-
-    :param source: origin of the text, for error messages.
-    :param text: YAML text.
-    :param kind: noun in the plural for such texts, for error messages (such as 'robot files').
-    :param refusal: class of the exception to raise.
-    :raises IsotrussError: the text is not YAML 1.2, is nested too deeply, has anchors, or has
-        values that are too long; its class is `refusal`.
-    """
+    """Return the content of a YAML 1.2 text: plain values, lists and mappings."""
     try:
         depth = 0
         for event in YAML(typ='safe', pure=True).parse(text):

@@ -65,7 +65,6 @@ def find_contradictions(
     power law, so if it is at least 4 at both ends of a range of lengths, it is at least 4 in
     between. The length at which the ratio is 4 follows in closed form.
 
-    :param laws: power laws with the keys axial, transverse and rotary.
     :param pressures: gauge pressure of each tube, by the tube's name [Pa].
     :param limits: shortest and longest member, pinch point to pinch point [m].
     :param ring: distance g of each guide ring from its pinch point [m].

@@ -99,11 +99,7 @@ class Topology:
 
 
 def make_topology(description: RobotDescription) -> Topology:
-    """
-    Return the topology of a robot, in the order of its file.
-
-    :param description: description of the robot.
-    """
+    """Return the topology of a robot, in the order of its file."""
     joint_names = tuple(description.joints)
     number = {name: index for index, name in enumerate(joint_names)}
     tubes = description.tubes
@@ -129,14 +125,7 @@ def make_topology(description: RobotDescription) -> Topology:
 
 
 def check_roller_names(what: str, names: Iterable[str], roller_names: Sequence[str]) -> None:
-    """
-    Raise GraspError if names do not belong to rollers.
-
-    :param what: source of the names, used in the error message.
-    :param names: names to check.
-    :param roller_names: names of the robot's rollers.
-    :raises GraspError: the robot has no such rollers.
-    """
+    """Raise GraspError if names do not belong to rollers."""
     unknown = frozenset(names) - frozenset(roller_names)
     if unknown:
         listed = quote(', '.join(sorted(map(str, unknown))))

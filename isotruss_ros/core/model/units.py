@@ -39,11 +39,6 @@ def likely_unit(
     """
     Return a clause that names the units in which a value would be within its range.
 
-    :param value: value as written, outside of its range.
-    :param unit: SI unit in which the value was read.
-    :param low: smallest value of the range, in the SI unit.
-    :param high: largest value of the range, in the SI unit.
-    :param others: further forms of this value, as in `UNITS`.
     :return: clause, for example `; if it is in cm, it is 0.102 m`; empty if no unit is suitable.
     """
     fitting = [

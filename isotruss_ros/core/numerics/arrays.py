@@ -28,16 +28,7 @@ MAX_ENTRIES = 1000
 def finite_array(
     values: ArrayLike, count: int, what: str, error: type[IsotrussError], most: float = np.inf
 ) -> NDArray[np.float64]:
-    """
-    Return a copy of `count` finite real numbers as an array (count,).
-
-    :param values: values to convert.
-    :param count: required length.
-    :param what: name of the values, for the error message.
-    :param error: class of the exception to raise.
-    :param most: largest allowed magnitude.
-    :raises IsotrussError: the values are invalid; the message names them and the requirement.
-    """
+    """Return a copy of `count` finite real numbers as an array (count,)."""
     return _finite(values, (count,), what, error, most)
 
 
@@ -51,16 +42,7 @@ def load_array(
 def finite_rows(
     values: ArrayLike, columns: int, what: str, error: type[IsotrussError], most: float = np.inf
 ) -> NDArray[np.float64]:
-    """
-    Return a copy of rows of finite real numbers as an array (n, columns).
-
-    :param values: rows to convert, possibly none.
-    :param columns: required length of each row.
-    :param what: name of the rows, for the error message.
-    :param error: class of the exception to raise.
-    :param most: largest allowed magnitude.
-    :raises IsotrussError: the rows are invalid; the message names them and the requirement.
-    """
+    """Return a copy of rows of finite real numbers as an array (n, columns)."""
     rows = np.shape(values)[:1] if hasattr(values, 'shape') else (len(values),)
     return _finite(values, (*rows, columns), what, error, most)
 
@@ -68,16 +50,7 @@ def finite_rows(
 def covariance_matrix(
     values: ArrayLike, count: int, what: str, error: type[IsotrussError]
 ) -> NDArray[np.float64]:
-    """
-    Return a copy of a covariance matrix (count, count).
-
-    :param values: entries of the matrix.
-    :param count: required number of rows.
-    :param what: name of the matrix, for the error message.
-    :param error: class of the exception to raise.
-    :raises IsotrussError: the matrix has another shape, is not finite, not symmetric, or not
-        positive semidefinite.
-    """
+    """Return a copy of a covariance matrix (count, count)."""
     found = _finite(values, (count, count), what, error, np.inf)
     bound = ROUNDING * np.abs(found).max()
     symmetric = (np.abs(found - found.T) <= bound).all()

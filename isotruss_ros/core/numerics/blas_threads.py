@@ -81,11 +81,7 @@ _ONE_THREAD = _OneThread()
 
 
 def single_threaded(function: Callable[P, R]) -> Callable[P, R]:
-    """
-    Return a decorated function that runs with one BLAS thread.
-
-    :param function: function to run.
-    """
+    """Return a decorated function that runs with one BLAS thread."""
 
     @functools.wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> R:

@@ -87,7 +87,6 @@ def factorize(matrix: Array | csc_matrix) -> Factor:
     Factorise a matrix; a dense matrix is overwritten.
 
     :param matrix: (n, n) matrix.
-    :raises numpy.linalg.LinAlgError: the matrix is exactly singular.
     """
     return DenseFactor(matrix) if isinstance(matrix, np.ndarray) else SparseFactor(matrix)
 
@@ -127,7 +126,6 @@ def count_negative_pivots(matrix: Array | csc_matrix, constraints: int) -> int:
     Return the number of negative pivots of the factorisation L D L^T of a symmetric matrix.
 
     :param matrix: (n, n) stiffness matrix bordered by constraints, with entries of order 1.
-    :param constraints: number of constraints, which are the last rows and have a zero diagonal.
     """
     if isinstance(matrix, np.ndarray):
         factors, pivots, _ = lapack.dsytrf(matrix, lower=True)

@@ -62,7 +62,6 @@ def solve_qp(problem: QuadraticProgram) -> Array | None:
     """
     Return the solution of a quadratic program.
 
-    :param problem: quadratic program.
     :return: (n,) solution; None if none is found, or if P is not positive definite.
     """
     bounded = problem.bounds < np.inf
@@ -133,7 +132,6 @@ def find_nearest(columns: Array, room: Array, size: float, relaxation: float) ->
 
     :param columns: (f, l) normal vectors of the polyhedron's planes, of any length.
     :param room: (l,) upper bounds of y . column for a point y, one for each plane.
-    :param size: estimate of |y| at the nearest point, not negative.
     :param relaxation: perturbation of the bounds in the active-set search, relative to `size`;
         zero or small [-].
     :return: nearest point; None if the polyhedron is empty, or if the search fails because of
@@ -197,7 +195,6 @@ def solve_complementarity(compliance: Array, gaps: Array, active: Flags) -> tupl
     :param gaps: (c,) gaps without contact forces [m].
     :param active: (c,) mask of the points in contact, as initial guess.
     :return: forces (c,) [N], and mask (c,) of the points in contact.
-    :raises SolverError: the matrix is not positive definite.
     """
     active = active.copy()
     best, progress_timeout = len(gaps) + 1, MAX_SEARCH_STEPS

@@ -81,13 +81,7 @@ class Record:
 
 
 def as_plain(value: Any) -> Any:
-    """
-    Convert a value to numbers, texts, lists and dictionaries.
-
-    :param value: an array (complex numbers become pairs), a result, an object, or a value of plain
-        Python.
-    :raises TypeError: the value is none of these.
-    """
+    """Convert a value to numbers, texts, lists and dictionaries."""
     if value is None or (
         isinstance(value, (bool, int, float, str)) and not isinstance(value, enum.Enum)
     ):
@@ -121,9 +115,6 @@ def is_equal(value: Any, other: Any) -> bool:
     Return whether two values are equal; arrays are compared element by element.
 
     NaN counts as equal to NaN.
-
-    :param value: first value.
-    :param other: second value.
     """
     if isinstance(value, np.ndarray) or isinstance(other, np.ndarray):
         return np.array_equal(value, other, equal_nan=True)

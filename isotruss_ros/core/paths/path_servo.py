@@ -90,7 +90,6 @@ class PathServo:
         Return the measured pose of the object.
 
         :param now: current time on the clock of the inputs [s].
-        :raises InputError: the object's pose is missing, stale or invalid.
         """
         return require_fresh(now, self.timeout, object_pose=self.inputs.pose)[0].value
 
@@ -98,11 +97,7 @@ class PathServo:
         """
         Start a path, which is followed from the next cycle on.
 
-        :param path: path of the object.
-        :param settings: settings of the tracking.
         :param now: current time on the clock of the inputs [s].
-        :raises PathError: the path does not begin at the object's pose.
-        :raises InputError: the object's pose is missing, stale or invalid.
         """
         self.tracker = None
         measured = self.measured(now)

@@ -80,7 +80,6 @@ class PathClock:
             once.
         :param scale: factor by which the robot's limits reduced the last twist, 0 to 1; the rate
             approaches this factor along a ramp, because this feedback is some cycles late.
-        :param held: whether the robot is stopped, which sets the rate to zero.
         """
         self._now += max(elapsed, 0.0)
         if self._now > self._known.last[0]:

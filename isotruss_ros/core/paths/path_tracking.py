@@ -69,7 +69,6 @@ class TrackingSettings:
     :ivar ramp_time: time in which the speed rises from zero to the speed of the path, or falls
         back [s].
     :ivar progress_timeout: largest time without progress [s].
-    :raises PathError: a value is invalid; the message names it and its valid range.
     """
 
     position_tolerance: float = 0.01

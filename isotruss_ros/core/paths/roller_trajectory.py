@@ -49,11 +49,9 @@ class RollerTrajectory:
     waypoint, and its duration includes this time.
 
     :ivar duration: duration of the trajectory [s].
-    :param robot: the robot.
+
     :param positions: (k, r) one or more waypoints [m].
     :param times: (k,) times of the waypoints, increasing from 0, at most a day [s].
-    :raises ConfigurationError: an array has a wrong shape; a number is not finite; times do not
-        increase or are too long; or a speed or acceleration exceeds the limits of the rollers.
     """
 
     def __init__(self, robot: Robot, positions: ArrayLike, times: ArrayLike) -> None:
@@ -140,7 +138,6 @@ class RollerTrajectoryServo:
     """
     Feedback controller that tracks one trajectory of the rollers, with its state.
 
-    :param robot: the robot.
     :param timeout: largest age of measurements [s].
     :param inputs: latest inputs, which the client replaces; the roller state is used.
     """
@@ -174,12 +171,9 @@ class RollerTrajectoryServo:
         """
         Start a trajectory, which replaces the current one unless it is rejected.
 
-        :param trajectory: new trajectory.
         :param now: current time on the clock of the inputs [s].
         :param start: start time, until which the rollers rest [s]; None: now.
         :param tolerances: tolerances of the action goal; None: the defaults of this servo.
-        :raises InputError: the joint states are missing, stale or rejected.
-        :raises ConfigurationError: the trajectory does not begin at the measured positions.
         """
         state = self.check_start(trajectory, now)
         self._trajectory, self._offsets = trajectory, state.offsets
@@ -191,10 +185,7 @@ class RollerTrajectoryServo:
         """
         Return the measured roller state; raise an error if a trajectory does not begin there.
 
-        :param trajectory: trajectory that is to start.
         :param now: current time on the clock of the inputs [s].
-        :raises InputError: the joint states are missing, stale or rejected.
-        :raises ConfigurationError: the trajectory does not begin at the measured positions.
         """
         state = require_fresh(now, self.timeout, joint_states=self.inputs.rollers)[0].value
         away = np.abs(trajectory.at(0.0).positions - state.positions)

@@ -24,10 +24,6 @@ class Tolerance(NamedTuple):
     ) -> str:
         """
         Return a sentence about the roller farthest beyond the tolerance; empty if there is none.
-
-        :param names: names of the rollers.
-        :param wanted: desired state of the rollers.
-        :param measured: measured state of the rollers.
         """
         for what, unit, bounds, off in (
             ('', 'm', self.positions, wanted.positions - measured.positions),

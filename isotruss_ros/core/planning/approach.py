@@ -32,11 +32,6 @@ def approach(config: Configuration, closing: Closing) -> Iterator[Configuration]
 
     At the end of the path the directions of the members admit force closure. The path begins at
     the current configuration and is piecewise linear in roller travel.
-
-    :param config: configuration of the robot.
-    :param closing: closing motion with members and object.
-    :raises RequirementError: the members do not reach the object.
-    :raises SolverError: a quadratic program was not solved.
     """
     diameter, members = config.robot.description.tube_diameter, list(closing.members)
     targets = np.full(len(members), STANDOFF * diameter)

@@ -43,11 +43,7 @@ class Closing:
     tally: SearchTally = field(default_factory=SearchTally)
 
     def normals(self, config: Configuration) -> Points:
-        """
-        Return unit vectors from the object to the grasping members, (s,) x + iy.
-
-        :param config: configuration of the robot.
-        """
+        """Return unit vectors from the object to the grasping members, (s,) x + iy."""
         return facing_lines(config, self.body, np.array(self.members))[1]
 
 
@@ -76,10 +72,8 @@ class SearchState:
         """
         Raise RequirementError if the configuration violates a bound.
 
-        :param rigidity: smallest allowed rigidity index.
         :param clearance: smallest allowed distance between two parts of the robot [m].
         :param gaps: (3m,) smallest allowed gaps between the object and the robot's parts [m].
-        :raises RequirementError: a bound is violated.
         """
         low = int((self.gaps - gaps).argmin())
         for name, value, bound in (
@@ -92,13 +86,7 @@ class SearchState:
 
 
 def evaluate_state(config: Configuration, body: ConvexObject) -> SearchState:
-    """
-    Return a configuration with all quantities that are bounded while the members close.
-
-    :param config: the configuration.
-    :param body: the object.
-    :raises ConfigurationError: the configuration is singular.
-    """
+    """Return a configuration with all quantities that are bounded while the members close."""
     model = collision_model(config.robot)
     return SearchState(
         config,

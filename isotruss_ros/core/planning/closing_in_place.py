@@ -40,15 +40,7 @@ REFINEMENT = 0.34
 def close_in_place(
     touch: Configuration, closing: Closing, needs: GraspRequirements
 ) -> Iterator[ClosedGrip]:
-    """
-    Yield grips with increasing squeeze until a requirement would be violated.
-
-    :param touch: configuration in which the members touch the object.
-    :param closing: closing motion with members and object.
-    :param needs: requirements of the grasp.
-    :raises SolverError: a quadratic program, or the contact, was not solved.
-    :raises StructureError: see `structure_of`.
-    """
+    """Yield grips with increasing squeeze until a requirement would be violated."""
     wanted, pair = needs.squeeze, len(closing.members) == 2
     diameter = touch.robot.description.tube_diameter
     depths = np.full(len(closing.members), FIRST_INDENTATION * diameter)

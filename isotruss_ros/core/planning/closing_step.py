@@ -54,11 +54,7 @@ def press(config: Configuration, closing: Closing, depths: Array) -> Configurati
 
     The object does not move.
 
-    :param config: initial configuration.
-    :param closing: closing motion with members and object.
     :param depths: (s,) indentation of each grasping member by the object [m].
-    :raises RequirementError: the motion would violate a requirement.
-    :raises SolverError: a quadratic program was not solved.
     """
     state = evaluate_state(config, closing.body)
     members, share, left = list(closing.members), 1.0, np.inf
@@ -76,14 +72,10 @@ def take_closing_step(
     """
     Move the gaps of the grasping members toward their targets by one step.
 
-    :param state: state at the start of the step.
-    :param closing: closing motion with members and object.
     :param targets: (s,) desired gaps of the grasping members [m].
     :param share: length of the step relative to the longest step [-]. It is 1 for the first step;
         for later steps it is the second result of the previous step.
     :return: state at the end of the step, and `share` for the next step.
-    :raises RequirementError: every step violates a requirement.
-    :raises SolverError: the quadratic program was not solved.
     """
     move = solve_step(state, closing, targets, share)
     rigidity, room = min(closing.min_rigidity, state.rigidity), min(0.0, state.clearance)
@@ -112,11 +104,8 @@ def solve_step(state: SearchState, closing: Closing, targets: Array, share: floa
     """
     Return the roller travel (r,) of one step by solving the quadratic program [m].
 
-    :param state: state at the start of the step.
-    :param closing: closing motion with members and object.
     :param targets: (s,) desired gaps of the grasping members [m].
     :param share: length of the step relative to the longest step [-].
-    :raises SolverError: the quadratic program was not solved.
     """
     config, members = state.config, list(closing.members)
     size = share * config.robot.home.member_lengths.mean()

@@ -42,8 +42,6 @@ def export_path(grasp: PlannedGrasp) -> dict[str, Any]:
     `path` (k, r) are roller positions [m], and `times` (k,) are their times [s]. From the row with
     the index `touch` on, all grasping members are in contact. The rollers move at their largest
     speed, but near this row at the fraction `NEAR_SPEED_SHARE` of it.
-
-    :param grasp: planned grasp.
     """
     near = np.arange(len(grasp.path) - 1) >= grasp.touch - 2
     times = path_times(grasp.path, grasp.config.robot.description, near)
@@ -55,8 +53,6 @@ def path_times(path: Array, limits: RobotDescription, near: Array) -> Array:
     Return the times (k,) at which rollers pass the waypoints of a piecewise linear path.
 
     :param path: (k, r) roller positions [m].
-    :param limits: description of the robot, with largest speed and acceleration of the rollers.
-    :param near: (k - 1,) mask that is true for segments with reduced speed, `NEAR_SPEED_SHARE`.
     :return: (k,) times of the waypoints, from 0 [s].
     """
     speeds = np.where(near, NEAR_SPEED_SHARE * limits.max_speed, limits.max_speed)
@@ -80,8 +76,6 @@ def plan_in_words(plan: GraspPlan) -> str:
     Return a text with the best grasp of a plan, or with the reason why the plan has no grasp.
 
     The reason is the requirement violated by the candidate nearest to an admissible grasp.
-
-    :param plan: the plan.
     """
     if not plan.grasps:
         violation = violation_in_words(plan.closest_violation)

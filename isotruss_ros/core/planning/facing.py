@@ -34,7 +34,6 @@ def contact_ends(body: ConvexObject, normals: Points, tube_radius: float) -> tup
     """
     Return both ends of each contact with straight members, the clockwise end first.
 
-    :param body: the object at its pose.
     :param normals: (s,) unit vectors from the object toward the members, robot frame.
     :param tube_radius: radius of the members [m].
     :return: two arrays (s,), x + iy from the origin of the object's frame, in robot axes [m].
@@ -74,7 +73,6 @@ def friction_angles(
     """
     Return the smallest friction angles (s,) at which the forces of s pairs balance [rad].
 
-    :param body: the object at its pose.
     :param normals: (s,) unit vectors from the object toward the first members, robot frame.
     :param others: (s,) unit vectors from the object toward the second members, robot frame.
     :param tube_radius: radius of the members [m].
@@ -97,7 +95,6 @@ def balances(body: ConvexObject, normals: Points, angle: float, tube_radius: flo
     """
     Return whether forces within the friction cones of the members can balance an object.
 
-    :param body: the object at its pose.
     :param normals: (s,) unit vectors from the object toward the members, robot frame.
     :param angle: half angle of the friction cones [rad].
     :param tube_radius: radius of the members [m].
@@ -126,7 +123,6 @@ def find_facing(
 
     The directions minimise a weighted sum of required friction angle and rotation.
 
-    :param body: the object at its pose.
     :param normals: (2,) current unit vectors from the object toward the members, robot frame.
     :param angle: half angle of the friction cones that may be used [rad].
     :param tube_radius: radius of the members [m].

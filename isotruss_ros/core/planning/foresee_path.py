@@ -55,16 +55,11 @@ def foresee_grip(
     """
     Find the grip of an object, and predict its motion along a path by `foresee_path`.
 
-    :param config: configuration of the robot.
-    :param body: the object at its pose in the grip.
-    :param friction: coefficient of friction between tubes and object.
     :param poses: poses of the path, see `foresee_path`.
     :param record: equilibrium reported by the control loop that holds the object. If it is None,
         or if the predicted motion ends before the end of the path, the motion is predicted from
         the equilibrium of `attach_grip` instead.
-    :param tubes: model of the tubes.
     :return: predicted motion; None if no members hold the object.
-    :raises IsotrussError: see `foresee_path`.
     """
     friction = check_friction(friction)
     held = None if record is None else record.restore(config, body)
@@ -88,15 +83,8 @@ def foresee_path(held: HeldGrip, friction: float, poses: Array) -> Foresight:
     Contacts roll without slip. External loads and barriers are not considered. The motion ends if
     the slip margin becomes less than `MIN_RELATIVE_MARGIN` times the squeeze.
 
-    :param held: equilibrium of the object at the first pose.
-    :param friction: coefficient of friction between tubes and object.
     :param poses: (n, 3) poses x, y [m], angle [rad] of the object; angles are not wrapped to one
         turn.
-    :raises GraspError: the poses are not finite numbers within range, or the members do not touch
-        the object at the first pose, see `solve_twist`.
-    :raises ConfigurationError: the configuration is singular.
-    :raises SolverError: a quadratic program was not solved.
-    :raises StructureError: see `structure_of`.
     """
     what = 'the poses of the path (x, y, angle) [m, rad]'
     poses = finite_rows(poses, 3, what, GraspError, MAX_MAGNITUDE)

@@ -31,9 +31,7 @@ def judge_candidate(
     """
     Compute approach and closing of a candidate; return planned grasp and counts of the search.
 
-    :param config: configuration of the robot.
     :param closing: closing motion from which the candidate starts, see `find_seeds`.
-    :param needs: requirements of the grasp.
     :return: planned grasp, or None if the candidate violates a requirement; and the counts of the
         search, with the violation that was closest to an admissible grasp.
     """
@@ -60,13 +58,8 @@ def close_grip(
 
     The squeeze is increased until the score decreases or a requirement is violated.
 
-    :param opened: configuration in which the members are near the object.
-    :param closing: closing motion with members and object.
-    :param needs: requirements of the grasp.
     :return: path and grip; None if no grip is admissible. In this case `closing.tally` contains
         the violation.
-    :raises SolverError: a quadratic program, or the contact, was not solved.
-    :raises StructureError: see `structure_of`.
     """
     # A nominal posture would shift the gaps from their targets.
     closing = replace(closing, nominal_posture=None, facing=None)

@@ -46,14 +46,7 @@ MAX_CONTRACTION = 0.7
 
 
 def hold_between(config: Configuration, closing: Closing) -> HeldGrip:
-    """
-    Return the equilibrium of an object between given members, from which it can roll.
-
-    :param config: configuration in which the members touch the object.
-    :param closing: closing motion with members and object.
-    :raises RequirementError: the object is not held, or another member is in contact.
-    :raises StructureError: see `structure_of`.
-    """
+    """Return the equilibrium of an object between given members, from which it can roll."""
     try:
         members = np.array(closing.members)
         held = attach_grip(config, closing.body, members, tubes=closing.tubes)
@@ -69,11 +62,7 @@ def squeeze_in_place(grasp: HeldGrip, force: float, closing: Closing) -> HeldGri
     """
     Return the grasp after a change of its squeeze without motion of the object.
 
-    :param grasp: equilibrium of the object, a result of `roll_grip`.
     :param force: mean normal force of the members, positive [N].
-    :param closing: grasping members, object at the desired pose, and limits of the motion.
-    :raises RequirementError: the motion would violate a requirement.
-    :raises StructureError: see `structure_of`.
     """
     evened = len(closing.members) if len(closing.members) > 2 else 0
     place = PLACE_TOLERANCE / np.array([1.0, 1.0, grasp.arm])

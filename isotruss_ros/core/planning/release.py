@@ -68,18 +68,11 @@ def plan_release(
     """
     Plan the release of a held object and the retreat of the members.
 
-    :param config: configuration of the robot.
-    :param body: the object at its measured pose.
-    :param members: names `t/j-k` of the two or three members that hold the object.
     :param clearance: gap between these members and the object at the end [m]; at most the sum of
         all member lengths.
     :param record: equilibrium reported by the control loop that holds the object. If it is None or
         cannot be restored, the equilibrium of `attach_grip` is used instead.
     :param max_turn: largest admissible predicted rotation of the object [rad].
-    :raises GraspError: the robot has no such members, or the clearance is out of range.
-    :raises ConfigurationError: the configuration in which the grip opens is singular.
-    :raises SolverError: a quadratic program was not solved.
-    :raises StructureError: see `structure_of`.
     """
     file = config.robot.description
     longest = float(config.member_lengths.sum())

@@ -90,9 +90,6 @@ class Searcher:
         Start a search for grasps; no other search may be running.
 
         :param config: configuration of the robot, see `plan_grasps`.
-        :param body: the object.
-        :param requirements: requirements of the grasps.
-        :param seed: seed of the random numbers of the search.
         :param time_limit: time limit of the search [s]; 0: no limit.
         """
         self._search, self._stop = Future(), Stop(time_limit)

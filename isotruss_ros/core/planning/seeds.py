@@ -42,17 +42,6 @@ def find_seeds(
     Return the closing motions from which one round of the search starts, most promising first.
 
     Pairs of members come before triples.
-
-    :param config: configuration of the robot.
-    :param body: the object.
-    :param needs: requirements of the grasp. If they name a module or members, only these members
-        are used.
-    :param seed: seed of the random numbers.
-    :param number: index of the round, from 0. Later rounds have random postures, and friction
-        cones of random half angles, from half of the friction angle to all of it. They use the
-        same members several times if there are few.
-    :raises RequirementError: no members around the object are suitable.
-    :raises GraspError: the robot has no such required module or members.
     """
     around, file = enclosing_members(config, body.middle), config.robot.description
     wanted = required_members(config.robot, needs)
@@ -99,13 +88,7 @@ def find_seeds(
 
 
 def required_members(robot: Mechanism, needs: GraspRequirements) -> frozenset[int]:
-    """
-    Return the indices of the required grasping members; empty if none are required.
-
-    :param robot: the robot.
-    :param needs: requirements of a grasp.
-    :raises GraspError: the robot has no such module or members.
-    """
+    """Return the indices of the required grasping members; empty if none are required."""
     names = needs.members or ()
     if needs.module is not None:
         names = members_at(robot, needs.module)
@@ -116,7 +99,6 @@ def enclosing_members(config: Configuration, point: complex) -> tuple[int, ...]:
     """
     Return the members visible from a point; none if the robot does not enclose the point.
 
-    :param config: configuration of the robot.
     :param point: point x + iy in the robot frame [m].
     """
     topology, points = config.robot.topology, config.points

@@ -80,11 +80,7 @@ class SearchTally:
     closest: Violation | None = None
 
     def record(self, violation: Violation) -> None:
-        """
-        Store a violation if it is closer to an admissible grasp than the stored violation.
-
-        :param violation: violation of a candidate.
-        """
+        """Store a violation if it is closer to an admissible grasp than the stored violation."""
         if self.closest is None or violation.distance < self.closest.distance:
             self.closest = violation
 
@@ -97,11 +93,7 @@ class SearchTally:
             self.record(Violation(*error.args))
 
     def add(self, other: SearchTally) -> None:
-        """
-        Add the counts of another candidate, and record the violation of that candidate.
-
-        :param other: counts and violation of the other candidate.
-        """
+        """Add the counts of another candidate, and record the violation of that candidate."""
         self.evaluations += other.evaluations
         self.analyses += other.analyses
         if other.closest is not None:

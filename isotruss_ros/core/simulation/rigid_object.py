@@ -112,9 +112,6 @@ def pressing_members(config: Configuration, body: ConvexObject) -> tuple[str, ..
 
     A tube that is indented by more than its diameter is assumed to pass above the object and is
     excluded.
-
-    :param config: configuration of the robot.
-    :param body: the object at its pose.
     """
     tube, depths = config.robot.description.tube_diameter, member_depths(config, body)
     order = np.argsort(-depths, kind='stable')

@@ -46,11 +46,6 @@ class DrivenRollers:
 
     :ivar roller_positions: (r,) travel measured by the encoders [m].
     :ivar roller_velocities: (r,) mean speeds in the last step, measured by the encoders [m/s].
-    :param robot: robot with the rollers.
-    :param faults: faults of the rollers.
-    :param seed: seed of the random numbers for noise and slip.
-    :raises GraspError: a roller named as stuck does not exist.
-    :raises ConfigurationError: the slip is out of its range.
     """
 
     def __init__(self, robot: Mechanism, faults: RollerFaults, seed: int = 0) -> None:
@@ -72,8 +67,6 @@ class DrivenRollers:
         Set the roller speeds, which are valid until the next command.
 
         :param velocities: (r,) roller speeds [m/s].
-        :raises ConfigurationError: the speeds have a wrong shape or are not finite; the previous
-            command remains valid.
         """
         self._command = self._robot.check_rollers(velocities, 'roller velocities [m/s]')
 

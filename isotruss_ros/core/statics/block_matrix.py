@@ -55,9 +55,9 @@ class BlockMatrix:
     :ivar joint_size: number of entries of the joints' matrix.
     :ivar sparse: row indices and column pointers of the joints' matrix; None if it is dense.
     :ivar sources: matrix (j, .) that sums the coupled unknowns of all blocks at the joints.
+
     :param entries: row and column (e,) of each entry.
     :param owner: block (u,) of each unknown, -1 for joints.
-    :param unknowns: masks of the unknowns.
     """
 
     def __init__(

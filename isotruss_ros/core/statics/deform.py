@@ -48,12 +48,7 @@ class Deformation(Record, headline=('reactions', 'displacements')):
     state: FrameState = field(repr=False)
 
     def displacement(self, node: str) -> Array:
-        """
-        Return (ux, uy, theta) of a node [m, rad]; theta of a pinned joint is 0.
-
-        :param node: a joint j, or t/j/B, t/j/C, t/j/D, t/j/E.
-        :raises StructureError: there is no such node.
-        """
+        """Return (ux, uy, theta) of a node [m, rad]; theta of a pinned joint is 0."""
         return self.state.displacements[self.structure.node(node)]
 
     @cached_property
@@ -91,8 +86,6 @@ class Deformation(Record, headline=('reactions', 'displacements')):
         Return the factor on all loads at which the structure becomes unstable [-].
 
         Infinity is returned if the factor exceeds 100.
-
-        :raises SolverError: neither the limit load nor 100 times the loads was reached.
         """
         path = follow_loads(self.frame, self.loads, MAX_LIMIT_FACTOR)
         if path.limit == np.inf and path.factors[-1] < MAX_LIMIT_FACTOR:

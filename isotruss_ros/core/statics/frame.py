@@ -51,7 +51,6 @@ class Frame(FrameArrays):
     """
     Plane frame of beam-columns.
 
-    :param members: members between the nodes.
     :param pattern: pattern of a frame with the same connections and supports; None: it is
         computed.
     """

@@ -24,7 +24,6 @@ def section_rates(tubes: BentTubes, moved: Points, inflated: Array) -> Array:
     The four rows are rest length [m], EA [N], EI [N m^2] and GA [N]. The c members are those of
     the cut frame. Sections of modules and positions of cuts along the members are constant.
 
-    :param tubes: tubes with their load points, at which the members are cut.
     :param moved: (N, p) changes of the positions of the configuration's nodes, x + iy [m].
     :param inflated: (t, p) changes of the gauge pressures of the tubes [Pa].
     """

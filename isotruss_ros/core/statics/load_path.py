@@ -44,9 +44,7 @@ def follow_loads(frame: Frame, loads: Array, most: float, farthest: float = np.i
 
     :param frame: the frame.
     :param loads: (n, 3) loads fx, fy [N], m [N m] on the nodes.
-    :param most: largest factor on the loads.
     :param farthest: the path ends if a node is displaced by more than this [m].
-    :raises StructureError: the frame is a mechanism.
     """
     path = LoadPath([0.0], [frame.rest], np.inf)
     step = most

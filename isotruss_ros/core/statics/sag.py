@@ -45,9 +45,7 @@ def find_sag(config: Configuration, joints: Mapping[str, tuple[float, float]]) -
     """
     Fit an equal weight of all modules to measured joints; None if too few are measured.
 
-    :param config: configuration of the unloaded robot at its roller travel.
     :param joints: measured position (x, y) for the name of each joint, robot frame [m].
-    :raises StructureError: see `deform`.
     """
     if 2 * len(joints) <= len(config.roller_positions):
         return None  # roller offsets alone can explain the displacements

@@ -115,7 +115,6 @@ def broadcast_members(length: ArrayLike, pressure: ArrayLike) -> tuple[Array, Ar
 
     :param length: (k,) lengths [m].
     :param pressure: (k,) gauge pressures, or one pressure for all [Pa].
-    :raises StructureError: a value is not a positive number.
     """
     length = np.atleast_1d(np.asarray(length, dtype=float))
     pressure = np.asarray(pressure, dtype=float)
@@ -136,13 +135,10 @@ def tube_pressures(
     """
     Return the gauge pressure of each tube, in the order of the robot file.
 
-    :param description: description of the robot.
     :param pressure: gauge pressure [Pa], given as one number for all tubes, as (t,) numbers in the
         order of the robot file, or as a mapping from tube names to pressures. If None, the
         pressure of the robot file is used.
     :return: (t,) gauge pressures [Pa].
-    :raises StructureError: the robot has no such tube, the number of pressures is wrong, or a
-        pressure is not a number from 1e-3 to 1e7 Pa.
     """
     found = dict(description.pressures)
     if pressure is None:
@@ -180,7 +176,5 @@ def as_floats(block: Mapping[str, Any]) -> dict[str, float]:
     Return a block of a robot file with its numbers converted to floats.
 
     Unlike integers, floats that overflow become infinite.
-
-    :param block: block of a robot file.
     """
     return {key: float(value) for key, value in block.items()}

@@ -59,12 +59,7 @@ class Structure:
         )
 
     def node(self, name: str) -> int:
-        """
-        Return the index of a node among the frame's nodes.
-
-        :param name: name of a joint, or t/j/B, t/j/C, t/j/D, t/j/E of a module.
-        :raises StructureError: there is no such node.
-        """
+        """Return the index of a node among the frame's nodes."""
         if name not in self._layout.places:
             raise StructureError(
                 f'node {name!r}: robot {self.config.robot.name} has no such node; '
@@ -143,11 +138,7 @@ class FrameLayout(NamedTuple):
 
 @functools.lru_cache(maxsize=16)
 def frame_layout(robot: Mechanism) -> FrameLayout:
-    """
-    Return the layout of a robot's frame, cached.
-
-    :param robot: the robot.
-    """
+    """Return the layout of a robot's frame, cached."""
     topology = robot.topology
     m, joints = topology.n_modules, len(topology.joint_names)
     a, b = topology.joint, joints + 4 * np.arange(m)
@@ -203,10 +194,8 @@ def structure_of(config: Configuration, pressure: Pressure | None = None) -> Str
     """
     Return the structural model of a robot in one configuration, cached.
 
-    :param config: configuration of the robot.
     :param pressure: gauge pressure [Pa], see `tube_pressures`; None: the pressure of the robot
         file.
-    :raises StructureError: the pressure is invalid, or see `Structure`.
     """
     return _structure(config, tube_pressures(config.robot.description, pressure))
 

@@ -56,11 +56,7 @@ class Section:
     fabric: ClassVar[None] = None
 
     def section_stiffness(self, length: ArrayLike, pressure: ArrayLike) -> SectionStiffness:
-        """
-        Return EA, EI and GA, equal for all lengths; see `TubeStiffness.section_stiffness`.
-
-        :raises StructureError: the pressure is so low that EI or GA is not positive.
-        """
+        """Return EA, EI and GA, equal for all lengths; see `TubeStiffness.section_stiffness`."""
         length, pressure = broadcast_members(length, pressure)
         pull = (pressure - self.pressure) * np.pi * self.radius**2
         flexural = self.flexural_rigidity + 0.5 * pull * self.radius**2
@@ -140,8 +136,6 @@ class PowerLaw:
 
         :param length: (k,) lengths of whole members, pinch point to pinch point [m].
         :param pressure: (k,) gauge pressures, or one pressure for all [Pa].
-        :raises StructureError: a member is too short for its guide rings, a law gives no
-            stiffness, or no beam has these stiffnesses. The message names length and pressure.
         """
         length, pressure = broadcast_members(length, pressure)
         axial, transverse, rotary = self._end_stiffnesses(length, pressure)
@@ -219,11 +213,7 @@ MODELS: dict[str, type[TubeStiffness]] = {
 
 
 def tube_stiffness(description: RobotDescription) -> TubeSections:
-    """
-    Return the stiffness model that a robot file describes.
-
-    :param description: description of the robot, with a checked block `stiffness`.
-    """
+    """Return the stiffness model that a robot file describes."""
     block, scale = dict(description.stiffness), description.stiffness_scale
     model = MODELS[block.pop('model')].of_block(block, description)
     return TubeSections(model, scale)

@@ -52,7 +52,6 @@ def find_utilisation(
     In a compressed piece the moment varies as a sine between loads, so its maximum may be inside
     the piece.
 
-    :param structure: structural model of the robot.
     :param frame: structural frame of the robot, with additional nodes at the loads on tubes.
     :param end_forces: (k, 6) forces on the frame's members, see `FrameState.end_forces`.
     :param pulls: (k,) axial forces on the frame's members, see `FrameState.bowing` [N].
@@ -101,7 +100,6 @@ def tube_pieces(structure: Structure, frame: Frame) -> tuple[Indices, Indices]:
     """
     Return the indices of a frame's members that are tubes, and the robot's member of each.
 
-    :param structure: structural model of the robot.
     :param frame: structural frame of the robot, with additional nodes at the loads on tubes.
     """
     first = structure.pieces[0, 0]
