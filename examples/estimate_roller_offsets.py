@@ -14,7 +14,8 @@ joints = dict(zip(robot.topology.joint_names, true.nodes, strict=False))
 # The frame of the tracker and the mounting of the markers have no errors.
 settings = EstimatorSettings(marker_shift=0.0, marker_turn=0.0, joint_error=1e-4)
 estimator = StateEstimator(robot, settings)
-estimator.take_encoders(0.0, [0.0] * 6)
-for _ in range(20):  # measured markers with a standard deviation of 1 mm
-    estimator.take_markers(0.0, {name: joints[name] for name in 'QRZ'}, 1e-3)
+for number in range(20):  # measured markers with a standard deviation of 1 mm
+    time = 0.05 * number  # [s]
+    estimator.take_encoders(time, [0.0] * 6)
+    estimator.take_markers(time, {name: joints[name] for name in 'QRZ'}, 1e-3)
 print('to be added:', (1e3 * estimator.estimate().offsets).round(1), 'mm')

@@ -41,9 +41,5 @@ class NoMotionError(PathError):
 
 
 def quote(name: str) -> str:
-    """
-    Return a name in quotes for an error message, truncated if long.
-
-    :param name: name of any length, for example from a message.
-    """
+    """Return a name in quotes for an error message, truncated if long."""
     return repr(name if len(name) <= 80 else f'{name[:80]}…')

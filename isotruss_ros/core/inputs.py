@@ -116,9 +116,6 @@ class InputError(IsotrussError):
 
     :ivar fault: kind of the fault.
     :ivar name: name of the input, with underscores in place of spaces.
-    :param fault: kind of the fault.
-    :param name: name of the input, with underscores in place of spaces.
-    :param message: sentence that describes the fault.
     """
 
     def __init__(self, fault: InputFault, name: str, message: str) -> None:
@@ -140,14 +137,12 @@ def check_stamp(
     This rule applies to all stamps in all nodes (docs/safety.md). The age of an input that is
     stamped in the future counts from its reception.
 
-    :param name: name of the input, with underscores in place of spaces.
     :param stamp: time of the input [s].
     :param now: current time on the same clock [s].
     :param timeout: largest age of the input [s].
     :param setting: name of the parameter that contains the timeout, used in the error; empty if
         there is none.
     :param skew: largest time by which the stamp may be in the future [s].
-    :raises InputError: the stamp is too old, or ahead of the clock by more than the skew.
     """
     words, age = name.replace('_', ' '), now - stamp
     if age > timeout:
@@ -172,8 +167,6 @@ def keep_latest(kept: Input, received: StampedInput | RejectedInput, now: float)
     not replace a measurement, which stays valid until its timeout; the rejection is stored with
     the measurement.
 
-    :param kept: the previous input.
-    :param received: the new input.
     :param now: current time on the clock of the stamps [s]. If the previous input has a later
         stamp, the clock was set back, and the previous input is dropped.
     """
@@ -194,7 +187,6 @@ def require_fresh(
     :param timeout: largest age of an input [s].
     :param setting: name of the parameter that contains the timeout, see `check_stamp`.
     :param inputs: the inputs; the keywords are their names, with underscores in place of spaces.
-    :raises InputError: an input is missing, rejected, too old, or stamped in the future.
     """
     for name, given in inputs.items():
         if given is None:
@@ -217,7 +209,6 @@ def find_fresh(now: float, timeout: float, given: Input) -> Any:
 
     :param now: current time on the clock of the input [s].
     :param timeout: largest age of the input [s].
-    :param given: the input.
     """
     try:
         return require_fresh(now, timeout, given=given)[0].value
@@ -231,8 +222,6 @@ def fresh_pressures(now: float, timeout: float, pressures: Input) -> tuple[float
 
     :param now: current time on the clock of the input [s].
     :param timeout: largest age of the pressures [s].
-    :param pressures: input of pressures.
-    :raises InputError: the pressures are rejected, too old, or stamped in the future.
     """
     if pressures is None:
         return None
@@ -292,7 +281,6 @@ class Timeline:
         Add a value at a time; remove earlier added values at this time or later.
 
         :param time: time of the value [s].
-        :param value: value at this time.
         """
         while self._known and self._known[-1][0] >= time:
             self._known.pop()
@@ -334,9 +322,7 @@ class UsedReadings:
         """
         Record a reading; return whether it is new: of another stamp or value than those before.
 
-        :param name: name of the measured quantity.
         :param time: stamp of the reading [s]; readings of `HISTORY_DURATION` are stored.
-        :param value: numbers of the reading.
         """
         reading, used = (time, np.asarray(value).tobytes()), self._used.get(name, set())
         if reading in used:
@@ -352,8 +338,6 @@ class RollerParts:
 
     The merged state has the time of the oldest reading; newer readings are interpolated to this
     time.
-
-    :param names: names of the rollers.
     """
 
     def __init__(self, names: Sequence[str]) -> None:
@@ -410,7 +394,6 @@ class CommandHistory:
     History of commanded roller speeds, which are piecewise constant in time.
 
     :ivar last: (r,) speeds of the last command [m/s]; None without commands.
-    :param count: number of rollers.
     """
 
     def __init__(self, count: int) -> None:
@@ -477,7 +460,6 @@ class CommandHistory:
         commands. Before the first command the measured speeds are used, because another client may
         have moved the rollers.
 
-        :param rollers: measured `RollerState`.
         :param then: a time between the measurement and the horizon, for the first result [s].
         :param now: current time on the clock of the commands [s].
         :param ahead: time from now to the horizon [s].

@@ -138,6 +138,17 @@ def test_held_objects_import_nothing_of_the_analysis_of_a_fixed_object(package):
     assert 'core.fixed_object' not in packages
 
 
+#: Largest number of lines of the files that packages consist of or import.
+LINES = {('holding', 'safety'): 13_600, ('servo',): 17_300, ('planning',): 18_300}
+
+
+@pytest.mark.parametrize('packages', LINES, ids='-'.join)
+def test_packages_and_their_imports_stay_small(packages):
+    files = set().union(*(import_closure(f'core.{package}') for package in packages))
+    lines = sum(len(FILES[file].read_text(encoding='utf-8').splitlines()) for file in files)
+    assert lines <= LINES[packages]
+
+
 def test_no_files_import_each_other():
     left = {module: ours - {module} for module, (ours, _) in IMPORTS.items()}
     while left:

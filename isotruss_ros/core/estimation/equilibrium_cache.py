@@ -45,7 +45,7 @@ class EquilibriumCache:
     :ivar by_considered: derivatives by roller offsets, at an equilibrium nearby.
     :ivar ahead: (4,) predicted changes of pose [m, m, rad] and squeeze [N] by roller travel.
     :ivar usage: limits on motion that reduces the slip margin or increases the utilisation.
-    :param grasp: first equilibrium.
+
     :param friction: coefficient of friction [-].
     """
 

@@ -55,14 +55,11 @@ class GripBelief:
     :ivar walk: sums of the pose corrections, from which slip is detected.
     :ivar noise: estimated noise of the poses.
     :ivar searches: number of searches for an equilibrium with unknown contact history [-].
+
     :param grasp: equilibrium near the measured pose, see `attach_model`.
-    :param grip: grip with the object at its measured pose.
-    :param settings: prior standard deviations.
     :param zero_covariance: (r, r) covariance of the roller offsets [m^2]; None: uncorrelated
         offsets with the standard deviation of the settings.
     :param noise: (3,) prior standard deviations of the measured poses [m, rad].
-    :param is_assumed: whether the object is assumed to be held, because only wrong roller offsets
-        can explain the measured pose.
     """
 
     usage = property(attrgetter('_cache.usage'), doc='Limits on motion, see `UsageLimits`.')
@@ -241,7 +238,6 @@ class GripBelief:
         instead. If a contact slips or opens in the model, the equilibrium near the estimated pose
         is searched once.
 
-        :param config: configuration of the robot, which may be predicted.
         :param elapsed: time since the last call [s].
         :param pressures: (t,) gauge pressure of each tube [Pa]; None: as in the robot file.
         :param rollers: (r,) measured roller positions from which the configuration was predicted
@@ -294,7 +290,6 @@ class GripBelief:
         """
         Update the belief of the grip with a measured pose.
 
-        :param pose: measured pose of the object.
         :param age: time from the stamp of the pose to the last call of `follow` [s].
         """
         cache, lag, even = self._cache, self._lag, self._even
@@ -319,7 +314,6 @@ class GripBelief:
         """
         Search the equilibrium near the estimated pose, and initialise the contacts' shifts there.
 
-        :param config: configuration of the robot.
         :param pressures: (t,) gauge pressure of each tube [Pa]; None: as in the robot file.
         :return: whether an equilibrium exists, with a utilisation of at most `MAX_UTILISATION` or
             that of the present equilibrium.

@@ -40,13 +40,8 @@ def attach_model(
 
     The equilibrium is not neutral, so its `response` to wrenches is not None.
 
-    :param config: configuration of the robot.
-    :param grip: grip with the object at its measured pose.
     :param pressures: (t,) gauge pressure of each tube [Pa]; None: as in the robot file.
     :param zero_deviation: standard deviation of the roller offsets [m], see `lay_faces`.
-    :raises NotHeldError: no equilibrium exists, or its Jacobian is singular.
-    :raises GraspError: the robot has no such members.
-    :raises StructureError: see `structure_of`.
     """
     members = find_members(config.robot, grip.members).members
     found = attach_grip(
@@ -65,7 +60,6 @@ def shift_deviations(grasp: HeldGrip, anchored: Array, friction: float) -> Array
     A deviation is twice the shift that causes slip, but at most the object's characteristic
     radius.
 
-    :param grasp: equilibrium of the object.
     :param anchored: derivatives of the unknowns of the equilibrium, see `anchor_rates`.
     :param friction: coefficient of friction [-].
     """
@@ -114,11 +108,7 @@ class ConsideredRates(NamedTuple):
 
     @classmethod
     def of(cls, grasp: HeldGrip) -> ConsideredRates:
-        """
-        Return the derivatives by roller offsets at an equilibrium.
-
-        :param grasp: the equilibrium.
-        """
+        """Return the derivatives by roller offsets at an equilibrium."""
         found, count = held_gradient(grasp), len(grasp.config.roller_positions)
         along, anchors = _anchors_by_offsets(grasp), slice(count + 4, None)
         even = np.array([[1.0], [1.0], [grasp.arm]])
@@ -142,8 +132,6 @@ def anchor_rates(grasp: HeldGrip) -> Array:
     Return the derivatives (3 + 4k, k) of the unknowns with respect to the rolling invariants.
 
     The unknowns are those of `ContactForces`; for the invariants see `ContactStatics.anchors`.
-
-    :param grasp: the equilibrium.
     """
     places = grasp.state.places
     right = np.zeros((places.size, len(grasp.anchors)))

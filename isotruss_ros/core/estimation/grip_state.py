@@ -43,8 +43,7 @@ class GripState(SchmidtFilter):
     :ivar jump: length of the last innovation if it was inconsistent, otherwise 0 [m].
     :ivar walk: sums of the pose corrections, from which slip is detected.
     :ivar noise: estimated noise of the poses.
-    :param settings: prior standard deviations.
-    :param shifts: number of members.
+
     :param considered: (r, r) covariance of the roller offsets [m^2].
     :param noise: (3,) prior standard deviations of the poses, rotations times the arm [m].
     """
@@ -88,7 +87,6 @@ class GripState(SchmidtFilter):
 
         :param off: (3,) innovation of the pose, rotations times the arm [m].
         :param speed: (3,) velocity of the object at the pose's time, turns times the arm [m/s].
-        :param cache: equilibrium that predicts the pose.
         :param time: current time [s].
         """
         rates, noise = cache.rates.pose.copy(), np.diag(self.noise.variances)

@@ -31,8 +31,6 @@ class OffsetFilter:
 
     :ivar mean: (n,) mean of the state.
     :ivar covariance: (n, n) covariance of the state.
-    :param robot: the robot with its nominal offsets.
-    :param settings: prior standard deviations.
     """
 
     def __init__(self, robot: Robot, settings: EstimatorSettings) -> None:

@@ -54,13 +54,7 @@ class SchmidtFilter:
         self.sensitivity = np.zeros((len(covariance), len(self.considered)))
 
     def resize(self, size: int, first: int, variance: float) -> None:
-        """
-        Replace the last components of the state by components with a prior variance.
-
-        :param size: new number of components.
-        :param first: number of components at the start of the state that are not replaced.
-        :param variance: prior variance of the new components.
-        """
+        """Replace the last components of the state by components with a prior variance."""
         before, sensitivity = self.covariance, self.sensitivity
         self.reset(variance * np.eye(size))
         self.covariance[:first, :first] = before[:first, :first]

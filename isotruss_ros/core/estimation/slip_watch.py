@@ -22,11 +22,7 @@ MIN_SLIP = 1e-3
 
 
 class SlipWatch:
-    """
-    Detector of slipping rollers, which compares roller offsets with earlier estimates.
-
-    :param count: number of rollers.
-    """
+    """Detector of slipping rollers, which compares roller offsets with earlier estimates."""
 
     def __init__(self, count: int) -> None:
         self.slipping = np.zeros(count, dtype=bool)  #: (r,) mask of the slipping rollers

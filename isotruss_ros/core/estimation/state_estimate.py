@@ -56,8 +56,6 @@ class EstimatorSettings:
     def calibrated(self, description: RobotDescription) -> EstimatorSettings:
         """
         Return the settings with the deviation of the stiffness that a calibration has measured.
-
-        :param description: robot file, which contains the result of the calibration, if any.
         """
         stiffness = description.calibration.get('stiffness_deviation', self.stiffness)
         return replace(self, stiffness=stiffness)

@@ -47,7 +47,7 @@ class StateEstimator:
 
     :ivar settings: prior standard deviations.
     :ivar belief: belief of the grip; None without a held object.
-    :param robot: the robot with its nominal offsets and stiffness.
+
     :param settings: prior standard deviations; None: defaults for a robot without calibration.
     """
 
@@ -77,8 +77,6 @@ class StateEstimator:
         Set the grip that may hold an object.
 
         :param grip: the grip, with the object at any pose; None: no grip.
-        :raises GraspError: the robot has no such members.
-        :raises ConfigurationError: a held object would be released in a singular configuration.
         """
         if grip is not None:
             find_members(self._robot, grip.members)
@@ -90,7 +88,6 @@ class StateEstimator:
 
         :param time: time of the reading [s].
         :param readings: (r,) encoder readings: roller travel since home minus roller offset [m].
-        :raises ConfigurationError: the readings or their time are not finite numbers.
         """
         readings = self._robot.check_rollers(readings, 'encoder readings [m]')
         (time,) = finite_array([time], 1, 'time of the readings [s]', ConfigurationError).tolist()
@@ -108,7 +105,6 @@ class StateEstimator:
 
         :param pressures: (t,) gauge pressures of the tubes in the order of the robot file [Pa];
             None: the pressures of the robot file.
-        :raises StructureError: see `tube_pressures`.
         """
         if pressures is not None:
             pressures = tube_pressures(self._robot.description, pressures)
@@ -124,8 +120,6 @@ class StateEstimator:
         :param deviations: (3,) standard deviations of x, y [m] and angle [rad], positive.
         :return: whether the pose was used; it is not used if it is old or repeated, or if no
             object is held.
-        :raises ConfigurationError: no configuration exists at the encoder readings.
-        :raises GraspError: the pose is not three valid numbers, or a deviation is not positive.
         """
         what = "the object's pose (x, y, angle) [m, rad]"
         pose = Pose(*finite_array(pose, 3, what, GraspError, MAX_MAGNITUDE).tolist())
@@ -159,9 +153,6 @@ class StateEstimator:
         :param joints: measured position (x, y) for the name of each joint, robot frame [m].
         :param deviation: standard deviation of a coordinate, positive [m].
         :return: whether at least one marker was used; old and repeated markers are not used.
-        :raises ConfigurationError: no configuration exists at the encoder readings.
-        :raises GraspError: the robot has no such joint, a position is not two valid numbers, or
-            the deviation is not positive.
         """
         (deviation,) = _positive([deviation], 1, 'deviation of the markers [m]').tolist()
         names = self._robot.topology.joint_names
@@ -211,8 +202,6 @@ class StateEstimator:
     def estimate(self) -> StateEstimate | None:
         """
         Return the estimated state at the last encoder reading; None before the first reading.
-
-        :raises ConfigurationError: no configuration exists at the encoder readings.
         """
         if not self._readings:
             return None

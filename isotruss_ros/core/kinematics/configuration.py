@@ -228,11 +228,7 @@ def _targets(robot: Mechanism, roller_positions: Array) -> Targets:
 
 
 class ConfigurationTracker:
-    """
-    Forward kinematics at measured roller travel, starting from the previous configuration.
-
-    :param home: initial configuration, at zero roller travel.
-    """
+    """Forward kinematics at measured roller travel, starting from the previous configuration."""
 
     def __init__(self, home: Configuration) -> None:
         self._home = self._last = home
@@ -243,7 +239,6 @@ class ConfigurationTracker:
         Return the configuration at measured travel; the last configuration at unchanged travel.
 
         :param roller_positions: (r,) measured roller travel since home [m].
-        :raises ConfigurationError: no configuration exists at this travel.
         """
         if not np.array_equal(roller_positions, self._last.roller_positions):
             start, nearby, ahead = self._last, None, self._ahead
@@ -266,7 +261,6 @@ class ConfigurationTracker:
 
         :param roller_positions: (r,) measured roller travel since home [m].
         :param travel: (r,) further roller travel [m].
-        :raises ConfigurationError: no configuration exists at this travel.
         """
         measured = self.configuration(roller_positions)
         self._ahead = measured.predict(travel)
@@ -274,11 +268,7 @@ class ConfigurationTracker:
 
 
 def require_configuration(config: Configuration) -> None:
-    """
-    Raise ConfigurationError unless the argument of a public function is a configuration.
-
-    :raises ConfigurationError: the argument is another object, for example a robot.
-    """
+    """Raise ConfigurationError unless the argument of a public function is a configuration."""
     if not hasattr(type(config), 'roller_rows'):
         raise ConfigurationError(
             f'configuration {quote(type(config).__name__)}: must be a Configuration, such as '

@@ -41,8 +41,6 @@ class Constraints:
     Residuals of the kinematic constraints, and their Jacobian, the matrix of (12).
 
     The rows are those of tubes, modules, bisections and ground, in this order.
-
-    :param topology: the robot's connections.
     """
 
     def __init__(self, topology: Topology) -> None:
@@ -86,7 +84,6 @@ class Constraints:
         Return the residual of the kinematic constraints.
 
         :param points: (n,) nodes [m].
-        :param targets: prescribed lengths and grounded coordinates.
         :return: (5m + g,) residuals: members and modules [m], bisection (3) [rad], ground [m].
         """
         stretched = self.spans(points)
@@ -208,9 +205,7 @@ def follow_branch(
 
     The predictor is a tangent step (12); the corrector consists of modified Newton steps.
 
-    :param constraints: the robot's constraints.
     :param points: (n,) nodes that fulfil the constraints for nearby prescribed values [m].
-    :param targets: new lengths and grounded coordinates.
     :param factor: factorised matrix at `points`; None: it is computed.
     :return: (n,) nodes [m]; None if the step is too long or no configuration exists.
     """

@@ -13,11 +13,7 @@ import numpy as np
 
 
 def member_lines(config: Configuration) -> Points:
-    """
-    Return the end points (m, 2) of the members' undeformed centre lines (pinch points) [m].
-
-    :param config: configuration of the robot.
-    """
+    """Return the end points (m, 2) of the members' undeformed centre lines (pinch points) [m]."""
     topology, points = config.robot.topology, config.points
     return np.stack([points[topology.b], points[topology.end]], axis=1)
 
@@ -25,9 +21,6 @@ def member_lines(config: Configuration) -> Points:
 def member_depths(config: Configuration, body: ConvexObject) -> Array:
     """
     Return the penetration depth (m,) of an object in each undeformed member; negative if apart.
-
-    :param config: configuration of the robot.
-    :param body: the object at its pose.
     """
     radius = 0.5 * config.robot.description.tube_diameter
     starts, ends = member_lines(config).T
@@ -46,9 +39,6 @@ def push_out(config: Configuration, body: ConvexObject) -> ConvexObject:
     It is repeatedly translated along the normal of the member with the deepest overlap, until
     there is no overlap. If members enclose it so closely that this is impossible, the result is
     the object after the last translation.
-
-    :param config: configuration of the robot.
-    :param body: the object at its pose.
     """
     begin, end = member_lines(config).T
     reach = 0.5 * config.robot.description.tube_diameter

@@ -75,7 +75,6 @@ class CollisionModel:
     Parts of a robot, and the pairs of parts that must not collide.
 
     :ivar part_radii: (3m,) radii of the parts around their segments [m], read-only.
-    :param robot: the robot.
     """
 
     def __init__(self, robot: Mechanism) -> None:
@@ -122,7 +121,6 @@ class CollisionModel:
         """
         Return the distances between the surfaces of pairs of parts [m].
 
-        :param config: configuration of the robot.
         :param pairs: (k,) indices of pairs; by default, all pairs.
         """
         return self._nearest(config, pairs)[0] - self._reach[pairs]
@@ -131,7 +129,6 @@ class CollisionModel:
         """
         Return the gradients of the pairs' distances with respect to the node coordinates.
 
-        :param config: configuration of the robot.
         :param pairs: (k,) indices of pairs.
         :return: (k, 2n) derivatives of the distances with respect to (x0, y0, x1, y1, ...) [-].
         """
@@ -146,8 +143,6 @@ class CollisionModel:
         """
         Return the distances between an object and parts of the robot, with their gradients.
 
-        :param config: configuration of the robot.
-        :param body: the object at its pose.
         :param parts: (k,) indices of parts; by default, all parts. Parts are numbered: first the m
             members, then the m modules, then the m rods.
         :return: (k,) distances [m], negative for an overlap; (k, 2n) derivatives with respect to
@@ -176,7 +171,6 @@ class CollisionModel:
         """
         Return the start points (k,) and end points (k,) of the parts' segments, x + iy [m].
 
-        :param config: configuration of the robot.
         :param parts: (k,) indices of parts; by default, all parts.
         """
         start, end = (
@@ -190,7 +184,6 @@ class CollisionModel:
         """
         Return the gradients of distances between parts and fixed points with respect to nodes.
 
-        :param config: configuration of the robot.
         :param parts: (k,) indices of parts.
         :param shares: (k,) positions of the nearest points along their segments, from 0 to 1.
         :param normals: (k,) unit vectors from the nearest points to the fixed points, x + iy.
@@ -222,9 +215,5 @@ def _measured(robot: Mechanism) -> Array:
 
 @functools.lru_cache(maxsize=16)
 def collision_model(robot: Mechanism) -> CollisionModel:
-    """
-    Return the collision model of a robot, cached.
-
-    :param robot: the robot.
-    """
+    """Return the collision model of a robot, cached."""
     return CollisionModel(robot)

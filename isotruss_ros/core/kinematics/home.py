@@ -35,11 +35,7 @@ def place_home(
     """
     Return the nodes at home, (n,) x + iy [m].
 
-    :param description: content of the robot file.
-    :param topology: the robot's connections.
-    :param constraints: constraints of the robot.
     :return: nodes in the order of the topology.
-    :raises RobotFileError: a module does not fit its corner, or a member is outside of its limits.
     """
     joints = np.array([complex(*place) for place in description.joints.values()])
     inward, left = _corners(description, topology, joints)
@@ -169,12 +165,6 @@ def require_determinate(source: str, topology: Topology, matrix: Array | csc_mat
 
     The structure with locked rollers must be rigid, and must have no redundant members or
     supports, because these would resist the rollers.
-
-    :param source: robot file, for the error message.
-    :param topology: the robot's connections.
-    :param matrix: (5m + g, 2n) Jacobian of the constraints at home, with scaled rows.
-    :raises RobotFileError: the structure is not determinate; the message names the moving joints
-        or states the number of redundant constraints.
     """
     m, joints, grounded = topology.n_modules, len(topology.joint_names), len(topology.grounded)
     needed = 2 * joints - m

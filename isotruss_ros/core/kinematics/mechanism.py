@@ -45,8 +45,6 @@ class Mechanism:
         Return a checked copy of an array with one number for each roller.
 
         :param values: (r,) numbers in the order of `roller_names`.
-        :param what: name of the numbers, used in the error message.
-        :raises ConfigurationError: the values are not (r,) finite numbers.
         """
         names = self.roller_names
         what = f'{what} for {", ".join(names)}'

@@ -67,12 +67,7 @@ class RigidityIndex:
         self._start = home.nodes + 0.3 * noise / np.sqrt(size)
 
     def modes(self, config: Configuration) -> Modes:
-        """
-        Return the smallest singular values and vectors of the Jacobian in a configuration.
-
-        :param config: configuration of the robot.
-        :raises ConfigurationError: the matrix is exactly singular.
-        """
+        """Return the smallest singular values and vectors of the Jacobian in a configuration."""
         return self._modes(config, self._start, ITERATIONS)
 
     def gradients(self, config: Configuration, modes: Modes) -> Array:
@@ -82,8 +77,6 @@ class RigidityIndex:
         They are u^T dM v / s_home with the matrix M, its singular vectors u and v, and the
         smallest singular value s_home at home.
 
-        :param config: configuration of the robot.
-        :param modes: all or some of the smallest singular values in this configuration.
         :return: (p, 2n) derivatives of the scaled values with respect to (x0, y0, x1, y1, ...)
             [1/m].
         """
@@ -109,9 +102,5 @@ class RigidityIndex:
 @functools.lru_cache(maxsize=16)
 @single_threaded
 def rigidity_index(robot: Robot) -> RigidityIndex:
-    """
-    Return the `RigidityIndex` of a robot, cached.
-
-    :param robot: the robot.
-    """
+    """Return the `RigidityIndex` of a robot, cached."""
     return RigidityIndex(robot)

@@ -39,7 +39,6 @@ def limit_acceleration(
     If limits of the configuration require a faster stop than `change` admits, each roller
     decelerates by at most `change`.
 
-    :param command: desired command.
     :param previous: (r,) roller speeds of the previous cycle [m/s].
     :param change: largest change of a speed, positive [m/s].
     :param find_rows: function that returns the rows of the limits at the command's configuration,
@@ -114,7 +113,6 @@ def _largest_share(away: Array, step: Array, change: float) -> float:
 
     :param away: (r,) values without the step.
     :param step: (r,) change of the values by the whole step.
-    :param change: bound of the magnitudes of the values, positive.
     """
     moving = step != 0.0
     shares = (np.copysign(change, step[moving]) - away[moving]) / step[moving]

@@ -115,13 +115,7 @@ class Grip(Record, headline=('members', 'friction', 'body')):
 
 
 def members_at(robot: Mechanism, module: str) -> tuple[str, str]:
-    """
-    Return the names of the two members that meet at a module; the first begins there.
-
-    :param robot: the robot.
-    :param module: name `t/j` of the module.
-    :raises GraspError: the robot has no such module.
-    """
+    """Return the names of the two members that meet at a module; the first begins there."""
     if module not in robot.module_names:
         raise GraspError(
             f'module {quote(str(module))}: robot {robot.name} has no such module; '
@@ -147,9 +141,7 @@ def find_members(robot: Mechanism, names: tuple[str, ...]) -> MemberNodes:
     """
     Return the indices of given members, of their end nodes and of their rollers, read-only.
 
-    :param robot: the robot.
     :param names: (k,) names `t/j-k`.
-    :raises GraspError: the robot has no such member.
     """
     unknown = [name for name in names if name not in robot.member_names]
     if unknown:
@@ -194,12 +186,8 @@ def find_contacts(config: Configuration, grip: Grip) -> list[GripContact]:
     """
     Return the contacts of the members with the object, cached.
 
-    :param config: configuration of the robot.
-    :param grip: the grip.
     :return: contacts in the order of the members: one contact for each member, or two for a member
         that a face touches.
-    :raises GraspError: the robot has no such member; or a member does not touch the object between
-        its ends. A gap or penetration of at most one tube diameter counts as contact.
     """
     nodes = find_members(config.robot, grip.members)
     tube = config.robot.description.tube_diameter

@@ -32,16 +32,12 @@ def grip_jacobian(config: Configuration, grip: Grip) -> Array:
     Its first three rows yield the twist. Its other g rows yield the residual of J_h(q) qdot = G^T
     nu, which is zero if no contact opens or slips. The Jacobian is cached.
 
-    :param config: configuration of the robot.
-    :param grip: the grip.
     :return: (3 + g, r) values for roller speeds of 1 m/s, read-only. The rows are vx, vy [m/s] and
         omega [rad/s] of the object in the robot frame; then the opening rate [m/s], which is the
         rate of the distance between the contacts of two members, or twice the speed of each of
         three members away from the object; then g - 1 other residuals [m/s]. The number g is 1 for
         two point contacts, 2 with one face, 3 with two faces, and 2 k - 3 for k contacts on three
         members.
-    :raises GraspError: see `find_contacts`; or all contacts coincide.
-    :raises ConfigurationError: the configuration is singular.
     """
     contacts = find_contacts(config, grip)
     if len(grip.members) == 2:
@@ -68,12 +64,9 @@ def member_rows(config: Configuration, names: tuple[str, ...]) -> Array:
     """
     Return the Jacobian of the velocities of members with respect to roller speeds.
 
-    :param config: configuration of the robot.
     :param names: (m,) names of the members.
     :return: (3 m, r) array with three rows for each member: vx, vy of the tube's material at the
         member's start in the robot frame [-], and the angular velocity of the member (16) [1/m].
-    :raises GraspError: the robot has no such member.
-    :raises ConfigurationError: the configuration is singular.
     """
     nodes, points, count = find_members(config.robot, names), config.points, len(names)
     spans = [end - start for start, end in points.take(nodes.lines).tolist()]
@@ -94,13 +87,9 @@ def contact_rows(config: Configuration, grip: Grip) -> tuple[Array, Array]:
     """
     Return the matrices of both sides of the grasp constraint J_h(q) qdot = G^T nu.
 
-    :param config: configuration of the robot.
-    :param grip: the grip.
     :return: J_h (2 k, r), the derivatives of each contact's velocity vx, vy with respect to roller
         speeds [-]; and G^T (2 k, 3), the derivatives of each contact's velocity vx, vy with
         respect to the twist vx, vy [-], omega [m]. All are in the robot frame.
-    :raises GraspError: see `find_contacts`.
-    :raises ConfigurationError: the configuration is singular.
     """
     contacts = find_contacts(config, grip)
     rates = np.zeros((2 * len(contacts), len(grip.members), 3))
@@ -134,10 +123,7 @@ def rows_of_two(grip: Grip, contacts: Sequence[GripContact], members: Array) -> 
     that touches a face. Without face contacts it rotates with the line through both contact
     points. The midpoint of both points moves with their mean velocity.
 
-    :param grip: grip of two members.
-    :param contacts: contacts with the object.
     :param members: (6, r) rows of the two members, see `member_rows`.
-    :raises GraspError: the contacts coincide.
     """
     first, *one = (contact for contact in contacts if contact.owner == 0)
     second, *other = (contact for contact in contacts if contact.owner == 1)

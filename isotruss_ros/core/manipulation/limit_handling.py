@@ -76,14 +76,9 @@ def apply_limits(
     """
     Return the command that executes a task under the limits.
 
-    :param config: configuration of the robot.
-    :param task: desired motion.
-    :param limits: the limits.
     :param rows: rows of the limits, see `stack_rows`.
-    :param handling: behaviour at binding limits.
     :return: roller velocities (r,) [m/s]; scale, see `RollerCommand`; status; and names of the
         rollers and members whose limits bind.
-    :raises SolverError: a quadratic program was not solved.
     """
     reach, max_speed = task.reach, config.robot.description.max_speed
     working, gain = reach.working, float(np.abs(task.free).max())

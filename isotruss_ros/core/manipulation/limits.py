@@ -133,11 +133,7 @@ class MemberLengthLimit:
 
 @functools.lru_cache(maxsize=16)
 def default_limits(robot: Robot) -> tuple[Limit, ...]:
-    """
-    Return the limits that the robot file contains.
-
-    :param robot: the robot.
-    """
+    """Return the limits that the robot file contains."""
     file = robot.description
     return (
         RollerSpeedLimit(file.max_speed),
@@ -146,12 +142,7 @@ def default_limits(robot: Robot) -> tuple[Limit, ...]:
 
 
 def stack_rows(config: Configuration, limits: Sequence[Limit]) -> Rows:
-    """
-    Return the stacked rows of several limits, in their order.
-
-    :param config: configuration of the robot.
-    :param limits: the limits, possibly none.
-    """
+    """Return the stacked rows of several limits, in their order."""
     if not limits:
         return Rows(np.zeros((0, len(config.roller_positions))), np.zeros(0), np.zeros(0))
     parts = [limit.rows(config) for limit in limits]

@@ -218,12 +218,5 @@ class _Lines(NamedTuple):
 
 
 def roll_object(grip: Grip, start: Configuration, end: Configuration) -> Grip:
-    """
-    Return a grip after its object has rolled to another configuration, see `RollingGrip`.
-
-    :param grip: grip in the first configuration.
-    :param start: first configuration.
-    :param end: second configuration, close to the first.
-    :raises GraspError: a member does not touch the object in one of the configurations.
-    """
+    """Return a grip after its object has rolled to another configuration, see `RollingGrip`."""
     return RollingGrip.attach(start, grip).moved_to(end).grip

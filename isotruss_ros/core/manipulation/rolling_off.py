@@ -30,12 +30,7 @@ def roll_off_faces(config: Configuration, grip: Grip, reach: Reach, twist: Array
     """
     Return the reachable twists if contacts at ends of faces may lift, to come closest to a twist.
 
-    :param config: configuration of the robot.
-    :param grip: the grip.
-    :param reach: reachable twists with all contacts, returned if no subset of the contacts comes
-        closer to the twist.
     :param twist: (3,) twist of the object, not zero [m/s, rad/s].
-    :raises ConfigurationError: the configuration is singular.
     """
     contacts = find_contacts(config, grip)
     choices = list(rolled_corners(contacts, grip.friction))
@@ -71,7 +66,6 @@ def rolled_corners(
     Yield the sets of contacts that may remain when an object rolls over ends of faces.
 
     :param contacts: contacts of two members; for three members nothing is yielded.
-    :param friction: coefficient of friction between tubes and object.
     :return: those subsets of the contacts at which forces can balance.
     """
     if contacts[-1].owner != 1 or len(contacts) == 2:

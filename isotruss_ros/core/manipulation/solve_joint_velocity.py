@@ -22,13 +22,7 @@ from numpy.typing import ArrayLike
 
 
 def check_joint(robot: Mechanism, name: str) -> None:
-    """
-    Raise GraspError if a robot has no such joint.
-
-    :param robot: the robot.
-    :param name: name of the joint.
-    :raises GraspError: the robot has no such joint; the message names the existing joints.
-    """
+    """Raise GraspError if a robot has no such joint."""
     names = robot.topology.joint_names
     if name not in names:
         raise GraspError(

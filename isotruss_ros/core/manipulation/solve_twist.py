@@ -102,13 +102,9 @@ def carry_out(
     """
     Return the least-cost (11) roller velocities for a desired motion under limits.
 
-    :param config: configuration of the robot.
-    :param reach: motions that the working rollers can produce.
     :param desired: (k,) desired twist [m/s, rad/s], or velocity components of joints [m/s].
     :param limits: limits of rollers and configuration; None: the limits of the robot file.
-    :param handling: behaviour at binding limits.
     :param opening_rate: opening rate of the grip, see `solve_twist` [m/s].
-    :raises SolverError: a quadratic program was not solved.
     """
     task = find_task(reach, desired, opening_rate, handling.soft_rank)
     velocities, scale, status = task.velocities, 1.0, task.status

@@ -94,13 +94,7 @@ class RollerCommand(
     contact_rows: Array | None = field(default=None, repr=False)
 
     def slowed(self, share: float, status: Status, names: tuple[str, ...]) -> RollerCommand:
-        """
-        Return a copy of this command with velocities multiplied by a factor.
-
-        :param share: factor on the velocities, 0 to 1.
-        :param status: new status code.
-        :param names: names of the limiting parts, appended to `limiting`.
-        """
+        """Return a copy of this command with velocities multiplied by a factor."""
         return replace(
             self,
             roller_velocities=share * self.roller_velocities,

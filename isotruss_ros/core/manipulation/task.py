@@ -42,11 +42,7 @@ class WorkingRollers:
     whitening: Array  #: (w, w) matrix E such that the speeds E y have the cost |y|^2 [-]
 
     def take(self, rows: Array) -> Array:
-        """
-        Return a copy of the columns of the working rollers.
-
-        :param rows: (..., r) coefficients of the speeds of all rollers.
-        """
+        """Return a copy of the columns of the working rollers."""
         return rows.take(self.places, -1)
 
     def with_cost(self, cost: ArrayLike) -> WorkingRollers:
@@ -56,7 +52,6 @@ class WorkingRollers:
         The cost is scaled so that its trace equals that of the paper's cost.
 
         :param cost: (r, r) cost of the speeds of all rollers, symmetric and positive definite.
-        :raises GraspError: the cost is not symmetric and positive definite.
         """
         words = f'a row of the cost matrix, which has {self.count} rows'
         given = cost if np.iterable(cost) else [cost]
@@ -89,13 +84,7 @@ class WorkingRollers:
 
 @functools.lru_cache(maxsize=16)
 def working_rollers(topology: Topology, failed: frozenset[str]) -> WorkingRollers:
-    """
-    Return the working rollers of a robot.
-
-    :param topology: topology of the robot.
-    :param failed: names of the failed rollers.
-    :raises GraspError: the robot has no such roller.
-    """
+    """Return the working rollers of a robot."""
     check_roller_names('failed rollers', failed, topology.roller_names)
     places = np.array(
         [i for i, name in enumerate(topology.roller_names) if name not in failed], dtype=int
@@ -149,7 +138,6 @@ class Reach(NamedTuple):
 
         :param jacobian: (3 + g, r) grip Jacobian of an object, see `grip_jacobian`, or the (k, r)
             Jacobian of the velocity components of joints.
-        :param working: the working rollers.
         :param weights: (3,) factors, see `Reach`, or (k,) ones if joints are moved.
         """
         count, rows = len(weights), working.take(jacobian)
@@ -193,7 +181,6 @@ def find_task(
     """
     Return the closest reachable twist (20) with its least-cost (11) roller speeds.
 
-    :param reach: the reachable twists.
     :param twist: (3,) commanded twist vx, vy [m/s], omega [rad/s] in the robot frame.
     :param opening_rate: opening rate of the grip, see `solve_twist` [m/s]; zero in the paper.
     :param soft_rank: singular value of the task below which a direction of the twist counts as

@@ -48,11 +48,8 @@ def maximize_progress(
     :param cost: (r, r) matrix C^T C, positive definite.
     :param equality: (k, r) matrix J of full row rank.
     :param direction: (k,) direction in J u = s * direction.
-    :param reach: upper bound of s, positive.
     :param limited: (l, r) rows G with their bounds, which u = 0 fulfils.
-    :param penalty: weight rho of missing progress relative to the cost.
     :return: speeds u (r,), and progress s.
-    :raises SolverError: no solution was found.
     """
     inequality, lower, upper = limited
     r, count = cost.shape[0], len(inequality)
@@ -87,11 +84,8 @@ def project_target(
     :param cost: (r, r) matrix C^T C, positive definite.
     :param equality: (k, r) matrix J.
     :param target: (k,) desired value of J u.
-    :param rank: number of rows of J in the least-squares term.
     :param limited: (l, r) rows G with their bounds, which u = 0 fulfils.
-    :param regularization: weight of the cost relative to the distance, small.
     :return: (r,) speeds u.
-    :raises SolverError: no solution was found.
     """
     inequality, lower, upper = limited
     reached, kept = equality[:rank], equality[rank:]

@@ -211,7 +211,6 @@ class BarrierLimit:
 
         This limit must have been linearised at the midpoint of the motion.
 
-        :param end: configuration at the end of the motion.
         :param grip: grip at the end of the motion; None without an object.
         :param travel: (r,) roller travel of the motion [m].
         :param velocities: (r,) roller velocities before the motion [m/s].
@@ -235,10 +234,6 @@ def _admissible_share(room: Array, slope: Array, change: Array) -> Array:
     Return the fraction of a motion after which each margin has decreased by a given amount.
 
     Margins are approximated by quadratic functions of this fraction.
-
-    :param room: largest allowed decrease of each margin, not negative.
-    :param slope: derivative of the margin with respect to the fraction at the start.
-    :param change: change of the margin by the whole motion.
     """
     root = np.sqrt(np.maximum(slope**2 - 4.0 * (change - slope) * room, 0.0))
     return np.minimum(2.0 * room / np.maximum(root - slope, EPSILON), 1.0)

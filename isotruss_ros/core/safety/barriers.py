@@ -45,7 +45,6 @@ class EvaluatedState(NamedTuple):
         """
         Return whether all distances decrease by less than `spare` to another configuration.
 
-        :param config: the other configuration.
         :param grip: grip in the other configuration; None if there is none.
         """
         if self.spare <= 0.0:
@@ -79,7 +78,6 @@ class NeighborList:
 
     :ivar listed_below: distance below which pairs are in the list [m]; it exceeds
         `BarrierLaw.active_below` by half of `BarrierLaw.band`.
-    :param law: law that limits the rate of the distances.
     """
 
     def __init__(self, law: BarrierLaw) -> None:
@@ -95,7 +93,6 @@ class NeighborList:
         """
         Return the indices of the close pairs and their distances [m].
 
-        :param config: configuration of the robot.
         :param grip: grip; None if the distances do not depend on it.
         :param measure: function from indices of pairs to distances [m] in this state.
         """
@@ -119,7 +116,6 @@ class SelfCollisionBarrier:
     """
     Barrier on the distances between parts of the robot, see `CollisionModel`.
 
-    :param robot: the robot.
     :param law: law of the distance between surfaces [m].
     """
 
@@ -153,7 +149,6 @@ class ObjectBarrier:
     """
     Barrier on the distances between the held object and the parts outside of the grip.
 
-    :param robot: the robot.
     :param law: law of the distance between surfaces [m].
     """
 
@@ -199,7 +194,6 @@ class RigidityBarrier:
     Each small singular value is one value of the barrier, because the order of singular values may
     change in a step.
 
-    :param robot: the robot.
     :param law: law of the rigidity index [-].
     """
 
@@ -225,12 +219,7 @@ class RigidityBarrier:
         return ActiveValues(np.arange(count), few.values, self._index.gradients(config, few))
 
     def change(self, config: Configuration, other: Configuration) -> float:
-        """
-        Return an upper bound of the change of the rigidity index between two configurations.
-
-        :param config: first configuration.
-        :param other: second configuration.
-        """
+        """Return an upper bound of the change of the rigidity index between two configurations."""
         change = np.abs(config.gradients - other.gradients) * self._index.weights
         return math.sqrt(change @ change)
 

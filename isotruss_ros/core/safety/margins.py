@@ -36,8 +36,6 @@ def shape_margins(config: Configuration) -> ShapeMargins:
     Return the distances of a configuration from singularity and from collisions.
 
     For the distances from an object see `object_distances`.
-
-    :param config: configuration of the robot.
     """
     try:
         rigidity = float(rigidity_index(config.robot).modes(config).values[0])
@@ -59,8 +57,6 @@ def object_distances(
     """
     Return the distances between an object and the parts of the robot [m].
 
-    :param config: configuration of the robot.
-    :param body: the object at its pose.
     :param members: names of the grasping members; empty if the object is not grasped. These
         members, a module at which two of them meet, and the rods at the joint of this module are
         excluded.
@@ -68,7 +64,6 @@ def object_distances(
     :param parts: indices of parts; by default, all parts. Parts are numbered: first the m members,
         then the m modules, then the m rods.
     :return: (k,) distances; infinite for excluded parts.
-    :raises GraspError: the robot has no such members.
     """
     model = collision_model(config.robot)
     starts, ends = model.part_ends(config, parts)

@@ -55,7 +55,7 @@ class FailureDetector:
 
     :ivar failure_time: a commanded roller that does not move for this time has failed [s]; the
         value may be changed at any time.
-    :param names: names of the rollers.
+
     :param failure_time: initial value of the attribute [s].
     """
 
@@ -77,7 +77,6 @@ class FailureDetector:
         Regard rollers as working again, and restart the comparison of their travels.
 
         :param names: names of the rollers; None: all rollers.
-        :raises GraspError: the robot has no such roller.
         """
         cleared = frozenset(self._names if names is None else names)
         check_roller_names('rollers', cleared, self._names)

@@ -49,7 +49,6 @@ class ShapeBounds:
     :ivar rigidity_band: margin above `min_rigidity` below which the robot is slowed.
     :ivar clearance_band: margin above the smallest distances below which the robot is slowed [m].
     :ivar rate: largest decay rate of a small margin [1/s].
-    :raises ConfigurationError: a value is out of its range.
     """
 
     min_rigidity: float = 0.2
@@ -141,9 +140,8 @@ class Watch:
     Limits on a command in one configuration, one for each barrier with values close to its bound.
 
     :ivar limits: limits for `solve_twist`.
-    :param config: predicted configuration at the midpoint of the command's sample.
+
     :param grip: grip at this midpoint; None without an object.
-    :param barriers: the barriers.
     """
 
     def __init__(
@@ -161,7 +159,6 @@ class Watch:
         """
         Return the command, scaled down if it would violate `BarrierLaw.discrete_bound`.
 
-        :param command: command for the sample.
         :param velocities: (r,) roller velocities with which the configuration was predicted [m/s].
         :param duration: duration of the sample [s].
         """

@@ -23,11 +23,7 @@ LMS_REGULARIZATION = 1e-4
 
 
 class UsageLimits:
-    """
-    Limits on a command from the predicted slip margin and utilisation.
-
-    :param grasp: initial equilibrium of the object.
-    """
+    """Limits on a command from the predicted slip margin and utilisation."""
 
     def __init__(self, grasp: HeldGrip) -> None:
         #: Gradients of utilisation and slip margin with respect to roller travel.
@@ -38,7 +34,6 @@ class UsageLimits:
         """
         Update the gradients of utilisation and slip margin from the effect of roller travel.
 
-        :param grasp: equilibrium of the object after the travel.
         :param margin: change of the slip margin by the travel [N].
         :param travel: (r,) roller travel [m].
         """
@@ -52,7 +47,6 @@ class UsageLimits:
         """
         Return the largest factor on a command, 0 to 1, that uses up at most `free` of the margin.
 
-        :param command: the command.
         :param period: duration of the command [s].
         :param free: part of the slip margin that may be used up [N].
         """
@@ -64,7 +58,6 @@ class UsageLimits:
         """
         Return the command, scaled down if the utilisation would approach its bound too fast.
 
-        :param command: the command.
         :param period: duration of the command [s].
         :param most: largest allowed utilisation of a tube [-].
         """

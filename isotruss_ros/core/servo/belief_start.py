@@ -55,16 +55,11 @@ class BeliefStart:
         """
         Search for an equilibrium near the measured pose, or assume one; return the hold status.
 
-        :param config: configuration of the robot.
-        :param grip: grip with the object at its measured pose.
-        :param settings: desired squeeze.
         :param gripped: whether the client reports that the object is gripped; only then an
             equilibrium with the desired squeeze may be assumed.
         :param pressures: (t,) gauge pressure of each tube [Pa]; None: as in the robot file.
         :param zero_covariance: (r, r) covariance of the roller offsets [m^2]; None: uncorrelated
             offsets with the standard deviation of the settings.
-        :raises GraspError: see `attach_model`.
-        :raises StructureError: see `structure_of`.
         """
         self.belief = None
         self._assuming = gripped and self._missed and not self._assuming

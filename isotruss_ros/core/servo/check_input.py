@@ -20,10 +20,6 @@ def check_input(robot: Robot, name: str, given: Input) -> Input:
 
     Time, twist, pose, external wrench, roller state and roller offsets must be finite numbers of
     the required count, and a covariance must be positive semidefinite; see `tube_pressures`.
-
-    :param robot: the robot.
-    :param name: name of a field of `LatestInputs`.
-    :param given: new value of this field.
     """
     if not isinstance(given, StampedInput):
         return given

@@ -81,8 +81,6 @@ class HaltError(IsotrussError):
     Error that stops the rollers with a given status.
 
     :ivar status: status of the halt.
-    :param status: status of the halt.
-    :param message: reason, as a sentence for the user.
     """
 
     def __init__(self, status: Status, message: str) -> None:
@@ -91,11 +89,7 @@ class HaltError(IsotrussError):
 
 
 def halt_for(error: IsotrussError) -> Status:
-    """
-    Return the status of the halt that an error causes.
-
-    :param error: the error.
-    """
+    """Return the status of the halt that an error causes."""
     if isinstance(error, HaltError):
         return error.status
     if isinstance(error, InputError):
@@ -107,7 +101,6 @@ def describe(command: RollerCommand, keeps_contacts: bool) -> str:
     """
     Return a text about how a command deviates from the commanded twist; empty if it does not.
 
-    :param command: the command. In a halt the text is empty as well.
     :param keeps_contacts: True for the twist of an object, which must not break contacts; false
         for the velocity of a joint.
     """

@@ -38,7 +38,6 @@ class SqueezeSettings:
     :ivar load: standard deviation of loads on the object [N]; 0: that of `EstimatorSettings`.
     :ivar zero_deviation: standard deviation of the roller offsets [m], used if no estimator
         provides it.
-    :raises ConfigurationError: a value is not a number in its range.
     """
 
     force: float
@@ -74,7 +73,6 @@ class ServoSettings:
     :ivar failure_time: a commanded roller that does not move for this time has failed [s].
     :ivar pressure_timeout: largest age of measured pressures [s]; older pressures stop the
         rollers.
-    :raises ConfigurationError: a time is not a positive number.
     """
 
     grip: Grip

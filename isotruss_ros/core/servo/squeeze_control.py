@@ -55,7 +55,6 @@ class SqueezeControl:
         frequency.
     :ivar fault: fault of the grip. It remains until `acknowledge` is called; only the fault of an
         oscillation ends by itself.
-    :param settings: desired squeeze.
     """
 
     def __init__(self, settings: SqueezeSettings) -> None:
@@ -174,19 +173,11 @@ class SqueezeControl:
         The estimated equilibrium rolls with the robot. If it ceases to exist, a later call
         searches for a new one near the measured pose; each call searches at most once.
 
-        :param config: configuration of the robot.
-        :param grip: grip with the object at its predicted pose.
         :param elapsed: time since the previous cycle [s].
         :param sample: last measured pose, and its age relative to the configuration [s]; a pose
             is used once. None: a new pose, that of the grip, with zero age.
-        :param gripped: whether the client reports that the object is gripped. Then an equilibrium
-            with the desired squeeze is assumed if only wrong roller offsets can explain the
-            measured pose.
         :param rollers: measured roller positions, see `GripBelief.follow`.
         :return: hold status of the object according to the model.
-        :raises GraspError: see `find_contacts`.
-        :raises ConfigurationError: the configuration is singular.
-        :raises StructureError: see `structure_of`.
         """
         self._elapsed, belief = elapsed, self.belief
         if self.reference is not None:
@@ -218,7 +209,6 @@ class SqueezeControl:
 
         :param twist: (3,) vx, vy [m/s], omega [rad/s] of the object in the robot frame.
         :param period: duration of the command, positive [s].
-        :param solve: function that solves the quadratic program for a twist and an opening rate.
         """
         if self.belief is None:
             raise ValueError('solve was called before follow')
@@ -264,8 +254,6 @@ class SqueezeControl:
         Move the desired pose of the object by the executed twist.
 
         :param twist: (3,) commanded twist [m/s, rad/s].
-        :param command: executed command. If its direction differs from that of the twist, the
-            desired pose is reset to the estimated pose.
         :param missing: (3,) part of the twist that was not executed because of acceleration limits
             or barriers [m/s, rad/s].
         """
