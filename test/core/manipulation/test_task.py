@@ -82,3 +82,25 @@ def test_a_grip_without_opening_rollers_has_no_task():
 def test_only_the_first_row_of_a_grip_is_its_opening():
     rows = np.random.default_rng(0).standard_normal((6, 8))
     assert reach_of(rows, 0.1).opening.tolist() == [1.0, 0.0, 0.0]
+
+
+@pytest.mark.parametrize('opening', [0.0, 0.3])
+@pytest.mark.parametrize('soft_rank', [0.1, 0.4])
+def test_nearly_singular_directions_are_reduced_by_the_square_of_the_singular_value(
+    soft_rank, opening
+):
+    basis = np.linalg.qr(np.random.default_rng(3).standard_normal((6, 6)))[0]
+    sizes = np.array([1.0, 0.5, 0.2])
+    modes = np.linalg.qr(np.random.default_rng(4).standard_normal((3, 3)))[0]
+    # The contact row also moves the object, which the opening rate has to compensate.
+    coupling = np.array([0.3, -0.2, 0.1])
+    jacobian = np.vstack([(modes * sizes) @ basis[:3] + np.outer(coupling, basis[3]), basis[3]])
+    reach = reach_of(jacobian.copy(), 1.0)
+    twist = np.array([0.4, -0.7, 0.5])
+    task = find_task(reach, twist, opening, soft_rank)
+    asked = modes.T @ (twist - opening * coupling)
+    kept = np.minimum(1.0, (sizes / soft_rank) ** 2)
+    expected = modes @ (kept * asked) + opening * coupling
+    assert jacobian[:3] @ task.velocities == pytest.approx(expected)
+    assert jacobian[3] @ task.velocities == pytest.approx(opening)
+    assert task.status is (Status.UNREACHABLE if soft_rank > 0.2 else Status.OK)
