@@ -31,7 +31,7 @@ def limit_acceleration(
     previous: Array,
     change: float,
     find_rows: Callable[[], Rows],
-    arm: float = 0.0,
+    arm: float | None = None,
 ) -> RollerCommand:
     """
     Return the command closest to a desired command within a largest change of roller speeds.
@@ -43,11 +43,14 @@ def limit_acceleration(
     :param change: largest change of a speed, positive [m/s].
     :param find_rows: function that returns the rows of the limits at the command's configuration,
         see `stack_rows`.
-    :param arm: factor from angular velocity to the speed of the object's surface [m].
+    :param arm: factor from angular velocity to the speed of the object's surface [m]; None if no
+        object is moved.
     """
     wanted = command.roller_velocities
-    motion = np.zeros((1, len(wanted))) if command.motion is None else command.motion
-    weighted = motion * np.array([1.0, 1.0, arm])[: len(motion), None]
+    if command.motion is None or arm is None:
+        weighted = np.zeros((1, len(wanted)))
+    else:
+        weighted = command.motion * np.array([[1.0], [1.0], [arm]])
     top = float(np.linalg.norm(weighted.dot(previous))) + SURFACE_ACCELERATION * change
     faster = bool(np.linalg.norm(weighted.dot(wanted)) > top)
     if not faster and np.abs(wanted - previous).max() <= change:

@@ -264,7 +264,7 @@ class TwistServo:
         asked = command
         if command.status < Status.HALT_NO_TWIST:
             change = self._largest_change(now)
-            arm = 0.0 if grip is None else grip.body.arm
+            arm = None if grip is None else grip.body.arm
             command = limit_acceleration(
                 command, last, change, lambda: stack_rows(config, limits), arm
             )
