@@ -110,9 +110,7 @@ class Flattening:
 
 @functools.lru_cache(maxsize=16)
 def lattice_distances(count: int) -> Indices:
-    """
-    Return the distances (count, count) between successive points, as multiples of the spacing.
-    """
+    """Return the distances (count, count) between successive points in spacings."""
     found = np.arange(count)
     return np.abs(found[:, None] - found)
 

@@ -64,7 +64,7 @@ class EquilibriumCache:
 
     @property
     def pose(self) -> Array:
-        """Return the pose (3,) without load and unexplained pose [m, rad]."""
+        """Return position and angle (3,) without load and unexplained pose [m, rad]."""
         return np.array(self.grasp.pose) + self.ahead[:3] + self._pending[:3]
 
     @property

@@ -54,9 +54,7 @@ class EstimatorSettings:
     squeeze_error: float = 0.04
 
     def calibrated(self, description: RobotDescription) -> EstimatorSettings:
-        """
-        Return the settings with the deviation of the stiffness that a calibration has measured.
-        """
+        """Return the settings with the calibrated deviation of the stiffness."""
         stiffness = description.calibration.get('stiffness_deviation', self.stiffness)
         return replace(self, stiffness=stiffness)
 

@@ -200,9 +200,7 @@ class StateEstimator:
 
     @single_threaded
     def estimate(self) -> StateEstimate | None:
-        """
-        Return the estimated state at the last encoder reading; None before the first reading.
-        """
+        """Return the estimate at the last encoder reading; None before the first one."""
         if not self._readings:
             return None
         self._roll()

@@ -24,9 +24,9 @@ class ContactPoints(NamedTuple):
     compliance: Array  #: (2 c, 2 c) displacements x, then y, of the points per force x, y [m/N]
 
     def displacements(self, forces: Points) -> Points:
-        """Return the displacements (c,) due to forces (c,), x + iy [m, N]."""
-        moved = self.compliance @ np.concatenate([forces.real, forces.imag])
-        return moved[: len(forces)] + 1j * moved[len(forces) :]
+        """Return the motions (c,) of the points by forces (c,), x + iy [m, N]."""
+        x, y = (self.compliance @ np.concatenate([forces.real, forces.imag])).reshape(2, -1)
+        return x + 1j * y
 
     def normal_compliance(self, normals: Points) -> Array:
         """Return the compliance (c, c) along unit normals (c,), N^T S^-1 N of (8) [m/N]."""

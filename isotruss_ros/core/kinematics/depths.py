@@ -19,9 +19,7 @@ def member_lines(config: Configuration) -> Points:
 
 
 def member_depths(config: Configuration, body: ConvexObject) -> Array:
-    """
-    Return the penetration depth (m,) of an object in each undeformed member; negative if apart.
-    """
+    """Return the depth (m,) of an object in each undeformed member; negative if apart."""
     radius = 0.5 * config.robot.description.tube_diameter
     starts, ends = member_lines(config).T
     if body.shape.is_round:

@@ -22,9 +22,7 @@ class Tolerance(NamedTuple):
     def find_violation(
         self, names: Sequence[str], wanted: RollerState, measured: RollerState
     ) -> str:
-        """
-        Return a sentence about the roller farthest beyond the tolerance; empty if there is none.
-        """
+        """Return a sentence about the roller farthest beyond its tolerance; empty if none."""
         for what, unit, bounds, off in (
             ('', 'm', self.positions, wanted.positions - measured.positions),
             (' in speed', 'm/s', self.velocities, wanted.velocities - measured.velocities),
