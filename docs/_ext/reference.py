@@ -22,6 +22,7 @@ PACKAGES = (
     'kinematics',
     'statics',
     'contact',
+    'fixed_object',
     'holding',
     'manipulation',
     'safety',
