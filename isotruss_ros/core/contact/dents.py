@@ -6,8 +6,8 @@ Depth of the dent of a tube's skin at one contact, as a function of the normal f
 
 The dent is the deformation of the tube's section by `flattening` while the centre line is fixed.
 Its depth is the overlap of the object with the tube's undeformed section. Each point of the skin
-presses across the tube, as in `sliding_contact`, so the dent follows from the heights of the
-object's surface: under equal forces it is deep at a sharp corner and shallow at a face. The depth
+presses across the tube, see `pressed_skin`, so the dent follows from the heights of the object's
+surface: under equal forces it is deep at a sharp corner and shallow at a face. The depth
 depends only on tube and object, so one table is valid for every grasp. The depth is almost linear
 in the 2/3 power of the force, as for a point contact.
 """

@@ -4,8 +4,9 @@
 """
 Contact forces on a tube's skin under an object at a given depth of the dent.
 
-Each point of the skin presses across the tube, as in `sliding_contact`, so the forces follow from
-the heights of the object's surface.
+The skin of a straight tube is uniform along the tube, so without friction it slides under a corner
+without a force: each point of the skin presses across the tube, and the forces follow from the
+heights of the object's surface.
 """
 
 from __future__ import annotations
