@@ -12,7 +12,7 @@ penetration.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 from isotruss_ros.core.model.convex_object import ConvexObject
@@ -30,7 +30,7 @@ class Surface:
 
     body: ConvexObject  #: the object at its pose
     margin: float  #: offset of the surface [m]
-    shape: Shape  #: shape of the object, with corners rounded to the resolution of the points
+    shape: Shape  #: shape of the object
     center: complex  #: the centroid of the object's area, x + iy [m]
     reach: float  #: upper bound of the distance of surface points from the centre [m]
 
@@ -89,16 +89,6 @@ class Surface:
         """Return tangents that bound the surface: normals (k,), distances from the centre (k,)."""
         normals = self.body.shape.bounding_normals * self.body.turn
         return normals, self.support(normals)
-
-    def resolved(self, spacing: float) -> Surface:
-        """
-        Return the surface with corners rounded to the resolution of the contact points.
-
-        :param spacing: spacing of the contact points along a tube [m].
-        """
-        if self.shape.is_round:
-            return self
-        return replace(self, shape=self.body.shape.rounded(spacing))
 
 
 def surface_of(body: ConvexObject, margin: float = 0.0) -> Surface:

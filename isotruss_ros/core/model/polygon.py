@@ -283,12 +283,6 @@ class Polygon(Shape):
         curve = SmoothOutline(tuple(zip(tips.real.tolist(), tips.imag.tolist(), strict=True)))
         return curve if curve.is_convex else None
 
-    @cached_property
-    def centered(self) -> Polygon:
-        """Return the polygon with the origin of its frame at the centroid."""
-        away = self.corners - self.centroid
-        return Polygon(tuple(zip(away.real, away.imag, strict=True)), self.corner_radius)
-
     def outline(self, spacing: float) -> Points:
         """Return points along the surface; see `Shape.outline`."""
         parts = []

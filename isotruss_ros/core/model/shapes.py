@@ -233,11 +233,6 @@ class Shape(ABC):
         """
         return self
 
-    @property
-    def centered(self) -> Shape:
-        """Return the shape with the origin of its frame at the centroid."""
-        return self
-
     @abstractmethod
     def outline(self, spacing: float) -> Points:
         """

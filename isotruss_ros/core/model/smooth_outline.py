@@ -142,12 +142,6 @@ class SmoothOutline(Shape):
         gaps = (away * normals.conj()).real - found[1]
         return SurfacePoints(gaps, normals, found[1] + found[3])
 
-    @cached_property
-    def centered(self) -> SmoothOutline:
-        """Return the shape with the origin of its frame at the centroid."""
-        away = self.corners - self.centroid
-        return SmoothOutline(tuple(zip(away.real, away.imag, strict=True)))
-
     def outline(self, spacing: float) -> Points:
         """Return points along the surface; see `Shape.outline`."""
         spans = np.diff(self._angles)
