@@ -232,15 +232,19 @@ def skin_depths(grip: HeldGrip, members: Indices, corners: Indices) -> Array:
     straight = away_from(starts, normals).real
     places = straight.clip(0.0, length)
     for _ in range(2):  # the second place is at the foot on the bent line, to second order
-        lines, turned = _bent_lines(grip, members, places)
+        lines, turned = bent_lines(grip, members, places)
         away = away_from(lines, normals * turned) / turned
         places = (places + away.real).clip(0.0, length)
     depths = grip.statics.tube_radius + (away * axis / normals).real
     return np.where((straight >= 0.0) & (straight <= length), depths, -np.inf)
 
 
-def _bent_lines(grip: HeldGrip, members: Indices, places: Array) -> tuple[Points, Points]:
-    """Return points (c,) of bent centre lines [m], and their directions relative to straight."""
+def bent_lines(grip: HeldGrip, members: Indices, places: Array) -> tuple[Points, Points]:
+    """
+    Return points (c,) of bent centre lines [m], and their directions relative to straight.
+
+    :param places: (c,) distances from the members' starts [m].
+    """
     bent, state = grip.statics.bent, grip.state
     starts, ends = member_lines(grip.config)[members].T
     moved = bent.displacements(state.loads, state.feet)
@@ -258,7 +262,7 @@ def depths_in_others(grip: HeldGrip) -> tuple[Indices, Array]:
     reach = (1.0 + 2.0 * MAX_DISPLACEMENT) * radius
     members = np.setdiff1d(np.flatnonzero(near.gaps < reach), grip.members)
     spans, shares = (ends - starts)[members], near.shares[members]
-    lines, _ = _bent_lines(grip, members, shares * np.abs(spans))
+    lines, _ = bent_lines(grip, members, shares * np.abs(spans))
     moved = lines - starts[members] - shares * spans
     return members, radius - near.gaps[members] - (moved / near.normals[members]).real
 

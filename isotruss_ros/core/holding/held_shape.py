@@ -5,8 +5,9 @@
 
 from __future__ import annotations
 
+from isotruss_ros.core.holding.contact_search import bent_lines
 from isotruss_ros.core.holding.held_grip import HeldGrip
-from isotruss_ros.core.numerics.arrays import Array, Indices, Points
+from isotruss_ros.core.numerics.arrays import Indices, Points
 import numpy as np
 
 #: Number of points on each member from guide ring to guide ring, and in each contact region [-].
@@ -20,7 +21,7 @@ def deformed_lines(grip: HeldGrip) -> Points:
     between = ring + (length - 2.0 * ring)[:, None] * np.linspace(0.0, 1.0, POINTS_PER_MEMBER)
     places = np.column_stack([np.zeros_like(length), between, length])
     drawn = np.repeat(np.arange(len(places)), places.shape[1])
-    return _center_lines(grip, drawn, places.ravel()).reshape(places.shape)
+    return bent_lines(grip, drawn, places.ravel())[0].reshape(places.shape)
 
 
 def region_lines(grip: HeldGrip) -> Points:
@@ -28,8 +29,8 @@ def region_lines(grip: HeldGrip) -> Points:
     start, end = grip.patches.spans.T[:, :, None]
     places = start + (end - start) * np.linspace(0.0, 1.0, POINTS_PER_REGION)
     members = np.repeat(grip.members[: len(places)], POINTS_PER_REGION)
-    centers = _center_lines(grip, members, places.ravel()).reshape(places.shape)
-    outward = _sums(grip.contacts.owners, grip.state.normals)[: len(places), None]
+    centers = bent_lines(grip, members, places.ravel())[0].reshape(places.shape)
+    outward = sum_by_member(grip.contacts.owners, grip.state.normals)[: len(places), None]
     skins = centers - grip.statics.tube_radius * outward / np.abs(outward)
     nearest = grip.body.moved_to(grip.pose).nearest(skins.ravel())
     return skins - (nearest.gaps * nearest.normals).reshape(places.shape)
@@ -49,8 +50,8 @@ def contact_resultants(grip: HeldGrip) -> tuple[Points, Points]:
     """Return centre of pressure [m] and force on the object [N] of each grasping member, (m,)."""
     state, owners = grip.state, grip.contacts.owners
     forces = -(state.normal_forces + 1j * state.friction_forces) * state.normals
-    centers = _sums(owners, state.normal_forces * contact_points(grip)) / grip.normal_forces
-    return centers, _sums(owners, forces)
+    moments = sum_by_member(owners, state.normal_forces * contact_points(grip))
+    return moments / grip.normal_forces, sum_by_member(owners, forces)
 
 
 def contact_points(grip: HeldGrip) -> Points:
@@ -60,15 +61,6 @@ def contact_points(grip: HeldGrip) -> Points:
     return body.center + body.turn * body.shape.surface_at(grip.contacts.corners, own)[0]
 
 
-def _sums(owners: Indices, values: Points) -> Points:
+def sum_by_member(owners: Indices, values: Points) -> Points:
     """Return the sums (m,) of values (k,) at the contacts of each member."""
     return np.bincount(owners, values.real) + 1j * np.bincount(owners, values.imag)
-
-
-def _center_lines(grip: HeldGrip, members: Indices, places: Array) -> Points:
-    """Return points (c,) of the bent centre lines at distances from the members' starts [m]."""
-    bent, straight = grip.statics.bent, grip.statics.bent.structure.frame
-    moved = bent.displacements(grip.state.loads, grip.state.feet)
-    piece, within, _ = bent.structure.locate(members, places)
-    points = straight.points[straight.members.start[piece]] + within * straight.axis[piece]
-    return points + bent.frame.interpolate(moved, piece, within)[:, :2] @ (1.0, 1j)
