@@ -88,11 +88,10 @@ def compare(cases: Sequence[Case] = CASES, phases: Sequence[Phase] = PHASES) -> 
     return Section(
         'Boxes between sides that do not meet',
         'Objects are pressed between the sides `south/P-Q` and `north/R-P`. The forces on '
-        f'the free object with friction ({FRICTION:g}) are compared with `settle_grasp`. The '
-        'comparison excludes the box with a face in contact, because its contact forces depend on '
-        'the contact history. Then the servo of `manipulation` picks up a free box, carries it by '
-        '85 mm, turns it by 17° on two rolling corners, and puts it down; it controls the '
-        'squeeze.',
+        f'the free object with friction ({FRICTION:g}) are compared with `settle_grasp`; no bound '
+        'applies to a face in contact, whose forces depend on the contact history. Then the servo '
+        'of `manipulation` picks up a free box, carries it by 85 mm, turns it by 17° on two '
+        'rolling corners, and puts it down.',
         checks,
         (_table(found), _picked_table(picked)),
         draw(picked),

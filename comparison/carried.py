@@ -67,10 +67,9 @@ def compare(phases: Sequence[Phase] = figure_9()) -> Section:
     return Section(
         'Fig. 9 carried',
         'An object of 0.3 m in a corner of 60° is carried along the path of Fig. 9 with a '
-        f'coefficient of friction of {FRICTION:g}. The robot is controlled in three ways. '
-        '“Open loop” is the paper’s program for rigid tubes. “Feedback” adds a twist that is the '
-        'pose error times a gain of 1/s. “Squeeze regulated” is the servo of `manipulation`, '
-        'which controls the squeeze.',
+        f'coefficient of friction of {FRICTION:g}. '
+        '“Open loop” is the paper’s program for rigid tubes. “Feedback” adds the pose error times '
+        'a gain of 1/s to the twist. “Squeeze regulated” is the servo of `manipulation`.',
         tuple(checks),
         (
             Table(

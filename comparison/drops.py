@@ -108,11 +108,9 @@ def compare(cases: int = CASES) -> Section:
         'Nothing is dropped whose slip margin exceeds the load',
         'Corner angle, indentation, object, friction, load and motion are chosen at random. The '
         'load is the smallest slip margin of our model on the path, divided by '
-        f'{1.0 + ABOVE:g}. In every second case the load acts in the direction of the smallest '
-        f'margin. It rises in {RISE:g} s; then the rollers carry the object in open loop for '
-        f'{DURATION:g} s. '
-        f'Grasps with a margin below {LEAST:g} N, or with tubes that would wrinkle, are '
-        'replaced by other random grasps.',
+        f'{1.0 + ABOVE:g}, in every second case in the direction of the smallest margin. It rises '
+        f'in {RISE:g} s; then the rollers carry the object in open loop for {DURATION:g} s. '
+        f'Grasps with a margin below {LEAST:g} N, or with tubes that would wrinkle, are replaced.',
         (check,),
         (
             Table(

@@ -50,8 +50,7 @@ def compare(
     return Section(
         'Forces, friction and stiffness of grasps',
         'An object of 0.3 m is pressed into the corner of the tube `north` at the joint `Z`. '
-        f'Then it is free, with friction ({FRICTION:g}): its '
-        'forces and required friction are compared with `settle_grasp`. Small '
+        f'Then it is free, with friction ({FRICTION:g}), and compared with `settle_grasp`. Small '
         'wrenches measure the stiffness. No bound applies to grasps in which a tube wrinkles.',
         _checks(found),
         _tables(found),

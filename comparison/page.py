@@ -17,15 +17,13 @@ INTRODUCTION = """\
 <!-- Written by `make plant`; change comparison/ instead. -->
 # Our model and MuJoCo's, number by number
 
-`make plant` computes this page in about a quarter of an hour. It compares two
-models and uses no measurement of a robot. Errors in the parts that both models
-[share](mujoco.md#the-model) do not appear here.
+`make plant` computes this page in about a quarter of an hour. It compares two models, without
+measurements of a robot. Errors in the parts that both [share](mujoco.md#the-model) do not appear.
 
-The models differ in three ways. MuJoCo's tubes are chains of segments; our tubes are beams with
-axial force and large motion of their ends. MuJoCo integrates assumed masses, drag and losses; our
-model is in equilibrium. MuJoCo's tubes stay round; so in this comparison our tubes have
-`local_stiffness: 1e4`, and they hardly flatten. Contact lengths and the effects of masses are not
-compared.
+MuJoCo's tubes are chains of segments, ours beams with axial force and large motion of their ends.
+MuJoCo integrates assumed masses, drag and losses; our model is in equilibrium. MuJoCo's tubes stay
+round, so here our tubes have `local_stiffness: 1e4`. Contact lengths and the effects of masses are
+not compared.
 """
 
 

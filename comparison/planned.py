@@ -104,17 +104,15 @@ def compare(wanted: Sequence[Wanted] = WANTED) -> Section:
     back = 'the servo controls the squeeze of our model; the path ends within 1.25 mm'
     return Section(
         'Planned grasps',
-        'A free object lies on the ground with a friction force of half a newton. `plan_grasps` '
-        'finds a grasp with a given squeeze. The rollers of MuJoCo’s robot follow the planned '
-        'path of this grasp in open loop, at half the planned speed. In our model the object '
-        'does not move meanwhile; in MuJoCo it is pushed away. As in `pick_object`, the path '
-        'follower '
+        'A free object lies on the ground with a friction force of half a newton. The rollers of '
+        'MuJoCo’s robot follow the path by `plan_grasps` to a given squeeze in open loop, at half '
+        'the planned speed, and push the object away. As in `pick_object`, the path follower '
         f'then returns it to its initial place at {1e3 * RETURN_SPEED:g} mm/s. The object of the '
         'first row is then carried along the path of Fig. 9. '
         f'It is {"lost" if arc.lost else "held"} to the end of the arc, within '
         f'{number(1e3 * arc.position_error, 2)} mm of the path, with a squeeze between '
-        f'{number(float(arc.squeezes.min()))} and {number(float(arc.squeezes.max()))} N. '
-        f'The servo is set to expect external loads of {LOAD:g} N.',
+        f'{number(float(arc.squeezes.min()))} and {number(float(arc.squeezes.max()))} N and an '
+        f'`expected_load` of {LOAD:g} N.',
         (
             *_checks('open loop', closed, (10.0, 4.0), why),
             *_checks('brought back', returned, (10.0, 2.0), back),

@@ -69,10 +69,9 @@ def compare(
     return Section(
         'Slip margin under pulls',
         f'A force on the held object grows by {RATE:g} N/s in one of eight directions until a '
-        f'contact slips in MuJoCo. The coefficient of friction is {FRICTION:g}. Our model gives '
-        'the force at which a contact first slips in the computed equilibrium of the object. The '
-        'last column is `slip_margin`: the smallest wrench of any direction, moments included, at '
-        'which a contact slips.',
+        f'contact slips in MuJoCo, with friction ({FRICTION:g}). Our value is the force at which '
+        'a contact first slips in the equilibrium. The last column is `slip_margin`, the smallest '
+        'of all directions, moments included.',
         (check,),
         (
             Table(

@@ -94,21 +94,17 @@ def compare_discs(count: int = 20) -> Section:
     """
     words = (
         f'{count} discs of 0.1 to 0.3 m are pressed into the corner at home by '
-        f'{1e3 * INDENTATION:.0f} mm with a coefficient of friction of {FRICTION:g}. The '
-        f'utilisation of the tubes is then at most {MOST_USED:g}. Each disc '
+        f'{1e3 * INDENTATION:.0f} mm with a coefficient of friction of {FRICTION:g} and a '
+        f'utilisation of at most {MOST_USED:g}. Each '
         f'is carried along {LEGS} random straight legs of up to {1e3 * REACH[0]:.0f} mm and '
-        f'{REACH[2]:g} rad, each in {LEG_TIME:g} s, or longer if the control loop slows the '
-        'motion. '
-        'The measured poses have a noise of '
+        f'{REACH[2]:g} rad, each in {LEG_TIME:g} s or more, with a noise of the poses of '
         f'{1e3 * NOISE[0]:g} mm and {np.degrees(NOISE[1]):.1f}°. In the row “{PULLED}”, '
-        f'unexpected external forces of {PULL:g} times the slip margin act for half of a leg. '
-        f'Before the first leg the control loop holds the object for {REST:g} s, and refuses the '
-        'path if its model predicts that the object will be lost. “Halted, held” means that the '
-        'control loop stopped while the object was held; “lost, reported” means that the object '
-        'was lost and the control loop reported it, “lost, not reported” that it did not. “Off '
-        '[mm]” is the final distance of the object from the position to which the executed twists '
-        'lead, “squeeze off” the final deviation of the squeeze from its desired value. An object '
-        'that leaves the grip before the control starts is replaced by another random object.'
+        f'external forces of {PULL:g} times the slip margin act for half of a leg. '
+        f'The control loop first holds the object for {REST:g} s, and refuses a path on which its '
+        'model predicts a loss. “Halted, held”: the control loop stopped while the object was '
+        'held; “reported”: the control loop reported the loss. “Off [mm]” is the final distance '
+        'from the position to which the executed twists lead, “squeeze off” the final deviation '
+        'of the squeeze. An object that is lost before the control starts is replaced.'
     )
     return _compare(DISC, count, words)
 

@@ -28,17 +28,15 @@ def report(shapes: Mapping[str, Shape]) -> Report:
         'largest load, marked where a tube wrinkles',
         stated='A triangle of a 10.2 cm tube at 34.5 kPa was pushed down at its top, on a '
         'vertical track, until the tubes buckled. Model and measurements put the shapes in the '
-        'same '
-        'order.',
-        computed='The stiffness increases with the steepness of the legs: that of the acute '
-        f'triangle is {number(stiff.stiffness / soft.stiffness, 2)} times that of the obtuse one. '
+        'same order.',
+        computed='The steeper the legs, the stiffer the triangle: the acute one is '
+        f'{number(stiff.stiffness / soft.stiffness, 2)} times as stiff as the obtuse one. '
         f'{number(100 * min(axial), 2)} to {number(100 * max(axial), 2)} % of the strain energy '
         'is axial. Two hinged bars with the legs’ axial stiffness k have the stiffness 2 k sin²α, '
         f'which is {number(100 * (min(bars) - 1), 2)} to {number(100 * (max(bars) - 1), 2)} % '
-        'larger than the stiffness of our model. Our model is softer because its modules turn '
-        'about the joints, which bends the tubes. A tube wrinkles at a displacement of '
-        f'{number(min(sunk), 2)} to {number(max(sunk), 2)} mm. At this displacement the force of '
-        'a linear model is larger than that of our nonlinear model, by '
+        'larger than ours, because they do not bend. A tube wrinkles at a displacement of '
+        f'{number(min(sunk), 2)} to {number(max(sunk), 2)} mm. There the force of '
+        'a linear model is larger, by '
         f'{_in_words(shapes, [f"{number(share, 2)} %" for share in excess])}. '
         'Without wrinkling, the triangle would bear at most '
         f'{_in_words(shapes, [f"{number(force)} N" for force in largest])} up to a displacement '

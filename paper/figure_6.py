@@ -114,20 +114,16 @@ def report(result: Interference) -> Report:
         'centre line of the tube. The model agrees with the measurements for small cylinders. The '
         'measured stiffness increases with the diameter, but that of the model does not; the '
         'paper explains this by the compressed gas.',
-        computed="In the paper's model the section stays round. The largest cylinder at the "
-        f'middle then has a stiffness that is {number(paper, 1)} % larger than that of the '
-        'smallest. With a section '
-        f'that flattens, the stiffness increases by {number(own, 2)} % from the smallest to the '
-        'largest '
-        f'cylinder, and with the pressure as p^{number(flat.min(), 2)} to '
-        f'p^{number(flat.max(), 2)} '
-        f"(the paper's model: p^{number(beam.max(), 1)}). No constant is fitted. "
-        'Computed with membrane finite elements, the stiffness increases by '
-        f'{number(membrane, 2)} % and as '
+        computed="In the paper's model the section stays round, and the stiffness at the middle "
+        f'increases by {number(paper, 1)} % from the smallest to the largest cylinder. With a '
+        f'section that flattens it increases by {number(own, 2)} %, and with the pressure as '
+        f'p^{number(flat.min(), 2)} to p^{number(flat.max(), 2)} '
+        f"(the paper's model: p^{number(beam.max(), 1)}), without a fitted constant. With "
+        f'membrane finite elements it increases by {number(membrane, 2)} % and as '
         f'p^{number(reference.min(), 2)} to p^{number(reference.max(), 2)}.',
         difference='Our model reproduces the increase of stiffness with the diameter. For small '
-        'cylinders, measurements agree with a model with round sections; our model does not '
-        'reproduce this, because flattening halves the stiffness. The gas does not explain the '
+        'cylinders the measurements agree with round sections, and our model does not, because '
+        'flattening halves the stiffness. The gas does not explain the '
         f'increase: at an indentation of {1e3 * DEPTH:g} mm the tube loses '
         f'{number(1e6 * DISPLACED[0])} to {number(1e6 * DISPLACED[1])} of its '
         f'{number(1e6 * VOLUME, 4)} cm³, which raises the pressure by '

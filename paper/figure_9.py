@@ -166,10 +166,8 @@ def report(result: Moved) -> Report:
         f'a quarter of a circle of {number(1e2 * right)} cm radius, with {RATE:g} commands per '
         f'second. The largest error is {number(1e6 * worst, 2)} µm in position and '
         f'{number(math.degrees(turned), 2)}° in orientation. Each command is computed for the '
-        'middle of the interval in which it is valid; if commands are computed for the beginning '
-        'of the interval, the error is '
-        f'{number(1e3 * plain, 2)} mm. The largest roller speed occurs in the part '
-        f'{fastest.name!r}: '
+        f'middle of its interval; for the beginning, the error is {number(1e3 * plain, 2)} mm. '
+        f'The largest roller speed, in the part {fastest.name!r}, is '
         f'{number(1e3 * fastest.roller_speed, 2)} mm/s of the allowed 100 mm/s.',
         difference='The sizes and durations are chosen here.',
         assumption='The object of 30 cm is held at the top module. The robot is rigid, and the '

@@ -20,10 +20,9 @@ INTRODUCTION = """\
 `make paper` computes and draws this page in less than five minutes with the package's own
 functions ([which computes which equation](equations.md)).
 
-**No measurement of the paper is in this package.** Only the captions of its figures and the
-headings of Table I were available. The figures here show results of our model; each *difference*
-compares the model with the paper's text. The stiffness of the tube is
-[theoretical](tube_stiffness.md), and all forces depend on it.
+**No measurement of the paper is in this package**, only the captions of its figures and the
+headings of Table I. The figures show our model; each *difference* compares it with the paper's
+text. All forces depend on the [theoretical](tube_stiffness.md) stiffness of the tube.
 """
 
 
