@@ -60,6 +60,8 @@ class GripBelief:
     :param zero_covariance: (r, r) covariance of the roller offsets [m^2]; None: uncorrelated
         offsets with the standard deviation of the settings.
     :param noise: (3,) prior standard deviations of the measured poses [m, rad].
+    :param is_assumed: whether the squeeze of the equilibrium is assumed, so that its standard
+        deviation is as large as the squeeze, until an equilibrium near the measured pose is found.
     """
 
     usage = property(attrgetter('_cache.usage'), doc='Limits on motion, see `UsageLimits`.')
@@ -83,6 +85,7 @@ class GripBelief:
         # In many assumed starts nothing is gripped. The factor 0.7 makes this show after 9 to 16
         # mm of path; with the factor 1 it shows after 24 mm.
         self._most = (0.7 if is_assumed else 1.0) * MAX_DEVIATIONS
+        self._is_assumed = is_assumed
         self._even = np.array([1.0, 1.0, grasp.arm])
         count = len(grasp.config.roller_positions)
         if zero_covariance is None:
@@ -136,7 +139,8 @@ class GripBelief:
         """
         cache = self._cache
         variance = self._state.spread(cache.rates.squeeze, cache.by_considered.squeeze)
-        return math.sqrt(variance + (self.settings.squeeze_error * self.squeeze) ** 2)
+        relative = 1.0 if self._is_assumed else self.settings.squeeze_error
+        return math.sqrt(variance + (relative * self.squeeze) ** 2)
 
     @property
     def squeeze_deviation(self) -> float:
@@ -268,12 +272,14 @@ class GripBelief:
         decayed = state.propagate(elapsed, self._even * change, np.abs(travel), cache)
         response = self.grasp.response
         lag.hold_back(np.append(response.pose @ decayed, response.squeeze @ decayed))
-        # The first equilibrium used one noisy pose; after large corrections the rates are invalid.
-        due = self._poses == FIRST_POSES or np.abs(self._corrected).max() > MAX_FIRST_ORDER_TRAVEL
+        # After large corrections the rates are invalid.
+        due = np.abs(self._corrected).max() > MAX_FIRST_ORDER_TRAVEL
+        if not self._is_assumed:  # the first equilibrium used one noisy pose
+            due |= self._poses == FIRST_POSES
         self._poses += due
         # An earlier search would attribute transient loads to the contacts.
         waited = lag.time - self._searched > self.settings.load_time
-        slips = rolled.required_friction > self._friction and waited
+        slips = rolled.required_friction > self._friction and waited and not self._is_assumed
         if due or slips:
             self.attach(config, pressures)
         return HoldStatus.HELD  # slip is detected from the poses
@@ -315,8 +321,8 @@ class GripBelief:
         Search the equilibrium near the estimated pose, and initialise the contacts' shifts there.
 
         :param pressures: (t,) gauge pressure of each tube [Pa]; None: as in the robot file.
-        :return: whether an equilibrium exists, with a utilisation of at most `MAX_UTILISATION` or
-            that of the present equilibrium.
+        :return: whether an equilibrium exists that explains the pose, with a utilisation of at
+            most `MAX_UTILISATION` or that of the present equilibrium.
         """
         self.searches, self._searched = self.searches + 1, self._lag.time
         limit = max(MAX_UTILISATION, self.grasp.sections.used.max())
@@ -328,10 +334,12 @@ class GripBelief:
             return False
         if found.hold(math.inf) is not HoldStatus.HELD or found.sections.used.max() > limit:
             return False
-        before = self._cache.by_considered.pose
+        cache, before = EquilibriumCache(found, self._friction), self._cache.by_considered.pose
+        if not self._state.explains(self._even * pose_difference(pose, found.pose), cache):
+            return False
+        self._is_assumed, self._cache = False, cache
         self._take(found)
-        self.walk.attach(self._cache.by_considered.pose - before)
-        self._cache.forget_motion(found)
+        self.walk.attach(cache.by_considered.pose - before)
         self._corrected = np.zeros_like(self._corrected)
         self._place_contacts(pose)
         self._lag.hold_back(np.append(np.zeros(3), self.squeeze - squeeze))

@@ -7,6 +7,7 @@ from functools import partial
 
 from held_grips import HOME
 from isotruss_ros.core import Disc, Grip, HoldStatus, place_between, Polygon, Pose, solve_twist
+from isotruss_ros.core.estimation.grip_belief import FIRST_POSES
 from isotruss_ros.core.estimation.grip_model import attach_model
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.servo.belief_start import BeliefStart
@@ -95,3 +96,29 @@ def test_an_object_that_does_not_follow_is_reported_within_20_mm(away, direction
         command = control.solve(twist, PERIOD, solve)
         control.advance(twist, command)
         config = config.moved_to(config.roller_positions + PERIOD * command.roller_velocities)
+
+
+@pytest.mark.parametrize('away', OUTSIDE)
+def test_an_assumed_squeeze_is_unknown_and_stays_as_assumed(away):
+    control, grip = SqueezeControl(SETTINGS), measured(away)
+    for _ in range(3 * FIRST_POSES):
+        control.follow(HOME, grip, PERIOD, gripped=True)
+    belief = control.belief
+    assert belief.searches == 0
+    assert belief.squeeze == pytest.approx(SETTINGS.force, rel=0.1)
+    assert belief.squeeze_deviation >= belief.squeeze
+
+
+def test_corrected_offsets_end_an_assumed_squeeze():
+    command = solve_twist(HOME, measured((0.0, 0.0)), np.zeros(3), opening_rate=0.04)
+    opening = command.roller_velocities
+    control, grip = SqueezeControl(SETTINGS), measured((0.0, 0.0))
+    config, covariance = HOME.moved_to(HOME.roller_positions + opening), np.eye(6)
+    control.take_offsets(opening, 0.01**2 * covariance, 0.0)
+    for _ in range(10):
+        control.follow(config, grip, PERIOD, gripped=True)
+    assert control.belief.squeeze_deviation >= control.belief.squeeze
+    control.take_offsets(np.zeros(6), 1e-3**2 * covariance, 1.0)
+    control.follow(HOME, grip, PERIOD, gripped=True)
+    assert control.belief.squeeze == pytest.approx(MODEL.squeeze, rel=0.1)
+    assert not control.belief.squeeze_is_unknown
