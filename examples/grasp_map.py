@@ -20,19 +20,19 @@ def settle(x: float, y: float) -> object:
     return core.settle_grasp(config, core.ConvexObject.disc((x, y), 0.6), friction=0.8)
 
 
-grasps = [settle(*place) for place in zip(x.flat, y.flat, strict=True)]
-table = np.array([(g.slip_margin, g.force_closure, g.held) for g in grasps])
-margin, closed, held = table.T.reshape(3, *x.shape)
+grasps = [settle(*center) for center in zip(x.flat, y.flat, strict=True)]
+margin = np.reshape([g.slip_margin if g.force_closure else np.nan for g in grasps], x.shape)
+held = np.reshape([g.held for g in grasps], x.shape)
 figure = Figure(figsize=(9.0, 4.2), layout='constrained')
 left, right = figure.subplots(1, 2, width_ratios=(1, 1.4))
-plotting.plot_robot(config, left).plot(x[held > 0], y[held > 0], '.', ms=2)
+plotting.plot_robot(config, left).plot(x[held], y[held], '.', ms=2)
 left.autoscale_view()
-filled = right.contourf(x, y, margin, np.linspace(0.0, 6.0, 13), extend='both')
-right.contour(x, y, closed, [0.5], colors='white', linestyles='dashed')
+left.set(title='centres at which the disc is held')
+filled = right.contourf(x, y, margin, np.linspace(0.0, 6.0, 13), extend='max')
 right.contour(x, y, held, [0.5], colors='white')
-right.set(xlabel='x [m]', ylabel='y [m]', title='force closure: dashed, held: solid line')
+right.set(xlabel='x [m]', ylabel='y [m]', title='coloured: force closure; line: held')
 for axes in (left, right):
     axes.set_aspect('equal')
 figure.colorbar(filled, ax=right, label='slip margin [N]')
 figure.savefig('map.png')
-print(f'held with a slip margin of up to {margin[held > 0].max():.1f} N: see map.png')
+print(f'held with a slip margin of up to {margin[held].max():.1f} N: see map.png')

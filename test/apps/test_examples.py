@@ -81,7 +81,8 @@ def test_notebook_prints_and_returns_its_saved_output(both):
     assert outputs(run, 'text/html') == outputs(saved, 'text/html')
 
 
-def test_it_draws_the_held_object(both):
+def test_it_draws_the_held_object_and_a_map(both):
     _, run = both
-    (picture,) = (each for each in outputs(run, 'image/png') if isinstance(each, str))
-    assert len(picture) > 10_000
+    pictures = [png for png in outputs(run, 'image/png') if isinstance(png, str)]
+    assert len(pictures) == 2
+    assert all(len(picture) > 10_000 for picture in pictures)
