@@ -100,7 +100,7 @@ nightly: venv
 matrix:
 	set -e; for versions in noble trixie newest; do tools/version_matrix.sh $$versions .matrix \
 		$(addprefix test/, core/numerics core/model core/statics core/contact core/holding core/manipulation \
-		core/estimation core/servo mujoco_plant apps/test_plotting.py); done
+		core/estimation core/servo mujoco_plant programs/test_plotting.py); done
 
 noble-venv:
 	+$(MAKE) venv $(NOBLE)
@@ -110,8 +110,9 @@ noble-venv:
 noble-some: export EXAMPLES_SHARE = 0.02
 noble-some: venv
 	$(PYTEST) -m 'not system and not nightly' $(addprefix test/, core/numerics core/model core/statics \
-		core/contact nodes/test_conversions.py nodes/test_parameters.py nodes/test_grasp_analysis_node.py \
-		nodes/test_manipulation_node.py nodes/test_simulator_node.py apps/test_fit.py apps/test_plotting.py)
+		core/contact nodes/inputs/test_conversions.py nodes/framework/test_parameters.py \
+		nodes/grasp/test_grasp_analysis_node.py nodes/motion/test_manipulation_node.py \
+		nodes/bring_up/test_simulator_node.py calibration/test_fit.py programs/test_plotting.py)
 
 noble-all: venv
 	$(PYTEST) -m 'not system and not linter'

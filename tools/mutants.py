@@ -48,7 +48,7 @@ FOLDERS = {
     'holding': ([CORE + 'holding/*.py'], ('test/core/holding',)),
     'gate': (
         [CORE + 'inputs.py', 'isotruss_ros/nodes/framework/gate.py'],
-        ('test/core/test_inputs.py', 'test/nodes/test_input_gate.py'),
+        ('test/core/test_inputs.py', 'test/nodes/inputs/test_input_gate.py'),
     ),
 }
 #: Tests that count; random calls and planning take long, and the others do not hold objects.
@@ -56,7 +56,7 @@ TESTS = [
     *(f'test/core/{name}' for name in ('safety', 'servo', 'estimation', 'holding')),
     *(f'test/core/{name}' for name in ('contact', 'manipulation', 'paths', 'simulation')),
     *(f'test/core/test_{name}.py' for name in ('command_history', 'inputs', 'symmetries')),
-    'test/nodes/test_input_gate.py',
+    'test/nodes/inputs/test_input_gate.py',
 ]
 #: Endings of the operators of Cosmic Ray whose faults every test finds, as bits of floating point
 #: numbers, or none, as identity in place of equality.

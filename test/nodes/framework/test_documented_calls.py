@@ -17,7 +17,7 @@ from probe import ROBOT
 import pytest
 from ruamel.yaml import YAML
 
-TOP = Path(__file__).parents[2]
+TOP = Path(__file__).parents[3]
 COMMANDS = {'service call': 'Request', 'action send_goal': 'Goal'}
 
 

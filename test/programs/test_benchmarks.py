@@ -13,8 +13,8 @@ from nightly import some_now
 import pytest
 
 ROOT = Path(__file__).parents[2]
-#: The other one is run by test_call_path.
-OTHERS = [name for name in NAMES if name != 'call_path']
+#: The shortest one first, which runs with all tests; call_path is run by test_call_path.
+OTHERS = ['qp_solvers', *(name for name in NAMES if name not in ('call_path', 'qp_solvers'))]
 
 
 @pytest.mark.timeout(600)
