@@ -475,7 +475,7 @@ class CommandHistory:
         return before, travel + ahead * last, last
 
     def _until(self, time: float, before: Array) -> Array:
-        """Return the integral (r,) of speeds [m], which are `before` until the first command."""
+        """Return the integral (r,) of the speeds [m], with `before` until the first command."""
         (first, _), (last, travel) = self._travel.first, self._travel.last
         if time > last:
             return travel + (time - last) * self.last

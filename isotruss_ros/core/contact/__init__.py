@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Statics of a fixed object: contact with the tubes and closure by friction, equations (5) to (10).
+Contact of objects with inflated tubes: flattening, dents and the wrench space of contacts.
 
-Entry points: `analyze_grasp.analyze_grasp`, which returns a `GraspAnalysis`.
+Entry points: `dents.disc_dents`, `dents.corner_dents`, `wrench_space.wrench_space`.
 Imports `core.statics` and the layers below it.
 """

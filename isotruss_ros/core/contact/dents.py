@@ -113,7 +113,7 @@ class DentTable:
 
     def smooth_near(self, force: float) -> DentTable:
         """
-        Return a table without intervals, whose polynomials are those of the interval of a force.
+        Return the table with one polynomial for all forces, that at a given force.
 
         :param force: normal force [N].
         """
@@ -147,17 +147,17 @@ class DentTable:
 
     @functools.cached_property
     def _by_pressure(self) -> list[list[float]]:
-        """Return the polynomials of the derivative by pressure, at constant force."""
+        """Return the polynomials of the depth's derivative by pressure, at constant force."""
         return self._moved_pieces(self._mix([each.pressure_rates for each in self._samples]))
 
     @functools.cached_property
     def _by_angle(self) -> list[list[float]]:
-        """Return the polynomials of the derivative by the angle, at constant force."""
+        """Return the polynomials of the depth's derivative by the angle, at constant force."""
         places = [each.places for each in self._samples]
         return self._moved_pieces(np.asarray(self._turning) @ places)
 
     def _moved_pieces(self, moved: Array) -> list[list[float]]:
-        """Return the spline's derivative, if its places (n + 1,) have these derivatives."""
+        """Return the spline's derivative for given derivatives (n + 1,) of its knots."""
         spline = self._spline
         third = 6.0 * spline.c[0]
         # If a place moves by m, the spline changes by -m times its slope there. The second
@@ -202,14 +202,14 @@ class Dents:
         return found[:, 0], found[:, 1] / self._scale
 
     def press(self, forces: Array) -> list[PressedSkin]:
-        """Return the skin at each contact under positive normal forces (k,) [N]; round: none."""
+        """Return the skin at each contact under positive normal forces (k,) [N]; none if round."""
         pressing = zip(self._tables, forces.tolist(), strict=False)  # no tables: no dents
         pressed = [table.press(force / self._scale) for table, force in pressing]
         return [skin._replace(forces=self._scale * skin.forces) for skin in pressed]
 
     def smooth_near(self, forces: Array) -> Dents:
         """
-        Return smooth depths, equal in the intervals of given forces; differences can cross them.
+        Return the depths with one polynomial at each contact, that at a given force.
 
         :param forces: (k,) normal forces [N].
         """
@@ -281,7 +281,7 @@ def corner_dents(
 
 
 def _weigh_angles(shape: Shape, corner: int, angle: float) -> tuple[list[float], Array]:
-    """Return four angles with samples, and their weights with the derivatives by the angle."""
+    """Return the four sampled angles nearby, and their weights with derivatives by the angle."""
     faces = shape.faces_at(corner)
     if faces:
         # Near the normal of a face the depth is almost linear in the root of the angle from it,

@@ -64,7 +64,7 @@ class EquilibriumCache:
 
     @property
     def pose(self) -> Array:
-        """Return position and angle (3,) without load and unexplained pose [m, rad]."""
+        """Return the pose (3,) of the equilibrium without load at the last prediction [m, rad]."""
         return np.array(self.grasp.pose) + self.ahead[:3] + self._pending[:3]
 
     @property
@@ -103,7 +103,7 @@ class EquilibriumCache:
         self._motion = np.zeros(len(grasp.config.roller_positions))
 
     def predict(self, config: Configuration) -> tuple[Array, bool]:
-        """Predict `ahead`; return roller travel (r,) [m], and whether the last motion suffices."""
+        """Update `ahead`; return the travel (r,) [m], and whether extrapolation is valid."""
         travel = config.roller_positions - self.grasp.config.roller_positions - self._moved_zeros
         moved, known = self.contact_rates @ travel, self._motion
         share = float(travel @ known) / max(float(known @ known), MODEL_ERROR**2)
@@ -134,7 +134,7 @@ class EquilibriumCache:
         return change
 
     def correct_zeros(self, moved: Array, sensitivity: Array, first: int) -> None:
-        """Correct the roller offsets (r,) [m]; the shifts are the states from `first` on."""
+        """Correct the offsets by `moved` (r,) [m]; `sensitivity[first:]` is that of the shifts."""
         grasp = self.grasp
         travel = travel_rates(grasp.config, grasp.contacts.members) @ moved
         shifts = sensitivity[first:] @ moved
@@ -152,7 +152,7 @@ class EquilibriumCache:
         return float((reserve / size).min())
 
     def pose_change(self, grasp: HeldGrip) -> Array:
-        """Return the pose (3,) of a rolled equilibrium minus that of the cache with pending."""
+        """Return the pose (3,) of a rolled equilibrium minus the pose expected here."""
         return pose_difference(grasp.pose, np.array(self.grasp.pose) + self._pending[:3])
 
     def learn(self, grasp: HeldGrip, travel: Array, change: Array, elapsed: float) -> None:

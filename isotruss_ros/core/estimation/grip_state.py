@@ -130,7 +130,7 @@ class GripState(SchmidtFilter):
         return decayed
 
     def slip_deviations(self, margin: float) -> float:
-        """Return the norm of corrections, load and delay in deviations, for a slip margin [-]."""
+        """Return the norm of pose corrections, load and delay in standard deviations [-]."""
         least = max(self._settings.load, 0.5 * margin)
         delayed = self.delay / DELAY_DEVIATION
         return math.hypot(self.walk.deviations, delayed, *(self.load / least))

@@ -17,7 +17,7 @@ import numpy as np
 
 def condition(covariance: Array, rates: Array, noise: Array) -> tuple[Array, Array, Array]:
     """
-    Return the Kalman gain (n, m), the remaining share (n, n) of errors, and the new covariance.
+    Return the Kalman gain K (n, m), the matrix I - K H (n, n), and the new covariance.
 
     :param covariance: (n, n) covariance of the state before the measurement.
     :param rates: (m, n) derivatives of the measurement with respect to the state.

@@ -71,7 +71,7 @@ def find_contact_points(
 
 
 def _reach(surface: Surface, start: Points, axis: Points, spacing: float) -> tuple[Array, Array]:
-    """Return the interval of each line (m,) that may touch the surface, from its start [m]."""
+    """Return the interval of each line (m,) near the surface, as distances from its start [m]."""
     # The margin of two spacings is for a tube that bends and touches beyond the object's chord.
     away, reach = (surface.center - start) * axis.conj(), surface.reach + 2.0 * spacing
     off = np.abs(away.imag)
@@ -85,7 +85,7 @@ def _reach(surface: Surface, start: Points, axis: Points, spacing: float) -> tup
 
 
 def _clip(start: Points, axis: Points, normals: Points, distances: Array) -> tuple[Array, Array]:
-    """Return the interval of each line (m,) that is inside all tangents, from its start [m]."""
+    """Return the interval of each line (m,) inside all tangents: distances from its start [m]."""
     slope = (axis[:, None] * normals.conj()).real
     room = distances - (start[:, None] * normals.conj()).real
     with np.errstate(divide='ignore', invalid='ignore'):

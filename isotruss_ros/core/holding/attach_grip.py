@@ -104,7 +104,7 @@ def attach_grip(
 
 def lay_faces(found: HeldGrip, friction: float, gap: float) -> HeldGrip:
     """
-    Return the equilibrium with a whole face in contact, if the object is held only in this one.
+    Return the equilibrium with a whole face in contact if the object is held only by this face.
 
     Otherwise, return the given equilibrium. With wrong roller offsets the modelled tubes are
     inclined, so the model has a gap at one end of a face that is in contact.
@@ -176,7 +176,7 @@ def _as_grip(
 def _tabulate_dents(
     statics: ContactStatics, state: ContactForces, tubes: TubeModel
 ) -> ContactStatics:
-    """Return the equations with dents for the normals of the bent tubes and the turned object."""
+    """Return the equations with the dents of the bent tubes and the rotated object."""
     turned, structure = statics.body.moved_to(state.unknowns[:3]), statics.bent.structure
     dents = find_dents(structure, turned, statics.contacts, tubes, state.normals)
     return replace(statics, dents=dents)

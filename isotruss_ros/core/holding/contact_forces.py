@@ -182,7 +182,7 @@ class GripResponse:
         return -forces / forces[np.arange(len(self.ends)), self.ends, None]
 
     def opening_rates(self, rates: Array) -> Array:
-        """Return the derivatives (2k, p, e) of `opening`."""
+        """Return the derivatives (2k, p, e) of `opening` by p parameters."""
         each, ends, begin = np.arange(len(self.ends)), self.ends, self._begin
         tension = self.parted[begin:][ends, each]
         forces = rates[begin:]

@@ -255,7 +255,7 @@ def bent_lines(grip: HeldGrip, members: Indices, places: Array) -> tuple[Points,
 
 
 def depths_in_others(grip: HeldGrip) -> tuple[Indices, Array]:
-    """Return the members near the object that do not grasp it, and its depths in them, bent."""
+    """Return the other members near the object, and its depths in these bent members [m]."""
     starts, ends = member_lines(grip.config).T
     near = segment_gaps(grip.body, starts, ends)
     radius = grip.statics.tube_radius

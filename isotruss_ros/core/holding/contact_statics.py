@@ -146,7 +146,7 @@ class ContactStatics:
 
     @functools.cached_property
     def _constant(self) -> tuple[Array, Array]:
-        """Return the balance's derivatives (3, k, 3) by loads, and the constant Jacobian part."""
+        """Return the derivatives (3, k, 3) of the balance by loads, and the constant Jacobian."""
         places, count = self.places, len(self.sides)
         pushes, jacobian = np.zeros((3, count, 3)), np.zeros((places.size, places.size))
         forces = -self.bent.axis[:, None] * [1.0, 1j]

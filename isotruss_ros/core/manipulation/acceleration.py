@@ -73,7 +73,7 @@ def limit_acceleration(
 
 
 def _surface_share(start: Array, wanted: Array, top: float) -> float:
-    """Return the largest fraction, 0 to 1, of the way from start to wanted at most `top` long."""
+    """Return the largest fraction (0 to 1) of a change at which the velocity is at most `top`."""
     step = wanted - start
     square, slope = float(step.dot(step)), float(step.dot(start))
     if wanted.dot(wanted) <= top * top or square == 0.0:

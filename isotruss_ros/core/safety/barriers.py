@@ -43,7 +43,7 @@ class EvaluatedState(NamedTuple):
 
     def holds(self, config: Configuration, grip: Grip | None) -> bool:
         """
-        Return whether all distances decrease by less than `spare` to another configuration.
+        Return whether no distance is smaller by `spare` or more in another configuration.
 
         :param grip: grip in the other configuration; None if there is none.
         """

@@ -318,7 +318,7 @@ class SqueezeControl:
         self.gains = gains_of(self._softening * gain)
 
     def _look_for_swings(self, belief: GripBelief, since: float) -> None:
-        """Latch a fault and halve the gain at an oscillation, cleared after `REST_TIME`."""
+        """At an oscillation, latch a fault until `REST_TIME` has passed, and halve the gain."""
         even = np.array([1.0, 1.0, belief.grasp.arm])
         travel = since * float(np.linalg.norm(even * self._velocity))
         if self.fault is GripFault.OSCILLATES and self._rest == 0.0:

@@ -77,7 +77,7 @@ class Cuts(NamedTuple):
 
 class Changes(NamedTuple):
     """
-    Changes of a linearised frame with k load points by p causes.
+    Changes of a linearised frame with k load points by p unit loads or motions.
 
     The causes are 3 k unit loads at the load points, k unit motions of the load points, and in the
     last column the step to equilibrium.
@@ -204,7 +204,7 @@ class BentTubes:
 
     @cached_property
     def _changes(self) -> Changes:
-        """Return the changes by unit loads and unit motions of the load points."""
+        """Return the frame's changes by unit loads, and by unit motions of the load points."""
         frame, tangent, layout = self.frame, self.tangent, self.frame.layout
         count, nodes, turns = len(self.members), frame.nodes[0], self.lines.turns
         own, cut, moving, size = np.arange(count), layout.cut, self._moving, 3 * nodes
@@ -394,7 +394,7 @@ class BentTubes:
         return changes, longer[:, 0]
 
     def _longer(self, places: Array) -> Array:
-        """Return the changes (c, p) of rest lengths of parts by motions (k, p) of places [m]."""
+        """Return the changes (c, p) of the parts' rest lengths by motions (k, p) of cuts [m]."""
         return self.frame.layout.longer @ (self.ahead[:, None] * places)
 
     def section_changes(self, changes: Array) -> tuple[Array, Array, Array]:

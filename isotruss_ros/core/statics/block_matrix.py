@@ -25,7 +25,7 @@ from scipy.sparse import csc_matrix, csr_matrix
 
 
 class Unknowns(NamedTuple):
-    """Masks (u,) of the unknowns of a matrix."""
+    """Kinds of the unknowns of a matrix, as masks (u,)."""
 
     free: Flags  #: unknowns; displacements that supports fix are not
     real: Flags  #: displacements and multipliers; rotations of hinges are not
@@ -89,7 +89,7 @@ class BlockMatrix:
     def _number_blocks(
         self, owner: Indices, across: Flags, entries: tuple[Indices, Indices], joint: Indices
     ) -> Indices:
-        """Set `blocks`, `slots` and `size`; return the place of each diagonal entry (u,)."""
+        """Number the entries of the blocks; return the index of each diagonal entry (u,)."""
         (first, second), count, inner = entries, len(owner), owner >= 0
         order = np.argsort(owner, kind='stable')
         order, sizes = order[inner[order]], np.bincount(owner[inner], minlength=1)
@@ -116,7 +116,7 @@ class BlockMatrix:
         return offsets[owner] + local * (row[owner] + 1)
 
     def _number_joints(self, rows: Indices, columns: Indices) -> None:
-        """Set `joint_slots`, `joint_size` and `sparse` for entries of the joints' matrix."""
+        """Number the entries of the joints' matrix, dense or sparse."""
         count, self.sparse = len(self.joints), None
         there = np.flatnonzero((rows < count) & (columns < count))
         keys, self.joint_size = columns[there] * count + rows[there], count**2

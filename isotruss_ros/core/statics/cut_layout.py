@@ -53,7 +53,7 @@ class CutLayout(NamedTuple):
 
     @classmethod
     def of(cls, frame: FrameArrays, piece: Indices, order: Indices) -> CutLayout:
-        """Return the connections of a frame whose members `piece` are divided in an order."""
+        """Return the layout of a frame whose members `piece` are cut in a given order."""
         count, nodes, number = len(frame.start), len(frame.points), len(piece)
         whole, behind = np.append(np.arange(count), piece), count + np.arange(number)
         start, end, before = frame.start[whole], frame.end[whole], np.empty_like(piece)

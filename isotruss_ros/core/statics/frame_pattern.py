@@ -51,7 +51,7 @@ class TurnRows(NamedTuple):
     def of(
         cls, row: Indices, weight: Array, span: Indices, share: Array, node: Indices
     ) -> TurnRows:
-        """Return the constraints on weighted rotations of spans; see `TurnRows` (row: owner)."""
+        """Return the constraints on weighted rotations of spans."""
         one, other = np.nonzero(span[:, None] == span)
         x, count = 3 * node, int(row.max()) + 1
         first = np.concatenate([x[one], x[one], x[one] + 1, x[one] + 1])
