@@ -134,9 +134,9 @@ def anchor_rates(grasp: HeldGrip) -> Array:
     The unknowns are those of `ContactForces`; for the invariants see `ContactStatics.anchors`.
     """
     places = grasp.state.places
-    right = np.zeros((places.size, len(grasp.anchors)))
-    right[places.conditions] = np.eye(len(grasp.anchors))
-    return np.linalg.solve(grasp.tangent, right)
+    changes = np.zeros((places.size, len(grasp.anchors)))
+    changes[places.conditions] = -np.eye(len(grasp.anchors))
+    return grasp.respond(changes)
 
 
 def _anchors_by_offsets(grasp: HeldGrip) -> Array:

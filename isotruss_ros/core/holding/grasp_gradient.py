@@ -129,7 +129,7 @@ class GraspGradient(
     def _response(self) -> Array:
         """Return the derivatives (3 + 4k, p, 3) of the response to a wrench by the parameters."""
         grip, (tubes, change) = self.settled.equilibrium, self._changes
-        return -_solve_each(grip.tangent, _response_rates(grip, tubes, change, change[:, -3:]))
+        return grip.respond(_response_rates(grip, tubes, change, change[:, -3:]))
 
     @functools.cached_property
     @single_threaded
@@ -137,14 +137,14 @@ class GraspGradient(
         """Return the derivatives (2k, p, e) of `GripResponse.opening` by the parameters."""
         grip, (tubes, change) = self.settled.equilibrium, self._changes
         response, places = grip.response, grip.state.places
-        left = -_response_rates(grip, tubes, change, response.parted)
+        left = _response_rates(grip, tubes, change, response.parted)
         # The unit gap is normal to the tube, and turns with the tube relative to the member.
         ends, each = response.ends, np.arange(len(response.ends))
         turned = grip.statics.bent.axis[ends].conj() * grip.state.normals[ends] * 1j
         turning = turned[:, None] * change[places.inclinations][ends, :-3]
-        left[3 * ends, :, each] += turning.real
-        left[3 * ends + 1, :, each] += turning.imag
-        return response.opening_rates(_solve_each(grip.tangent, left))
+        left[3 * ends, :, each] -= turning.real
+        left[3 * ends + 1, :, each] -= turning.imag
+        return response.opening_rates(grip.respond(left))
 
     @functools.cached_property
     def _margins(self) -> tuple[Array, tuple[str, ...]]:
@@ -215,7 +215,7 @@ def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
     tubes = LoadedTubes(grip, chosen, parameters, turns=_turn_dents(grip, chosen, parameters))
     state, places = grip.state, grip.state.places
     change = -np.linalg.solve(state.jacobian, tubes.equation_rates())
-    change[:, -3:] = -np.linalg.inv(grip.tangent)[:, places.balance]
+    change[:, -3:] = grip.response.change
     rates = tubes.respond(tubes.contact_rates(change))
     used, utilisation = tubes.utilisation(rates)
     members = np.eye(len(grip.members))[grip.contacts.owners].T
@@ -304,11 +304,6 @@ def _response_rates(grip: HeldGrip, tubes: LoadedTubes, change: Array, response:
         )
         found[..., i] = (8.0 * (ahead - behind) - (far_ahead - far_behind)) / (12.0 * size)
     return found
-
-
-def _solve_each(matrix: Array, right: Array) -> Array:
-    """Return the solutions of systems with one matrix (n, n) and right-hand sides (n, p, q)."""
-    return np.linalg.solve(matrix, right.reshape(len(matrix), -1)).reshape(right.shape)
 
 
 def _equation_changes(grip: HeldGrip, tubes: LoadedTubes, change: Array, moved: Array) -> Array:

@@ -64,7 +64,7 @@ def held_gradient(grip: HeldGrip) -> HeldGradient:
     travel = travel_rates(config, grip.contacts.members)
     left[places.conditions, :rollers] += statics.sides[:, None] * travel
     left[places.conditions, anchors] -= np.eye(count)
-    change = -np.linalg.solve(grip.tangent, left)
+    change = grip.respond(left)
     by_state = tubes.joints(tubes.respond(tubes.contact_rates(change)))
     members = np.eye(len(grip.members))[grip.contacts.owners].T
     return HeldGradient(

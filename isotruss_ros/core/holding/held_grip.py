@@ -24,6 +24,7 @@ from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import Pose
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
+from isotruss_ros.core.numerics.tolerances import ROUNDING
 from isotruss_ros.core.statics.bent_tubes import BentTubes
 from isotruss_ros.core.statics.wrinkling import find_utilisation, Utilisation
 import numpy as np
@@ -285,27 +286,55 @@ class HeldGrip:
         return 0.0 if singular else -more / float(self.state.normal_forces.sum())
 
     @functools.cached_property
-    def tangent(self) -> Array:
+    def _idle(self) -> tuple[Indices, Indices]:
+        """
+        Return the contacts without force, and their rows of `_tangent`.
+
+        A dent is infinitely soft at zero force. So to first order, the force of such a contact
+        stays zero: this takes the place of touching across the member, and of sticking.
+        """
+        normal = np.abs(self.state.normal_forces)
+        idle = np.flatnonzero(normal <= ROUNDING * normal.sum())
+        return idle, np.append(3 * idle + 1, self.state.places.conditions.start + idle)
+
+    @functools.cached_property
+    def _tangent(self) -> Array:
         """Return the equations' Jacobian (3 + 4k, 3 + 4k) for sticking contacts."""
-        state, tangent = self.state, self.state.jacobian.copy()
-        tangent[state.places.conditions] = self.statics.rolling_rows(state.unknowns, state.normals)
+        state, places, tangent = self.state, self.state.places, self.state.jacobian.copy()
+        tangent[places.conditions] = self.statics.rolling_rows(state.unknowns, state.normals)
+        idle, rows = self._idle
+        tangent[rows] = 0.0
+        tangent[rows, np.append(places.normal.start + idle, places.friction.start + idle)] = 1.0
         return tangent
+
+    def respond(self, changes: Array) -> Array | None:
+        """
+        Return the changes of the unknowns while contacts stick; None in a neutral equilibrium.
+
+        :param changes: (3 + 4k, ...) changes of the equations at fixed unknowns.
+        """
+        right = -changes.reshape(len(changes), -1)
+        right[self._idle[1]] = 0.0
+        _, _, found, singular = lapack.dgesv(self._tangent, right)
+        return None if singular else found.reshape(changes.shape)
 
     @functools.cached_property
     def response(self) -> GripResponse | None:
-        """Return the object's linear response to a wrench; None if `tangent` is singular."""
-        places, count, members = self.state.places, len(self.anchors), len(self.members)
+        """Return the object's linear response to a wrench; None if the equilibrium is neutral."""
+        places, owners, members = self.state.places, self.contacts.owners, len(self.members)
         apart = self.statics.bent.axis.conj() * _opening(self.statics, self.state)
-        ends = np.flatnonzero(np.bincount(self.contacts.owners)[self.contacts.owners] > 1)
+        pressed = np.ones(len(owners), dtype=bool)
+        pressed[self._idle[0]] = False
+        ends = np.flatnonzero(pressed & (np.bincount(owners, pressed)[owners] > 1))
         right = np.zeros((places.size, 4 + len(ends)))
-        right[places.balance, :3] = -np.eye(3)
-        touch = right[: 3 * count].reshape(count, 3, -1)
-        touch[:, 0, 3], touch[:, 1, 3] = -apart.real, -apart.imag
+        right[places.balance, :3] = np.eye(3)
+        touch = right[: 3 * len(owners)].reshape(len(owners), 3, -1)
+        touch[:, 0, 3], touch[:, 1, 3] = apart.real, apart.imag
         back = self.statics.bent.axis[ends].conj() * self.state.normals[ends]
         gaps = np.arange(4, 4 + len(ends))
-        touch[ends, 0, gaps], touch[ends, 1, gaps] = back.real, back.imag
-        _, _, change, singular = lapack.dgesv(self.tangent, right)
-        if singular or lapack.dgetrf(change[:3, :3])[2]:
+        touch[ends, 0, gaps], touch[ends, 1, gaps] = -back.real, -back.imag
+        change = self.respond(right)
+        if change is None or lapack.dgetrf(change[:3, :3])[2]:
             return None
         squeeze = change[places.normal].sum(axis=0) / members
         stiffness = float(squeeze[3])

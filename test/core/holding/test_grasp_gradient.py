@@ -255,6 +255,7 @@ def test_gradients_agree_with_central_differences(wanted):
 @pytest.mark.parametrize(
     'number',
     [
+        pytest.param(106, id='end of a face that touches without force'),
         pytest.param(248, id='stiffness that hardly changes'),
         pytest.param(563, id='contact 0.5 mm from a guide ring'),
         pytest.param(872, id='hardly bent member'),
@@ -262,6 +263,16 @@ def test_gradients_agree_with_central_differences(wanted):
 )
 def test_gradients_of_special_grasps_agree_with_central_differences(number):
     assert error(number, OTHERS) < 1e-6
+
+
+def test_a_contact_without_force_bears_no_wrench_to_first_order():
+    """The depth of a dent is proportional to the 2/3 power of the force: soft at zero force."""
+    grip = settle(case := RandomGrasp(106), case.chosen).equilibrium
+    count, response = len(grip.contacts.members), grip.response
+    idle = np.flatnonzero(np.abs(grip.state.normal_forces) < 1e-9)
+    assert idle.tolist() == [2]
+    assert np.abs(response.forces[[2, count + 2]]).max() < 1e-12 < np.abs(response.forces).max()
+    assert response.ends.size == 0
 
 
 @pytest.mark.parametrize(
