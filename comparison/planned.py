@@ -104,9 +104,9 @@ def compare(wanted: Sequence[Wanted] = WANTED) -> Section:
     back = 'the servo controls the squeeze of our model; the path ends within 1.25 mm'
     return Section(
         'Planned grasps',
-        'A free object lies on the ground with a friction force of half a newton. The rollers of '
-        'MuJoCo’s robot follow the path by `plan_grasps` to a given squeeze in open loop, at half '
-        'the planned speed, and push the object away. As in `pick_object`, the path follower '
+        'A free object lies on the ground with a friction force of half a newton. MuJoCo’s '
+        'rollers follow the path of `plan_grasps` to a given squeeze in open loop, at half the '
+        'planned speed. This displaces the object. As in `pick_object`, the path follower '
         f'then returns it to its initial place at {1e3 * RETURN_SPEED:g} mm/s. The object of the '
         'first row is then carried along the path of Fig. 9. '
         f'It is {"lost" if arc.lost else "held"} to the end of the arc, within '

@@ -116,11 +116,11 @@ def report(result: Interference) -> Report:
         'paper explains this by the compressed gas.',
         computed="In the paper's model the section stays round, and the stiffness at the middle "
         f'increases by {number(paper, 1)} % from the smallest to the largest cylinder. With a '
-        f'section that flattens it increases by {number(own, 2)} %, and with the pressure as '
-        f'p^{number(flat.min(), 2)} to p^{number(flat.max(), 2)} '
+        f'section that flattens it increases by {number(own, 2)} %, and grows with the pressure '
+        f'as p^{number(flat.min(), 2)} to p^{number(flat.max(), 2)} '
         f"(the paper's model: p^{number(beam.max(), 1)}), without a fitted constant. With "
-        f'membrane finite elements it increases by {number(membrane, 2)} % and as '
-        f'p^{number(reference.min(), 2)} to p^{number(reference.max(), 2)}.',
+        f'membrane finite elements it increases by {number(membrane, 2)} % and '
+        f'grows as p^{number(reference.min(), 2)} to p^{number(reference.max(), 2)}.',
         difference='Our model reproduces the increase of stiffness with the diameter. For small '
         'cylinders the measurements agree with round sections, and our model does not, because '
         'flattening halves the stiffness. The gas does not explain the '
