@@ -34,6 +34,7 @@ rclpy.spin_until_future_complete(node, asked)
 answer = asked.result()
 for member, force in zip(answer.state.grasping_members, answer.state.squeeze, strict=True):
     print(f'{member} would press with {force:.1f} N')
-print('held:', answer.state.held, answer.message, answer.state.hold_message)
+held = answer.state.held == answer.state.HELD_YES
+print('held:', held, answer.message, answer.state.hold_message)
 node.destroy_node()
 rclpy.shutdown()

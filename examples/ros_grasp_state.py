@@ -25,6 +25,6 @@ else:
     for contact in state.contacts:
         at = contact.position
         print(f'{contact.normal_force:.2f} N at x {at.x:.3f} m, y {at.y:.3f} m')
-    print('held:', state.held, '- force closure:', state.force_closure)
+    print('held:', state.held == state.HELD_YES, '- force closure:', state.force_closure)
 node.destroy_node()
 rclpy.shutdown()

@@ -176,7 +176,7 @@ class Gripping:
             held, why = record.squeezes[-1] > 0.0, 'by its forces'
         else:
             state = client.last_grasp()
-            held = state.code == GraspState.OK and state.held
+            held = state.held == GraspState.HELD_YES
             why = state.message or state.hold_message
         if not held:
             raise DemoError(f'the object is not held: {why}')

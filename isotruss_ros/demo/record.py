@@ -88,7 +88,8 @@ class PhaseRecord:
     @property
     def held_fraction(self) -> float:
         """Return the fraction of grasp analyses with a held object; 0 without analyses."""
-        return float(np.mean([grasp.held for grasp in self.analyses])) if self.analyses else 0.0
+        held = [grasp.held == GraspState.HELD_YES for grasp in self.analyses]
+        return float(np.mean(held)) if held else 0.0
 
     def parts(self) -> list[PhaseRecord]:
         """Return this record, and a record of the interval in which the external wrench acted."""

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from isotruss_msgs.msg import StateEstimate
 from isotruss_ros.core import Robot
 from isotruss_ros.demo.record import PhaseRecord
 from isotruss_ros.demo.tables import make_table
@@ -64,7 +65,7 @@ def truth_table(records: Sequence[PhaseRecord], robot: Robot, squeeze: float) ->
             record.name,
             f'{off[-1]:+.0f}',
             f'{off[np.abs(off).argmax()]:+.0f}',
-            f'{missed:+.0f}' if estimate.held else 'none',
+            f'{missed:+.0f}' if estimate.held == StateEstimate.HELD_YES else 'none',
             f'{1e3 * np.hypot(*(joints - found).T).max():.1f}',
             f'{1e3 * np.hypot(*(joints - read).T).max():.1f}',
             f'{1e3 * record.position_error:.1f}',

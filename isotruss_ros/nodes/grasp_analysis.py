@@ -130,7 +130,7 @@ class GraspAnalysisNode(ManagedNode):
         report = self._monitor.report(now)
         state = to_state_message(report, self.robot.frame)
         self._states.publish(state)
-        self._held.publish(Bool(data=state.held))
+        self._held.publish(Bool(data=report.held is True))
         self._closures.publish(Bool(data=state.force_closure))
         words, level = f'{report.code}: {report.message}', DiagnosticStatus.ERROR
         if report.grasp is not None:

@@ -19,6 +19,8 @@ DEFORMED, REGIONS, FORCES = 'deformed', 'contact_regions', 'contact_forces'
 GROUPS = {DEFORMED: 1, REGIONS: 6, FORCES: 2}
 #: Smallest status code of a grasp analysis without result.
 MIN_CODE_WITHOUT_RESULT = 10
+#: Value of the field `held` of a grasp analysis without result.
+HELD_UNKNOWN = 2
 #: Largest valid coordinate [m].
 MAX_DISTANCE = 1e4
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 
 from isotruss_ros.viewer.arrows import arrow_of
-from isotruss_ros.viewer.message_checks import MIN_CODE_WITHOUT_RESULT
+from isotruss_ros.viewer.message_checks import HELD_UNKNOWN, MIN_CODE_WITHOUT_RESULT
 from isotruss_ros.viewer.picture import EMPTY_CURVE, HISTORY_DURATION, Picture, trim_start
 import numpy as np
 import viser
@@ -100,8 +100,8 @@ def _describe_grasp(picture: Picture, now: float) -> list[str]:
     if not picture.is_fresh('state', now):
         return ['**no grasp analysis**']
     if state.code >= MIN_CODE_WITHOUT_RESULT:
-        return [f'**no result**: {escape(state.message)}']
-    if state.held is None:
+        return [f'**held: unknown**: {escape(state.message)}']
+    if state.held == HELD_UNKNOWN:
         parts = ['**held: unknown**']
     elif state.held:
         arrow = arrow_of(state.slip_direction)

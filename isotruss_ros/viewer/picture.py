@@ -26,6 +26,7 @@ from isotruss_ros.viewer.message_checks import (
     check_status,
     DEFORMED,
     GROUPS,
+    HELD_UNKNOWN,
     MIN_CODE_WITHOUT_RESULT,
     read_line,
     read_pose,
@@ -202,7 +203,7 @@ class Picture:
 
         :param now: current time on the clock of the messages' arrival [s].
         """
-        if not self.is_analyzed(now) or self.state.held is None:
+        if not self.is_analyzed(now) or self.state.held == HELD_UNKNOWN:
             return None
         return bool(self.state.held)
 

@@ -12,7 +12,7 @@ from types import SimpleNamespace
 from typing import Any, BinaryIO
 
 from isotruss_ros.core import IsotrussError
-from isotruss_ros.viewer.message_checks import PictureError
+from isotruss_ros.viewer.message_checks import HELD_UNKNOWN, PictureError
 from isotruss_ros.viewer.picture import Picture
 from mcap.reader import NonSeekingReader
 from rosbags.typesys import get_types_from_msg, get_typestore, Stores
@@ -33,7 +33,7 @@ RECEIVERS = {
 UNKNOWN_VALUES: dict[str, dict[str, Any]] = {
     'isotruss_msgs/msg/GraspState': {
         'message': '',
-        'held': None,
+        'held': HELD_UNKNOWN,
         'force_closure': None,
         'hold_message': '',
         'slip_margin': math.nan,

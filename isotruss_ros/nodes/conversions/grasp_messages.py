@@ -24,6 +24,7 @@ from isotruss_ros.nodes.conversions.messages import (
     MessageError,
     name_frame,
     OBJECT,
+    to_held_value,
 )
 from isotruss_ros.nodes.conversions.object_messages import read_described
 from isotruss_ros.nodes.grasp.grasp_report import GraspQuery, GraspReport
@@ -147,13 +148,13 @@ def to_state_message(report: GraspReport, frame: str) -> GraspState:
     :param frame: name of the robot frame.
     """
     state = GraspState(code=int(report.code), message=report.message)
+    state.held = to_held_value(report.held)
     state.header = make_header(report.time, frame)
     if report.grasp is None:
         state.closure_residual = state.required_friction = math.inf
         state.closure_margin = -math.inf
         return state
     settled, analysis = report.grasp.settled, report.grasp.analysis
-    state.held = report.held
     state.force_closure = report.force_closure
     state.hold_message = settled.reason
     state.grasping_members = list(settled.normal_forces)

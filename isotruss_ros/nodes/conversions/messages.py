@@ -12,6 +12,7 @@ from typing import Any
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Pose as PoseMessage
 from geometry_msgs.msg import Twist
+from isotruss_msgs.msg import GraspState
 from isotruss_ros.core import IsotrussError, Pose
 from isotruss_ros.core.errors import quote
 from isotruss_ros.core.model.pose import pose_fault
@@ -52,6 +53,16 @@ def make_header(when: float, frame: str = '') -> Header:
     """
     seconds, nanoseconds = divmod(max(0, round(1e9 * when)), 1_000_000_000)
     return Header(stamp=Time(sec=seconds, nanosec=nanoseconds), frame_id=frame)
+
+
+def to_held_value(held: bool | None) -> int:
+    """Return the value of a field `held` of our messages; None: unknown."""
+    return GraspState.HELD_UNKNOWN if held is None else int(held)
+
+
+def read_held(message: Any) -> bool | None:
+    """Return whether the object is held according to a message with a field `held`."""
+    return None if message.held == GraspState.HELD_UNKNOWN else bool(message.held)
 
 
 def read_twist(twist: Twist) -> tuple[float, float, float]:

@@ -18,6 +18,7 @@ from isotruss_ros.nodes.conversions.messages import (
     make_header,
     MAX_DISTANCE,
     MessageError,
+    to_held_value,
     to_pose_message,
 )
 import numpy as np
@@ -48,9 +49,9 @@ def to_estimate_message(estimate: StateEstimate, robot: Robot) -> StateEstimateM
         swapped_joints=estimate.swapped,
         slipping_rollers=estimate.slipping,
         pose_delay=estimate.delay,
+        held=to_held_value(True if estimate.pose is not None else None),
     )
     if estimate.pose is not None:
-        message.held = True
         message.pose.pose = to_pose_message(Pose(*estimate.pose.tolist()))
         covariance = np.zeros((6, 6))
         covariance[PLANAR_INDICES] = estimate.pose_covariance

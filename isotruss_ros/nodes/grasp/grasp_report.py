@@ -96,9 +96,11 @@ class GraspReport:
     grasp: AnalyzedGrasp | None = None  #: result of the analysis, if there is one
 
     @property
-    def held(self) -> bool:
-        """Return whether a valid analysis finds that the object is held, see `settle_grasp`."""
-        return self.code is GraspCode.OK and self.grasp is not None and self.grasp.settled.held
+    def held(self) -> bool | None:
+        """Return whether the object is held, see `settle_grasp`; None without a result."""
+        if self.grasp is None:
+            return None
+        return self.code is GraspCode.OK and self.grasp.settled.held
 
     @property
     def force_closure(self) -> bool:

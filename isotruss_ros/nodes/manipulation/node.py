@@ -244,6 +244,4 @@ class Manipulation(ManagedNode):
             self._trajectory.abort(halt[1])
         decision = self._trajectory.decide(now)
         self._commands.publish(decision.command.roller_velocities)
-        squeeze = self._servo.squeeze
-        is_known = squeeze is not None and squeeze.fault is None
-        self._report.publish(decision, squeeze.grasp if is_known else None, now)
+        self._report.publish(decision, self._servo.squeeze, now)

@@ -12,12 +12,13 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from isotruss_msgs.msg import HeldGrip, ManipulationStatus
 from isotruss_ros.core import ConvexObject, Grip, Robot, Status
 from isotruss_ros.core.holding.grip_record import GripRecord
-from isotruss_ros.core.holding.held_grip import HeldGrip as HeldEquilibrium
 from isotruss_ros.core.safety.roller_failure import FAILURE_TIME
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
 from isotruss_ros.core.servo.decision import Decision
+from isotruss_ros.core.servo.grip_faults import GripFault
 from isotruss_ros.core.servo.servo_settings import ServoSettings, SqueezeSettings
-from isotruss_ros.nodes.conversions.messages import make_header, to_twist_message
+from isotruss_ros.core.servo.squeeze_control import SqueezeControl
+from isotruss_ros.nodes.conversions.messages import make_header, to_held_value, to_twist_message
 from isotruss_ros.nodes.conversions.state_messages import to_grip_message
 from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.managed import ManagedNode
@@ -161,16 +162,19 @@ class StatusReport:
         self._told = 0.0
         self.status = Status.OK  #: status of the last cycle
 
-    def publish(self, decision: Decision, grasp: HeldEquilibrium | None, now: float) -> None:
+    def publish(self, decision: Decision, control: SqueezeControl | None, now: float) -> None:
         """
         Publish a decision, and log it if the twist is not executed as commanded.
 
         The equilibrium of the held object is published at most once in `GRIP_PERIOD`.
 
         :param decision: decision of this cycle.
-        :param grasp: equilibrium of the held object; None if no object is held.
+        :param control: squeeze control with the equilibrium of the held object; None without it.
         :param now: time of the cycle [s].
         """
+        fault = None if control is None else control.fault
+        grasp = None if control is None or fault is not None else control.grasp
+        held = False if fault is GripFault.NOT_HELD else True if grasp is not None else None
         if not 0.0 <= now - self._told < GRIP_PERIOD:
             self._told = now
             record = None if grasp is None else GripRecord.of(grasp)
@@ -193,6 +197,7 @@ class StatusReport:
             squeeze=squeeze,
             squeeze_deviation=deviation,
             pose_delay=decision.pose_delay,
+            held=to_held_value(held),
         )
         self._publisher.publish(message)
         level = DiagnosticStatus.WARN if status < Status.HALT_NO_TWIST else DiagnosticStatus.ERROR

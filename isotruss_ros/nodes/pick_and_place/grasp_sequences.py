@@ -21,7 +21,6 @@ from isotruss_msgs.action import (
     PlaceObject,
     PlanGrasp,
 )
-from isotruss_msgs.msg import GraspState
 from isotruss_ros.core import IsotrussError, Robot
 from isotruss_ros.core.inputs import find_fresh, Input, InputError, require_fresh, StampedInput
 from isotruss_ros.core.model.pose import pose_difference
@@ -32,6 +31,7 @@ from isotruss_ros.core.planning.violations import export_violation, violation_in
 from isotruss_ros.nodes.conversions.messages import (
     make_header,
     MessageError,
+    read_held,
     read_pose,
     to_pose_message,
 )
@@ -83,6 +83,7 @@ class GraspSequences:
     def __init__(self, node: ManagedNode, robot: Robot, inputs: Inputs) -> None:
         self._node, self._robot, self._inputs = node, robot, inputs
         self.stage = 0  #: current stage, a constant of the action's feedback
+        self._held_at = 0.0  # last time at which the moving object was known to be held [s]
         self._described = common.read_described(node.values)
         # Before the actions: a server that has discovered their clients has discovered the
         # publisher.
@@ -195,7 +196,7 @@ class GraspSequences:
         """Raise StepError if the object is already held."""
         # The analysis may arrive only after the pick.
         found = find_fresh(self._node.now(), self._timeout, self._inputs.grasp)
-        if found is not None and found.held:
+        if found is not None and read_held(found):
             members = ', '.join(found.grasping_members)
             raise StepError(
                 StepOutcome.BAD_GOAL,
@@ -259,12 +260,17 @@ class GraspSequences:
         self.stage = MOVE.MOVING
         yield from self._await_held(StepOutcome.NOT_HELD)
         wanted = FollowObjectPath.Goal(path=goal.path, speed=goal.speed, turn_rate=goal.turn_rate)
-        followed = yield from self._object.run(wanted, find_fault=self._find_loss)
+        followed = yield from self._carry(wanted)
         codes = FollowObjectPath.Result
         if followed.code != codes.REACHED:
             bad = followed.code == codes.BAD_GOAL
             raise StepError(StepOutcome.BAD_GOAL if bad else StepOutcome.STOPPED, followed.message)
         return MoveObject.Result(message=followed.message)
+
+    def _carry(self, goal: FollowObjectPath.Goal) -> Steps:
+        """Move the held object along a path, and return the result; end at a loss."""
+        self._held_at = self._node.now()
+        return (yield from self._object.run(goal, find_fault=self._find_loss))
 
     def _bring_back(self, lay: PoseStamped) -> Steps:
         """Move a displaced object back to its initial pose; return a sentence with the result."""
@@ -279,7 +285,7 @@ class GraspSequences:
         )
         why = ''
         try:
-            followed = yield from self._object.run(goal, find_fault=self._find_loss)
+            followed = yield from self._carry(goal)
             if followed.code != FollowObjectPath.Result.REACHED:
                 why = f' ({followed.message})'
         except StepError as error:
@@ -314,14 +320,14 @@ class GraspSequences:
             now, analysed = self._node.now(), -np.inf
             if isinstance(self._inputs.grasp, StampedInput):
                 state, analysed = self._inputs.grasp.value, self._inputs.grasp.time
-                found = state.code in (GraspState.OK, GraspState.WRINKLED) and state.held == held
-                if found and analysed > arrived:
+                if read_held(state) is held and analysed > arrived:
                     return state
             # The wait is timed by the stamps of the analyses, which are late on a busy machine, or
             # by the clock if no analyses arrive.
             waited = max(analysed, now - self._timeout) - arrived
             if waited > CONFIRMATION_TIMEOUT:
-                outcome = StepOutcome.NOT_HELD if analysed > arrived else StepOutcome.NOT_READY
+                has_answer = analysed > arrived and read_held(state) is not None
+                outcome = StepOutcome.NOT_HELD if has_answer else StepOutcome.NOT_READY
                 raise StepError(outcome, self._describe_grasp(arrived))
             yield min(1.0, max(0.0, waited / CONFIRMATION_TIMEOUT))
 
@@ -343,34 +349,63 @@ class GraspSequences:
             yield 0.0
 
     def _await_held(self, otherwise: StepOutcome) -> Steps:
-        """Wait for a fresh analysis that finds that the object is held, and return it."""
-        *_, grasp = yield from self._await_inputs(grasp_state=lambda: self._inputs.grasp)
-        if not grasp.value.held:
-            raise StepError(otherwise, self._describe_grasp())
-        return grasp.value
+        """Wait until it is known whether the object is held; return the analysis if it is."""
+        begun = time.monotonic()
+        while True:
+            *_, grasp = yield from self._await_inputs(grasp_state=lambda: self._inputs.grasp)
+            if self.is_held is False:
+                raise StepError(otherwise, self._describe_grasp())
+            if read_held(grasp.value):
+                return grasp.value
+            if time.monotonic() - begun > INPUT_TIMEOUT:
+                raise StepError(StepOutcome.NOT_READY, self._describe_grasp())
+            yield 0.0
+
+    @property
+    def is_held(self) -> bool | None:
+        """
+        Return whether the object is held; None if neither analysis nor control loop know.
+
+        One of them suffices, since each of them may be late; a loss counts before a hold.
+        """
+        reported = [read_held(report) for report in self._fresh_reports()]
+        return False if False in reported else True if True in reported else None
+
+    def _fresh_reports(self) -> list[Any]:
+        """Return the last messages of `grasp_analysis` and `manipulation` that are not stale."""
+        now, inputs = self._node.now(), self._inputs
+        reports = (
+            find_fresh(now, self._timeout, it) for it in (inputs.grasp, inputs.servo_feedback)
+        )
+        return [report for report in reports if report is not None]
 
     def _find_loss(self) -> StepError | None:
-        """Return an error if the object is not held; None if it is held."""
-        try:
-            (grasp,) = require_fresh(
-                self._node.now(), self._timeout, grasp_state=self._inputs.grasp
-            )
-        except InputError as error:
-            return StepError(StepOutcome.STOPPED, str(error))
-        return (
-            None if grasp.value.held else StepError(StepOutcome.NOT_HELD, self._describe_grasp())
-        )
+        """Return an error if the object is lost, or if its hold is unknown for the timeout."""
+        now, held = self._node.now(), self.is_held
+        if held is False:
+            return StepError(StepOutcome.NOT_HELD, self._describe_grasp())
+        if held or now < self._held_at:
+            self._held_at = now
+        if now - self._held_at <= self._timeout:
+            return None
+        return StepError(StepOutcome.STOPPED, self._describe_grasp())
 
     def _describe_grasp(self, since: float = -np.inf) -> str:
-        """Return a text about the last analysis, if it is later than a given time [s]."""
-        if not isinstance(self._inputs.grasp, StampedInput):
-            return 'no analysis of the grasp was received'
-        if self._inputs.grasp.time <= since:
-            return 'no analysis of the grasp was received since the rollers arrived'
-        state = self._inputs.grasp.value
-        if state.held:
-            return f'the object is held, with a slip margin of {state.slip_margin:.3g} N'
-        return f'the object is not held: {state.message or state.hold_message}'
+        """Return a text about the hold; with a time [s], by an analysis that is later."""
+        lost = [report for report in self._fresh_reports() if read_held(report) is False]
+        given = self._inputs.grasp
+        if lost:
+            why = lost[0].message or getattr(lost[0], 'hold_message', '')
+            return f'the object is not held: {why}'
+        unknown = 'it is unknown whether the object is held'
+        if not isinstance(given, StampedInput):
+            return f'{unknown}: no analysis of the grasp was received'
+        if given.time <= since:
+            return f'{unknown}: no analysis of the grasp was received since the rollers arrived'
+        if self.is_held:
+            return f'the object is held, with a slip margin of {given.value.slip_margin:.3g} N'
+        why = given.value.message or 'no result'
+        return f'{unknown}: {why}; the last analysis is {self._node.now() - given.time:.2f} s old'
 
 
 def _plan_error(plan: PlanGrasp.Result) -> StepError:

@@ -9,11 +9,13 @@ from collections.abc import Callable
 from typing import Any
 
 from isotruss_msgs.action import MoveObject, PickObject, PlaceObject
+from isotruss_msgs.msg import ManipulationStatus
 from isotruss_ros.core import IsotrussError
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.inputs import InputError
-from isotruss_ros.nodes.conversions.messages import MessageError
+from isotruss_ros.nodes.conversions.messages import MessageError, to_held_value
 from isotruss_ros.nodes.framework import common_parameters as common
+from isotruss_ros.nodes.framework.gate import Topic
 from isotruss_ros.nodes.framework.managed import ManagedNode
 from isotruss_ros.nodes.framework.sensors import Inputs
 from isotruss_ros.nodes.framework.single_goal import BusyError, SingleGoal
@@ -46,6 +48,10 @@ class PickAndPlace(ManagedNode):
         """Create clients and subscriptions, and offer the actions."""
         self.inputs = Inputs(self, self.robot)
         self.inputs.keep('rollers', 'estimate', 'pose', 'held_grip', 'grasp')
+        statuses = Topic(
+            ManipulationStatus, 'manipulation/status', lambda status: status, 'status'
+        )
+        self.inputs.keep_topic('servo_feedback', statuses)
         sequences = self._sequences = GraspSequences(self, self.robot, self.inputs)
         # Exists while the node is inactive as well, so that a goal that ends then gets its result.
         self._actions = [
@@ -131,6 +137,7 @@ class PickAndPlace(ManagedNode):
             outcome = _find_outcome(ended)
             details = getattr(ended, 'details', {})
             ended = goal.kind.Result(code=outcome, message=str(ended), **details)
+        ended.held = to_held_value(self._sequences.is_held)
         if hasattr(ended, 'object_pose') and (pose := self._sequences.measured_pose()):
             ended.object_pose = pose
         if isinstance(ended, MoveObject.Result):

@@ -49,7 +49,8 @@ def until_ok(w):
 def assert_no_answer(w, state):
     """Check that a state holds nothing but the reason, and that the flag is false."""
     assert state.message
-    assert not any((state.held, state.force_closure, state.closed_by_friction))
+    assert state.held == state.HELD_UNKNOWN
+    assert not any((state.force_closure, state.closed_by_friction))
     assert not state.contacts
     assert state.closure_residual == math.inf
     assert state.closure_margin == -math.inf

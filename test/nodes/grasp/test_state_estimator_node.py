@@ -76,7 +76,7 @@ def test_joints_of_a_robot_with_wrong_offsets_are_estimated():
     assert joints == pytest.approx(truth, abs=2e-3)
     assert found.used_joints
     assert not found.left_out_joints
-    assert not found.held
+    assert found.held == found.HELD_UNKNOWN
 
 
 def test_prior_of_the_robot_is_that_of_parameters_and_calibration(monkeypatch, tmp_path):
@@ -195,7 +195,7 @@ def test_poses_wait_for_encoders_that_are_late_by_less_than_the_timeout():
     values = {'rate': 20.0, 'command_timeout': 3.0}
     with world(lambda: Simulator(overrides(**plant, **values)), estimator(**values)) as w:
         listen(w)
-        w.until(lambda: last_estimate(w) is not None and last_estimate(w).held)
+        w.until(lambda: last_estimate(w) is not None and last_estimate(w).held == 1)
 
 
 def test_an_estimate_survives_a_round_trip():
@@ -273,7 +273,9 @@ def test_over_dds_measured_pressures_stiffen_the_tubes_of_the_estimate():
             return w.probe.last('estimate')
 
         w.until(
-            lambda: last() and last().held and last().squeeze_deviation < 0.32 * last().squeeze
+            lambda: (
+                last() and last().held == 1 and last().squeeze_deviation < 0.32 * last().squeeze
+            )
         )
         before = last().squeeze
         w.until(lambda: last().squeeze > 1.15 * before, send)

@@ -1,0 +1,153 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Whether the object is held: yes, no or unknown, in messages and for motions of the object."""
+
+from geometry_msgs.msg import PoseStamped
+from isotruss_msgs.action import MoveObject
+from isotruss_msgs.msg import GraspState, ManipulationStatus, StateEstimate
+from isotruss_ros.core import Pose
+from isotruss_ros.nodes.conversions.messages import make_header, to_pose_message
+from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
+from isotruss_ros.nodes.manipulation.node import Manipulation
+from isotruss_ros.nodes.pick_and_place.node import PickAndPlace
+from isotruss_ros.nodes.simulator.node import Simulator
+from isotruss_ros.viewer import message_checks
+from manual_world import world
+from nav_msgs.msg import Path
+from probe import CENTER, maker, overrides
+import pytest
+
+NO, YES, UNKNOWN = GraspState.HELD_NO, GraspState.HELD_YES, GraspState.HELD_UNKNOWN
+TIMEOUT = 0.5
+SILENT = None
+
+
+class EndlessMotion:
+    """Stand-in for the action of `path_follower`: it ends only for a fault."""
+
+    def run(self, _goal, find_fault):
+        """Yield progress until there is a fault."""
+        while (fault := find_fault()) is None:
+            yield 0.0
+        raise fault
+
+
+class Mover:
+    """An object that `pick_and_place` moves, while a test publishes whether it is held."""
+
+    def __init__(self, w):
+        self.w, self.node = w, w.nodes[1]
+        self._states = w.probe.create_publisher(GraspState, 'grasp/state', 1)
+        self._statuses = w.probe.create_publisher(ManipulationStatus, 'manipulation/status', 1)
+        self.node._sequences._object = EndlessMotion()
+        self.tell(YES, SILENT, 0.1)
+        path = Path(poses=[PoseStamped(pose=to_pose_message(Pose(*CENTER, 0.0)))])
+        self._goal = w.send_goal(MoveObject.Goal(path=path))
+        self.tell(YES, SILENT, 0.1)
+        assert not self._goal.ended
+
+    def tell(self, analysis, loop, duration):
+        """Publish for some time what the analysis and the control loop report."""
+
+        def send():
+            self.w.probe.send_joints()
+            self.w.probe.send_pose()
+            header = make_header(self.w.probe.past(0.0), 'truss')
+            if analysis is not SILENT:
+                words = 'joint states: stamped 0.1 s in the future'
+                state = GraspState(header=header, held=analysis, message=words)
+                self._states.publish(state)
+            if loop is not SILENT:
+                self._statuses.publish(
+                    ManipulationStatus(header=header, held=loop, message='lost')
+                )
+
+        self.w.spin(duration, send)
+
+    @property
+    def result(self):
+        """Return the result of the motion; None while it goes on."""
+        return self._goal.result()[1] if self._goal.ended else None
+
+
+@pytest.fixture
+def mover():
+    """Return a moved object."""
+    with world(maker(PickAndPlace, command_timeout=TIMEOUT)()) as w:
+        yield Mover(w)
+
+
+def test_motion_continues_through_an_analysis_without_result(mover):
+    mover.tell(UNKNOWN, SILENT, 0.8 * TIMEOUT)
+    mover.tell(YES, SILENT, 0.1)
+    mover.tell(UNKNOWN, SILENT, 0.8 * TIMEOUT)
+    assert mover.result is None
+
+
+def test_motion_ends_if_the_hold_is_unknown_for_the_timeout(mover):
+    mover.tell(UNKNOWN, SILENT, 1.1 * TIMEOUT)
+    assert mover.result.code == MoveObject.Result.STOPPED
+    assert mover.result.held == UNKNOWN
+    assert 'unknown whether the object is held: joint states' in mover.result.message
+
+
+def test_motion_ends_at_once_if_the_analysis_reports_a_loss(mover):
+    mover.tell(NO, SILENT, 0.05)
+    assert (mover.result.code, mover.result.held) == (MoveObject.Result.NOT_HELD, NO)
+
+
+def test_motion_continues_with_a_late_analysis_while_the_loop_holds_the_object(mover):
+    mover.tell(SILENT, YES, 4.0 * TIMEOUT)
+    assert mover.result is None
+
+
+def test_motion_ends_at_once_if_the_loop_reports_a_loss(mover):
+    mover.tell(YES, NO, 0.05)
+    assert (mover.result.code, mover.result.held) == (MoveObject.Result.NOT_HELD, NO)
+    assert 'lost' in mover.result.message
+
+
+def test_motion_ends_if_analysis_and_loop_are_silent(mover):
+    mover.tell(SILENT, SILENT, 2.1 * TIMEOUT)
+    assert mover.result.code == MoveObject.Result.STOPPED
+    assert 'unknown' in mover.result.message
+
+
+def test_analysis_of_joint_states_from_the_future_is_no_loss():
+    with world(maker(GraspAnalysisNode)()) as w:
+
+        def send():
+            w.probe.send_joints(age=-0.3)
+            w.probe.send_pose()
+
+        w.until(lambda: w.probe.last('state') is not None and w.probe.last('state').code, send)
+        assert w.probe.last('state').held == UNKNOWN
+
+
+PLANT = {'plant': 'elastic', 'friction': 0.9, 'indentation': 0.025, 'rate': 20.0}
+
+
+def status_of(**values):
+    """Return the status of a loop after a zero twist at an object that is held."""
+    with world(
+        lambda: Simulator(overrides(**PLANT)),
+        maker(Manipulation, friction=0.9, rate=20.0, **values)(),
+    ) as w:
+        w.spin(1.0, lambda: w.probe.send_twist((0.0, 0.0, 0.0)))
+        assert w.code() < ManipulationStatus.HALT_NO_TWIST
+        return w.probe.last('status')
+
+
+def test_loop_with_squeeze_control_reports_the_hold():
+    assert status_of(squeeze_force=30.0).held == YES
+
+
+def test_loop_without_squeeze_control_does_not_know_the_hold():
+    assert status_of().held == UNKNOWN
+
+
+@pytest.mark.parametrize('kind', [ManipulationStatus, StateEstimate, MoveObject.Result])
+def test_values_of_held_are_equal_in_all_messages(kind):
+    assert (kind.HELD_NO, kind.HELD_YES, kind.HELD_UNKNOWN) == (NO, YES, UNKNOWN)
+    assert message_checks.HELD_UNKNOWN == UNKNOWN
