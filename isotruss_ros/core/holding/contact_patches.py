@@ -47,6 +47,8 @@ def find_patches(
     flattened = np.zeros(count, dtype=bool)
     for k, skin in enumerate(skins):
         owner, pressed = owners[k], skin.forces > 0.0
+        if not pressed.any():
+            continue
         local = gauge[k] + tension[k] * _curvature(skin)[pressed]
         load = skin.forces[pressed] / skin.spacing
         # The pressure at which a contact over half of the circumference carries the load.

@@ -92,15 +92,30 @@ def test_a_search_without_end_solves_a_bounded_number_of_sets(monkeypatch):
     assert 1 < len(solved) < 12
 
 
-def test_an_end_of_a_face_that_grazes_touches_without_force():
+def grip_with_turned_face(turn):
+    """Return the equilibrium of a polygon whose face turns toward a tube [rad]."""
     config = load_robot('triangle').configuration([0.051, 0.069])
-    members = np.array([1, 2])
     corners = [(0.068, -0.12), (0.011, 0.281), (-0.235, 0.176), (-0.19, -0.083), (-0.079, -0.192)]
     shape = Polygon(corners, (0.0, 0.09, 0.14, 0.0, 0.09))
+    body = ConvexObject(shape, (0.8462, 0.7344, 0.5733 + turn))
+    return attach_grip(config, body, np.array([1, 2]))
+
+
+def test_contact_patches_are_finite_with_a_contact_without_force():
+    grips = [grip_with_turned_face(turn) for turn in np.arange(-0.03, 0.031, 1e-2)]
+    touching = [grip for grip in grips if grip.state.normal_forces.min() < 1e-9]
+    assert touching
+    for grip in touching:
+        patches = grip.patches
+        assert patches.areas * patches.pressures == pytest.approx(grip.normal_forces)
+        assert (np.diff(patches.spans)[:, 0] >= patches.lengths - 1e-9).all()
+
+
+def test_an_end_of_a_face_that_grazes_touches_without_force():
     kinds, poses = [], []
     for turn in np.arange(-0.03, 0.031, 1e-3):
-        body = ConvexObject(shape, (0.8462, 0.7344, 0.5733 + turn))
-        grip = attach_grip(config, body, members)
+        grip = grip_with_turned_face(turn)
+        config = grip.config
         normal, count = grip.state.normal_forces, len(grip.contacts.members)
         kinds.append(count)
         poses.append(np.array(grip.pose))
