@@ -105,7 +105,7 @@ def _contact_points(
             tube.radius, pressure, tube.stiffness.fabric, local_stiffness=tube.local_stiffness
         )
         points = points + 1j * kernel.radius
-        dents = kernel.compliance(places, only, only, CONTACT_SPACING)
+        dents = kernel.compliance(np.arange(count), CONTACT_SPACING)
         across, dent = across + dents, float(dents[0, 0])
     compliance = np.zeros((2, count, 2, count))
     compliance[0, :, 0], compliance[1, :, 1] = along, across

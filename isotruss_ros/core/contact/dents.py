@@ -21,7 +21,7 @@ import copy
 import functools
 import math
 
-from isotruss_ros.core.contact.flattening import flattening_of
+from isotruss_ros.core.contact.flattening import Flattening
 from isotruss_ros.core.contact.pressed_skin import (
     DentSamples,
     DEPTH_EXPONENT,
@@ -32,7 +32,6 @@ from isotruss_ros.core.contact.pressed_skin import (
     press_disc,
     PressedSkin,
 )
-from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.model.shapes import Shape
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
@@ -66,7 +65,7 @@ class DentTable:
         turning: ArrayLike = (0.0,),
     ) -> None:
         self._samples, self._weights, self._turning = samples, weights, turning
-        places = self._mix([each.places for each in samples])
+        places = np.asarray(weights) @ [sample.places for sample in samples]
         self._spline = scipy.interpolate.CubicSpline(
             places, np.append(0.0, depths), bc_type='natural'
         )
@@ -75,10 +74,6 @@ class DentTable:
         self._places: list[float] = places.tolist()
         self._pieces: list[list[float]] = self._spline.c.T.tolist()
         self._press, self._deepest = press, float(depths[-1])
-
-    def _mix(self, values: list[Array]) -> Array:
-        """Return the weighted sum of values of the samples."""
-        return np.asarray(self._weights) @ values
 
     def __call__(self, force: float) -> tuple[float, float]:
         """
@@ -108,8 +103,9 @@ class DentTable:
 
     def press(self, force: float) -> PressedSkin:
         """Return the skin under a normal force [N], at most at the largest depth of the table."""
-        skin = self._press(min(self(force)[0], self._deepest))
-        return skin._replace(forces=skin.forces * (force / skin.forces.sum()))
+        skin = self._press(min(max(self(force)[0], 0.0), self._deepest))
+        total = float(skin.forces.sum())
+        return skin._replace(forces=skin.forces * (force / total if total > 0.0 else 0.0))
 
     def smooth_near(self, force: float) -> DentTable:
         """
@@ -148,12 +144,13 @@ class DentTable:
     @functools.cached_property
     def _by_pressure(self) -> list[list[float]]:
         """Return the polynomials of the depth's derivative by pressure, at constant force."""
-        return self._moved_pieces(self._mix([each.pressure_rates for each in self._samples]))
+        rates = [sample.pressure_rates for sample in self._samples]
+        return self._moved_pieces(np.asarray(self._weights) @ rates)
 
     @functools.cached_property
     def _by_angle(self) -> list[list[float]]:
         """Return the polynomials of the depth's derivative by the angle, at constant force."""
-        places = [each.places for each in self._samples]
+        places = [sample.places for sample in self._samples]
         return self._moved_pieces(np.asarray(self._turning) @ places)
 
     def _moved_pieces(self, moved: Array) -> list[list[float]]:
@@ -232,33 +229,19 @@ class Dents:
 
 
 @functools.lru_cache(maxsize=32)
-def disc_dents(
-    robot: Mechanism, tube: int, radius: float, pressures: tuple[float, ...] | None = None
-) -> DentTable:
-    """
-    Return the table of the dent of a disc in one tube, cached.
-
-    :param radius: radius of the object [m].
-    :param pressures: (t,) gauge pressure of each tube [Pa]; None: as in the robot file.
-    """
-    depths = DISC_DEPTHS * min(radius, 0.5 * robot.description.tube_diameter)
-    kernel = flattening_of(robot, pressures)
-    press = functools.partial(press_disc, kernel, tube, radius)
-    return DentTable(depths, [DentSamples(depths, press, kernel, tube)], press)
+def disc_dents(kernel: Flattening, radius: float) -> DentTable:
+    """Return the table of the dent of a disc with a given radius [m] in a tube, cached."""
+    depths = DISC_DEPTHS * min(radius, kernel.radius)
+    press = functools.partial(press_disc, kernel, radius)
+    return DentTable(depths, [DentSamples(depths, press, kernel)], press)
 
 
 @functools.lru_cache(maxsize=256)
 def corner_dents(
-    robot: Mechanism,
-    tube: int,
-    shape: Shape,
-    angle: float,
-    corner: int,
-    cuts: tuple[float, float],
-    pressures: tuple[float, ...] | None = None,
+    kernel: Flattening, shape: Shape, angle: float, corner: int, cuts: tuple[float, float]
 ) -> DentTable:
     """
-    Return the table of the dent of a corner or face in one tube, cached.
+    Return the table of the dent of a corner or face in a tube, cached.
 
     The forces are interpolated between neighbouring angles by cubic polynomials, so their
     derivatives are continuous.
@@ -269,15 +252,11 @@ def corner_dents(
     :param cuts: largest extents of the contact along the surface, clockwise and counter-clockwise
         from the contact point [m]: half of the length of a face whose other end is another
         contact, otherwise infinite.
-    :param pressures: (t,) gauge pressure of each tube [Pa]; None: as in the robot file.
     """
     angles, weights = _weigh_angles(shape, corner, angle)
-    samples = [
-        _sample_corner(robot, tube, shape, near, corner, cuts, pressures) for near in angles
-    ]
-    press = _corner_press(robot, tube, shape, angle, corner, cuts, pressures)
-    depths = CORNER_DEPTHS * 0.5 * robot.description.tube_diameter
-    return DentTable(depths, samples, press, *weights.T)
+    samples = [_sample_corner(kernel, shape, near, corner, cuts) for near in angles]
+    press = _corner_press(kernel, shape, angle, corner, cuts)
+    return DentTable(CORNER_DEPTHS * kernel.radius, samples, press, *weights.T)
 
 
 def _weigh_angles(shape: Shape, corner: int, angle: float) -> tuple[list[float], Array]:
@@ -316,33 +295,17 @@ def _weigh_angles(shape: Shape, corner: int, angle: float) -> tuple[list[float],
 
 @functools.lru_cache(maxsize=512)
 def _sample_corner(
-    robot: Mechanism,
-    tube: int,
-    shape: Shape,
-    angle: float,
-    corner: int,
-    cuts: tuple[float, float],
-    pressures: tuple[float, ...] | None,
+    kernel: Flattening, shape: Shape, angle: float, corner: int, cuts: tuple[float, float]
 ) -> DentSamples:
     """Return the forces at the depths of the table for one angle, cached; see `corner_dents`."""
-    depths = CORNER_DEPTHS * 0.5 * robot.description.tube_diameter
-    press = _corner_press(robot, tube, shape, angle, corner, cuts, pressures)
-    return DentSamples(depths, press, flattening_of(robot, pressures), tube)
+    press = _corner_press(kernel, shape, angle, corner, cuts)
+    return DentSamples(CORNER_DEPTHS * kernel.radius, press, kernel)
 
 
 def _corner_press(
-    robot: Mechanism,
-    tube: int,
-    shape: Shape,
-    angle: float,
-    corner: int,
-    cuts: tuple[float, float],
-    pressures: tuple[float, ...] | None,
+    kernel: Flattening, shape: Shape, angle: float, corner: int, cuts: tuple[float, float]
 ) -> Callable[[float], PressedSkin]:
     """Return the skin under a corner as a function of the depth; see `corner_dents`."""
-    radius = 0.5 * robot.description.tube_diameter
-    places, heights = find_profile(shape, angle, corner, OUTLINE_SPACING * radius)
-    reach = np.minimum(cuts, MAX_EXTENT * radius)
-    return functools.partial(
-        press_corner, flattening_of(robot, pressures), tube, places, heights, reach
-    )
+    places, heights = find_profile(shape, angle, corner, OUTLINE_SPACING * kernel.radius)
+    reach = np.minimum(cuts, MAX_EXTENT * kernel.radius)
+    return functools.partial(press_corner, kernel, places, heights, reach)

@@ -48,48 +48,38 @@ class DentSamples:
     """
 
     def __init__(
-        self,
-        depths: Array,
-        press: Callable[[float], PressedSkin],
-        kernel: Flattening,
-        tube: int,
+        self, depths: Array, press: Callable[[float], PressedSkin], kernel: Flattening
     ) -> None:
-        self._skins = [press(depth) for depth in depths.tolist()]
-        self._kernel, self._tube = kernel, tube
+        self._skins, self._kernel = [press(depth) for depth in depths.tolist()], kernel
         forces = np.array([skin.forces.sum() for skin in self._skins])
         self.places: Array = np.append(0.0, forces) ** DEPTH_EXPONENT
 
     @functools.cached_property
     def pressure_rates(self) -> Array:
         """Return the derivatives (n + 1,) of `places` with respect to the gauge pressure."""
-        kernel, tube, rates = self._kernel, self._tube, [0.0]
+        rates = [0.0]
         for _, spacing, _, forces in self._skins:
             # The sum of q, where C q = -gaps, changes by -l . C' q, where C l = 1.
             closed = np.flatnonzero(forces)
-            alike = np.zeros(len(closed), dtype=np.intp)
-            dents = kernel.compliance(spacing * closed, alike, alike + tube, spacing)
+            dents = self._kernel.compliance(closed, spacing)
             by_gaps = np.linalg.solve(dents, np.ones(len(closed)))
-            apart = np.abs(closed[:, None] - closed)
-            softer = kernel.compliance_rates(len(forces), spacing)[tube][apart]
-            lost = float(by_gaps @ softer @ forces[closed])
+            lost = float(by_gaps @ self._kernel.compliance_rates(closed, spacing) @ forces[closed])
             rates.append(-DEPTH_EXPONENT * forces.sum() ** (DEPTH_EXPONENT - 1.0) * lost)
         return np.array(rates)
 
 
-def press_disc(kernel: Flattening, tube: int, radius: float, depth: float) -> PressedSkin:
+def press_disc(kernel: Flattening, radius: float, depth: float) -> PressedSkin:
     """Return the skin under a disc at a given depth."""
     half = np.sqrt(radius**2 - (radius - depth) ** 2)
     places = half * np.linspace(-1.0, 1.0, CHORD_POINTS)
     heights = radius - np.sqrt(radius**2 - places**2)
-    return _press(kernel, tube, places, heights, depth)
+    return _press(kernel, places, heights, depth)
 
 
-def _press(
-    kernel: Flattening, tube: int, places: Array, heights: Array, depth: float
-) -> PressedSkin:
+def _press(kernel: Flattening, places: Array, heights: Array, depth: float) -> PressedSkin:
     """Return the skin whose contact forces close the gaps under an object at a given depth."""
     count, spacing = len(places), float(places[1] - places[0])
-    dents = kernel.lattice_compliance(count, tube, spacing)
+    dents = kernel.compliance(np.arange(count), spacing)
     forces, _ = solve_complementarity(dents, heights - depth, np.ones(count, dtype=bool))
     return PressedSkin(places, spacing, heights, forces)
 
@@ -117,7 +107,7 @@ def find_profile(shape: Shape, angle: float, corner: int, spacing: float) -> tup
 
 
 def press_corner(
-    kernel: Flattening, tube: int, places: Array, heights: Array, reach: Array, depth: float
+    kernel: Flattening, places: Array, heights: Array, reach: Array, depth: float
 ) -> PressedSkin:
     """Return the skin under a corner at a given depth."""
     low = np.flatnonzero(heights <= depth)
@@ -131,4 +121,4 @@ def press_corner(
     spacing = max(end - begin, 1e-6) / CHORD_POINTS
     # Each point is in the middle of a piece of tube; the outer pieces end at `begin` and `end`.
     middles = begin + (np.arange(CHORD_POINTS) + 0.5) * spacing
-    return _press(kernel, tube, middles, np.interp(middles, places, heights), depth)
+    return _press(kernel, middles, np.interp(middles, places, heights), depth)

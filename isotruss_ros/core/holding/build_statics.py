@@ -12,6 +12,7 @@ from __future__ import annotations
 import cmath
 
 from isotruss_ros.core.contact.dents import corner_dents, Dents, disc_dents
+from isotruss_ros.core.contact.flattening import flattening_of
 from isotruss_ros.core.holding.contact_forces import PressedContacts
 from isotruss_ros.core.holding.contact_statics import ContactStatics, TubeModel
 from isotruss_ros.core.kinematics.configuration import Configuration
@@ -135,17 +136,16 @@ def find_dents(
     if tubes.paper_model:
         return Dents()
     robot, shape = structure.config.robot, body.shape
-    pressures = None if tubes.pressure is None else structure.pressures
-    numbers = robot.topology.tube[contacts.members].tolist()
+    tubes_pressed = robot.topology.tube[contacts.members].tolist()
+    kernels = [flattening_of(robot, structure.pressures[tube]) for tube in tubes_pressed]
     if shape.is_round:
-        tables = [disc_dents(robot, number, shape.reach, pressures) for number in numbers]
-    else:
-        facing = (normals * body.turn.conjugate()).tolist()
-        cuts = map(tuple, contacts.cuts.tolist())
-        tables = [
-            corner_dents(robot, tube, shape, cmath.phase(normal), corner, cut, pressures)
-            for tube, normal, corner, cut in zip(
-                numbers, facing, contacts.corners.tolist(), cuts, strict=True
-            )
-        ]
+        return Dents(
+            [disc_dents(kernel, shape.reach) for kernel in kernels], tubes.stiffness_scale
+        )
+    angles = map(cmath.phase, (normals * body.turn.conjugate()).tolist())
+    corners, cuts = contacts.corners.tolist(), map(tuple, contacts.cuts.tolist())
+    tables = [
+        corner_dents(kernel, shape, *at)
+        for kernel, *at in zip(kernels, angles, corners, cuts, strict=True)
+    ]
     return Dents(tables, tubes.stiffness_scale)

@@ -22,6 +22,8 @@ from scipy.interpolate import CubicSpline
 from shapes import circle
 
 ROBOT = load_robot('nine_member')
+KERNEL = flattening_of(ROBOT, 34.5e3)
+WHOLE = (np.inf, np.inf)
 
 
 @robots.examples(60)
@@ -34,7 +36,7 @@ def test_dents_agree_with_the_cubic_spline_of_scipy(rng, count, size):
         forces = 1e5 * rng.uniform(0.5, 2.0) * depths ** rng.uniform(1.2, 1.8)
         skins = [PressedSkin(np.zeros(1), 1e-3, np.zeros(1), force[None]) for force in forces]
         press = dict(zip(depths.tolist(), skins, strict=True)).__getitem__
-        samples = DentSamples(depths, press, flattening_of(ROBOT), 0)
+        samples = DentSamples(depths, press, KERNEL)
         tables.append(DentTable(depths, [samples], press))
         places = np.append(0.0, forces**DEPTH_EXPONENT)
         splines.append(CubicSpline(places, np.append(0.0, depths), bc_type='natural'))
@@ -54,7 +56,7 @@ def test_dents_agree_with_the_cubic_spline_of_scipy(rng, count, size):
 
 
 def test_dents_of_softer_tubes_are_those_of_larger_forces():
-    tables = [disc_dents(ROBOT, tube, 0.15) for tube in (0, 1)]
+    tables = [disc_dents(KERNEL, radius) for radius in (0.15, 0.2)]
     forces = np.array([10.0, 20.0])
     depth, slope = Dents(tables, scale=0.5)(forces)
     expected = np.array([table(2.0 * force) for table, force in zip(tables, forces, strict=True)])
@@ -62,26 +64,13 @@ def test_dents_of_softer_tubes_are_those_of_larger_forces():
     assert slope == pytest.approx(2.0 * expected[:, 1])
 
 
-def test_dent_depends_on_the_pressure_of_its_tube():
-    names = list(ROBOT.description.pressures)
-    pressures = tuple(2e4 + 1e4 * np.arange(len(names)))
-    whole, shape = (np.inf, np.inf), Ellipse((0.2, 0.1))
-    for tube in range(len(names)):
-        even = (pressures[tube],) * len(names)
-        for table in (
-            lambda gauge, tube=tube: disc_dents(ROBOT, tube, 0.15, gauge),
-            lambda gauge, tube=tube: dents.corner_dents(ROBOT, tube, shape, 1.57, 0, whole, gauge),
-        ):
-            assert table(pressures)(20.0) == pytest.approx(table(even)(20.0))
-
-
 @pytest.mark.parametrize('radius', [0.03, 0.15])
 def test_dent_of_a_rigid_tube_agrees_with_the_table(radius):
     tube = 0.5 * ROBOT.description.tube_diameter
-    table, kernel = disc_dents(ROBOT, 0, radius), flattening_of(ROBOT, None)
+    table = disc_dents(KERNEL, radius)
     places, alike = 1e-3 * np.arange(-150, 151), np.zeros(301, dtype=int)
     compliance = np.zeros((602, 602))
-    compliance[301:, 301:] = kernel.compliance(places, alike, alike, 1e-3)
+    compliance[301:, 301:] = KERNEL.compliance(np.arange(301), 1e-3)
     for depth in (0.002, 0.01, 0.02):
         surface = circle(1j * (tube + radius - depth), radius)
         axis = np.ones(301, dtype=complex)
@@ -101,7 +90,7 @@ TURNS += [(Polygon([(0, 0), (0.3, 0), (0, 0.3)]), x) for x in (-2.4, -3.0, -3.1,
 @pytest.mark.parametrize(('shape', 'angle'), TURNS)
 def test_derivative_by_the_angle_agrees_with_finite_differences(shape, angle, force):
     def table(turned):
-        return dents.corner_dents(ROBOT, 0, shape, turned, 0, (np.inf, np.inf))
+        return dents.corner_dents(KERNEL, shape, turned, 0, WHOLE)
 
     step = 1e-6
     slope = (table(angle + step)(force)[0] - table(angle - step)(force)[0]) / (2.0 * step)
@@ -113,12 +102,12 @@ def test_derivative_by_the_angle_agrees_with_finite_differences(shape, angle, fo
 @pytest.mark.parametrize(('shape', 'angle'), TURNS)
 def test_dents_between_samples_agree_with_those_of_their_angle(shape, angle, force):
     """The step between the samples is a third of what it is."""
-    whole, step = (np.inf, np.inf), dents.ANGLE_STEP
+    step = dents.ANGLE_STEP
     for away in step * np.linspace(0.0, 1.0, 7):
         with pytest.MonkeyPatch.context() as patch:
-            coarse = dents.corner_dents.__wrapped__(ROBOT, 0, shape, angle + away, 0, whole)
+            coarse = dents.corner_dents.__wrapped__(KERNEL, shape, angle + away, 0, WHOLE)
             patch.setattr(dents, 'ANGLE_STEP', step / 3.0)
-            fine = dents.corner_dents.__wrapped__(ROBOT, 0, shape, angle + away, 0, whole)
+            fine = dents.corner_dents.__wrapped__(KERNEL, shape, angle + away, 0, WHOLE)
         assert coarse(force)[0] == pytest.approx(fine(force)[0], rel=0.02)
 
 
@@ -126,11 +115,10 @@ def test_dents_between_samples_agree_with_those_of_their_angle(shape, angle, for
 @pytest.mark.parametrize('shape', ['disc', 'corner'])
 def test_pressure_derivative_agrees_with_finite_differences(shape, force):
     def table(pressure):
-        given = (pressure,) * len(ROBOT.description.pressures)
+        kernel = flattening_of(ROBOT, pressure)
         if shape == 'disc':
-            return disc_dents(ROBOT, 0, 0.15, given)
-        whole, ellipse = (np.inf, np.inf), Ellipse((0.2, 0.1))
-        return dents.corner_dents(ROBOT, 0, ellipse, 1.57, 0, whole, given)
+            return disc_dents(kernel, 0.15)
+        return dents.corner_dents(kernel, Ellipse((0.2, 0.1)), 1.57, 0, WHOLE)
 
     # So short that the same points are closed on both sides.
     pressure, step = 34e3, 5.0

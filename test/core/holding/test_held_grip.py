@@ -21,6 +21,7 @@ from isotruss_ros.core import (
     solve_twist,
 )
 from isotruss_ros.core.contact.dents import corner_dents
+from isotruss_ros.core.contact.flattening import flattening_of
 from isotruss_ros.core.holding.attach_grip import attach_grip, rest
 from isotruss_ros.core.holding.build_statics import find_pressed
 from isotruss_ros.core.holding.contact_statics import TubeModel
@@ -340,16 +341,16 @@ def test_face_between_three_members_determines_the_angle_without_friction():
 
 
 def test_a_face_dents_less_than_a_corner_and_a_disc_as_in_its_own_table():
-    both = (np.inf, np.inf)
-    right = 2
-    flat = corner_dents(NINE, 0, SHARP, 0.5 * np.pi, right, (np.inf, 0.15))
-    sharp = corner_dents(NINE, 0, SHARP, 0.25 * np.pi, right, both)
+    both, right = (np.inf, np.inf), 2
+    pressure = next(iter(NINE.description.pressures.values()))
+    kernel = flattening_of(NINE, pressure)
+    flat = corner_dents(kernel, SHARP, 0.5 * np.pi, right, (np.inf, 0.15))
+    sharp = corner_dents(kernel, SHARP, 0.25 * np.pi, right, both)
     assert flat(15.0)[0] < 0.2 * sharp(15.0)[0]
     # Pressure times area: half of a face of 0.3 m on a foundation of 4 pi p / 3.
-    pressure = next(iter(NINE.description.pressures.values()))
     assert flat(5.0)[0] == pytest.approx(5.0 / (0.15 * 4.0 * np.pi * pressure / 3.0), rel=0.25)
     grip = attach_grip(CONFIG, CYLINDER)
-    table = corner_dents(NINE, 0, Disc(0.3), 0.0, 0, both)
+    table = corner_dents(kernel, Disc(0.3), 0.0, 0, both)
     depths, _ = grip.statics.dents(np.array([10.0, 30.0]))
     assert [table(10.0)[0], table(30.0)[0]] == pytest.approx(depths, rel=0.02)
 
