@@ -16,6 +16,7 @@ from isotruss_ros.core.errors import IsotrussError
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings, StateEstimate
 from isotruss_ros.core.estimation.state_estimator import StateEstimator
 from isotruss_ros.core.inputs import (
+    find_fresh,
     fresh_pressures,
     HISTORY_DURATION,
     Input,
@@ -85,7 +86,7 @@ class StateEstimatorNode(ManagedNode):
         self.inputs.keep('rollers', take=self._take_encoders)
         self.inputs.keep('pose', take=self._take_pose, oldest=HISTORY_DURATION)
         self.inputs.keep('markers', take=self._take_markers, oldest=HISTORY_DURATION)
-        self.inputs.keep('pressures')
+        self.inputs.keep('pressures', 'held_grip')
         self._begin()
         self._estimates = self.advertise(StateEstimateMessage, 'state_estimate')
 
@@ -180,6 +181,16 @@ class StateEstimatorNode(ManagedNode):
         self._estimator.take_pressures(found)
         return ''
 
+    def _take_grip(self, now: float) -> str:
+        """Use the grip of `manipulation` while it is fresh; return a warning if it is invalid."""
+        record = find_fresh(now, self.values.command_timeout, self.inputs.held_grip)
+        try:
+            self._estimator.take_grip(record)
+        except IsotrussError as error:
+            self._estimator.take_grip(None)
+            return str(error)
+        return ''
+
     def _find_sag(self, now: float, estimate: StateEstimate) -> str:
         """Return a warning if a robot without object sags under its weight, otherwise ''."""
         if not 0.0 <= now - self._sought < SAG_PERIOD:
@@ -192,6 +203,7 @@ class StateEstimatorNode(ManagedNode):
 
     def _step(self, now: float) -> None:
         stale, inputs = self._take_pressures(now), self.inputs
+        mismatch = self._take_grip(now)
         self._take_waiting(now)
         try:
             require_fresh(now, self.values.command_timeout, joint_states=inputs.rollers)
@@ -204,7 +216,13 @@ class StateEstimatorNode(ManagedNode):
         self._last = estimate
         self._estimates.publish(to_estimate_message(estimate, self.robot))
         rejected = map(_rejection, (inputs.rollers, inputs.pose, inputs.markers))
-        found = stale, *rejected, _describe_doubts(estimate), self._find_sag(now, estimate)
+        found = (
+            stale,
+            mismatch,
+            *rejected,
+            _describe_doubts(estimate),
+            self._find_sag(now, estimate),
+        )
         doubts = '; '.join(filter(None, found))
         if doubts:
             self.reasons.note('doubts', doubts)

@@ -33,6 +33,7 @@ from isotruss_ros.core.estimation.grip_state import DELAY_DEVIATION, GripState, 
 from isotruss_ros.core.estimation.input_lag import InputLag
 from isotruss_ros.core.estimation.pose_noise import PRIOR_DEVIATIONS
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings, MAX_KNOWN_DEVIATION
+from isotruss_ros.core.holding.grip_record import GripEstimate
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, NotHeldError
 from isotruss_ros.core.kinematics.configuration import Configuration, MAX_FIRST_ORDER_TRAVEL
 from isotruss_ros.core.manipulation.grip import Grip
@@ -168,6 +169,16 @@ class GripBelief:
         """Return the covariance of the object's pose, (3, 3) [m^2, m rad, rad^2]."""
         spread = self._state.spread(self._cache.rates.pose, self._cache.by_considered.pose)
         return spread / np.outer(self._even, self._even)
+
+    @property
+    def estimate(self) -> GripEstimate:
+        """Return the estimates of pose, squeeze and delay."""
+        covariance, deviation = self.pose_covariance, self.squeeze_deviation
+        return GripEstimate(self.pose, covariance, self.squeeze, deviation, self.delay)
+
+    def adopt(self, grasp: HeldGrip) -> None:
+        """Set an equilibrium that another belief has found."""
+        self._take(grasp)
 
     def explains(self, pose: Pose) -> bool:
         """Return whether load and errors of offsets and measurement explain a measured pose."""

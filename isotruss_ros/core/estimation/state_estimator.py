@@ -24,6 +24,7 @@ from isotruss_ros.core.estimation.marker_gate import find_swap, judge_markers
 from isotruss_ros.core.estimation.offset_filter import OffsetFilter
 from isotruss_ros.core.estimation.slip_watch import SlipWatch
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings, StateEstimate
+from isotruss_ros.core.holding.grip_record import GripRecord
 from isotruss_ros.core.holding.held_grip import HoldStatus
 from isotruss_ros.core.holding.loaded_frame import held_joints
 from isotruss_ros.core.inputs import HISTORY_DURATION, steady_pressures, Timeline, UsedReadings
@@ -57,6 +58,7 @@ class StateEstimator:
         self._grip: Grip | None = None
         self._zeros, self._config = OffsetFilter(robot, given), robot.home
         self.belief: GripBelief | None = None
+        self._record: GripRecord | None = None  # last grip of the control loop
         self._readings, self._slips = Timeline(), SlipWatch(len(robot.roller_names))
         self._measured = UsedReadings()
         self._pressures: tuple[float, ...] | None = None
@@ -80,7 +82,7 @@ class StateEstimator:
         """
         if grip is not None:
             find_members(self._robot, grip.members)
-        self._grip, self.belief = grip, None
+        self._grip, self.belief, self._record = grip, None, None
 
     def take_encoders(self, time: float, readings: Array) -> None:
         """
@@ -111,6 +113,30 @@ class StateEstimator:
         self._pressures = steady_pressures(self._pressures, pressures)
 
     @single_threaded
+    def take_grip(self, record: GripRecord | None) -> None:
+        """
+        Use the grip that a control loop estimates from now on; poses are not used meanwhile.
+
+        :param record: the grip with its estimate, which is not solved for again; None: poses are
+            used.
+        :raises GraspError: the object has no such corners.
+        :raises StructureError: the bent tubes are those of another structure.
+        """
+        before, self._record = self._record, record
+        if record is before or self._grip is None:
+            return
+        if record is None:
+            self.belief = None
+            return
+        held = record.restore(self._config, self._grip.body)
+        self._used_offsets = self._zeros.offsets
+        if before is None or self.belief is None:
+            grip, covariance = self._grip.moved_to(held.pose), self._zeros.offset_covariance
+            self.belief = GripBelief(held, grip, self.settings, covariance, is_assumed=True)
+        else:
+            self.belief.adopt(held)
+
+    @single_threaded
     def take_pose(self, time: float, pose: Pose, deviations: Array) -> bool:
         """
         Update the belief of the grip with a measured pose.
@@ -124,7 +150,7 @@ class StateEstimator:
         what = "the object's pose (x, y, angle) [m, rad]"
         pose = Pose(*finite_array(pose, 3, what, GraspError, MAX_MAGNITUDE).tolist())
         deviations = _positive(deviations, 3, 'deviations of the pose [m, rad]')
-        if self._grip is None or not self._in_time(time):
+        if self._grip is None or self._record is not None or not self._in_time(time):
             return False
         if not self._measured.use('pose', time, pose):
             return False
@@ -224,13 +250,14 @@ class StateEstimator:
         if belief is None:
             return found
         errors = self.settings.pose_error / np.array([1.0, 1.0, belief.grasp.arm])
+        state = belief.estimate if self._record is None else self._record.estimate
         return replace(
             found,
-            pose=belief.pose,
-            pose_covariance=belief.pose_covariance + np.diag(errors**2),
-            squeeze=belief.squeeze,
-            squeeze_deviation=belief.squeeze_deviation,
-            delay=belief.delay,
+            pose=state.pose,
+            pose_covariance=state.pose_covariance + np.diag(errors**2),
+            squeeze=state.squeeze,
+            squeeze_deviation=state.squeeze_deviation,
+            delay=state.delay,
         )
 
     def _name(
@@ -254,7 +281,7 @@ class StateEstimator:
         """Roll the held object to the last encoder reading; without equilibrium, release it."""
         (time, readings), belief = self._readings.last, self.belief
         elapsed, self._rolled = time - self._rolled, time
-        if belief is None or elapsed == 0.0:
+        if belief is None or elapsed == 0.0 or self._record is not None:
             return
         self._used_offsets = self._zeros.offsets
         travel = readings + self._used_offsets

@@ -13,44 +13,62 @@ from isotruss_ros.core.holding.build_statics import build_statics, facing_lines
 from isotruss_ros.core.holding.contact_forces import Places, PressedContacts
 from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.held_grip import HeldGrip, travel_rates
-from isotruss_ros.core.holding.roll_grip import NO_CONTACTS, roll_grip, stick
+from isotruss_ros.core.holding.roll_grip import NO_CONTACTS, stick
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 
 
+class GripEstimate(NamedTuple):
+    """Estimated state of a held object, with loads and sensor errors."""
+
+    pose: Array  #: (3,) x, y [m], angle [rad]
+    pose_covariance: Array  #: (3, 3) covariance of the pose [m^2, m rad, rad^2]
+    squeeze: float  #: mean normal force of the members [N]
+    squeeze_deviation: float  #: standard deviation of the squeeze [N]
+    delay: float  #: time by which the measured poses are older than their stamps say [s]
+
+
 class GripRecord(NamedTuple):
-    """Numbers from which a held grip is restored if robot, object and wrench are known."""
+    """Numbers from which a held grip is restored if robot and object are known."""
 
     travel: Array  #: (r,) roller travel since home [m]
     contacts: PressedContacts  #: the k contacts
     unknowns: Array  #: (3 + 4k,) unknowns, see `ContactForces`
+    places: Array  #: (k,) distances of the contacts from the members' starts, see `BentTubes` [m]
+    bent: Array  #: (s,) state of the bent tubes, see `Displaced.values`
     #: (t,) gauge pressure of each tube [Pa]; None: as in the robot file
-    pressures: tuple[float, ...] | None
+    pressures: tuple[float, ...] | None = None
+    estimate: GripEstimate | None = None  #: estimate of the control loop that holds the object
 
     @classmethod
-    def of(cls, grip: HeldGrip) -> GripRecord:
-        """Return the record of a grip."""
+    def of(cls, grip: HeldGrip, estimate: GripEstimate | None = None) -> GripRecord:
+        """Return the record of a grip whose tubes are bent."""
+        bent = grip.statics.bent
         own = grip.tubes.pressure is not None
-        pressures = grip.statics.bent.structure.pressures if own else None
-        return cls(grip.config.roller_positions, grip.contacts, grip.state.unknowns, pressures)
+        return cls(
+            grip.config.roller_positions,
+            grip.contacts,
+            grip.state.unknowns,
+            bent.places,
+            bent.before.values,
+            bent.structure.pressures if own else None,
+            estimate,
+        )
 
-    def restore(
-        self,
-        config: Configuration,
-        body: ConvexObject,
-        external_wrench: Array | None = None,
-        before: HeldGrip | None = None,
-    ) -> HeldGrip | None:
+    def restore(self, config: Configuration, body: ConvexObject) -> HeldGrip:
         """
-        Return the recorded grip after rolling to a near configuration; None without equilibrium.
+        Return the recorded grip. It is evaluated, not solved for.
 
-        The iteration starts from the bent tubes of `before` if its members are the same.
-
+        :param config: a near configuration, from which that of the record is found.
         :param body: the object; its pose is not used.
+        :raises GraspError: the object has no such corners.
+        :raises StructureError: the bent tubes are those of another structure.
         """
-        there, body = config.moved_to(self.travel), body.moved_to(self.unknowns[:3])
+        there = config.moved_to(self.travel)
+        body = body.moved_to(self.unknowns[:3])
+        body = body.smoothed(0.5 * config.robot.description.tube_diameter)
         contacts, tubes = self.contacts, TubeModel(pressure=self.pressures)
         turned = np.exp(1j * self.unknowns[Places.of(len(contacts.members)).inclinations])
         try:
@@ -63,16 +81,11 @@ class GripRecord(NamedTuple):
             raise GraspError(
                 f'held grip: corners {self.contacts.corners}: the object has no such corners'
             ) from error
-        bent, loads = statics.bent, statics.loads(self.unknowns)
-        feet = self.unknowns[statics.places.feet]
-        like = before is not None and before.tubes[:2] == tubes[:2]
-        if like and np.array_equal(before.contacts.members, contacts.members):
-            bent = before.statics.bent.update(loads, feet, bent.structure)
-        statics = replace(statics, bent=bent.bend(loads, feet))
+        bent = replace(statics.bent, places=self.places).bent_to(self.bent)
+        statics = replace(statics, bent=bent)
         conditions = stick(statics, anchors, travel, angles, NO_CONTACTS)
         residual, state = statics.equations(self.unknowns, np.zeros(3), conditions)
         # The recorded dents were tabulated at other normals. `given` keeps this difference
         # constant, so the recorded forces fulfil the equations.
         statics = replace(statics, given=-residual[: 3 * len(angles)].reshape(-1, 3))
-        held = HeldGrip(there, body, anchors, angles, statics, state, np.zeros(3), tubes)
-        return roll_grip(held, config, external_wrench)
+        return HeldGrip(there, body, anchors, angles, statics, state, np.zeros(3), tubes)

@@ -62,12 +62,13 @@ def foresee_grip(
     :return: predicted motion; None if no members hold the object.
     """
     friction = check_friction(friction)
-    held = None if record is None else record.restore(config, body)
     found = None
-    if held is not None and held.hold(friction) is HoldStatus.HELD:
-        found = foresee_path(held, friction, poses)
-        if not found.why:
-            return found
+    if record is not None:
+        held = record.restore(config, body)
+        if held.hold(friction) is HoldStatus.HELD:
+            found = foresee_path(held, friction, poses)
+            if not found.why:
+                return found
     try:
         held = attach_grip(config, body, tubes=tubes)
     except NotHeldError:

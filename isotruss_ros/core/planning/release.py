@@ -70,8 +70,8 @@ def plan_release(
 
     :param clearance: gap between these members and the object at the end [m]; at most the sum of
         all member lengths.
-    :param record: equilibrium reported by the control loop that holds the object. If it is None or
-        cannot be restored, the equilibrium of `attach_grip` is used instead.
+    :param record: equilibrium reported by the control loop that holds the object. If it is None,
+        the equilibrium of `attach_grip` is used instead.
     :param max_turn: largest admissible predicted rotation of the object [rad].
     """
     file = config.robot.description

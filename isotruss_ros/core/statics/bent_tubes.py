@@ -46,6 +46,21 @@ class Displaced(NamedTuple):
     loads: Array  #: (k, 3) loads at the load points, see `BentTubes` [N, N m]
     pull: Array  #: (c,) axial forces of the frame's members [N]
 
+    @classmethod
+    def of_values(cls, frame: Frame, values: Array) -> Displaced:
+        """Return the state of a frame from all of its values in this order, (s,)."""
+        nodes, loads = (3 * number for number in (len(frame.points), len(frame.nodes)))
+        ends = np.cumsum([nodes, frame.rows.count, loads, len(frame.length)])
+        if values.shape != (ends[-1],):
+            raise StructureError(f'bent tubes with {values.size} values: must be {ends[-1]}')
+        moved, multipliers, pushed, pull = np.split(values, ends[:-1])
+        return cls(moved.reshape(-1, 3), multipliers, pushed.reshape(-1, 3), pull)
+
+    @property
+    def values(self) -> Array:
+        """Return all values, (s,)."""
+        return np.concatenate([part.ravel() for part in self])
+
 
 class Lines(NamedTuple):
     """Members of k load points: start x + iy [m], unit vector to the end x + iy, length [m]."""
@@ -153,6 +168,10 @@ class BentTubes:
     def _bent_to(self, before: Displaced) -> BentTubes:
         """Return these tubes, linearised about another state."""
         return replace(self, before=before, given_lines=self.lines, given_cuts=self._cuts)
+
+    def bent_to(self, values: Array) -> BentTubes:
+        """Return these tubes, linearised about the state with given `Displaced.values`."""
+        return self._bent_to(Displaced.of_values(self.frame, values))
 
     def bent_like(self, others: BentTubes) -> BentTubes:
         """Return these tubes, linearised about a state taken from the tubes of a similar robot."""

@@ -20,11 +20,11 @@ from isotruss_ros.nodes.conversions.messages import (
     ALIGNED_OBJECT,
     check_frame,
     CONTACT,
+    HELD_VALUES,
     make_header,
     MessageError,
     name_frame,
     OBJECT,
-    to_held_value,
 )
 from isotruss_ros.nodes.conversions.object_messages import read_described
 from isotruss_ros.nodes.grasp.grasp_report import GraspQuery, GraspReport
@@ -148,7 +148,7 @@ def to_state_message(report: GraspReport, frame: str) -> GraspState:
     :param frame: name of the robot frame.
     """
     state = GraspState(code=int(report.code), message=report.message)
-    state.held = to_held_value(report.held)
+    state.held = HELD_VALUES[report.held]
     state.header = make_header(report.time, frame)
     if report.grasp is None:
         state.closure_residual = state.required_friction = math.inf

@@ -27,6 +27,12 @@ MAX_DISTANCE = 1e6
 #: about which moments of wrenches are given, and the robot's axes. The x axis of a contact frame
 #: is normal to the member and points into the object; the y axis is along the member.
 OBJECT, ALIGNED_OBJECT, CONTACT = 'object', 'object_aligned', '_contact'
+#: Value of the field `held` of messages for whether the object is held; None: unknown.
+HELD_VALUES = {
+    None: GraspState.HELD_UNKNOWN,
+    False: GraspState.HELD_NO,
+    True: GraspState.HELD_YES,
+}
 #: Largest accepted deviation of the norm of a quaternion from 1 [-].
 QUATERNION_TOLERANCE = 0.01
 
@@ -53,11 +59,6 @@ def make_header(when: float, frame: str = '') -> Header:
     """
     seconds, nanoseconds = divmod(max(0, round(1e9 * when)), 1_000_000_000)
     return Header(stamp=Time(sec=seconds, nanosec=nanoseconds), frame_id=frame)
-
-
-def to_held_value(held: bool | None) -> int:
-    """Return the value of a field `held` of our messages; None: unknown."""
-    return GraspState.HELD_UNKNOWN if held is None else int(held)
 
 
 def read_held(message: Any) -> bool | None:

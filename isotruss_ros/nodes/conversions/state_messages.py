@@ -11,14 +11,14 @@ from isotruss_msgs.msg import StateEstimate as StateEstimateMessage
 from isotruss_ros.core import Pose, Robot
 from isotruss_ros.core.estimation.state_estimate import EstimatedTravel, StateEstimate
 from isotruss_ros.core.holding.contact_forces import Places, PressedContacts
-from isotruss_ros.core.holding.grip_record import GripRecord
+from isotruss_ros.core.holding.grip_record import GripEstimate, GripRecord
 from isotruss_ros.core.numerics.arrays import covariance_matrix
 from isotruss_ros.nodes.conversions.messages import (
     check_frame,
+    HELD_VALUES,
     make_header,
     MAX_DISTANCE,
     MessageError,
-    to_held_value,
     to_pose_message,
 )
 import numpy as np
@@ -49,7 +49,7 @@ def to_estimate_message(estimate: StateEstimate, robot: Robot) -> StateEstimateM
         swapped_joints=estimate.swapped,
         slipping_rollers=estimate.slipping,
         pose_delay=estimate.delay,
-        held=to_held_value(True if estimate.pose is not None else None),
+        held=HELD_VALUES[True if estimate.pose is not None else None],
     )
     if estimate.pose is not None:
         message.pose.pose = to_pose_message(Pose(*estimate.pose.tolist()))
@@ -105,7 +105,8 @@ def to_grip_message(record: GripRecord | None, robot: Robot, when: float) -> Hel
         return HeldGripMessage(header=make_header(when, robot.frame))
     contacts = record.contacts
     before, behind = contacts.cuts.T.tolist()
-    return HeldGripMessage(
+    estimate = record.estimate
+    message = HeldGripMessage(
         header=make_header(when, robot.frame),
         travel=record.travel.tolist(),
         pressures=record.pressures or (),
@@ -114,7 +115,14 @@ def to_grip_message(record: GripRecord | None, robot: Robot, when: float) -> Hel
         before=before,
         behind=behind,
         unknowns=record.unknowns.tolist(),
+        places=record.places.tolist(),
+        bent=record.bent.tolist(),
     )
+    if estimate is not None:
+        message.pose, message.pose_covariance = estimate.pose, estimate.pose_covariance.ravel()
+        message.squeeze, message.squeeze_deviation = estimate.squeeze, estimate.squeeze_deviation
+        message.pose_delay = estimate.delay
+    return message
 
 
 def read_grip(message: HeldGripMessage, robot: Robot) -> GripRecord:
@@ -144,17 +152,41 @@ def read_grip(message: HeldGripMessage, robot: Robot) -> GripRecord:
         'before': count,
         'behind': count,
         'unknowns': Places.of(count).size,
+        'places': count,
+        'bent': len(message.bent),  # see `GripRecord.restore`
+        'pose': 3,
+        'squeeze': 1,
+        'squeeze_deviation': 1,
+        'pose_delay': 1,
     }
     for name, size in sizes.items():
-        values = np.array(getattr(message, name), dtype=float)
+        values = np.array(getattr(message, name), dtype=float).ravel()
         # The reach of a contact on a corner is infinite.
-        least, most = (0.0, np.inf) if name[:2] == 'be' else (-MAX_DISTANCE, MAX_DISTANCE)
+        is_reach = name in ('before', 'behind')
+        least, most = (0.0, np.inf) if is_reach else (-MAX_DISTANCE, MAX_DISTANCE)
         if len(values) != size or not ((least <= values) & (values <= most)).all():
             raise MessageError(
-                f'held grip with {name} {values.tolist()}: must be {size} numbers from {least:g} '
-                f'to {most:g}'
+                f'held grip with {len(values)} numbers {name}, of size '
+                f'{np.abs(values).max(initial=0.0):g} at most: must be {size} numbers from '
+                f'{least:g} to {most:g}'
             )
     cuts = np.column_stack([message.before, message.behind])
     contacts = PressedContacts(np.array(known), np.array(message.corners, dtype=np.intp), cuts)
-    pressures = tuple(message.pressures) or None
-    return GripRecord(np.array(message.travel), contacts, np.array(message.unknowns), pressures)
+    covariance = np.array(message.pose_covariance).reshape(3, 3)
+    words = 'pose covariance of the held grip [m^2, m rad, rad^2]'
+    estimate = GripEstimate(
+        np.array(message.pose),
+        covariance_matrix(covariance, 3, words, MessageError),
+        message.squeeze,
+        message.squeeze_deviation,
+        message.pose_delay,
+    )
+    return GripRecord(
+        np.array(message.travel),
+        contacts,
+        np.array(message.unknowns),
+        np.array(message.places),
+        np.array(message.bent),
+        tuple(message.pressures) or None,
+        estimate,
+    )

@@ -24,6 +24,7 @@ from isotruss_ros.core.errors import (
 )
 from isotruss_ros.core.fixed_object.analyze_grasp import analyze_grasp
 from isotruss_ros.core.holding.grip_record import GripRecord
+from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.holding.settle_grasp import assess_equilibrium, settle_grasp
 from isotruss_ros.core.inputs import (
     find_fresh,
@@ -108,8 +109,7 @@ class GraspMonitor:
         )
         record = find_fresh(now, self.timeout, latest.held_grip)
         if query != self._answered or not _alike(record, self._record):
-            find = self._tracker.configuration
-            self._report = _analyze(query, find, self._report.grasp, record)
+            self._report = _analyze(query, self._tracker.configuration, record)
             self._answered, self._record = query, record
         analyzed = self._report.grasp is not None
         return replace(self._report, time=min(rollers.time, pose.time) if analyzed else now)
@@ -139,16 +139,14 @@ class GraspMonitor:
 def _analyze(
     query: GraspQuery,
     find: Callable[[tuple[float, ...]], Configuration],
-    last: AnalyzedGrasp | None = None,
     record: GripRecord | None = None,
 ) -> GraspReport:
     """
     Return the report of an analysis; its time is set by the caller.
 
     :param find: function that returns the configuration at given roller positions.
-    :param last: analysis of a similar grasp, used as initial guess; None: no initial guess.
-    :param record: equilibrium reported by the control loop that holds the object; None without
-        such a loop.
+    :param record: equilibrium reported by the control loop that holds the object, which is solved
+        for only under a wrench; None without such a loop.
     """
     begin = time.perf_counter()
     try:
@@ -161,9 +159,9 @@ def _analyze(
             pressure=query.pressures,
             spacing=query.spacing,
         )
-        before = None if last is None else last.settled.equilibrium
-        wrench = np.array(query.external_wrench)
-        held = record and record.restore(config, query.body, wrench, before)
+        held = None if record is None else record.restore(config, query.body)
+        if held is not None and any(query.external_wrench):
+            held = roll_grip(held, config, np.array(query.external_wrench))
         if held is None:
             settled = settle_grasp(
                 config,
@@ -174,7 +172,7 @@ def _analyze(
                 paper_model=query.paper_model,
             )
         else:
-            settled = assess_equilibrium(held.pose, held, query.friction)
+            settled = assess_equilibrium(query.body.pose, held, query.friction)
     except IsotrussError as error:
         code = next(code for kind, code in ERRORS if isinstance(error, kind))
         return GraspReport(code, str(error), 0.0)

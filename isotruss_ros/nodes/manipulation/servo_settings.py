@@ -18,7 +18,7 @@ from isotruss_ros.core.servo.decision import Decision
 from isotruss_ros.core.servo.grip_faults import GripFault
 from isotruss_ros.core.servo.servo_settings import ServoSettings, SqueezeSettings
 from isotruss_ros.core.servo.squeeze_control import SqueezeControl
-from isotruss_ros.nodes.conversions.messages import make_header, to_held_value, to_twist_message
+from isotruss_ros.nodes.conversions.messages import HELD_VALUES, make_header, to_twist_message
 from isotruss_ros.nodes.conversions.state_messages import to_grip_message
 from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.managed import ManagedNode
@@ -173,11 +173,11 @@ class StatusReport:
         :param now: time of the cycle [s].
         """
         fault = None if control is None else control.fault
-        grasp = None if control is None or fault is not None else control.grasp
-        held = False if fault is GripFault.NOT_HELD else True if grasp is not None else None
+        belief = None if control is None or fault is not None else control.belief
+        held = False if fault is GripFault.NOT_HELD else True if belief is not None else None
         if not 0.0 <= now - self._told < GRIP_PERIOD:
             self._told = now
-            record = None if grasp is None else GripRecord.of(grasp)
+            record = None if belief is None else GripRecord.of(belief.grasp, belief.estimate)
             self._grips.publish(to_grip_message(record, self._robot, now))
         command, cycle = decision.command, self._node.cycle
         status = self.status = command.status
@@ -197,7 +197,7 @@ class StatusReport:
             squeeze=squeeze,
             squeeze_deviation=deviation,
             pose_delay=decision.pose_delay,
-            held=to_held_value(held),
+            held=HELD_VALUES[held],
         )
         self._publisher.publish(message)
         level = DiagnosticStatus.WARN if status < Status.HALT_NO_TWIST else DiagnosticStatus.ERROR

@@ -13,7 +13,7 @@ from isotruss_msgs.msg import ManipulationStatus
 from isotruss_ros.core import IsotrussError
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.inputs import InputError
-from isotruss_ros.nodes.conversions.messages import MessageError, to_held_value
+from isotruss_ros.nodes.conversions.messages import HELD_VALUES, MessageError
 from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.gate import Topic
 from isotruss_ros.nodes.framework.managed import ManagedNode
@@ -137,7 +137,7 @@ class PickAndPlace(ManagedNode):
             outcome = _find_outcome(ended)
             details = getattr(ended, 'details', {})
             ended = goal.kind.Result(code=outcome, message=str(ended), **details)
-        ended.held = to_held_value(self._sequences.is_held)
+        ended.held = HELD_VALUES[self._sequences.is_held]
         if hasattr(ended, 'object_pose') and (pose := self._sequences.measured_pose()):
             ended.object_pose = pose
         if isinstance(ended, MoveObject.Result):

@@ -7,25 +7,31 @@ import array
 
 from held_grips import BOX, held, HOME, NINE
 from isotruss_msgs.msg import HeldGrip
-from isotruss_ros.core.holding.grip_record import GripRecord
+from isotruss_ros.core.holding.grip_record import GripEstimate, GripRecord
 from isotruss_ros.nodes.conversions.messages import MessageError
 from isotruss_ros.nodes.conversions.state_messages import read_grip, to_grip_message
+import numpy as np
 import pytest
 from rclpy.serialization import deserialize_message, serialize_message
 
 GRIP = held(BOX, 0.2)
+ESTIMATE = GripEstimate(np.array([0.5, 0.4, 0.1]), 1e-6 * np.eye(3), 20.0, 3.0, 0.02)
 
 
 def message():
     """Return the message of a grip, as it comes over the network."""
-    packed = serialize_message(to_grip_message(GripRecord.of(GRIP), NINE, 2.5))
+    packed = serialize_message(to_grip_message(GripRecord.of(GRIP, ESTIMATE), NINE, 2.5))
     return deserialize_message(packed, HeldGrip)
 
 
 def test_grips_survive_a_round_trip():
-    found = read_grip(message(), NINE).restore(HOME, GRIP.body)
-    assert found.pose == pytest.approx(GRIP.pose, abs=1e-6)
-    assert found.normal_forces == pytest.approx(GRIP.normal_forces, rel=1e-3)
+    record = read_grip(message(), NINE)
+    found = record.restore(HOME, GRIP.body)
+    assert found.pose == pytest.approx(GRIP.pose, abs=1e-12)
+    assert found.normal_forces == pytest.approx(GRIP.normal_forces, rel=1e-9)
+    assert record.estimate.pose.tolist() == ESTIMATE.pose.tolist()
+    assert record.estimate.pose_covariance.tolist() == ESTIMATE.pose_covariance.tolist()
+    assert record.estimate[2:] == ESTIMATE[2:]
 
 
 @pytest.mark.parametrize(
@@ -42,6 +48,9 @@ def test_grips_survive_a_round_trip():
         {'behind': [-1.0, 0.0]},
         {'unknowns': [0.0] * 10},
         {'unknowns': [float('inf')] * 11},
+        {'places': [0.1]},
+        {'bent': [float('nan')]},
+        {'pose_covariance': [-1.0] * 9},
     ],
 )
 def test_grips_that_are_not_usable_are_refused(changes):

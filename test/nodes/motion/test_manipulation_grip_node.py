@@ -6,13 +6,15 @@
 from geometry_msgs.msg import PoseStamped
 from held_grips import APART, box_between, BOX_FILE
 from isotruss_msgs.action import FollowRollerTrajectory
-from isotruss_msgs.msg import ManipulationStatus
+from isotruss_msgs.msg import ManipulationStatus, StateEstimate
 from isotruss_ros.core import Pose, Status
+from isotruss_ros.core.holding.contact_statics import ContactStatics
 from isotruss_ros.core.inputs import find_fresh
 from isotruss_ros.nodes.conversions.messages import make_header, to_pose_message
 from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
 from isotruss_ros.nodes.manipulation.node import Manipulation
 from isotruss_ros.nodes.simulator.node import Simulator
+from isotruss_ros.nodes.state_estimator import StateEstimatorNode
 from manual_world import world
 import numpy as np
 from probe import maker, overrides, ROBOT
@@ -107,6 +109,56 @@ def test_subscribers_drop_a_grip_that_has_ended():
         w.until(lambda: record() is None)
         assert w.now - begun < 0.1
         assert w.nodes[2].details()['moves'] == 'the rollers along a trajectory'
+
+
+@pytest.fixture
+def solvers(monkeypatch):
+    """Return the list of the observing nodes that solve for an equilibrium, which grows."""
+    active, found = [], []
+    solve = ContactStatics.solve
+
+    def count(statics, *args, **options):
+        found.extend(active)
+        return solve(statics, *args, **options)
+
+    monkeypatch.setattr(ContactStatics, 'solve', count)
+    for kind in (GraspAnalysisNode, StateEstimatorNode):
+
+        def step(node, now, advance=kind._step):
+            active.append(node.get_name())
+            advance(node, now)
+            active.clear()
+
+        monkeypatch.setattr(kind, '_step', step)
+    return found
+
+
+observers = [
+    maker(kind, command_timeout=1.0, friction=FRICTION)()
+    for kind in (GraspAnalysisNode, StateEstimatorNode)
+]
+
+
+def test_analysis_and_estimator_solve_no_equilibrium_that_they_were_sent(solvers):
+    with world(plant, squeezing(), *observers) as w:
+        w.probe.listen(StateEstimate, 'estimate', 'state_estimate')
+        w.spin(2.0, lambda: w.probe.send_twist((0.02, 0.0, 0.0)))
+        state, estimate, status = map(w.probe.last, ('state', 'estimate', 'status'))
+    assert not solvers
+    assert state.held == status.held == estimate.held == status.HELD_YES
+    assert np.mean(state.squeeze) == pytest.approx(status.squeeze, rel=0.02)
+    assert estimate.squeeze == pytest.approx(status.squeeze, rel=0.02)
+    assert estimate.squeeze_deviation == pytest.approx(status.squeeze_deviation, rel=0.05)
+
+
+def test_analysis_and_estimator_solve_without_a_control_loop(solvers):
+    with world(plant, *observers) as w:
+        w.probe.listen(StateEstimate, 'estimate', 'state_estimate')
+        w.spin(1.0)
+        state, estimate = map(w.probe.last, ('state', 'estimate'))
+    assert set(solvers) == {'grasp_analysis', 'state_estimator'}
+    assert estimate.held == estimate.HELD_YES
+    assert estimate.squeeze == pytest.approx(np.mean(state.squeeze), rel=0.05)
 
 
 def test_pressures_from_before_a_clock_jump_are_not_used():
