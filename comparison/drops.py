@@ -20,6 +20,7 @@ from isotruss_ros.core import (
     solve_twist,
 )
 from isotruss_ros.core.errors import ConfigurationError, StructureError
+from isotruss_ros.core.holding.grip_response import slip_planes
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.held_grip import HeldGrip, NotHeldError
 from isotruss_ros.core.holding.roll_grip import roll_grip
@@ -178,7 +179,7 @@ def attempt(case: Case) -> Outcome | None:
         return None
     along = case.direction
     if along is None:
-        along = model.weakest_direction(case.friction)
+        along = slip_planes(model.response, case.friction).direction
     load = margin / (1.0 + ABOVE)
     wrench = load * along * (1.0, 1.0, cylinder.arm)
     expected = _follow(model, travels, wrench)

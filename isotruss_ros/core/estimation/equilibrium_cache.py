@@ -24,6 +24,7 @@ from isotruss_ros.core.estimation.grip_model import (
     StateRates,
 )
 from isotruss_ros.core.estimation.pose_noise import MODEL_ERROR
+from isotruss_ros.core.holding.grip_response import slip_planes
 from isotruss_ros.core.holding.held_grip import HeldGrip, MAX_EXTRAPOLATION, travel_rates
 from isotruss_ros.core.holding.roll_grip import roll_grip, with_pressures
 from isotruss_ros.core.kinematics.configuration import Configuration, MAX_FIRST_ORDER_TRAVEL
@@ -146,10 +147,10 @@ class EquilibriumCache:
 
     def margin(self, grasp: HeldGrip | None = None) -> float:
         """Return the object's slip margin with pending forces, or that of an equilibrium [N]."""
-        reserve, _, size = (grasp or self.grasp).slip_reserves(self._friction)
-        if grasp is None:
-            reserve = reserve + self.grasp.slip_rows(self._friction)[0] @ self._pending_forces
-        return float((reserve / size).min())
+        if grasp is not None:
+            return grasp.slip_margin(self._friction)
+        planes = slip_planes(self.grasp.response, self._friction)
+        return float(((planes.reserve + planes.rows @ self._pending_forces) / planes.size).min())
 
     def pose_change(self, grasp: HeldGrip) -> Array:
         """Return the pose (3,) of a rolled equilibrium minus the pose expected here."""

@@ -1,12 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""
-Contacts, pose and forces of a held object, and their response to small wrenches.
-
-The response is computed for sticking contacts and deforming tubes. From the response follow the
-slip margin and the change of the forces due to motion of the members.
-"""
+"""Contacts, pose and forces of a held object."""
 
 from __future__ import annotations
 
@@ -16,7 +11,6 @@ from typing import NamedTuple
 
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 import numpy as np
-from scipy.linalg import lapack
 
 #: Indices of the pose among the unknowns.
 CENTER, ANGLE, POSE = slice(0, 2), 2, 3
@@ -61,6 +55,7 @@ class Places(NamedTuple):
     :ivar inclinations: indices of the unknown inclinations of the bent tubes.
     :ivar normal: indices of the unknown normal forces.
     :ivar friction: indices of the unknown friction forces.
+    :ivar forces: indices of the unknown normal and friction forces.
     :ivar balance: indices of the equations for the balance of fx, fy and m.
     :ivar conditions: indices of the equations of friction or rolling, see `ContactConditions`.
     :ivar size: number of unknowns.
@@ -70,6 +65,7 @@ class Places(NamedTuple):
     inclinations: slice
     normal: slice
     friction: slice
+    forces: slice
     balance: slice
     conditions: slice
     size: int
@@ -80,8 +76,9 @@ class Places(NamedTuple):
         """Return the indices of unknowns and equations for a number of contacts."""
         begins = [POSE + i * count for i in range(5)]
         unknowns = [slice(begins[i], begins[i + 1]) for i in range(4)]
+        forces = slice(begins[2], begins[4])
         rows = slice(3 * count, 3 * count + 3), slice(3 * count + 3, None)
-        return cls(*unknowns, *rows, 4 * count + 3)  # type: ignore[call-arg, arg-type]
+        return cls(*unknowns, forces, *rows, 4 * count + 3)  # type: ignore[call-arg, arg-type]
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +102,7 @@ class ContactForces:
     loads: Array
     jacobian: Array
 
-    @functools.cached_property
+    @property
     def places(self) -> Places:
         """Return the indices of the unknowns and of the equations."""
         return Places.of(len(self.normals))
@@ -115,17 +112,17 @@ class ContactForces:
         """Return the origin of the object's frame, x + iy [m]."""
         return complex(self.unknowns[0], self.unknowns[1])
 
-    @functools.cached_property
+    @property
     def feet(self) -> Array:
         """Return the positions of the contacts along the members, (k,) [m]."""
         return self.unknowns[self.places.feet]
 
-    @functools.cached_property
+    @property
     def normal_forces(self) -> Array:
         """Return the normal forces (k,) at the contacts [N], positive in compression."""
         return self.unknowns[self.places.normal]
 
-    @functools.cached_property
+    @property
     def friction_forces(self) -> Array:
         """Return the friction forces (k,) on the tubes, counter-clockwise round the object [N]."""
         return self.unknowns[self.places.friction]
@@ -133,88 +130,4 @@ class ContactForces:
     @property
     def forces(self) -> Array:
         """Return the normal and then the friction forces at the contacts, (2k,) [N]."""
-        return np.concatenate([self.normal_forces, self.friction_forces])
-
-
-@dataclass(frozen=True, eq=False)
-class GripResponse:
-    """
-    Linear response of a held object with k sticking contacts to a wrench (fx, fy, m / arm).
-
-    :ivar change: (3 + 4k, 3) derivatives of the unknowns of `ContactForces` with respect to the
-        wrench [N].
-    :ivar squeeze: (3,) derivatives of the members' mean normal force with respect to the wrench
-        [-].
-    :ivar arm: characteristic radius, see `ConvexObject.arm` [m].
-    :ivar squeeze_stiffness: derivative of the members' mean normal force with respect to their
-        opening, see `HeldGrip.squeeze_stiffness` [N/m].
-    :ivar ends: (e,) indices of the contacts that are an end of a face.
-    :ivar parted: (3 + 4k, e) changes of the unknowns per unit of gap at each of these ends.
-    """
-
-    change: Array
-    squeeze: Array
-    arm: float
-    squeeze_stiffness: float
-    ends: Indices
-    parted: Array
-
-    @property
-    def pose(self) -> Array:
-        """Return the derivatives (3, 3) of the object's pose by the wrench [m/N, rad/N]."""
-        return self.change[:POSE]
-
-    @property
-    def forces(self) -> Array:
-        """Return the derivatives (2k, 3) of normal and friction forces by the wrench [-]."""
-        begin = self._begin
-        return self.change[begin:]
-
-    @functools.cached_property
-    def opening(self) -> Array:
-        """
-        Return the changes (e, 2k) of normal and friction forces if an end of a face is released.
-
-        They are per unit of the tension that this end had [-].
-        """
-        begin = self._begin
-        forces = self.parted[begin:].T
-        return -forces / forces[np.arange(len(self.ends)), self.ends, None]
-
-    def opening_rates(self, rates: Array) -> Array:
-        """Return the derivatives (2k, p, e) of `opening` by p parameters."""
-        each, ends, begin = np.arange(len(self.ends)), self.ends, self._begin
-        tension = self.parted[begin:][ends, each]
-        forces = rates[begin:]
-        return -(forces + self.opening.T[:, None] * forces[ends, :, each].T) / tension
-
-    @property
-    def _begin(self) -> int:
-        """Return the index of the first force among the unknowns."""
-        return (POSE + len(self.change)) // 2
-
-    @property
-    def stiffness(self) -> Array:
-        """Return the derivatives (3, 3) of the wrench by the displacement [N/m, N, N m]."""
-        stiffness = np.linalg.inv(self.pose)
-        stiffness[2] *= self.arm
-        return stiffness
-
-    @property
-    def stable(self) -> bool:
-        """Return whether the object's stiffness is positive definite."""
-        even = self.pose * np.array([[1.0], [1.0], [self.arm]])
-        return not lapack.dpotrf(0.5 * (even + even.T))[1]
-
-
-def slip_conditions(owners: Indices, friction: float) -> Array:
-    """
-    Return the matrix that converts contact forces to reserves of friction, mu N - |T|.
-
-    :return: (2m, 2k) matrix. Its columns are the normal forces N and friction forces T of k
-        contacts. Its rows are mu N - T of the m members, then mu N + T of the m members, where N
-        and T are summed over the member's contacts.
-    """
-    members = np.eye(int(owners[-1]) + 1)[owners].T
-    presses = friction * members
-    return np.concatenate([np.hstack([presses, -members]), np.hstack([presses, members])])
+        return self.unknowns[self.places.forces]

@@ -16,7 +16,8 @@ from dataclasses import dataclass, replace
 import functools
 
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.holding.contact_forces import ANGLE, POSE, slip_conditions
+from isotruss_ros.core.holding.contact_forces import ANGLE, POSE
+from isotruss_ros.core.holding.grip_response import slip_planes
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.holding.loaded_tubes import GraspParameters, LoadedTubes
 from isotruss_ros.core.holding.settled_grasp import SettledGrasp
@@ -144,7 +145,10 @@ class GraspGradient(
         turning = turned[:, None] * change[places.inclinations][ends, :-3]
         left[3 * ends, :, each] -= turning.real
         left[3 * ends + 1, :, each] -= turning.imag
-        return response.opening_rates(grip.respond(left))
+        rates = grip.respond(left)[places.forces]
+        tension = response.parted[places.forces][ends, each]
+        ended = rates[ends, :, each].T
+        return -(rates + response.opening.T[:, None] * ended) / tension
 
     @functools.cached_property
     def _margins(self) -> tuple[Array, tuple[str, ...]]:
@@ -157,31 +161,30 @@ class GraspGradient(
 
     def _slip_margin_rates(self, change: Array) -> tuple[Array, tuple[str, ...]]:
         """Return `slip_margins` and `gives_way` from the changes (3 + 4k, p) of the unknowns."""
-        grip, friction = self.settled.equilibrium, self.settled.friction
-        response, begin = grip.response, grip.state.places.normal.start
-        rows, presses = grip.slip_rows(friction)  # and their derivative d/dmu
-        reserve, slope, size = grip.slip_reserves(friction)
-        nearest, turn = _find_largest(-reserve / size), grip.about_middle
+        grip = self.settled.equilibrium
+        response, forces = grip.response, grip.state.places.forces
+        planes = slip_planes(response, self.settled.friction)
+        nearest, turn = _find_largest(-planes.reserve / planes.size), planes.about_middle
+        rows, presses, size = planes.rows[nearest], planes.friction_rates[nearest], planes.size
         # Wrenches about the object's centroid, which moves around its origin as the object turns.
-        ways = slope[nearest] @ turn / size[nearest, None]
-        along, conditions = ways @ turn.T, slip_conditions(grip.contacts.owners, friction)
-        x, y = turn[2, 1], -turn[2, 0]
-        swung = -slope[nearest, 2] * (x * ways[:, 0] + y * ways[:, 1])
-        left = rows[nearest] @ change[begin:]
-        answer = np.einsum('apw,tw->atp', self._response[begin:], along)
-        longer = np.einsum('ta,atp->tp', rows[nearest], answer) + np.outer(swung, change[2])
-        opened, own = np.divmod(nearest, len(conditions))
+        ways = planes.slope[nearest] @ turn / size[nearest, None]
+        along, x, y = ways @ turn.T, turn[2, 1], -turn[2, 0]
+        swung = -planes.slope[nearest, 2] * (x * ways[:, 0] + y * ways[:, 1])
+        left = rows @ change[forces]
+        answer = np.einsum('apw,tw->atp', self._response[forces], along)
+        longer = np.einsum('ta,atp->tp', rows, answer) + np.outer(swung, change[2])
+        opened, own = np.divmod(nearest, 2 * len(grip.members))
         for i in np.flatnonzero(opened).tolist():
             end = int(response.ends[opened[i] - 1])
-            if np.count_nonzero(rows[nearest[i]]) > 1:  # slip after this end has opened
-                more = conditions[own[i]] @ self._openings[..., opened[i] - 1]
+            if np.count_nonzero(rows[i]) > 1:  # slip after this end has opened
+                more = planes.rows[own[i]] @ self._openings[..., opened[i] - 1]
                 left[i] += more * grip.state.forces[end]
                 longer[i] += more * (response.forces[end] @ along[i])
         places = self.parameters.friction
-        left[:, places] += presses[nearest] @ grip.state.forces
-        longer[:, places] += (presses[nearest] @ response.forces * along).sum(axis=1)
-        names = (len(reserve) // len(grip.member_names)) * grip.member_names
-        margins = reserve[nearest, None] / size[nearest, None]
+        left[:, places] += presses @ grip.state.forces
+        longer[:, places] += (presses @ response.forces * along).sum(axis=1)
+        names = (len(planes.reserve) // len(grip.member_names)) * grip.member_names
+        margins = planes.reserve[nearest, None] / size[nearest, None]
         rates = (left - margins * longer) / size[nearest, None]
         return rates, tuple(dict.fromkeys(names[i] for i in nearest))
 

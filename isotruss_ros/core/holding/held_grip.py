@@ -13,12 +13,11 @@ import math
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.contact_forces import (
     ContactForces,
-    GripResponse,
     PressedContacts,
-    slip_conditions,
 )
 from isotruss_ros.core.holding.contact_patches import ContactPatches, find_patches
 from isotruss_ros.core.holding.contact_statics import ContactStatics, TubeModel
+from isotruss_ros.core.holding.grip_response import GripResponse, slip_planes
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.model.convex_object import ConvexObject
@@ -105,7 +104,7 @@ class HeldGrip:
     dent_basis: HeldGrip | None = None
     motion: tuple[Array, Array] | None = None
 
-    @functools.cached_property
+    @property
     def contacts(self) -> PressedContacts:
         """Return the k contacts of the object."""
         return self.statics.contacts
@@ -165,91 +164,11 @@ class HeldGrip:
 
     def slip_margin(self, friction: float) -> float:
         """
-        Return the smallest additional wrench at which a member slips [N].
+        Return the smallest additional wrench at which a member slips, see `SlipPlanes` [N].
 
-        Moments are about the centroid, divided by `arm`. A member slips if |T| = mu N, where T
-        and N are summed over its contacts. Forces are linear in the wrench, so each slip condition
-        is a plane in the space of wrenches. The margin is the distance to the nearest plane. If
-        one end of a face opens first, the other forces change, see `slip_rows`.
-
-        :return: the margin; negative after slip, zero in a neutral equilibrium.
+        It is negative after slip, and zero in a neutral equilibrium.
         """
-        if self.response is None:
-            return 0.0
-        reserve, _, size = self.slip_reserves(friction)
-        return float((reserve / size).min())
-
-    def weakest_direction(self, friction: float) -> Array:
-        """
-        Return the direction (3,) of the smallest wrench that causes slip, (fx, fy, m / arm).
-
-        Its norm is 1 if the moment is taken about the centroid, as in `slip_margin`, and not about
-        the origin of the object's frame. For `arm` see `HeldGrip.arm`.
-        """
-        reserve, slope, size = self.slip_reserves(friction)
-        nearest, about_middle = int((reserve / size).argmin()), self.about_middle
-        return -about_middle @ about_middle.T @ slope[nearest] / size[nearest]
-
-    @functools.cached_property
-    def about_middle(self) -> Array:
-        """
-        Return the matrix (3, 3) that moves a moment's reference point from centroid to origin.
-
-        The matrix converts a wrench (fx, fy, m / arm) whose moment is about the centroid into the
-        same wrench with the moment about the origin of the object's frame, see `arm`.
-        """
-        away = (self.body.middle - self.body.center) / self.arm
-        return np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-away.imag, away.real, 1.0]])
-
-    def slip_reserves(self, friction: float) -> tuple[Array, Array, Array]:
-        """
-        Return the reserves of friction of all slip conditions, and their derivatives by a wrench.
-
-        :return: (c,) reserves, the contact forces times the rows of `slip_rows` [N]; (c, 3)
-            derivatives of the reserves by the wrench; and (c,) norms of these derivatives for
-            moments about the centroid.
-        """
-        return self._reserves(self.slip_rows(friction)[0])
-
-    def slip_rows(self, friction: float) -> tuple[Array, Array]:
-        """
-        Return the matrix (c, 2k) that converts contact forces to reserves, and a derivative.
-
-        The derivative of the matrix is with respect to the coefficient of friction.
-
-        The first rows are `slip_conditions` with all contacts. The next rows are, for each end of
-        a face, the slip conditions after this end has opened. Such a condition is relevant only
-        for wrenches that also open the end. So its row belongs to the plane of opening or to the
-        plane of slip in the space of wrenches, whichever is farther from the origin. The distance
-        of this plane is a lower bound of the distance to the intersection of both planes.
-        """
-        if friction in self._slip_rows:
-            return self._slip_rows[friction]
-        owners, response = self.contacts.owners, self.response
-        rows, presses = (slip_conditions(owners, mu) for mu in (friction, 1.0))
-        presses = presses - slip_conditions(owners, 0.0)
-        found, rates = [rows], [presses]
-        for number, end in enumerate(response.ends.tolist()):
-            opening, opens = response.opening[number], np.eye(1, rows.shape[1], end)
-            without = rows + np.outer(rows @ opening, opens)
-            (left, _, size), (gap, _, span) = self._reserves(without), self._reserves(opens)
-            farther = left / size > gap / span
-            found.append(np.where(farther[:, None], without, opens))
-            more = presses + np.outer(presses @ opening, opens)
-            rates.append(np.where(farther[:, None], more, 0.0))
-        self._slip_rows[friction] = np.concatenate(found), np.concatenate(rates)
-        return self._slip_rows[friction]
-
-    def _reserves(self, rows: Array) -> tuple[Array, Array, Array]:
-        """Return reserves, derivatives and norms as `slip_reserves`, for rows (c, 2k)."""
-        slope = rows @ self.response.forces
-        # np.hypot, because for very large friction the squares may overflow.
-        return rows @ self.state.forces, slope, np.hypot.reduce(slope @ self.about_middle, axis=1)
-
-    @functools.cached_property
-    def _slip_rows(self) -> dict[float, tuple[Array, Array]]:
-        """Return the cache of `slip_rows` by coefficient of friction."""
-        return {}
+        return 0.0 if self.response is None else slip_planes(self.response, friction).margin
 
     @functools.cached_property
     def members(self) -> Indices:
@@ -321,7 +240,7 @@ class HeldGrip:
     @functools.cached_property
     def response(self) -> GripResponse | None:
         """Return the object's linear response to a wrench; None if the equilibrium is neutral."""
-        places, owners, members = self.state.places, self.contacts.owners, len(self.members)
+        places, owners = self.state.places, self.contacts.owners
         apart = self.statics.bent.axis.conj() * _opening(self.statics, self.state)
         pressed = np.ones(len(owners), dtype=bool)
         pressed[self._idle[0]] = False
@@ -336,9 +255,9 @@ class HeldGrip:
         change = self.respond(right)
         if change is None or lapack.dgetrf(change[:3, :3])[2]:
             return None
-        squeeze = change[places.normal].sum(axis=0) / members
-        stiffness = float(squeeze[3])
-        return GripResponse(change[:, :3], squeeze[:3], self.arm, stiffness, ends, change[:, 4:])
+        middle = self.body.middle - self.body.center
+        of_wrench, opened, parted = change[:, :3], change[:, 3], change[:, 4:]
+        return GripResponse(self.state, owners, of_wrench, opened, ends, parted, self.arm, middle)
 
     def squeeze_stiffness(self) -> float:
         """
@@ -349,8 +268,10 @@ class HeldGrip:
         For two members the opening is the distance between their contacts. For three members it is
         twice the displacement of each member away from the object.
         """
-        response = self.response
-        return -0.0 if response is None else response.squeeze_stiffness
+        if self.response is None:
+            return -0.0
+        changes = self.response.by_opening[self.state.places.normal]
+        return float(changes.sum()) / len(self.members)
 
     def ahead(self, travel: Array) -> Array:
         """Return the unknowns (3 + 4k,), extrapolated to additional roller travel (r,) [m]."""

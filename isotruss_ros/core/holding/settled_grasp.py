@@ -12,6 +12,7 @@ import math
 from typing import Any
 
 from isotruss_ros.core.holding.contact_patches import ContactPatches
+from isotruss_ros.core.holding.grip_response import slip_planes
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus
 from isotruss_ros.core.holding.lost_contact import LostContact
 from isotruss_ros.core.model.pose import Pose
@@ -122,7 +123,7 @@ class SettledGrasp(
         """
         if self.equilibrium is None or self.equilibrium.response is None:
             return np.zeros(3)
-        return self.equilibrium.weakest_direction(self.friction)
+        return slip_planes(self.equilibrium.response, self.friction).direction
 
     @property
     def gap(self) -> float:

@@ -3,36 +3,23 @@
 
 """Contacts of a grip: which are tried, which pull, and at which wrench a member slips first."""
 
-from functools import partial
 import itertools
-from types import SimpleNamespace
 
 from held_grips import BOX, held, HOME
 from isotruss_ros.core.holding.attach_grip import attach_grip
-from isotruss_ros.core.holding.contact_forces import ContactForces, GripResponse
-from isotruss_ros.core.holding.held_grip import HeldGrip
+from isotruss_ros.core.holding.contact_forces import ContactForces
+from isotruss_ros.core.holding.grip_response import GripResponse, slip_planes
 import numpy as np
 import pytest
 
 
-def response_of(pose, forces, squeeze, arm):
-    """Return a response to wrenches, of which members that move change nothing."""
-    rest, no_ends = np.zeros((len(forces), 3)), np.zeros(0, dtype=int)
-    change = np.vstack([pose, rest, forces])
-    return GripResponse(change, squeeze, arm, 0.0, no_ends, np.zeros((len(change), 0)))
-
-
-def grip_of(normal, friction, owners, response):
-    """Return what the slip margin of a grip is of."""
+def response_of(pose, forces, arm, normal, friction, owners):
+    """Return a response to wrenches of contacts whose forces change by (2k, 3) a wrench."""
     unknowns = np.concatenate([np.zeros(3 + 2 * len(normal)), normal, friction])
     state = ContactForces(unknowns, np.zeros(len(normal), dtype=complex), None, None)
-    contacts = SimpleNamespace(owners=owners)
-    grip = SimpleNamespace(
-        state=state, contacts=contacts, response=response, _slip_rows={}, about_middle=np.eye(3)
-    )
-    for name in ('slip_reserves', 'slip_rows', '_reserves'):
-        setattr(grip, name, partial(getattr(HeldGrip, name), grip))
-    return grip
+    change = np.vstack([pose, np.zeros((len(forces), 3)), forces])
+    none = np.zeros(0, dtype=int), np.zeros((len(change), 0))
+    return GripResponse(state, owners, change, np.zeros(len(change)), *none, arm, 0j)
 
 
 @pytest.mark.parametrize('arm', [0.2, 1.0])
@@ -44,7 +31,7 @@ def test_an_equilibrium_is_stable_where_every_displacement_takes_work(one, other
     even = np.eye(3)
     even[one, other], even[other, one] = 2.0 * share + 0.25, -0.25
     pose = even / [[1.0], [1.0], [arm]]
-    response = response_of(pose, np.zeros((4, 3)), np.zeros(3), arm)
+    response = response_of(pose, np.zeros((4, 3)), arm, np.ones(2), np.zeros(2), np.arange(2))
     assert response.stable == (share < 1.0)
     # Wrenches (fx, fy, m / arm).
     wrench = response.stiffness @ pose / [[1.0], [1.0], [arm]]
@@ -56,18 +43,16 @@ def test_a_member_slips_by_the_sums_over_its_contacts():
     normal, friction = np.array([1.0, 3.0, 4.0]), np.array([0.9, 0.3, 0.2])
     by_normal = np.tile([0.0, 0.0, 0.1], (3, 1))
     by_friction = np.array([[1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-    response = response_of(np.eye(3), np.vstack([by_normal, by_friction]), np.zeros(3), 0.2)
-    owners = np.array([0, 0, 1])
+    forces, owners = np.vstack([by_normal, by_friction]), np.array([0, 0, 1])
+    planes = slip_planes(response_of(np.eye(3), forces, 0.2, normal, friction, owners), 0.5)
     # mu N - T of the first member is 0.5 * 4 - 1.2, and falls by 2 fx - 0.5 * 0.2 m / arm.
     size = np.hypot(2.0, 0.1)
-    grip = grip_of(normal, friction, owners, response)
-    assert HeldGrip.slip_margin(grip, 0.5) == pytest.approx(0.8 / size)
-    direction = np.array([2.0, 0.0, -0.1]) / size
-    assert HeldGrip.weakest_direction(grip, 0.5) == pytest.approx(direction)
+    assert planes.margin == pytest.approx(0.8 / size)
+    assert planes.direction == pytest.approx(np.array([2.0, 0.0, -0.1]) / size)
     # The other way round as well.
-    other_way = grip_of(normal, -friction, owners, response)
-    assert HeldGrip.slip_margin(other_way, 0.5) == pytest.approx(0.8 / size)
-    assert HeldGrip.weakest_direction(other_way, 0.5)[0] == pytest.approx(-direction[0])
+    planes = slip_planes(response_of(np.eye(3), forces, 0.2, normal, -friction, owners), 0.5)
+    assert planes.margin == pytest.approx(0.8 / size)
+    assert planes.direction[0] == pytest.approx(-2.0 / size)
 
 
 def test_settling_on_a_face_is_idempotent():

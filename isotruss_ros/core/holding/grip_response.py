@@ -1,0 +1,153 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Response of a held object to small wrenches, and its slip margin.
+
+The contacts stick, and the tubes deform. Contact forces are linear in the wrench, so each slip
+condition is a plane in the space of wrenches (fx, fy, m / arm); the slip margin is the distance to
+the nearest plane. A member slips if |T| = mu N, where T and N are summed over its contacts.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import functools
+from typing import NamedTuple
+
+from isotruss_ros.core.holding.contact_forces import ContactForces, POSE
+from isotruss_ros.core.numerics.arrays import Array, Indices
+import numpy as np
+from scipy.linalg import lapack
+
+
+@dataclass(frozen=True, eq=False)
+class GripResponse:
+    """
+    Linear response of a held object with k sticking contacts to a wrench (fx, fy, m / arm).
+
+    :ivar state: the equilibrium.
+    :ivar owners: (k,) grasping member of each contact, numbered within the grip.
+    :ivar change: (3 + 4k, 3) derivatives of the unknowns of `ContactForces` with respect to the
+        wrench [N].
+    :ivar by_opening: (3 + 4k,) derivatives of the unknowns with respect to the members' opening,
+        see `HeldGrip.squeeze_stiffness`.
+    :ivar ends: (e,) indices of the contacts that are an end of a face.
+    :ivar parted: (3 + 4k, e) changes of the unknowns per unit of gap at each of these ends.
+    :ivar arm: characteristic radius, see `ConvexObject.arm` [m].
+    :ivar middle: centroid of the object relative to the origin of its frame, x + iy [m].
+    """
+
+    state: ContactForces
+    owners: Indices
+    change: Array
+    by_opening: Array
+    ends: Indices
+    parted: Array
+    arm: float
+    middle: complex
+
+    @property
+    def pose(self) -> Array:
+        """Return the derivatives (3, 3) of the object's pose by the wrench [m/N, rad/N]."""
+        return self.change[:POSE]
+
+    @property
+    def forces(self) -> Array:
+        """Return the derivatives (2k, 3) of normal and friction forces by the wrench [-]."""
+        return self.change[self.state.places.forces]
+
+    @property
+    def squeeze(self) -> Array:
+        """Return the derivatives (3,) of the members' mean normal force by the wrench [-]."""
+        return self.change[self.state.places.normal].sum(axis=0) / (self.owners[-1] + 1)
+
+    @functools.cached_property
+    def opening(self) -> Array:
+        """
+        Return the changes (e, 2k) of normal and friction forces if an end of a face is released.
+
+        They are per unit of the tension that this end had [-].
+        """
+        forces = self.parted[self.state.places.forces].T
+        return -forces / forces[np.arange(len(self.ends)), self.ends, None]
+
+    @property
+    def stiffness(self) -> Array:
+        """Return the derivatives (3, 3) of the wrench by the displacement [N/m, N, N m]."""
+        stiffness = np.linalg.inv(self.pose)
+        stiffness[2] *= self.arm
+        return stiffness
+
+    @property
+    def stable(self) -> bool:
+        """Return whether the object's stiffness is positive definite."""
+        even = self.pose * np.array([[1.0], [1.0], [self.arm]])
+        return not lapack.dpotrf(0.5 * (even + even.T))[1]
+
+    @property
+    def about_middle(self) -> Array:
+        """
+        Return the matrix (3, 3) that moves a moment's reference point from centroid to origin.
+
+        The matrix converts a wrench (fx, fy, m / arm) whose moment is about the centroid into the
+        same wrench with the moment about the origin of the object's frame.
+        """
+        x, y = self.middle.real / self.arm, self.middle.imag / self.arm
+        return np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-y, x, 1.0]])
+
+
+class SlipPlanes(NamedTuple):
+    """
+    Planes of c slip conditions in the space of wrenches, at which the reserve of friction is zero.
+
+    The first conditions are mu N - T and then mu N + T of the m members. The next ones are, for
+    each end of a face, these conditions after the end has opened. Such a condition is relevant
+    only for wrenches that also open the end. So its plane is that of opening or that of slip,
+    whichever is farther from the origin. The distance of this plane is a lower bound of the
+    distance to the intersection of both planes.
+    """
+
+    rows: Array  #: (c, 2k) reserves by normal and then friction forces of the contacts
+    friction_rates: Array  #: (c, 2k) derivatives of `rows` by the coefficient of friction
+    reserve: Array  #: (c,) reserves of friction [N]
+    slope: Array  #: (c, 3) derivatives of the reserves by the wrench
+    size: Array  #: (c,) norms of these derivatives for moments about the centroid
+    about_middle: Array  #: (3, 3) see `GripResponse.about_middle`
+
+    @property
+    def margin(self) -> float:
+        """Return the smallest wrench that causes slip, with its moment about the centroid [N]."""
+        return float((self.reserve / self.size).min())
+
+    @property
+    def direction(self) -> Array:
+        """Return the direction (3,) of this wrench; its norm is 1 about the centroid."""
+        nearest, turn = int((self.reserve / self.size).argmin()), self.about_middle
+        return -turn @ turn.T @ self.slope[nearest] / self.size[nearest]
+
+
+@functools.lru_cache(maxsize=8)
+def slip_planes(response: GripResponse, friction: float) -> SlipPlanes:
+    """Return the slip conditions of a held object for a coefficient of friction, cached."""
+    turn, forces = response.about_middle, response.state.forces
+
+    def planes(rows: Array) -> tuple[Array, Array, Array]:
+        slope = rows @ response.forces
+        # np.hypot, because for very large friction the squares may overflow.
+        return rows @ forces, slope, np.hypot.reduce(slope @ turn, axis=1)
+
+    members = np.eye(response.owners[-1] + 1)[response.owners].T
+    presses, rubs = np.zeros((2, 2, len(members), 2, len(response.owners)))
+    presses[:, :, 0], rubs[0, :, 1], rubs[1, :, 1] = members, members, -members
+    presses, rubs = (each.reshape(-1, len(forces)) for each in (presses, rubs))
+    rows, rates = [friction * presses - rubs], [presses]
+    for opening, end in zip(response.opening, response.ends.tolist(), strict=True):
+        opens = np.eye(1, len(forces), end)
+        without = rows[0] + np.outer(rows[0] @ opening, opens)
+        (reserve, _, size), (gap, _, span) = planes(without), planes(opens)
+        farther = (reserve / size > gap / span)[:, None]
+        rows.append(np.where(farther, without, opens))
+        rates.append(np.where(farther, presses + np.outer(presses @ opening, opens), 0.0))
+    joined = np.concatenate(rows)
+    return SlipPlanes(joined, np.concatenate(rates), *planes(joined), turn)
