@@ -20,8 +20,8 @@ from isotruss_ros.core import (
     solve_twist,
 )
 from isotruss_ros.core.errors import ConfigurationError, StructureError
-from isotruss_ros.core.holding.grip_response import slip_planes
 from isotruss_ros.core.holding.attach_grip import attach_grip
+from isotruss_ros.core.holding.grip_response import slip_planes
 from isotruss_ros.core.holding.held_grip import HeldGrip, NotHeldError
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.numerics.arrays import Array

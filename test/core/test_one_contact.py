@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from held_grips import HOME, NINE
 from isotruss_ros.core import ConvexObject, Grip, Polygon, RollingGrip
-from isotruss_ros.core.holding.build_statics import find_pressed
+from isotruss_ros.core.holding.pressed_contacts import find_pressed
 from isotruss_ros.core.manipulation.grip import find_contacts
 from isotruss_ros.core.manipulation.rolling_grip import roll_object
 from isotruss_ros.core.model.shapes import PLANNED_DEPTH

@@ -26,7 +26,7 @@ from isotruss_ros.core.estimation.slip_watch import SlipWatch
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings, StateEstimate
 from isotruss_ros.core.holding.grip_record import GripRecord
 from isotruss_ros.core.holding.held_grip import HoldStatus
-from isotruss_ros.core.holding.loaded_frame import held_joints
+from isotruss_ros.core.holding.held_shape import held_joints
 from isotruss_ros.core.inputs import HISTORY_DURATION, steady_pressures, Timeline, UsedReadings
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.grip import find_members, Grip

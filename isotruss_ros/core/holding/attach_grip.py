@@ -13,18 +13,7 @@ from __future__ import annotations
 import cmath
 from dataclasses import replace
 
-from isotruss_ros.core.holding.build_statics import (
-    build_statics,
-    find_dents,
-    find_pressed,
-    NOMINAL_TUBES,
-    start_at,
-)
-from isotruss_ros.core.holding.contact_forces import (
-    ANGLE,
-    ContactForces,
-    POSE,
-)
+from isotruss_ros.core.holding.contact_forces import ANGLE, POSE
 from isotruss_ros.core.holding.contact_search import (
     ContactSet,
     ContactSolver,
@@ -33,9 +22,12 @@ from isotruss_ros.core.holding.contact_search import (
     with_corner,
 )
 from isotruss_ros.core.holding.contact_statics import (
+    build_statics,
     ContactConditions,
     ContactStatics,
+    find_dents,
     FRICTION_COMPLIANCE,
+    NOMINAL_TUBES,
     TubeModel,
 )
 from isotruss_ros.core.holding.held_grip import (
@@ -43,8 +35,8 @@ from isotruss_ros.core.holding.held_grip import (
     HoldStatus,
     NotHeldError,
     scaled_wrench,
-    travel_rates,
 )
+from isotruss_ros.core.holding.pressed_contacts import find_pressed
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.manipulation.grip import GRIP_SIZES
@@ -124,67 +116,33 @@ def lay_faces(found: HeldGrip, friction: float, gap: float) -> HeldGrip:
 
 
 def _rest_solver(
-    config: Configuration,
-    body: ConvexObject,
-    wrench: Array,
-    tubes: TubeModel,
-    steps: int,
+    config: Configuration, body: ConvexObject, wrench: Array, tubes: TubeModel, steps: int
 ) -> ContactSolver:
     """Return the solver of equilibria near the measured pose, with unknown contact history."""
 
     def solve(chosen: ContactSet, _: HeldGrip | None) -> HeldGrip | None:
         contacts = chosen.contacts
         statics = build_statics(config, body, contacts, tubes)
-        conditions = rest(statics, body, chosen.grazing)
-        found = statics.settle(start_at(statics, body), wrench, conditions, steps)
-        if found is None:
+        conditions, start = rest(statics, chosen.grazing), statics.start()
+        solution = statics.settle(start, wrench, conditions, steps)
+        if solution is None:
             return None
-        grip = _as_grip(config, *found, wrench, tubes)
-        if len(contacts.owners) > len(contacts.ends):
-            statics, unknowns = _tabulate_dents(*found, tubes), found[1].unknowns
-            found = statics.settle(unknowns, wrench, conditions, steps)
-            if found is None:
-                return None
-            grip = replace(_as_grip(config, *found, wrench, tubes), dent_basis=grip)
-        return grip
+        grip = HeldGrip.of(config, *solution, wrench, tubes)
+        if not contacts.at_faces.any():
+            return grip
+        # Dents for the normals of the bent tubes and the turned object.
+        structure, normals = grip.statics.bent.structure, grip.state.normals
+        dents = find_dents(structure, grip.body, contacts, tubes, normals)
+        statics = replace(grip.statics, dents=dents)
+        solution = statics.settle(grip.state.unknowns, wrench, conditions, steps)
+        if solution is None:
+            return None
+        return replace(HeldGrip.of(config, *solution, wrench, tubes), dent_basis=grip)
 
     return solve
 
 
-def _as_grip(
-    config: Configuration,
-    statics: ContactStatics,
-    state: ContactForces,
-    wrench: Array,
-    tubes: TubeModel,
-) -> HeldGrip:
-    """Return a grip with a solution of the equations, whose contacts have not rolled yet."""
-    angles = np.angle(state.normals * np.exp(-1j * state.unknowns[2]))
-    rolled = travel_rates(config, statics.contacts.members) @ config.roller_positions
-    return HeldGrip(
-        config=config,
-        body=statics.body.moved_to(state.unknowns[:3]),
-        anchors=statics.anchors(state.unknowns, state.normals, rolled, angles),
-        angles=angles,
-        statics=statics,
-        state=state,
-        wrench=wrench,
-        tubes=tubes,
-    )
-
-
-def _tabulate_dents(
-    statics: ContactStatics, state: ContactForces, tubes: TubeModel
-) -> ContactStatics:
-    """Return the equations with the dents of the bent tubes and the rotated object."""
-    turned, structure = statics.body.moved_to(state.unknowns[:3]), statics.bent.structure
-    dents = find_dents(structure, turned, statics.contacts, tubes, state.normals)
-    return replace(statics, dents=dents)
-
-
-def rest(
-    statics: ContactStatics, body: ConvexObject, grazing: int | None = None
-) -> ContactConditions:
+def rest(statics: ContactStatics, grazing: int | None = None) -> ContactConditions:
     """
     Return the conditions that replace rolling conditions if the contact history is unknown.
 
@@ -202,6 +160,7 @@ def rest(
     :param grazing: index of the end of a face that touches without force; None: no such end.
     """
     contacts, places, count = statics.contacts, statics.places, len(statics.sides)
+    body = statics.body
     ends, owners, pressing = contacts.ends, contacts.owners, slice(places.normal.start, None)
     pairs = [(own[:1], own[1:], -1.0) for own in ends if len(own) == 2]
     faces, across = bool(pairs), len(ends) == 2

@@ -1,7 +1,7 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Contacts, pose and forces of a held object."""
+"""Pose and contact forces of a held object."""
 
 from __future__ import annotations
 
@@ -9,42 +9,10 @@ from dataclasses import dataclass
 import functools
 from typing import NamedTuple
 
-from isotruss_ros.core.numerics.arrays import Array, Indices, Points
-import numpy as np
+from isotruss_ros.core.numerics.arrays import Array, Points
 
 #: Indices of the pose among the unknowns.
 CENTER, ANGLE, POSE = slice(0, 2), 2, 3
-
-
-@dataclass(frozen=True, eq=False)
-class PressedContacts:
-    """
-    The k contacts of an object, in ascending order of their members.
-
-    :ivar members: (k,) indices of the members.
-    :ivar corners: (k,) index of the polygon's corner of each contact; zero for other shapes.
-    :ivar cuts: (k, 2) largest extents of each contact to both sides of its point, as in
-        `corner_dents` [m].
-    """
-
-    members: Indices
-    corners: Indices
-    cuts: Array
-
-    @functools.cached_property
-    def owners(self) -> Indices:
-        """Return the grasping member (k,) of each contact, numbered 0, 1 or 2 within the grip."""
-        return np.cumsum(np.diff(self.members, prepend=self.members[0]) > 0)
-
-    @functools.cached_property
-    def ends(self) -> list[Indices]:
-        """Return the contacts of each grasping member: one, or two at the ends of a face."""
-        return [np.flatnonzero(self.owners == i) for i in range(int(self.owners[-1]) + 1)]
-
-    def without(self, dropped: int) -> PressedContacts:
-        """Return all contacts except a given one."""
-        every = self.members, self.corners, self.cuts
-        return PressedContacts(*(np.delete(each, dropped, axis=0) for each in every))
 
 
 class Places(NamedTuple):

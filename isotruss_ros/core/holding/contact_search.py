@@ -15,15 +15,14 @@ import cmath
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
-from isotruss_ros.core.holding.build_statics import contacts_at, facing_lines
-from isotruss_ros.core.holding.contact_forces import PressedContacts
 from isotruss_ros.core.holding.contact_statics import MAX_INCLINATION
 from isotruss_ros.core.holding.held_grip import HeldGrip, MAX_DISPLACEMENT
+from isotruss_ros.core.holding.pressed_contacts import contacts_at, facing_lines, PressedContacts
 from isotruss_ros.core.kinematics.depths import member_lines
 from isotruss_ros.core.manipulation.grip import GRIP_SIZES
 from isotruss_ros.core.model.convex_object import segment_gaps
 from isotruss_ros.core.model.shapes import Shape
-from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
+from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.numerics.tolerances import MAX_SEARCH_STEPS, ROUNDING
 import numpy as np
 
@@ -62,7 +61,7 @@ class ContactSet(NamedTuple):
 
     def parts(self) -> list[ContactSet]:
         """Return the sets without one end of a face."""
-        return [self.without(k) for k in np.flatnonzero(_is_face_end(self.contacts)).tolist()]
+        return [self.without(k) for k in np.flatnonzero(self.contacts.at_faces).tolist()]
 
 
 class FreeCorner(NamedTuple):
@@ -135,15 +134,10 @@ def _mend(grip: HeldGrip, rolls: bool) -> list[ContactSet] | None:
     return _with_third(grip) if rolls else None
 
 
-def _is_face_end(contacts: PressedContacts) -> Flags:
-    """Return a mask (k,) that is true for contacts at an end of a face."""
-    return np.bincount(contacts.owners)[contacts.owners] > 1
-
-
 def most_pulling(grip: HeldGrip, third: bool = False) -> int | None:
     """Return the index of the face end with the largest tension; None without tension."""
     owners, normal = grip.contacts.owners, grip.state.normal_forces
-    chosen = np.where(_is_face_end(grip.contacts) | (third and owners[-1] > 1), normal, np.inf)
+    chosen = np.where(grip.contacts.at_faces | (third and owners[-1] > 1), normal, np.inf)
     least = int(chosen.argmin())
     return least if chosen[least] < -ROUNDING * np.abs(normal).sum() else None
 
@@ -232,26 +226,11 @@ def skin_depths(grip: HeldGrip, members: Indices, corners: Indices) -> Array:
     straight = away_from(starts, normals).real
     places = straight.clip(0.0, length)
     for _ in range(2):  # the second place is at the foot on the bent line, to second order
-        lines, turned = bent_lines(grip, members, places)
+        lines, turned = grip.bent_lines(members, places)
         away = away_from(lines, normals * turned) / turned
         places = (places + away.real).clip(0.0, length)
     depths = grip.statics.tube_radius + (away * axis / normals).real
     return np.where((straight >= 0.0) & (straight <= length), depths, -np.inf)
-
-
-def bent_lines(grip: HeldGrip, members: Indices, places: Array) -> tuple[Points, Points]:
-    """
-    Return points (c,) of bent centre lines [m], and their directions relative to straight.
-
-    :param places: (c,) distances from the members' starts [m].
-    """
-    bent, state = grip.statics.bent, grip.state
-    starts, ends = member_lines(grip.config)[members].T
-    moved = bent.displacements(state.loads, state.feet)
-    piece, within, _ = bent.structure.locate(members, places)
-    give = bent.frame.interpolate(moved, piece, within)
-    straight = starts + places * (ends - starts) / np.abs(ends - starts)
-    return straight + give @ (1.0, 1.0j, 0.0), np.exp(1j * give[:, 2])
 
 
 def depths_in_others(grip: HeldGrip) -> tuple[Indices, Array]:
@@ -262,7 +241,7 @@ def depths_in_others(grip: HeldGrip) -> tuple[Indices, Array]:
     reach = (1.0 + 2.0 * MAX_DISPLACEMENT) * radius
     members = np.setdiff1d(np.flatnonzero(near.gaps < reach), grip.members)
     spans, shares = (ends - starts)[members], near.shares[members]
-    lines, _ = bent_lines(grip, members, shares * np.abs(spans))
+    lines, _ = grip.bent_lines(members, shares * np.abs(spans))
     moved = lines - starts[members] - shares * spans
     return members, radius - near.gaps[members] - (moved / near.normals[members]).real
 

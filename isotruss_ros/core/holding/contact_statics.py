@@ -28,20 +28,25 @@ from dataclasses import dataclass, replace
 import functools
 from typing import NamedTuple
 
-from isotruss_ros.core.contact.dents import Dents
+from isotruss_ros.core.contact.dents import corner_dents, Dents, disc_dents
+from isotruss_ros.core.contact.flattening import flattening_of
 from isotruss_ros.core.holding.contact_forces import (
     ANGLE,
     CENTER,
     ContactForces,
     Places,
     POSE,
-    PressedContacts,
 )
+from isotruss_ros.core.holding.pressed_contacts import facing_lines, PressedContacts
+from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.kinematics.depths import member_lines
 from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.model.shapes import PLANNED_DEPTH
 from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.core.numerics.tolerances import MAX_NEWTON_ITERATIONS, MAX_SEARCH_STEPS, ROUNDING
 from isotruss_ros.core.statics.bent_tubes import BentTubes, FOLLOWED_MOTION, SETTLED_MOTION
 from isotruss_ros.core.statics.section import Pressure
+from isotruss_ros.core.statics.structure import Structure, structure_of
 import numpy as np
 from scipy.linalg import lapack
 
@@ -74,6 +79,10 @@ class TubeModel(NamedTuple):
     pressure: Pressure | None = None
 
 
+#: Tube model with flattening and with pressure and stiffness of the robot file.
+NOMINAL_TUBES = TubeModel()
+
+
 class _Pushes(NamedTuple):
     """Loads of k contacts on the tubes."""
 
@@ -100,20 +109,15 @@ class ContactStatics:
     #: [rad]; or one number for all of them
     given: Array | float = 0.0
 
-    @functools.cached_property
+    @property
     def places(self) -> Places:
         """Return the indices of the unknowns and of the equations."""
         return Places.of(len(self.contacts.owners))
 
-    @functools.cached_property
-    def _aside(self) -> Points:
-        """Return the straight tubes' normals (k,) in member axes: along + i across."""
-        return 1j * self.sides
-
     @property
     def straight_normals(self) -> Points:
         """Return the normals of the straight tubes, away from the object, (k,) x + iy."""
-        return self._aside * self.bent.axis
+        return 1j * self.sides * self.bent.axis
 
     def are_on_members(self, feet: Array) -> bool:
         """Return whether all contacts are between the ends of their members."""
@@ -133,7 +137,7 @@ class ContactStatics:
         """Return the loads of the contacts on the tubes, with derivatives by the unknowns."""
         begin = self.places.inclinations.start
         turned, normal, friction = unknowns[begin:].reshape(3, -1)
-        local = self._aside * np.exp(1j * turned)
+        local = 1j * self.sides * np.exp(1j * turned)
         depths, softs = self.dents(normal)
         # Friction acts at the skin of a tube, so it exerts a moment about the centre line.
         skin = self.tube_radius - depths
@@ -220,6 +224,26 @@ class ContactStatics:
         derivative[own, places.feet.start + own] = -self.sides
         derivative[own, places.inclinations.start + own] = -radii
         return derivative
+
+    def sticking(self, unknowns: Array, normals: Points) -> tuple[Array, Array]:
+        """Return `ContactConditions` that are fulfilled, with the derivatives of rolling."""
+        return np.zeros(len(normals)), self.rolling_rows(unknowns, normals)
+
+    def start(self) -> Array:
+        """Return an initial guess of the unknowns (3 + 4k,) at the object's measured pose."""
+        places, bent, body = self.places, self.bent, self.body
+        start = np.zeros(places.size)
+        start[:3] = body.center.real, body.center.imag, body.pose.angle
+        own = self.straight_normals * body.turn.conjugate()
+        points, _ = body.shape.surface_at(self.contacts.corners, own)
+        start[places.feet] = bent.places
+        across = (bent.axis.conj() * (body.center + body.turn * points - bent.start)).imag
+        depths = self.tube_radius + self.sides * across
+        depths = np.maximum(depths, PLANNED_DEPTH * self.tube_radius)
+        bend = np.einsum('iaia->ia', bent.matrix)[:, 1]
+        _, dent = self.dents(depths / bend)
+        start[places.normal] = depths / (bend + dent)
+        return start
 
     def anchors(self, unknowns: Array, normals: Points, travel: Array, angles: Array) -> Array:
         """
@@ -308,3 +332,68 @@ def unwrapped(unknowns: Array, normals: Points, angles: Array) -> Array:
     """Return the angles (k,) of normals in the object's frame, continued beyond one turn [rad]."""
     own = normals * np.exp(-1j * unknowns[ANGLE])
     return angles + np.angle(own * np.exp(-1j * angles))
+
+
+def build_statics(
+    config: Configuration,
+    body: ConvexObject,
+    contacts: PressedContacts,
+    tubes: TubeModel = NOMINAL_TUBES,
+    normals: Points | None = None,
+) -> ContactStatics:
+    """
+    Return the equilibrium equations of an object with given contacts, for straight tubes.
+
+    The dents depend on the normals (k,) of the tubes at the contacts; None: straight tubes.
+    """
+    structure = structure_of(config, tubes.pressure)
+    starts, straight = facing_lines(config, body, contacts.members)
+    points, _ = body.shape.surface_at(contacts.corners, straight * body.turn.conjugate())
+    # The normals point away from the object: left of the member if the object is on its right.
+    starting, ending = member_lines(config)[contacts.members].T
+    axis = (ending - starting) / np.abs(ending - starting)
+    sides = np.sign((straight * axis.conj()).imag)
+    feet = ((body.center + body.turn * points - starts) * axis.conj()).real
+    bent = BentTubes(
+        structure,
+        contacts.members,
+        np.clip(feet, 0.0, np.abs(ending - starting)),
+        tubes.stiffness_scale,
+        tubes.paper_model,
+    )
+    return ContactStatics(
+        bent=bent,
+        body=body,
+        contacts=contacts,
+        tube_radius=0.5 * config.robot.description.tube_diameter,
+        sides=sides,
+        dents=find_dents(
+            structure, body, contacts, tubes, straight if normals is None else normals
+        ),
+    )
+
+
+def find_dents(
+    structure: Structure,
+    body: ConvexObject,
+    contacts: PressedContacts,
+    tubes: TubeModel,
+    normals: Points,
+) -> Dents:
+    """Return the depths of the dents at all contacts as functions of the normal forces."""
+    if tubes.paper_model:
+        return Dents()
+    robot, shape = structure.config.robot, body.shape
+    tubes_pressed = robot.topology.tube[contacts.members].tolist()
+    kernels = [flattening_of(robot, structure.pressures[tube]) for tube in tubes_pressed]
+    if shape.is_round:
+        return Dents(
+            [disc_dents(kernel, shape.reach) for kernel in kernels], tubes.stiffness_scale
+        )
+    angles = map(cmath.phase, (normals * body.turn.conjugate()).tolist())
+    corners, cuts = contacts.corners.tolist(), map(tuple, contacts.cuts.tolist())
+    tables = [
+        corner_dents(kernel, shape, *at)
+        for kernel, *at in zip(kernels, angles, corners, cuts, strict=True)
+    ]
+    return Dents(tables, tubes.stiffness_scale)

@@ -18,10 +18,10 @@ import functools
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.contact_forces import ANGLE, POSE
 from isotruss_ros.core.holding.grip_response import slip_planes
+from isotruss_ros.core.holding.held_gradient import GraspParameters, LoadedTubes
 from isotruss_ros.core.holding.held_grip import HeldGrip
-from isotruss_ros.core.holding.loaded_tubes import GraspParameters, LoadedTubes
 from isotruss_ros.core.holding.settled_grasp import SettledGrasp
-from isotruss_ros.core.numerics.arrays import Array, Indices, Points
+from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.records import Record
 import numpy as np
@@ -219,8 +219,7 @@ def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
     state, places = grip.state, grip.state.places
     change = -np.linalg.solve(state.jacobian, tubes.equation_rates())
     change[:, -3:] = grip.response.change
-    rates = tubes.respond(tubes.contact_rates(change))
-    used, utilisation = tubes.utilisation(rates)
+    used, utilisation = tubes.utilisation(tubes.respond(change))
     members = np.eye(len(grip.members))[grip.contacts.owners].T
     presses, rubs = (members @ change[each, :-3] for each in (places.normal, places.friction))
     needs = np.abs(grip.friction_forces) / grip.normal_forces
@@ -313,14 +312,9 @@ def _equation_changes(grip: HeldGrip, tubes: LoadedTubes, change: Array, moved: 
     """Return the derivatives of the equilibrium equations by parameters in a displaced state."""
     dents, places = grip.statics.dents.smooth_near(grip.state.normal_forces), grip.state.places
     statics, unknowns = replace(grip.statics, dents=dents), grip.state.unknowns + moved
-
-    def sticking(unknowns: Array, normals: Points) -> tuple[Array, Array]:
-        return np.zeros(len(normals)), statics.rolling_rows(unknowns, normals)
-
-    _, there = statics.equations(unknowns, grip.wrench, sticking)
-    bent = statics.bent.update(there.loads, there.feet)
+    bent = statics.bent.update(statics.loads(unknowns), unknowns[places.feet])
     statics = replace(statics, bent=bent)
-    _, there = statics.equations(unknowns, grip.wrench, sticking)
+    _, there = statics.equations(unknowns, grip.wrench, statics.sticking)
     body = grip.body.moved_to(unknowns[:3])
     tubes = tubes.at(replace(grip, statics=statics, state=there, body=body))
     left = tubes.equation_rates()

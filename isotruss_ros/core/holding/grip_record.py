@@ -9,11 +9,10 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.holding.build_statics import build_statics, facing_lines
-from isotruss_ros.core.holding.contact_forces import Places, PressedContacts
-from isotruss_ros.core.holding.contact_statics import TubeModel
-from isotruss_ros.core.holding.held_grip import HeldGrip, travel_rates
-from isotruss_ros.core.holding.roll_grip import NO_CONTACTS, stick
+from isotruss_ros.core.holding.contact_forces import Places
+from isotruss_ros.core.holding.contact_statics import build_statics, TubeModel
+from isotruss_ros.core.holding.held_grip import HeldGrip
+from isotruss_ros.core.holding.pressed_contacts import facing_lines, PressedContacts
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array
@@ -74,18 +73,14 @@ class GripRecord(NamedTuple):
         try:
             normals = facing_lines(there, body, contacts.members)[1] * turned
             statics = build_statics(there, body, contacts, tubes, normals)
-            angles = np.angle(normals * body.turn.conjugate())
-            travel = travel_rates(there, contacts.members) @ self.travel
-            anchors = statics.anchors(self.unknowns, normals, travel, angles)
         except IndexError as error:
             raise GraspError(
                 f'held grip: corners {self.contacts.corners}: the object has no such corners'
             ) from error
         bent = replace(statics.bent, places=self.places).bent_to(self.bent)
         statics = replace(statics, bent=bent)
-        conditions = stick(statics, anchors, travel, angles, NO_CONTACTS)
-        residual, state = statics.equations(self.unknowns, np.zeros(3), conditions)
+        residual, state = statics.equations(self.unknowns, np.zeros(3), statics.sticking)
         # The recorded dents were tabulated at other normals. `given` keeps this difference
         # constant, so the recorded forces fulfil the equations.
-        statics = replace(statics, given=-residual[: 3 * len(angles)].reshape(-1, 3))
-        return HeldGrip(there, body, anchors, angles, statics, state, np.zeros(3), tubes)
+        given = -residual[: 3 * len(normals)].reshape(-1, 3)
+        return HeldGrip.of(there, replace(statics, given=given), state, np.zeros(3), tubes)

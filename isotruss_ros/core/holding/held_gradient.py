@@ -1,20 +1,261 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Derivatives of object pose, forces and joints with respect to the estimator's parameters."""
+"""
+Derivatives of a held object's equilibrium and the loaded robot with respect to parameters.
+
+From the equilibrium equations F(y, x) = 0 follows y' = -F_y^-1 F_x.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+import functools
+from typing import NamedTuple
 
 from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.holding.contact_forces import POSE
 from isotruss_ros.core.holding.held_grip import HeldGrip, travel_rates
-from isotruss_ros.core.holding.loaded_frame import held_joints
-from isotruss_ros.core.holding.loaded_tubes import GraspParameters, LoadedTubes
-from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.holding.held_shape import held_joints
+from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.core.numerics.blas_threads import single_threaded
+from isotruss_ros.core.numerics.tolerances import EPSILON, NEGLIGIBLE_SHARE, ROUNDING
 from isotruss_ros.core.statics.bent_tubes import FOLLOWED_MOTION
+from isotruss_ros.core.statics.frame_rates import section_rates
+from isotruss_ros.core.statics.wrinkling import evaluate_utilisation, find_utilisation
 import numpy as np
+
+
+class GraspParameters(NamedTuple):
+    """
+    Indices of the columns that belong to each of the p parameters in a gradient.
+
+    :ivar rollers: travel of the r rollers [m].
+    :ivar place: x, y and angle of the object's given pose [m, rad].
+    :ivar pressures: gauge pressures of the t tubes, in the order of the robot file [Pa].
+    :ivar friction: coefficient of friction [-].
+    :ivar wrench: wrench fx, fy, m on the object [N, N m].
+    :ivar stiffness: ratio of the robot's true stiffness to its modelled stiffness [-].
+    :ivar size: number p of the parameters.
+    """
+
+    rollers: slice
+    place: slice
+    pressures: slice
+    friction: int
+    wrench: slice
+    stiffness: int
+    size: int
+
+    @classmethod
+    def of(cls, config: Configuration) -> GraspParameters:
+        """Return the column indices of all parameters of grasps by a robot."""
+        rollers = len(config.roller_positions)
+        tubes = rollers + 3 + len(config.robot.description.pressures)
+        return cls(
+            rollers=slice(0, rollers),
+            place=slice(rollers, rollers + 3),
+            pressures=slice(rollers + 3, tubes),
+            friction=tubes,
+            wrench=slice(tubes + 1, tubes + 4),
+            stiffness=tubes + 4,
+            size=tubes + 5,
+        )
+
+
+class TubeRates(NamedTuple):
+    """
+    Derivatives of the tubes' displacements and forces with respect to p parameters.
+
+    :ivar give: (k, p) derivatives of the contact points' displacements, along + i across the
+        members [m].
+    :ivar slope: (k, p) derivatives of the bent centre lines' rotation at the contacts [rad].
+    :ivar nodes: (n, 3, p) derivatives of the cut frame's node displacements [m, rad].
+    :ivar forces: (c, 3, p) derivatives of the forces of the cut frame's members, see `EndForces`.
+    """
+
+    give: Points
+    slope: Array
+    nodes: Array
+    forces: Array
+
+
+class LoadedTubes:
+    """
+    Bent tubes of a robot with a held object, with derivatives along p parameter changes.
+
+    :ivar moved: (N, p) derivatives of the positions of the configuration's nodes, x + iy [m].
+    :ivar spins: (k, p) derivatives of the directions of the contacts' members [rad].
+    :ivar dents: (k, p) derivatives of the dents' depths at constant forces [m].
+    :ivar sections: derivatives of the tubes' sections, see `section_rates`.
+
+    :param chosen: (n, p) each column is a direction of change of the n parameters.
+    :param sections: derivatives of the sections, if known; None: they are computed.
+    :param turns: (k, p) derivatives of the angles of the dents' normals in the object's frame
+        [rad]; None: zero.
+    :param reach: the tubes are linearised again if a node has moved by more than this [m].
+    """
+
+    def __init__(
+        self,
+        grip: HeldGrip,
+        chosen: Array,
+        parameters: GraspParameters,
+        sections: Array | None = None,
+        turns: Array | None = None,
+        reach: float = ROUNDING,
+    ) -> None:
+        self._grip, self._chosen, self._parameters = grip, chosen, parameters
+        self._turns = turns
+        state, statics = grip.state, grip.statics
+        bent = statics.bent
+        if bent.distance(state.loads, state.feet) > reach:
+            bent = bent.update(state.loads, state.feet)
+        self._bent = bent
+        nodes = grip.config.node_jacobian.T.copy().view(np.complex128).T
+        self.moved = moved = nodes @ chosen[parameters.rollers]
+        self._inflated = inflated = chosen[parameters.pressures]
+        topology, members = grip.config.robot.topology, grip.contacts.members
+        # Displacements of the pinch points at which the members start.
+        self._starts = moved[topology.b[members]]
+        ahead = moved[topology.c[topology.following[members]]] - self._starts
+        self.spins: Array = (ahead / (bent.length * bent.axis)[:, None]).imag
+        self.sections = section_rates(bent, moved, inflated) if sections is None else sections
+        normal = state.normal_forces
+        self._push = (normal + 1j * state.friction_forces) * state.normals
+        depths, self._soft = statics.dents(normal)
+        self._skin = statics.tube_radius - depths
+        _, dents, _, by_angle = statics.dents.second_rates(normal)
+        blown = inflated[topology.tube[members]]
+        self._stiffer = stiffer = chosen[parameters.stiffness] / grip.tubes.stiffness_scale
+        self.dents = dents[:, None] * blown - np.outer(self._soft * normal, stiffer)
+        if turns is not None:
+            self.dents += by_angle[:, None] * turns
+
+    def at(self, grip: HeldGrip) -> LoadedTubes:
+        """Return the derivatives at another equilibrium in the same configuration."""
+        chosen, parameters = self._chosen, self._parameters
+        return LoadedTubes(grip, chosen, parameters, self.sections, self._turns, np.inf)
+
+    @functools.cached_property
+    def _by_sections(self) -> tuple[Array, Array, Array]:
+        """Return the changes of the frame by changed sections, see `BentTubes.section_changes`."""
+        return self._bent.section_changes(self.sections)
+
+    def equation_rates(self) -> Array:
+        """Return the equations' derivatives (3 + 4k, p) by the parameters at fixed unknowns."""
+        grip, spins = self._grip, self.spins
+        statics, state, body = grip.statics, grip.state, grip.body
+        places, axis, normals = state.places, self._bent.axis[:, None], state.normals[:, None]
+        give, slope, *_ = self.respond(np.zeros((places.size, spins.shape[1])))
+        points, radii = body.shape.surface_at(statics.contacts.corners, state.normals / body.turn)
+        # The contact points move on the surface, because the normals turn with the members.
+        arms, swept = (body.turn * points)[:, None], 1j * radii[:, None] * spins * normals
+        away = self._bent.start[:, None] - state.center - arms
+        gap = self._starts - swept - 1j * spins * away + self.dents * normals
+        gap = gap / axis + give
+        forces = self._push[:, None]
+        turned = 1j * spins * forces
+        torque = (swept.conj() * forces + arms.conj() * turned).imag.sum(axis=0)
+        total = turned.sum(axis=0)
+        wrench = self._chosen[self._parameters.wrench] / np.array([[1.0], [1.0], [grip.arm]])
+        # The conditions depend on the normals and on the pose relative to the measured pose. They
+        # use the centroid, which has turned about the origin since the measurement.
+        closing, measured = state.jacobian[places.conditions], statics.body
+        closure = closing[:, places.inclinations] @ spins
+        place = self._chosen[self._parameters.place]
+        still = measured.middle - measured.center - (body.middle - body.center)
+        place = place + np.array([[-still.imag], [still.real], [0.0]]) * place[2]
+        closure -= closing[:, :3] @ place
+        balance = wrench - np.stack([total.real, total.imag, torque / grip.arm])
+        touch = np.stack([gap.real, gap.imag, slope], axis=1).reshape(3 * len(gap), -1)
+        return np.concatenate([touch, balance, closure])
+
+    def respond(self, change: Array) -> TubeRates:
+        """
+        Return the derivatives of the tubes' displacements and forces.
+
+        :param change: (3 + 4k, p) derivatives of the equilibrium's unknowns.
+        """
+        bent, state = self._bent, self._grip.state
+        frame, tangent, axis = bent.frame, bent.tangent, bent.axis[:, None]
+        feet, inclined, normal, rubs = change[POSE:].reshape(4, len(axis), -1)
+        forces = (normal + 1j * rubs) * state.normals[:, None]
+        forces += 1j * (self.spins + inclined) * self._push[:, None]
+        couples = (self.dents + self._soft[:, None] * normal) * state.friction_forces[:, None]
+        couples -= self._skin[:, None] * rubs
+        local = forces / axis
+        loads = np.stack([local.real, local.imag, couples], axis=1)
+        # A robot that is stiffer by a fraction deforms as under loads smaller by this fraction.
+        loads -= state.loads[..., None] * self._stiffer
+        by_sections, turned, rates = self._by_sections
+        moved, slope, by_places = bent.changes(loads, feet)
+        nodes = by_sections + moved
+        still = tangent.displacements[frame.nodes]
+        there = bent.axis * state.feet + still[:, 0] + 1j * still[:, 1]
+        give = nodes[frame.nodes, 0] + 1j * nodes[frame.nodes, 1]
+        give -= self._starts + 1j * self.spins * there[:, None]
+        # The displacement is relative to the contact, which moves along its member.
+        give = give / axis - feet
+        slope += turned - self.spins
+        changed, _ = tangent.force_changes(nodes)
+        share = bent.share
+        return TubeRates(give / share, slope / share, nodes, changed + rates + by_places)
+
+    def joints(self, rates: TubeRates) -> Array:
+        """
+        Return the derivatives (2j, p) of the joint positions for the p parameter changes [m].
+
+        The rows are x0, y0, x1, y1, ...; each column belongs to one parameter change in `chosen`.
+        """
+        count = len(self._grip.config.robot.topology.joint_names)
+        moved = self.moved[:count]
+        moved = np.stack([moved.real, moved.imag], axis=1)
+        changes = moved + (rates.nodes[:count, :2] - moved) / self._bent.share
+        return changes.reshape(2 * count, -1)
+
+    def utilisation(self, rates: TubeRates) -> tuple[Array, Array]:
+        """Return the members' utilisations (m,), and their derivatives (m, p)."""
+        grip, bent, robot = self._grip, self._bent, self._grip.config.robot
+        frame, (forces, bowing) = bent.frame, bent.end_forces(grip.state.loads, grip.state.feet)
+        most = find_utilisation(bent.structure, frame, forces, bowing)
+        radius = 0.5 * robot.description.tube_diameter
+        tube, piece = robot.topology.tube, most.piece
+        wall = np.pi * radius**2 * np.array(bent.structure.pressures)[tube]
+        ends, own = forces[piece], frame.members
+        loads = np.stack([-ends[:, 2], ends[:, 5], ends[:, 3] + wall, bowing[piece]])
+        scale = grip.tubes.stiffness_scale / bent.share
+        # Rows: axial force and moments at both ends.
+        by_end = np.array([[1.0, 0.0, 0.0], [0.0, 0.5, 0.5], [0.0, 0.5, -0.5]])
+        changes = np.tensordot(by_end, scale * rates.forces[piece], (1, 1))
+        pull, first, second = changes + ends.T[[3, 2, 5], :, None] * self._stiffer
+        pulled = pull + np.pi * radius**2 * self._inflated[tube]
+        changes = np.stack([-first, second, pulled, rates.forces[piece, 0]])
+        sections = np.stack([frame.length[piece], own.flexural[piece], own.shear[piece]])
+        others = self.sections[[0, 2, 3]][:, piece]
+        # Central difference of the utilisation at the same kind of place.
+        loads, sections = loads[..., None], sections[..., None]
+        # The step is small relative to moments and pulls, so the moments keep their signs.
+        most_loaded = np.abs(loads).reshape(2, 2, len(piece), 1).max(axis=1)
+        most_loaded[0] = np.maximum(most_loaded[0], EPSILON * radius * most_loaded[1])
+        size = np.maximum(
+            (np.abs(changes) / most_loaded.repeat(2, axis=0)).max(axis=0),
+            (np.abs(others) / sections).max(axis=0),
+        )
+        small = NEGLIGIBLE_SHARE / np.maximum(size, np.finfo(float).tiny)
+        ahead, behind = (
+            np.take_along_axis(
+                evaluate_utilisation(loads + step * changes, sections + step * others, radius)[0],
+                most.kind[None, :, None],
+                axis=0,
+            )[0]
+            for step in (small, -small)
+        )
+        # The utilisation of a tube without wall tension is infinite and has no derivative.
+        taut = np.isfinite(ahead) & np.isfinite(behind)
+        change = np.subtract(ahead, behind, out=np.zeros_like(ahead), where=taut)
+        return most.used, change / (2.0 * small)
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,8 +282,7 @@ def held_gradient(grip: HeldGrip) -> HeldGradient:
     """
     Return the derivatives of pose, forces and joints by the parameters of `HeldGradient`.
 
-    The contacts stick. From the equilibrium equations F(y, x) = 0 follows y' = -F_y^-1 F_x, see
-    `grasp_gradient`. Joint positions include the displacements due to contact forces.
+    The contacts stick. Joint positions include the displacements due to contact forces.
     """
     if grip.response is None:
         raise GraspError(
@@ -65,7 +305,7 @@ def held_gradient(grip: HeldGrip) -> HeldGradient:
     left[places.conditions, :rollers] += statics.sides[:, None] * travel
     left[places.conditions, anchors] -= np.eye(count)
     change = grip.respond(left)
-    by_state = tubes.joints(tubes.respond(tubes.contact_rates(change)))
+    by_state = tubes.joints(tubes.respond(change))
     members = np.eye(len(grip.members))[grip.contacts.owners].T
     return HeldGradient(
         change[:3],

@@ -13,12 +13,13 @@ import math
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.contact_forces import (
     ContactForces,
-    PressedContacts,
 )
 from isotruss_ros.core.holding.contact_patches import ContactPatches, find_patches
 from isotruss_ros.core.holding.contact_statics import ContactStatics, TubeModel
 from isotruss_ros.core.holding.grip_response import GripResponse, slip_planes
+from isotruss_ros.core.holding.pressed_contacts import PressedContacts
 from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.kinematics.depths import member_lines
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import Pose
@@ -104,6 +105,22 @@ class HeldGrip:
     dent_basis: HeldGrip | None = None
     motion: tuple[Array, Array] | None = None
 
+    @classmethod
+    def of(
+        cls,
+        config: Configuration,
+        statics: ContactStatics,
+        state: ContactForces,
+        wrench: Array,
+        tubes: TubeModel,
+    ) -> HeldGrip:
+        """Return a grip with a solution of the equations, whose contacts have not rolled yet."""
+        body, unknowns = statics.body.moved_to(state.unknowns[:3]), state.unknowns
+        angles = np.angle(state.normals / body.turn)
+        travel = travel_rates(config, statics.contacts.members) @ config.roller_positions
+        anchors = statics.anchors(unknowns, state.normals, travel, angles)
+        return cls(config, body, anchors, angles, statics, state, wrench, tubes)
+
     @property
     def contacts(self) -> PressedContacts:
         """Return the k contacts of the object."""
@@ -175,6 +192,20 @@ class HeldGrip:
         """Return the indices (m,) of the grasping members."""
         first = np.searchsorted(self.contacts.owners, np.arange(self.contacts.owners[-1] + 1))
         return self.contacts.members[first]
+
+    def bent_lines(self, members: Indices, places: Array) -> tuple[Points, Points]:
+        """
+        Return points (c,) of bent centre lines [m], and their directions relative to straight.
+
+        :param places: (c,) distances from the members' starts [m].
+        """
+        bent, state = self.statics.bent, self.state
+        starts, ends = member_lines(self.config)[members].T
+        moved = bent.displacements(state.loads, state.feet)
+        piece, within, _ = bent.structure.locate(members, places)
+        give = bent.frame.interpolate(moved, piece, within)
+        straight = starts + places * (ends - starts) / np.abs(ends - starts)
+        return straight + give @ (1.0, 1.0j, 0.0), np.exp(1j * give[:, 2])
 
     @functools.cached_property
     def sections(self) -> Utilisation:

@@ -1,14 +1,28 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Lines of a held object for drawings: bent tubes, contact regions and contact forces."""
+"""
+Bent robot with a held object: joint positions, lines for drawings, and lowest natural frequency.
+
+A wrench on the object moves the object and the modules. The lowest natural frequency is taken over
+the motions under all wrenches w (Rayleigh and Ritz):
+
+    omega^2 = min over w of  w^T C w / (w^T M w),
+
+with the compliance C of the held object, and the generalised mass M of the three motions under
+unit wrenches. The result is an upper bound of the true frequency.
+"""
 
 from __future__ import annotations
 
-from isotruss_ros.core.holding.contact_search import bent_lines
+import math
+
 from isotruss_ros.core.holding.held_grip import HeldGrip
-from isotruss_ros.core.numerics.arrays import Indices, Points
+from isotruss_ros.core.numerics.arrays import Array, Indices, Points
+from isotruss_ros.core.numerics.blas_threads import single_threaded
+from isotruss_ros.core.statics.structure import frame_layout
 import numpy as np
+import scipy.linalg
 
 #: Number of points on each member from guide ring to guide ring, and in each contact region [-].
 POINTS_PER_MEMBER, POINTS_PER_REGION = 13, 9
@@ -21,7 +35,7 @@ def deformed_lines(grip: HeldGrip) -> Points:
     between = ring + (length - 2.0 * ring)[:, None] * np.linspace(0.0, 1.0, POINTS_PER_MEMBER)
     places = np.column_stack([np.zeros_like(length), between, length])
     drawn = np.repeat(np.arange(len(places)), places.shape[1])
-    return bent_lines(grip, drawn, places.ravel())[0].reshape(places.shape)
+    return grip.bent_lines(drawn, places.ravel())[0].reshape(places.shape)
 
 
 def region_lines(grip: HeldGrip) -> Points:
@@ -29,7 +43,7 @@ def region_lines(grip: HeldGrip) -> Points:
     start, end = grip.patches.spans.T[:, :, None]
     places = start + (end - start) * np.linspace(0.0, 1.0, POINTS_PER_REGION)
     members = np.repeat(grip.members[: len(places)], POINTS_PER_REGION)
-    centers = bent_lines(grip, members, places.ravel())[0].reshape(places.shape)
+    centers = grip.bent_lines(members, places.ravel())[0].reshape(places.shape)
     outward = sum_by_member(grip.contacts.owners, grip.state.normals)[: len(places), None]
     skins = centers - grip.statics.tube_radius * outward / np.abs(outward)
     nearest = grip.body.moved_to(grip.pose).nearest(skins.ravel())
@@ -64,3 +78,58 @@ def contact_points(grip: HeldGrip) -> Points:
 def sum_by_member(owners: Indices, values: Points) -> Points:
     """Return the sums (m,) of values (k,) at the contacts of each member."""
     return np.bincount(owners, values.real) + 1j * np.bincount(owners, values.imag)
+
+
+@single_threaded
+def held_joints(grip: HeldGrip) -> Array:
+    """
+    Return the joint positions (j, 2) of a robot with a held object [m].
+
+    The positions include the displacements due to the contact forces. Their order is that of
+    `Topology.joint_names`.
+    """
+    moved = grip.statics.bent.displacements(grip.state.loads, grip.state.feet)
+    count = len(grip.config.robot.topology.joint_names)
+    return grip.config.nodes[:count] + moved[:count, :2]
+
+
+def lowest_frequency(grip: HeldGrip) -> float | None:
+    """
+    Return the lowest undamped natural frequency of an object held in equilibrium [rad/s].
+
+    Contacts stick. The robot file gives the masses of modules and tubes. A module's mass is placed
+    at the midpoint of its pinch points; half of the mass of each piece of tube is placed at each
+    end of its member.
+
+    :return: the frequency; None if a mass is unknown or the equilibrium is neutral (its Jacobian
+        is singular).
+    """
+    body, response = grip.body, grip.response
+    if grip.config.robot.description.module.mass is None or body.mass is None or response is None:
+        return None
+    moved = response.pose
+    own = body.shape.centroid if body.center_of_mass is None else complex(*body.center_of_mass)
+    of_middle = moved[0] + 1j * (moved[1] + body.turn * own * moved[2])
+    inertia = body.mass * np.outer(of_middle.conj(), of_middle).real
+    inertia += body.mass * body.shape.gyration**2 * np.outer(moved[2], moved[2])
+    inertia += _inertia_of_robot(grip)
+    compliance = moved * np.array([[1.0], [1.0], [grip.arm]])
+    square = scipy.linalg.eigvalsh(0.5 * (compliance + compliance.T), inertia, check_finite=False)[
+        0
+    ]
+    return math.sqrt(square) if square > 0.0 else None
+
+
+def _inertia_of_robot(grip: HeldGrip) -> Array:
+    """Return the generalised mass (3, 3) of modules and tubes for unit wrenches."""
+    description, topology = grip.config.robot.description, grip.config.robot.topology
+    loads = grip.statics.load_rates(grip.state.unknowns, grip.response.change)
+    moved = grip.statics.bent.node_changes(loads)
+    nodes, first = moved[:, 0] + 1j * moved[:, 1], frame_layout(grip.config.robot).b
+    b, c = nodes[first], nodes[first + 1]
+    half = 0.5 * description.tube_mass * grip.config.member_lengths
+    masses = np.concatenate(
+        [np.full(len(b), description.module.mass), half, half[topology.previous]]
+    )
+    moving = np.concatenate([0.5 * (b + c), b, c])
+    return ((moving.conj().T * masses) @ moving).real

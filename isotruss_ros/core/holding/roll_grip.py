@@ -11,16 +11,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from isotruss_ros.core.holding.build_statics import (
-    build_statics,
-    facing_lines,
-    find_dents,
-    start_at,
-)
 from isotruss_ros.core.holding.contact_search import ContactSet, search_contacts
 from isotruss_ros.core.holding.contact_statics import (
+    build_statics,
     ContactConditions,
     ContactStatics,
+    find_dents,
     FRICTION_COMPLIANCE,
     unwrapped,
 )
@@ -29,6 +25,7 @@ from isotruss_ros.core.holding.held_grip import (
     scaled_wrench,
     travel_rates,
 )
+from isotruss_ros.core.holding.pressed_contacts import facing_lines
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.numerics.tolerances import MAX_SEARCH_STEPS, NEGLIGIBLE_SHARE
@@ -115,7 +112,7 @@ def roll_contacts(
 
 def _continued(grip: HeldGrip, statics: ContactStatics, origins: Indices) -> Array:
     """Return initial unknowns with other contacts; those that continue have their old values."""
-    start, old = start_at(statics, grip.body), grip.state.places
+    start, old = statics.start(), grip.state.places
     new, continued = origins < 0, origins >= 0
     for name in ('feet', 'inclinations', 'normal', 'friction'):
         values = grip.state.unknowns[getattr(old, name)]

@@ -17,8 +17,7 @@ from isotruss_ros.core.holding.held_grip import (
     NotHeldError,
     scaled_wrench,
 )
-from isotruss_ros.core.holding.lost_contact import LostContact
-from isotruss_ros.core.holding.settled_grasp import SettledGrasp
+from isotruss_ros.core.holding.settled_grasp import LostContact, SettledGrasp
 from isotruss_ros.core.kinematics.configuration import Configuration, require_configuration
 from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.manipulation.grip import find_members, Grip

@@ -1,7 +1,14 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Result of `settle_grasp`."""
+"""
+Result of `settle_grasp`, with an equilibrium or without.
+
+Without equilibrium the slip margin is continued to negative values, so that its gradient leads an
+optimiser back to contact. Its absolute value is the norm of the unbalanced external wrench plus
+p R g, for tubes of radius R and pressure p at the gap g to the object. A tube that is pressed in
+by g exerts about the force p R g.
+"""
 
 from __future__ import annotations
 
@@ -14,11 +21,60 @@ from typing import Any
 from isotruss_ros.core.holding.contact_patches import ContactPatches
 from isotruss_ros.core.holding.grip_response import slip_planes
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus
-from isotruss_ros.core.holding.lost_contact import LostContact
+from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.kinematics.depths import member_depths
+from isotruss_ros.core.kinematics.distances import collision_model
+from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.pose import Pose
-from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.numerics.records import Record
+from isotruss_ros.core.statics.section import Pressure, tube_pressures
 import numpy as np
+
+
+@dataclass(frozen=True, eq=False)
+class LostContact:
+    """Grasping members that do not hold an object, with the members' gaps to the object."""
+
+    config: Configuration  #: configuration of the robot
+    wrench: float  #: norm of the external wrench, with moments over the characteristic radius [N]
+    stiffness: float  #: p R, the tubes' mean pressure times their radius [N/m]
+    distances: Array  #: (k,) gaps of the members [m]
+    by_nodes: Array  #: derivatives of the gaps by the nodes' coordinates
+    by_pose: Array  #: (k, 3) derivatives of the gaps by the object's pose
+
+    @classmethod
+    def of(
+        cls,
+        config: Configuration,
+        body: ConvexObject,
+        members: Indices | None,
+        wrench: Array,
+        pressure: Pressure | None,
+    ) -> LostContact:
+        """Return the gaps of given members, or of the two members nearest to the object."""
+        if members is None:
+            members = np.argsort(member_depths(config, body), kind='stable')[-2:]
+        file = config.robot.description
+        stiffness = 0.5 * file.tube_diameter * np.mean(tube_pressures(file, pressure))
+        distances = collision_model(config.robot).body_distances(config, body, members)
+        return cls(config, float(np.linalg.norm(wrench)), float(stiffness), *distances)
+
+    @property
+    def gap(self) -> float:
+        """Return the root mean square of the members' gaps [m]."""
+        return float(np.sqrt(np.mean(self.distances**2)))
+
+    @property
+    def slip_margin(self) -> float:
+        """Return the slip margin without equilibrium: -(wrench norm) - p R (gap), negative [N]."""
+        return -self.wrench - self.stiffness * self.gap
+
+    def slip_margin_rates(self) -> tuple[Array, Array]:
+        """Return the derivatives of `slip_margin` by roller travel (r,) and object pose (3,)."""
+        shares = -self.stiffness * self.distances
+        shares /= max(self.gap * len(self.distances), np.finfo(float).tiny)
+        return shares @ self.by_nodes @ self.config.node_jacobian, shares @ self.by_pose
 
 
 @dataclass(frozen=True, eq=False, repr=False)

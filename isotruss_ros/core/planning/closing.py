@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from isotruss_ros.core.holding.build_statics import facing_lines, NOMINAL_TUBES
-from isotruss_ros.core.holding.contact_statics import TubeModel
+from isotruss_ros.core.holding.contact_statics import NOMINAL_TUBES, TubeModel
+from isotruss_ros.core.holding.pressed_contacts import facing_lines
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.distances import collision_model
 from isotruss_ros.core.kinematics.rigidity import Modes, rigidity_index

@@ -10,8 +10,7 @@ from typing import NamedTuple
 
 from isotruss_ros.core.errors import ConfigurationError, GraspError, SolverError
 from isotruss_ros.core.holding.attach_grip import attach_grip
-from isotruss_ros.core.holding.build_statics import NOMINAL_TUBES
-from isotruss_ros.core.holding.contact_statics import TubeModel
+from isotruss_ros.core.holding.contact_statics import NOMINAL_TUBES, TubeModel
 from isotruss_ros.core.holding.grip_record import GripRecord
 from isotruss_ros.core.holding.held_grip import (
     HeldGrip,

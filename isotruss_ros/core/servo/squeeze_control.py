@@ -19,7 +19,7 @@ from isotruss_ros.core.estimation.contact_walk import JUMP_LENGTH
 from isotruss_ros.core.estimation.grip_belief import GripBelief
 from isotruss_ros.core.estimation.state_estimate import MAX_KNOWN_DEVIATION
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, MIN_RELATIVE_MARGIN
-from isotruss_ros.core.holding.loaded_frame import lowest_frequency
+from isotruss_ros.core.holding.held_shape import lowest_frequency
 from isotruss_ros.core.inputs import StampedInput, steady_pressures, UsedReadings
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip

@@ -16,7 +16,7 @@ from isotruss_ros.core.estimation.state_estimator import StateEstimator
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.contact_search import ContactSet
 from isotruss_ros.core.holding.contact_statics import TubeModel
-from isotruss_ros.core.holding.loaded_frame import held_joints
+from isotruss_ros.core.holding.held_shape import held_joints
 from isotruss_ros.core.holding.roll_grip import roll_contacts
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.statics.section import tube_pressures

@@ -9,9 +9,8 @@ from grips import gripped
 from held_grips import BOX, held
 from isotruss_ros.core import HoldStatus
 from isotruss_ros.core.holding.attach_grip import attach_grip, rest
-from isotruss_ros.core.holding.build_statics import build_statics, start_at
 from isotruss_ros.core.holding.contact_forces import ANGLE, CENTER
-from isotruss_ros.core.holding.contact_statics import TubeModel
+from isotruss_ros.core.holding.contact_statics import build_statics, TubeModel
 from isotruss_ros.core.holding.roll_grip import NO_CONTACTS, stick
 import numpy as np
 import pytest
@@ -28,20 +27,19 @@ def statics():
 
 
 def test_attached_pose_along_the_bisector_is_the_given_one(statics):
-    state = statics.solve(start_at(statics, DISC), UNLOADED, rest(statics, DISC))
+    state = statics.solve(statics.start(), UNLOADED, rest(statics))
     along = 1j * (state.normals[0] - state.normals[1])
     assert abs(state.center - DISC.center) > 1e-3
     assert ((state.center - DISC.center) * along.conjugate()).real == pytest.approx(0.0, abs=1e-9)
 
 
 def test_rolling_conditions_hold_at_rest_and_follow_the_tube(statics):
-    state = statics.solve(
-        start_at(statics, DISC), UNLOADED, rest(statics, DISC.moved_to((*DISC.pose[:2], 0.3)))
-    )
+    turned = DISC.moved_to((*DISC.pose[:2], 0.3))
+    state = statics.solve(statics.start(), UNLOADED, rest(replace(statics, body=turned)))
     travel, angles = np.array([0.01, -0.02]), np.angle(state.normals) - 0.3
     anchors = statics.anchors(state.unknowns, state.normals, travel, angles)
     closure = stick(statics, anchors, travel, angles, NO_CONTACTS)
-    same = statics.solve(start_at(statics, DISC), UNLOADED, closure)
+    same = statics.solve(statics.start(), UNLOADED, closure)
     assert same.unknowns == pytest.approx(state.unknowns, abs=1e-9)
     # Both tubes run past the object alike: it turns in place (17), as far as 2 travel / d.
     along = 0.02

@@ -30,7 +30,7 @@ from isotruss_ros.core.holding.contact_search import ContactSet
 from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.held_gradient import held_gradient
 from isotruss_ros.core.holding.held_grip import NotHeldError
-from isotruss_ros.core.holding.loaded_frame import held_joints
+from isotruss_ros.core.holding.held_shape import held_joints
 from isotruss_ros.core.holding.roll_grip import roll_contacts
 from isotruss_ros.core.holding.settle_grasp import assess_equilibrium
 from isotruss_ros.core.kinematics.configuration import Configuration

@@ -23,9 +23,9 @@ from isotruss_ros.core import (
 from isotruss_ros.core.contact.dents import corner_dents
 from isotruss_ros.core.contact.flattening import flattening_of
 from isotruss_ros.core.holding.attach_grip import attach_grip, rest
-from isotruss_ros.core.holding.build_statics import find_pressed
 from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.held_grip import NotHeldError
+from isotruss_ros.core.holding.pressed_contacts import find_pressed
 from isotruss_ros.core.holding.roll_grip import roll_grip, stick, with_pressures
 from isotruss_ros.core.kinematics.depths import member_depths
 import numpy as np
@@ -63,7 +63,7 @@ def test_jacobian_agrees_with_finite_differences(shape, angle, members, count):
     travel = rng.normal(size=count)
     x, y, turn = grip.pose
     for closure in (
-        rest(statics, grip.body.moved_to((x + 0.001, y, turn + 0.01))),
+        rest(replace(statics, body=grip.body.moved_to((x + 0.001, y, turn + 0.01)))),
         stick(statics, grip.anchors, travel, grip.angles, NOTHING),
         stick(statics, grip.anchors, travel, grip.angles, np.array([1])),
     ):

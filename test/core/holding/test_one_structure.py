@@ -6,7 +6,7 @@
 from isotruss_ros.core import deform, Disc, load_robot, place_between, Polygon
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.contact_statics import TubeModel
-from isotruss_ros.core.holding.loaded_frame import held_joints
+from isotruss_ros.core.holding.held_shape import held_joints
 from isotruss_ros.core.manipulation.grip import members_at
 import numpy as np
 import pytest

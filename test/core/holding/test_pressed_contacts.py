@@ -5,7 +5,8 @@
 
 from held_grips import HOME
 from isotruss_ros.core import ConvexObject, Disc, Polygon
-from isotruss_ros.core.holding.build_statics import build_statics, contacts_at, find_pressed
+from isotruss_ros.core.holding.contact_statics import build_statics
+from isotruss_ros.core.holding.pressed_contacts import contacts_at, find_pressed
 import numpy as np
 import pytest
 import robots

@@ -21,7 +21,7 @@ from isotruss_ros.core.estimation.state_estimate import EstimatedTravel, Estimat
 from isotruss_ros.core.estimation.state_estimator import StateEstimator
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.contact_statics import TubeModel
-from isotruss_ros.core.holding.loaded_frame import held_joints
+from isotruss_ros.core.holding.held_shape import held_joints
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.inputs import RollerState, StampedInput
 from isotruss_ros.core.servo.servo_settings import ServoSettings, SqueezeSettings

@@ -1,0 +1,97 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Contacts of an object with straight members.
+
+A corner has one contact; a face has one contact at each end.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import functools
+
+from isotruss_ros.core.kinematics.configuration import Configuration
+from isotruss_ros.core.kinematics.depths import member_lines
+from isotruss_ros.core.model.convex_object import ConvexObject
+from isotruss_ros.core.model.shapes import Shape
+from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
+import numpy as np
+
+
+@dataclass(frozen=True, eq=False)
+class PressedContacts:
+    """
+    The k contacts of an object, in ascending order of their members.
+
+    :ivar members: (k,) indices of the members.
+    :ivar corners: (k,) index of the polygon's corner of each contact; zero for other shapes.
+    :ivar cuts: (k, 2) largest extents of each contact to both sides of its point, as in
+        `corner_dents` [m].
+    """
+
+    members: Indices
+    corners: Indices
+    cuts: Array
+
+    @functools.cached_property
+    def owners(self) -> Indices:
+        """Return the grasping member (k,) of each contact, numbered 0, 1 or 2 within the grip."""
+        return np.cumsum(np.diff(self.members, prepend=self.members[0]) > 0)
+
+    @functools.cached_property
+    def ends(self) -> list[Indices]:
+        """Return the contacts of each grasping member: one, or two at the ends of a face."""
+        return [np.flatnonzero(self.owners == i) for i in range(int(self.owners[-1]) + 1)]
+
+    @property
+    def at_faces(self) -> Flags:
+        """Return a mask (k,) that is true for contacts at an end of a face."""
+        return np.bincount(self.owners)[self.owners] > 1
+
+    def without(self, dropped: int) -> PressedContacts:
+        """Return all contacts except a given one."""
+        every = self.members, self.corners, self.cuts
+        return PressedContacts(*(np.delete(each, dropped, axis=0) for each in every))
+
+
+def find_pressed(config: Configuration, body: ConvexObject, members: Indices) -> PressedContacts:
+    """Return the contacts of given members with an object, see `Shape.contact_patch`."""
+    starts, normals = facing_lines(config, body, members)
+    own = normals * body.turn.conjugate()
+    radius = 0.5 * config.robot.description.tube_diameter
+    skins = ((starts - body.center) * normals.conj()).real - radius
+    found: list[tuple[int, int]] = []
+    for member, normal, skin in zip(members.tolist(), own.tolist(), skins.tolist(), strict=True):
+        patch = body.shape.contact_patch(normal, radius, skin)
+        found += [(member, end.corner) for end in patch]
+    numbers, corners = np.array(found).T
+    return contacts_at(body.shape, numbers, corners, radius)
+
+
+def contacts_at(
+    shape: Shape, members: Indices, corners: Indices, tube_radius: float
+) -> PressedContacts:
+    """
+    Return the contacts of members with given corners of an object.
+
+    The two ends of a face share it, whether or not both are in contact. So the forces are
+    continuous if an end gains contact. A face shorter than a tube radius has one contact.
+    """
+    cuts = np.full((len(members), 2), np.inf)
+    for k, corner in enumerate(corners.tolist()):
+        for side, face in enumerate(shape.faces_at(corner)):
+            if face.length >= tube_radius:
+                cuts[k, side] = 0.5 * face.length
+    return PressedContacts(members, corners, cuts)
+
+
+def facing_lines(
+    config: Configuration, body: ConvexObject, members: Indices
+) -> tuple[Points, Points]:
+    """Return the starts (m,) of members [m], and their normals (m,) away from an object."""
+    starts, ends = member_lines(config)[members].T
+    axes = (ends - starts) / np.abs(ends - starts)
+    aside = (axes.conj() * (body.middle - starts)).imag
+    return starts, -1j * np.where(aside < 0.0, -axes, axes)
