@@ -122,3 +122,6 @@ class DrivenRobot(DrivenRollers):
         self.roller_velocities = self.plant.speeds / self._grips
         if blocked is not None:
             raise blocked
+
+    #: The physics moves rollers and object together.
+    drive = advance

@@ -133,7 +133,7 @@ class SimulatedRobot(DrivenRollers):
         self.config = self._factored = config
         self.roller_positions = config.roller_positions.copy()
         self._object = simulated
-        self._rests = False
+        self._rests = self._moved = False
 
     @property
     def object_pose(self) -> Pose:
@@ -148,9 +148,9 @@ class SimulatedRobot(DrivenRollers):
         """
         self._object, self._rests = simulated, False
 
-    def advance(self, duration: float) -> None:
+    def drive(self, duration: float) -> None:
         """
-        Move rollers, nodes and object for a time interval.
+        Move rollers and nodes for a time interval; the object follows in the next `advance`.
 
         :param duration: length of the interval, not negative [s].
         :raises ConfigurationError: no configuration exists at the new travel, so the rollers
@@ -167,7 +167,18 @@ class SimulatedRobot(DrivenRollers):
             self.config = self.config.moved_to(goal, self._factored.factor)
             self.roller_positions = self.roller_positions + travel
             self.roller_velocities = speeds
+        self._moved = self._moved or moving
+
+    def advance(self, duration: float) -> None:
+        """
+        Move rollers, nodes and object for a time interval.
+
+        :param duration: length of the interval, not negative [s].
+        :raises ConfigurationError: no configuration exists at the new travel, so the rollers
+            block.
+        """
+        self.drive(duration)
         self._object.follow(self.config)
-        if not moving and not self._rests:
+        if not self._moved and not self._rests:
             self._object.come_to_rest(self.config)
-        self._rests = not moving
+        self._rests, self._moved = not self._moved, False

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -123,8 +124,9 @@ class Simulator(ManagedNode):
         self._time = self._commanded = self.now()
 
     def _receive_command(self, message: Float64MultiArray) -> None:
-        # Integrate the previous command up to now before its replacement.
-        self._advance(self.now())
+        # Integrate the previous command up to now before its replacement. The object, whose
+        # equilibrium takes most of the computing time, follows in the next step.
+        self._move(self.now(), self._plant.drive)
         try:
             self._plant.command(message.data)
         except ConfigurationError as error:
@@ -149,24 +151,28 @@ class Simulator(ManagedNode):
         except MessageError as error:
             self.reasons.note('external_wrench', str(error))
 
-    def _advance(self, now: float) -> None:
-        """Simulate the motion up to a time; a command is valid for `command_timeout`."""
+    def _move(self, now: float, move: Callable[[float], None]) -> None:
+        """
+        Simulate the motion up to a time; a command is valid for `command_timeout`.
+
+        :param move: method of the plant that simulates an interval.
+        """
         expiry = self._commanded + self.values.command_timeout
         elapsed = min(now, expiry) - self._time
         try:
             if elapsed > 0.0:  # simulated time advances in steps
-                self._plant.advance(elapsed)
+                move(elapsed)
         except ConfigurationError as error:
             self._plant.stop()
             self.reasons.note('blocked', f'rollers blocked: {error}')
         if now > expiry:
             self._plant.stop()
             # Each interval is integrated exactly once.
-            self._plant.advance(now - max(expiry, self._time))
+            move(now - max(expiry, self._time))
         self._time = now
 
     def _step(self, now: float) -> None:
-        self._advance(now)
+        self._move(now, self._plant.advance)
         if self.values.plant != KINEMATIC:
             self._report_hold()
         if self._recorder is not None:

@@ -6,6 +6,7 @@
 from geometry_msgs.msg import PoseStamped
 from held_grips import ANGLE, APART, box_between, BOX_FILE, DEPTH, HOME
 from isotruss_ros.core import place_between, solve_twist
+from isotruss_ros.core.simulation.elastic_object import ElasticObject
 from isotruss_ros.nodes.conversions.messages import to_pose_message
 from isotruss_ros.nodes.simulator.node import Simulator
 from manual_world import world
@@ -110,3 +111,23 @@ def test_the_object_is_put_elsewhere(plant):
         assert put(*start) == pytest.approx(start, abs=1e-3)
         if plant == 'elastic':
             assert w.nodes[1]._plant.elastic.grasp is not None
+
+
+def test_one_equilibrium_is_solved_for_each_published_state(monkeypatch):
+    configurations = []
+    follow = ElasticObject.follow
+    monkeypatch.setattr(
+        ElasticObject,
+        'follow',
+        lambda self, there: (configurations.append(there), follow(self, there)),
+    )
+    command = 0.01 * np.ones(len(HOME.roller_positions))
+    with world(elastic()) as w:
+        w.until(lambda: w.probe.last('joints') is not None)
+        configurations.clear()
+        count, start = len(w.probe.seen['joints']), w.travel()
+        w.until(  # three commands in each period
+            lambda: w.travel()[0] > start[0] + 1e-3, lambda: w.probe.send_command(command), 7e-3
+        )
+        published = len(w.probe.seen['joints']) - count
+    assert len(set(map(id, configurations))) == published
