@@ -25,7 +25,7 @@ from isotruss_ros.core.estimation.offset_filter import OffsetFilter
 from isotruss_ros.core.estimation.slip_watch import SlipWatch
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings, StateEstimate
 from isotruss_ros.core.holding.grip_record import GripRecord
-from isotruss_ros.core.holding.held_grip import HoldStatus
+from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus
 from isotruss_ros.core.holding.held_shape import held_joints
 from isotruss_ros.core.inputs import HISTORY_DURATION, steady_pressures, Timeline, UsedReadings
 from isotruss_ros.core.kinematics.robot import Robot
@@ -59,6 +59,7 @@ class StateEstimator:
         self._zeros, self._config = OffsetFilter(robot, given), robot.home
         self.belief: GripBelief | None = None
         self._record: GripRecord | None = None  # last grip of the control loop
+        self._held: HeldGrip | None = None  # its equilibrium
         self._readings, self._slips = Timeline(), SlipWatch(len(robot.roller_names))
         self._measured = UsedReadings()
         self._pressures: tuple[float, ...] | None = None
@@ -128,13 +129,11 @@ class StateEstimator:
         if record is None:
             self.belief = None
             return
-        held = record.restore(self._config, self._grip.body)
+        held = self._held = record.restore(self._config, self._grip.body)
         self._used_offsets = self._zeros.offsets
         if before is None or self.belief is None:
             grip, covariance = self._grip.moved_to(held.pose), self._zeros.offset_covariance
             self.belief = GripBelief(held, grip, self.settings, covariance, is_assumed=True)
-        else:
-            self.belief.adopt(held)
 
     @single_threaded
     def take_pose(self, time: float, pose: Pose, deviations: Array) -> bool:
@@ -193,6 +192,8 @@ class StateEstimator:
             return False
         readings, zeros = self._readings.at(time), self._zeros
         self._roll()
+        if self._record is not None and self.belief is not None:
+            self.belief.adopt(self._held)  # for its derivatives
         values, rates = self._place_joints(readings, zeros.offsets)
         rows = np.array([2 * names.index(name) + i for name in joints for i in (0, 1)])
         expected, slopes = zeros.expect(values, rates, rows)
@@ -318,9 +319,9 @@ class StateEstimator:
         if belief is None:
             return places, rates
         # Displacement due to the contact forces, and its derivative with respect to the offsets.
-        held, own = belief.grasp.config, belief.joint_rates()
-        beyond = own - held.node_jacobian[:count]
-        displaced = held_joints(belief.grasp).ravel() - held.nodes.ravel()[:count]
+        grasp = belief.grasp if self._record is None else self._held
+        beyond = belief.joint_rates() - belief.grasp.config.node_jacobian[:count]
+        displaced = held_joints(grasp).ravel() - grasp.config.nodes.ravel()[:count]
         return places + displaced + beyond @ (offsets - self._used_offsets), rates + beyond
 
     def _encoder_noise(self, rates: Array) -> Array:
