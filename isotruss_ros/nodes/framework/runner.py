@@ -19,7 +19,7 @@ from isotruss_ros.nodes.framework.command_line import refuse_arguments, start_ro
 from isotruss_ros.nodes.framework.cycle import Cycle, PacedExecutor
 from isotruss_ros.nodes.framework.diagnostics import ReasonLog
 from isotruss_ros.nodes.framework.parameters import Parameters, Spec
-from isotruss_ros.nodes.framework.topics import RELIABLE
+from isotruss_ros.nodes.framework.topics import NO_PUBLISHER_EVENTS, RELIABLE
 import rclpy
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
@@ -113,7 +113,7 @@ class StoppableNode(Node):
         :param profile: quality of service.
         """
         create = getattr(self, 'create_lifecycle_publisher', self.create_publisher)
-        return create(kind, topic, profile)
+        return create(kind, topic, profile, event_callbacks=NO_PUBLISHER_EVENTS)
 
     def create_steady_timer(self, period: float, callback: Callable[[], None]) -> Timer:
         """

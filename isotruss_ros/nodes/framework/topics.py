@@ -18,7 +18,7 @@ from collections.abc import Callable
 from typing import Any
 
 from rclpy.duration import Duration
-from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
@@ -29,9 +29,11 @@ NEWEST_MESSAGES = QoSProfile(depth=2, reliability=ReliabilityPolicy.BEST_EFFORT)
 #: Profile for all messages of a short interval, such as joint states from ten publishers at 100 Hz
 #: for a loop at 100 Hz.
 RECENT_MESSAGES = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
-#: Setting without event callbacks. Event callbacks are not needed, because these subscriptions
-#: match any publisher. With them each wait of `manipulation` would take a third longer.
+#: Settings without event callbacks. Event callbacks are not needed, because these subscriptions
+#: match any publisher, and a subscriber that does not match a publisher warns itself. With them
+#: each wait of `manipulation` would take a third longer, and each of `grasp_analysis` twice.
 NO_EVENTS = SubscriptionEventCallbacks(use_default_callbacks=False)
+NO_PUBLISHER_EVENTS = PublisherEventCallbacks(use_default_callbacks=False)
 RELIABLE = QoSProfile(depth=1)
 #: Longest wait until the subscribers acknowledge the last command.
 ACKNOWLEDGE_TIME = Duration(seconds=0.5)
