@@ -70,7 +70,7 @@ class ContactForces:
     loads: Array
     jacobian: Array
 
-    @property
+    @functools.cached_property
     def places(self) -> Places:
         """Return the indices of the unknowns and of the equations."""
         return Places.of(len(self.normals))
@@ -80,17 +80,17 @@ class ContactForces:
         """Return the origin of the object's frame, x + iy [m]."""
         return complex(self.unknowns[0], self.unknowns[1])
 
-    @property
+    @functools.cached_property
     def feet(self) -> Array:
         """Return the positions of the contacts along the members, (k,) [m]."""
         return self.unknowns[self.places.feet]
 
-    @property
+    @functools.cached_property
     def normal_forces(self) -> Array:
         """Return the normal forces (k,) at the contacts [N], positive in compression."""
         return self.unknowns[self.places.normal]
 
-    @property
+    @functools.cached_property
     def friction_forces(self) -> Array:
         """Return the friction forces (k,) on the tubes, counter-clockwise round the object [N]."""
         return self.unknowns[self.places.friction]

@@ -59,10 +59,6 @@ class ContactSet(NamedTuple):
         """Return the set without one of its contacts."""
         return ContactSet(self.contacts.without(dropped), np.delete(self.origins, dropped))
 
-    def parts(self) -> list[ContactSet]:
-        """Return the sets without one end of a face."""
-        return [self.without(k) for k in np.flatnonzero(self.contacts.at_faces).tolist()]
-
 
 class FreeCorner(NamedTuple):
     """Corner without contact that penetrates a grasping member."""
@@ -103,7 +99,11 @@ def search_contacts(
             tried.add(chosen.key)
         solved += 1
         grip = solve(chosen, before)
-        mended = chosen.parts() if grip is None else _mend(grip, rolls)
+        if grip is None:  # without one end of a face
+            ends = np.flatnonzero(chosen.contacts.at_faces)
+            mended: list[ContactSet] | None = [chosen.without(k) for k in ends.tolist()]
+        else:
+            mended = _mend(grip, rolls)
         if grip is not None and mended is None:
             pressing.append(grip)
             # Without a history, the other sets that followed from the same equilibrium compete.
@@ -113,33 +113,23 @@ def search_contacts(
             follows = before if grip is None else grip
             waiting += [(item, follows) for item in mended if item.grazing is None]
             waiting[:0] = [(item, follows) for item in mended if item.grazing is not None]
-    return min(pressing, key=_displacement, default=None)
-
-
-def _displacement(grip: HeldGrip) -> float:
-    """Return the distance of the object's centroid from its measured or previous place [m]."""
-    return abs(grip.body.middle - grip.statics.body.middle)
+    # The nearest to the measured or previous place.
+    return min(pressing, key=lambda g: abs(g.body.middle - g.statics.body.middle), default=None)
 
 
 def _mend(grip: HeldGrip, rolls: bool) -> list[ContactSet] | None:
     """Return the sets that mend the largest violation, the most likely set last; None if none."""
-    pulling = most_pulling(grip, rolls)
-    if pulling is not None:
-        current = ContactSet.of(grip.contacts)
-        opened = current.without(pulling)
-        return [opened] if rolls else [current._replace(grazing=pulling), opened]
+    contacts, normal = grip.contacts, grip.state.normal_forces
+    may_open = contacts.at_faces | (rolls and contacts.owners[-1] > 1)
+    least = int(np.where(may_open, normal, np.inf).argmin())
+    if may_open[least] and normal[least] < -ROUNDING * np.abs(normal).sum():
+        current = ContactSet.of(contacts)
+        opened = current.without(least)
+        return [opened] if rolls else [current._replace(grazing=least), opened]
     corner = max(free_corners(grip), default=None)
     if corner is not None:
         return with_corner(grip, corner, rolls)
     return _with_third(grip) if rolls else None
-
-
-def most_pulling(grip: HeldGrip, third: bool = False) -> int | None:
-    """Return the index of the face end with the largest tension; None without tension."""
-    owners, normal = grip.contacts.owners, grip.state.normal_forces
-    chosen = np.where(grip.contacts.at_faces | (third and owners[-1] > 1), normal, np.inf)
-    least = int(chosen.argmin())
-    return least if chosen[least] < -ROUNDING * np.abs(normal).sum() else None
 
 
 def free_corners(grip: HeldGrip, gap: float = -SKIN_TOLERANCE) -> Iterator[FreeCorner]:
@@ -239,7 +229,11 @@ def depths_in_others(grip: HeldGrip) -> tuple[Indices, Array]:
     near = segment_gaps(grip.body, starts, ends)
     radius = grip.statics.tube_radius
     reach = (1.0 + 2.0 * MAX_DISPLACEMENT) * radius
-    members = np.setdiff1d(np.flatnonzero(near.gaps < reach), grip.members)
+    is_near = near.gaps < reach
+    is_near[grip.members] = False
+    members = np.flatnonzero(is_near)
+    if not len(members):
+        return members, np.zeros(0)
     spans, shares = (ends - starts)[members], near.shares[members]
     lines, _ = grip.bent_lines(members, shares * np.abs(spans))
     moved = lines - starts[members] - shares * spans

@@ -109,7 +109,7 @@ class ContactStatics:
     #: [rad]; or one number for all of them
     given: Array | float = 0.0
 
-    @property
+    @functools.cached_property
     def places(self) -> Places:
         """Return the indices of the unknowns and of the equations."""
         return Places.of(len(self.contacts.owners))
@@ -349,15 +349,15 @@ def build_statics(
     structure = structure_of(config, tubes.pressure)
     starts, straight = facing_lines(config, body, contacts.members)
     points, _ = body.shape.surface_at(contacts.corners, straight * body.turn.conjugate())
+    spans = member_lines(config)[contacts.members, 1] - starts
+    length, axis = np.abs(spans), spans / np.abs(spans)
     # The normals point away from the object: left of the member if the object is on its right.
-    starting, ending = member_lines(config)[contacts.members].T
-    axis = (ending - starting) / np.abs(ending - starting)
     sides = np.sign((straight * axis.conj()).imag)
     feet = ((body.center + body.turn * points - starts) * axis.conj()).real
     bent = BentTubes(
         structure,
         contacts.members,
-        np.clip(feet, 0.0, np.abs(ending - starting)),
+        np.clip(feet, 0.0, length),
         tubes.stiffness_scale,
         tubes.paper_model,
     )

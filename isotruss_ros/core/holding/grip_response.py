@@ -122,7 +122,7 @@ class SlipPlanes(NamedTuple):
 
     @property
     def direction(self) -> Array:
-        """Return the direction (3,) of this wrench; its norm is 1 about the centroid."""
+        """Return this wrench divided by its norm about the centroid, (3,)."""
         nearest, turn = int((self.reserve / self.size).argmin()), self.about_middle
         return -turn @ turn.T @ self.slope[nearest] / self.size[nearest]
 
