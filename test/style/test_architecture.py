@@ -192,6 +192,21 @@ def test_objects_grips_and_barriers_are_closed_against_their_kinds():
     assert not asked
 
 
+def test_caches_of_frozen_classes_are_fields_or_results_of_functions():
+    written = [
+        f'{module}:{node.lineno}'
+        for module, tree in CORE_TREES.items()
+        for node in ast.walk(tree)
+        for target in (getattr(node, 'value', None), getattr(node, 'func', None))
+        if (getattr(target, 'attr', '') == '__dict__' and isinstance(node, ast.Subscript))
+        or (
+            getattr(getattr(target, 'value', None), 'attr', '') == '__dict__'
+            and target.attr in {'update', 'setdefault', 'pop'}
+        )
+    ]
+    assert not written
+
+
 FUNCTIONS = {
     f'{module}.{node.name}': node
     for module, tree in CORE_TREES.items()

@@ -24,7 +24,7 @@ from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.model.convex_object import check_friction, ConvexObject
 from isotruss_ros.core.model.topology import Topology
 from isotruss_ros.core.numerics.arrays import Indices
-from isotruss_ros.core.numerics.records import Record
+from isotruss_ros.core.numerics.records import copy_with, Record
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -80,9 +80,7 @@ class Grip(Record, headline=('members', 'friction', 'body')):
         :param pose: pose (x, y, angle) of the object's frame in the robot frame [m, rad].
         :raises GraspError: the pose is not three finite numbers within range.
         """
-        moved = object.__new__(Grip)
-        # The other fields were checked when this grip was created.
-        moved.__dict__.update(self.__dict__, body=self.body.moved_to(pose))
+        moved: Grip = copy_with(self, body=self.body.moved_to(pose))
         return moved
 
     def touching(self, owners: Indices, corners: Indices) -> Grip:
@@ -94,9 +92,8 @@ class Grip(Record, headline=('members', 'friction', 'body')):
         :param corners: (k,) index of the object's corner at each contact.
         """
         touched = [tuple(corners[owners == i].tolist()) for i in range(len(self.members))]
-        found = object.__new__(Grip)
-        found.__dict__.update(self.__dict__, corners=tuple(touched))
-        return found
+        touching: Grip = copy_with(self, corners=tuple(touched))
+        return touching
 
     @classmethod
     def at_module(

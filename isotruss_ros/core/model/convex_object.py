@@ -15,7 +15,7 @@ from isotruss_ros.core.model.pose import MAX_FRICTION, MAX_MASS, Pose, pose_faul
 from isotruss_ros.core.model.shapes import Disc, Shape, SurfacePoints
 from isotruss_ros.core.model.units import likely_unit
 from isotruss_ros.core.numerics.arrays import Array, finite_array, MAX_MAGNITUDE, Points
-from isotruss_ros.core.numerics.records import Record
+from isotruss_ros.core.numerics.records import copy_with, Record
 from isotruss_ros.core.numerics.tolerances import COINCIDENCE
 import numpy as np
 from numpy.typing import ArrayLike
@@ -59,7 +59,8 @@ class ConvexObject(Record, headline=('shape', 'pose', 'mass', 'center_of_mass', 
         """Check the fields, and set the derived quantities."""
         if not callable(getattr(self.shape, 'nearest', None)):
             raise GraspError(f'shape {self.shape!r}: must be a Disc, a Polygon or an Ellipse')
-        self._put(self.pose)
+        for name, value in _placement(self.shape, self.pose).items():
+            object.__setattr__(self, name, value)
         if fault := pose_fault(*self.pose):
             raise GraspError(f"the object's pose {tuple(self.pose)}: {fault}")
         object.__setattr__(self, 'arm', self.shape.perimeter / (2.0 * math.pi))
@@ -119,10 +120,7 @@ class ConvexObject(Record, headline=('shape', 'pose', 'mass', 'center_of_mass', 
         :param pose: pose (x, y, angle) of the object's frame in the robot frame [m, rad].
         :raises GraspError: the pose is not three finite numbers within range.
         """
-        moved = object.__new__(ConvexObject)
-        # The other fields were checked when this object was created.
-        moved.__dict__.update(self.__dict__)
-        moved._put(pose)
+        moved: ConvexObject = copy_with(self, **_placement(self.shape, pose))
         return moved
 
     def smoothed(self, length: float) -> ConvexObject:
@@ -136,27 +134,9 @@ class ConvexObject(Record, headline=('shape', 'pose', 'mass', 'center_of_mass', 
         shape = self.shape.smoothed(length)
         if shape is self.shape:
             return self
-        found = object.__new__(ConvexObject)
-        arm = shape.perimeter / (2.0 * math.pi)
-        # The other fields were checked when this object was created.
-        found.__dict__.update(self.__dict__, shape=shape, arm=arm)
-        found._put(self.pose)
-        return found
-
-    def _put(self, pose: ArrayLike) -> None:
-        """Set the object's pose and the quantities derived from the pose."""
-        try:
-            x, y, angle = map(float, pose)
-            fits = all(-MAX_MAGNITUDE <= number <= MAX_MAGNITUDE for number in pose)
-            fits = fits and not {bool, np.bool_}.issuperset(map(type, pose))
-        except (TypeError, ValueError):
-            fits = False
-        if not fits:
-            finite_array(pose, 3, "the object's pose (x, y, angle) [m, rad]", GraspError)
-            raise GraspError(f"the object's pose {pose!r}: must be within {MAX_MAGNITUDE:g} m")
-        center, turn = complex(x, y), cmath.rect(1.0, angle)
-        middle = center + turn * self.shape.centroid
-        self.__dict__.update(pose=Pose(x, y, angle), center=center, turn=turn, middle=middle)
+        arm, placement = shape.perimeter / (2.0 * math.pi), _placement(shape, self.pose)
+        smooth: ConvexObject = copy_with(self, shape=shape, arm=arm, **placement)
+        return smooth
 
     def support(self, normals: Points) -> Array:
         """
@@ -182,6 +162,22 @@ class ConvexObject(Record, headline=('shape', 'pose', 'mass', 'center_of_mass', 
         :param spacing: largest distance of successive points where the surface is curved [m].
         """
         return self.center + self.turn * self.shape.outline(spacing)
+
+
+def _placement(shape: Shape, pose: ArrayLike) -> dict[str, object]:
+    """Return the fields of an object that its pose determines."""
+    try:
+        x, y, angle = map(float, pose)
+        fits = all(-MAX_MAGNITUDE <= number <= MAX_MAGNITUDE for number in pose)
+        fits = fits and not {bool, np.bool_}.issuperset(map(type, pose))
+    except (TypeError, ValueError):
+        fits = False
+    if not fits:
+        finite_array(pose, 3, "the object's pose (x, y, angle) [m, rad]", GraspError)
+        raise GraspError(f"the object's pose {pose!r}: must be within {MAX_MAGNITUDE:g} m")
+    center, turn = complex(x, y), cmath.rect(1.0, angle)
+    middle = center + turn * shape.centroid
+    return {'pose': Pose(x, y, angle), 'center': center, 'turn': turn, 'middle': middle}
 
 
 def check_friction(value: float, what: str = 'friction') -> float:

@@ -304,12 +304,4 @@ def _rounded(polygon: Polygon, length: float) -> Polygon:
     blunt = np.minimum(0.25 * length / np.tan(0.5 * half), room * (1.0 - 1e-9))
     if (blunt <= polygon.radii).all():
         return polygon
-    # The arguments have been checked already.
-    found = object.__new__(Polygon)
-    radii = np.maximum(polygon.radii, blunt)
-    object.__setattr__(found, 'vertices', polygon.vertices)
-    object.__setattr__(found, 'corner_radius', tuple(radii.tolist()))
-    for name in ('corners', 'normals', 'turns', '_directions', '_facing'):
-        found.__dict__[name] = getattr(polygon, name)
-    found.__dict__['radii'] = radii
-    return found
+    return Polygon(polygon.vertices, tuple(np.maximum(polygon.radii, blunt).tolist()))
