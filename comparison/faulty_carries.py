@@ -5,8 +5,8 @@
 Objects carried in MuJoCo by a loop with halts, under several simultaneous faults.
 
 `python -m comparison.faulty_carries` prints a line for each carry and the figures of all, in some
-ten minutes; with `--drawn 60 --clean 10 --lost 20 --nothing 10 --page docs/safety.md` in an hour
-or two, and replaces the table of that page.
+ten minutes; with `--drawn 60 --clean 10 --lost 20 --nothing 10 --page docs/benchmarks.md` in an
+hour or two, and replaces the table of that page.
 """
 
 from __future__ import annotations
@@ -365,7 +365,7 @@ def summarise(carries: Sequence[Carry]) -> list[str]:
 
 def tabulate(carries: Sequence[Carry]) -> list[str]:
     """
-    Return the table of `docs/safety.md` as Markdown, with a row for each fault.
+    Return the table of `docs/benchmarks.md` as Markdown, with a row for each fault.
 
     :param carries: results of the carries.
     """
