@@ -41,5 +41,6 @@ for example in clone/examples/[!r]*.py; do
     echo "$example"
     python "$example" > /dev/null
 done
+python clone/tools/notebooks.py clone/examples/held_object.ipynb
 isotruss plan_grasps --center 0.5 0.3 --diameter 0.3 > /dev/null
 isotruss fit_tube_stiffness --help > /dev/null
