@@ -58,7 +58,7 @@ class Displaced(NamedTuple):
 
     @property
     def values(self) -> Array:
-        """Return all values, (s,)."""
+        """Return the numbers of the state as one array, (s,)."""
         return np.concatenate([part.ravel() for part in self])
 
 
