@@ -86,7 +86,7 @@ class GripBelief:
         # In many assumed starts nothing is gripped. The factor 0.7 makes this show after 9 to 16
         # mm of path; with the factor 1 it shows after 24 mm.
         self._most = (0.7 if is_assumed else 1.0) * MAX_DEVIATIONS
-        self._is_assumed = is_assumed
+        self.is_assumed = is_assumed
         self._even = np.array([1.0, 1.0, grasp.arm])
         count = len(grasp.config.roller_positions)
         if zero_covariance is None:
@@ -103,7 +103,7 @@ class GripBelief:
             self._state.initialise(self._cache, self._friction)
             self._state.bias = self._even * pose_difference(grip.body.pose, grasp.pose)
         else:
-            self._place_contacts(np.array(grip.body.pose))
+            self._place_contacts(np.array(grip.body.pose), True)
 
     @property
     def grasp(self) -> HeldGrip:
@@ -118,13 +118,27 @@ class GripBelief:
     @property
     def pose(self) -> Array:
         """Return the estimate (x, y, angle) of the object's pose [m, rad]."""
-        give = self.grasp.response.pose @ self.load
-        return self._cache.pose + give + self.bias / self._even
+        return self._estimate[:3]
 
     @property
     def squeeze(self) -> float:
         """Return the estimated mean normal force of the members [N]."""
-        return self._cache.squeeze + float(self.grasp.response.squeeze @ self.load)
+        return float(self._estimate[3])
+
+    @property
+    def _estimate(self) -> Array:
+        """Return the estimated pose [m, rad] and squeeze [N], (4,)."""
+        cache, state, response = self._cache, self._state, self.grasp.response
+        by_state = state.sensitivity @ state.parameters
+        moved = cache.by_considered.pose @ state.parameters + cache.rates.pose @ by_state
+        pressed = cache.by_considered.squeeze @ state.parameters + cache.rates.squeeze @ by_state
+        pressed += cache.squeeze + response.squeeze @ self.load
+        return np.append(self._uncorrected + moved / self._even, pressed)
+
+    @property
+    def _uncorrected(self) -> Array:
+        """Return the estimated pose (3,) for roller offsets of zero [m, rad]."""
+        return self._cache.pose + self.grasp.response.pose @ self.load + self.bias / self._even
 
     @property
     def differentiated(self) -> HeldGrip:
@@ -140,7 +154,7 @@ class GripBelief:
         """
         cache = self._cache
         variance = self._state.spread(cache.rates.squeeze, cache.by_considered.squeeze)
-        relative = 1.0 if self._is_assumed else self.settings.squeeze_error
+        relative = 1.0 if self.is_assumed else self.settings.squeeze_error
         return math.sqrt(variance + (relative * self.squeeze) ** 2)
 
     @property
@@ -285,14 +299,14 @@ class GripBelief:
         lag.hold_back(np.append(response.pose @ decayed, response.squeeze @ decayed))
         # After large corrections the rates are invalid.
         due = np.abs(self._corrected).max() > MAX_FIRST_ORDER_TRAVEL
-        if not self._is_assumed:  # the first equilibrium used one noisy pose
-            due |= self._poses == FIRST_POSES
-        self._poses += due
+        # The first equilibrium used one noisy pose.
+        first = self._poses == FIRST_POSES and not self.is_assumed
+        self._poses += first
         # An earlier search would attribute transient loads to the contacts.
         waited = lag.time - self._searched > self.settings.load_time
-        slips = rolled.required_friction > self._friction and waited and not self._is_assumed
-        if due or slips:
-            self.attach(config, pressures)
+        slips = rolled.required_friction > self._friction and waited and not self.is_assumed
+        if first or due or slips:
+            self.attach(config, pressures, first)
         return HoldStatus.HELD  # slip is detected from the poses
 
     def _record(
@@ -316,18 +330,16 @@ class GripBelief:
         # Earlier readings: their encoder noise is independent of that in the innovation.
         first, last = (lag.at(then - n * DELAY_DEVIATION) for n in (2, 1))
         speed = (last - first) / DELAY_DEVIATION
-        off = even * pose_difference(pose, self.pose - pose_difference(lag.last, there))
+        off = even * pose_difference(pose, self._uncorrected - pose_difference(lag.last, there))
         self.noise.add(even * pose_difference(pose, there))
+        before = self._estimate
         change = self._state.correct(off, even * speed, cache, lag.time)
-        given, response = (
-            cache.shift(change[SHIFTS:][self.grasp.contacts.owners]),
-            self.grasp.response,
-        )
-        given[:3] += response.pose @ change[LOAD] + change[BIAS] / even
-        given[3] += float(response.squeeze @ change[LOAD])
-        lag.hold_back(given)
+        cache.shift(change[SHIFTS:][self.grasp.contacts.owners])
+        lag.hold_back(self._estimate - before)
 
-    def attach(self, config: Configuration, pressures: Pressures) -> bool:
+    def attach(
+        self, config: Configuration, pressures: Pressures, restart: bool = False
+    ) -> bool:
         """
         Search the equilibrium near the estimated pose, and initialise the contacts' shifts there.
 
@@ -348,15 +360,16 @@ class GripBelief:
         cache, before = EquilibriumCache(found, self._friction), self._cache.by_considered.pose
         if not self._state.explains(self._even * pose_difference(pose, found.pose), cache):
             return False
-        self._is_assumed, self._cache = False, cache
+        restart |= self.is_assumed
+        self.is_assumed, self._cache = False, cache
         self._take(found)
         self.walk.attach(cache.by_considered.pose - before)
         self._corrected = np.zeros_like(self._corrected)
-        self._place_contacts(pose)
+        self._place_contacts(pose, restart)
         self._lag.hold_back(np.append(np.zeros(3), self.squeeze - squeeze))
         return True
 
-    def _place_contacts(self, pose: Array) -> None:
+    def _place_contacts(self, pose: Array, first: bool) -> None:
         """
         Initialise the shifts of the contacts from a pose, independently of load and offsets.
 
@@ -371,15 +384,20 @@ class GripBelief:
             gain = self._state.initialise(cache, self._friction)
             off = self._even * pose_difference(pose, self.grasp.pose)
             moved = (gain @ (off + cache.rates.pose[:, SHIFTS:] @ shifts))[SHIFTS:] - shifts
-            shifts, placed = shifts + moved, cache.placed(moved)
+            placed = cache.placed(moved)
             # Forces beyond friction are attributed to wrong offsets, so the shifts are not
             # applied.
             if placed is None or self._hold(placed) is not HoldStatus.HELD:
                 break
+            shifts = shifts + moved
             self._spare = cache.margin(grasp) - cache.margin(placed)
             self._take(placed)
-        self._state.initialise(cache, self._friction)
-        self._state.bias = self._even * pose_difference(pose, self.grasp.pose)
+        off = self._even * pose_difference(pose, self.grasp.pose)
+        self._state.bias = off
+        if first:
+            self._state.forget()
+            off = off + cache.rates.pose[:, SHIFTS:] @ shifts
+        self._state.initialise(cache, self._friction, off if first else None)
 
     def _hold(self, grasp: HeldGrip) -> HoldStatus:
         """Return the hold status of an equilibrium; `UNSTABLE` if it has no response to loads."""
@@ -393,7 +411,7 @@ class GripBelief:
 
         :param covariance: (r, r) covariance of the roller offsets [m^2].
         """
-        self._state.considered = covariance
+        self._state.set_prior(covariance)
 
     def correct_zeros(self, moved: Array) -> None:
         """
@@ -405,6 +423,7 @@ class GripBelief:
         :param moved: (r,) increases of the roller offsets, and thus of the roller positions [m].
         """
         self._cache.correct_zeros(moved, self._state.sensitivity, SHIFTS)
+        self._state.shift(moved)
         self._corrected = self._corrected + moved
 
     def pass_corrections(self, elapsed: float, filter_time: float) -> None:

@@ -59,8 +59,15 @@ class GripState(SchmidtFilter):
         self.innovation, self.jump = 0.0, 0.0
         self.walk, self.noise = ContactWalk(), PoseNoise(noise)
 
-    def initialise(self, cache: EquilibriumCache, friction: float) -> Array:
-        """Set the prior covariance, and update it for a pose; return the gain (n, 3)."""
+    def initialise(
+        self, cache: EquilibriumCache, friction: float, off: Array | None = None
+    ) -> Array:
+        """
+        Set the prior covariance, and update it for a pose; return the gain (n, 3).
+
+        :param off: (3,) innovation of the pose, from which the offsets are estimated; rotations
+            times the arm [m]. None: they are not.
+        """
         given = self._settings
         shifts = shift_deviations(cache.grasp, cache.anchored, friction)
         variances = np.diag(self.covariance).copy()
@@ -72,13 +79,13 @@ class GripState(SchmidtFilter):
         shifted = rates[:, SHIFTS:] * variances[SHIFTS:] @ rates[:, SHIFTS:].T
         own = given.pose_error**2 * np.eye(3)
         left = np.linalg.solve(shifted + own, own).T @ by_considered
-        self.covariance[BIAS, BIAS] += left @ self.considered @ left.T
-        return self.condition(rates, by_considered, np.diag(self.noise.variances))
+        self.covariance[BIAS, BIAS] += left @ self.prior @ left.T
+        return self.condition(rates, by_considered, np.diag(self.noise.variances), off)
 
     def explains(self, off: Array, cache: EquilibriumCache) -> bool:
         """Return whether load, offsets and noise explain a difference (3,) of poses [m]."""
         rates, give = cache.by_considered.pose, cache.rates.pose[:, LOAD] * self._settings.load
-        spread = rates @ self.considered @ rates.T + give @ give.T + np.diag(self.noise.variances)
+        spread = rates @ self.prior @ rates.T + give @ give.T + np.diag(self.noise.variances)
         return float(off @ np.linalg.solve(spread, off)) <= MAX_DEVIATIONS**2
 
     def correct(self, off: Array, speed: Array, cache: EquilibriumCache, time: float) -> Array:
@@ -102,13 +109,13 @@ class GripState(SchmidtFilter):
             freed[BIAS] = freed[SHIFTS:] = self.jump**2
             self.covariance = prior + np.diag(freed)
         by_considered = cache.by_considered.pose
-        change = self.condition(rates, by_considered, noise) @ off
+        change = self.condition(rates, by_considered, noise, off) @ off
         delay = self.delay + float(change[DELAY])
         self.delay = min(max(delay, 0.0), MAX_DEVIATIONS * DELAY_DEVIATION)
         self.load, self.bias = self.load + change[LOAD], self.bias + change[BIAS]
         give = cache.rates.pose[:, LOAD] * self._settings.load
         allowed, moved = noise + give @ give.T, walking @ change
-        self.walk.add(time, moved, unsure, allowed, by_considered, self.considered)
+        self.walk.add(time, moved, unsure, allowed, by_considered, self.prior)
         return change
 
     def propagate(
@@ -123,8 +130,7 @@ class GripState(SchmidtFilter):
         more[SHIFTS:] = given.slip**2 * SLIP_LENGTH * travel.max()
         self.walk.spread(cache.rates.pose * more @ cache.rates.pose.T)
         more[LOAD] = given.load**2 * (1.0 - left**2)
-        self.predict(kept, more)
-        self.considered = self.considered + np.diag(given.slip**2 * SLIP_LENGTH * travel)
+        self.predict(kept, more, given.slip**2 * SLIP_LENGTH * travel)
         decayed = (left - 1.0) * self.load
         self.load = self.load + decayed
         return decayed

@@ -2,11 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Covariance of a Schmidt-Kalman filter: measurements correct a state, parameters are considered.
+Covariances of a two-stage filter: a state, and constant parameters that bias its measurements.
 
-Considered parameters are uncertain but not corrected, so their covariance C is constant. The error
-of the state is e + S c, where e is an error with the covariance P, and S is the sensitivity to the
-errors c of the parameters.
+The first stage estimates the state as if the parameters were zero (Schmidt-Kalman filter), so its
+error is e + S c, where e is an error with the covariance P, and S is the sensitivity to the
+parameters c. Then its innovations are T c plus white noise, and the second stage estimates c from
+them (Friedland 1969). Both stages together are the Kalman filter of state and parameters; the
+prior of the parameters may change at any time.
 """
 
 from __future__ import annotations
@@ -31,18 +33,21 @@ def condition(covariance: Array, rates: Array, noise: Array) -> tuple[Array, Arr
 
 class SchmidtFilter:
     """
-    Covariances of a state (n,) and of considered parameters (c,).
+    Covariances of a state (n,) and of parameters (c,), and the estimated parameters.
 
     :ivar covariance: (n, n) covariance P of the state's own error.
-    :ivar considered: (c, c) covariance C of the parameters.
     :ivar sensitivity: (n, c) derivatives S of the state's error with respect to the parameters.
+    :ivar prior: (c, c) covariance of the parameters without the innovations.
+    :ivar posterior: (c, c) covariance of the parameters with the innovations.
+    :ivar parameters: (c,) estimated parameters.
     :param variances: (n,) prior variances of the state.
-    :param considered: (c, c) covariance of the parameters.
+    :param prior: (c, c) covariance of the parameters.
     """
 
-    def __init__(self, variances: Array, considered: Array) -> None:
-        self.considered = considered
+    def __init__(self, variances: Array, prior: Array) -> None:
+        self.prior = prior
         self.reset(np.diag(variances))
+        self.forget()
 
     def reset(self, covariance: Array) -> None:
         """
@@ -51,7 +56,30 @@ class SchmidtFilter:
         :param covariance: (n, n) covariance of the state.
         """
         self.covariance = covariance
-        self.sensitivity = np.zeros((len(covariance), len(self.considered)))
+        self.sensitivity = np.zeros((len(covariance), len(self.prior)))
+
+    def forget(self) -> None:
+        """Discard the parameters that were estimated from innovations."""
+        # Inverse covariance of the parameters by innovations alone, and its product with them.
+        self._information = np.zeros_like(self.prior)
+        self._evidence = np.zeros(len(self.prior))
+        self.set_prior(self.prior)
+
+    def set_prior(self, prior: Array) -> None:
+        """
+        Set the covariance of the parameters without the innovations.
+
+        :param prior: (c, c) covariance.
+        """
+        self.prior = prior
+        innovated = np.eye(len(prior)) + prior @ self._information
+        self.posterior = np.linalg.solve(innovated, prior)
+        self.parameters = self.posterior @ self._evidence
+
+    def shift(self, moved: Array) -> None:
+        """Subtract a known change (c,) from the parameters."""
+        self._evidence = self._evidence - self._information @ moved
+        self.parameters = self.posterior @ self._evidence
 
     def resize(self, size: int, first: int, variance: float) -> None:
         """Replace the last components of the state by components with a prior variance."""
@@ -60,36 +88,51 @@ class SchmidtFilter:
         self.covariance[:first, :first] = before[:first, :first]
         self.sensitivity[:first] = sensitivity[:first]
 
-    def spread(self, rates: Array, by_considered: Array) -> Array:
+    def spread(self, rates: Array, by_parameters: Array) -> Array:
         """
         Return the covariance (m, m) of m linear functions of state and parameters.
 
         :param rates: (m, n) derivatives of the functions with respect to the state.
-        :param by_considered: (m, c) derivatives of the functions with respect to the parameters.
+        :param by_parameters: (m, c) derivatives of the functions with respect to the parameters.
         """
-        whole = by_considered + rates @ self.sensitivity
-        return rates @ self.covariance @ rates.T + whole @ self.considered @ whole.T
+        whole = by_parameters + rates @ self.sensitivity
+        return rates @ self.covariance @ rates.T + whole @ self.posterior @ whole.T
 
-    def predict(self, decay: Array, noise: Array) -> None:
+    def predict(self, decay: Array, noise: Array, drift: Array) -> None:
         """
-        Propagate the covariance of the state over time.
+        Propagate the covariances over time.
 
         :param decay: (n,) factors by which the components of the state decay.
-        :param noise: (n,) variances of the process noise.
+        :param noise: (n,) variances of the process noise of the state.
+        :param drift: (c,) variances of the process noise of the parameters.
         """
         self.covariance = self.covariance * np.outer(decay, decay) + np.diag(noise)
         self.sensitivity = decay[:, None] * self.sensitivity
+        both = np.column_stack([self._information, self._evidence])
+        both = np.linalg.solve(np.eye(len(drift)) + self._information * drift, both)
+        self._information, self._evidence = both[:, :-1], both[:, -1]
+        self.set_prior(self.prior + np.diag(drift))
 
-    def condition(self, rates: Array, by_considered: Array, noise: Array) -> Array:
+    def condition(
+        self, rates: Array, by_parameters: Array, noise: Array, innovation: Array | None = None
+    ) -> Array:
         """
-        Update the covariance by a measurement (m,), and return the Kalman gain (n, m).
+        Update the covariances by a measurement (m,), and return the Kalman gain (n, m).
 
-        The gain is computed as if the parameters had no errors.
+        The gain is that for known parameters.
 
         :param rates: (m, n) derivatives of the measurement with respect to the state.
-        :param by_considered: (m, c) derivatives of the measurement with respect to the parameters.
+        :param by_parameters: (m, c) derivatives of the measurement with respect to the parameters.
         :param noise: (m, m) covariance of the measurement noise.
+        :param innovation: (m,) measured minus predicted values for zero parameters; None: the
+            parameters are not estimated.
         """
+        if innovation is not None:
+            whole = by_parameters + rates @ self.sensitivity
+            weighted = np.linalg.solve(rates @ self.covariance @ rates.T + noise, whole).T
+            self._information = self._information + weighted @ whole
+            self._evidence = self._evidence + weighted @ innovation
+            self.set_prior(self.prior)
         gain, left, self.covariance = condition(self.covariance, rates, noise)
-        self.sensitivity = left @ self.sensitivity - gain @ by_considered
+        self.sensitivity = left @ self.sensitivity - gain @ by_parameters
         return gain

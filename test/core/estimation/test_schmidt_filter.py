@@ -39,3 +39,46 @@ def test_considered_parameters_increase_the_covariance_of_functions_of_the_state
     more = unknown.spread(functions, none) - known.spread(functions, none)
     errors = functions @ condition(np.diag(variances), rates, noise)[0] @ by_considered
     assert more == pytest.approx(errors @ errors.T)
+
+
+def test_both_stages_are_the_kalman_filter_of_state_and_parameters():
+    prior, _, _ = drawn(3, 2)
+    variances, truth = np.diag(prior), RNG.normal(size=2)
+    two, state = SchmidtFilter(variances, np.diag([2.0, 3.0])), np.zeros(3)
+    whole, mean = np.diag([*variances, 2.0, 3.0]), np.zeros(5)
+    for _ in range(6):
+        decay, more = RNG.uniform(0.5, 1.0, 3), RNG.uniform(0.0, 0.1, 3)
+        two.predict(decay, more, np.zeros(2))
+        state = decay * state
+        both = np.append(decay, [1.0, 1.0])
+        whole = whole * np.outer(both, both) + np.diag([*more, 0.0, 0.0])
+        mean = both * mean
+        (_, rates, noise), by_parameters = drawn(3, 2), RNG.normal(size=(2, 2))
+        measured = by_parameters @ truth + RNG.normal(size=2)
+        off = measured - rates @ state
+        state = state + two.condition(rates, by_parameters, noise, off) @ off
+        every = np.hstack([rates, by_parameters])
+        gain, _, whole = condition(whole, every, noise)
+        mean = mean + gain @ (measured - every @ mean)
+    assert two.parameters == pytest.approx(mean[3:])
+    assert two.posterior == pytest.approx(whole[3:, 3:])
+    assert state + two.sensitivity @ two.parameters == pytest.approx(mean[:3])
+    assert two.spread(np.eye(3), np.zeros((3, 2))) == pytest.approx(whole[:3, :3])
+
+
+def test_a_known_change_of_the_parameters_keeps_their_sum():
+    filters = [SchmidtFilter(np.ones(3), np.eye(2)) for _ in range(2)]
+    (_, rates, noise), by_parameters = drawn(3, 4), RNG.normal(size=(4, 2))
+    truth, known = RNG.normal(size=2), np.array([0.3, -0.2])
+    for parameters, each in ((truth, filters[0]), (truth - known, filters[1])):
+        each.condition(rates, by_parameters, noise, by_parameters @ parameters)
+    filters[0].shift(known)
+    assert filters[0].parameters == pytest.approx(filters[1].parameters)
+
+
+def test_drift_of_the_parameters_increases_their_covariance_by_innovations():
+    drifting, drift = SchmidtFilter(np.ones(2), 1e8 * np.eye(2)), np.array([0.5, 2.0])
+    drifting.condition(np.zeros((2, 2)), np.eye(2), 3.0 * np.eye(2), np.array([1.0, -1.0]))
+    drifting.predict(np.ones(2), np.zeros(2), drift)
+    assert drifting.posterior == pytest.approx(np.diag(3.0 + drift), rel=1e-6)
+    assert drifting.parameters == pytest.approx([1.0, -1.0], rel=1e-6)

@@ -29,7 +29,7 @@ def controlled(missing=0.0, **settings):
     """Return a control of which so much of the squeeze is missing."""
     control = SqueezeControl(SqueezeSettings(0.0, **MASSLESS | settings))
     assert control.follow(CONFIG, GRASP, 0.0) is HoldStatus.HELD
-    force = control.grasp.squeeze + missing
+    force = control.belief.squeeze + missing
     control.settings = SqueezeSettings(force, **MASSLESS | settings)
     return control
 
