@@ -59,9 +59,10 @@ SPECS = (
     ),
     FixedSpec(
         'zero_deviation',
-        PRIOR.zero_deviation,
-        'Prior standard deviation of the roller offsets [m]; after calibrate_home, set 0.001',
-        (1e-6, 1.0),
+        0.0,
+        'Prior standard deviation of the roller offsets [m]; 0: that of the robot file, or 10 mm '
+        'without calibrate_home',
+        (0.0, 1.0),
     ),
     FixedSpec(
         'slip', PRIOR.slip, 'Expected slip of a roller relative to its travel [-]', (0.0, 1.0)
@@ -121,8 +122,8 @@ class StateEstimatorNode(ManagedNode):
         """Reset the estimate to the prior, at the start and after a jump of the clock."""
         values = self.values
         self.inputs.clear()
-        settings = replace(PRIOR, zero_deviation=values.zero_deviation, slip=values.slip)
-        settings = settings.calibrated(self.robot.description)
+        settings = replace(PRIOR, slip=values.slip)
+        settings = settings.calibrated(self.robot.description, values.zero_deviation or None)
         self._estimator, self._last = StateEstimator(self.robot, settings), None
         #: Times of poses and markers that are later than the joint states of the last cycle [s],
         #: and updates by them, for which the model is evaluated once.

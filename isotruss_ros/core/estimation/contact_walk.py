@@ -25,7 +25,7 @@ class _Sum(NamedTuple):
     moved: Array  #: (3,) sum of all earlier corrections of the pose [m]
     walked: Array  #: (3, 3) covariance of the random walk [m^2]
     prior: Array  #: (3, 3) covariance of contacts and unexplained pose [m^2]
-    considered: Array  #: (3, c) derivatives of the pose with respect to considered states
+    by_offsets: Array  #: (3, c) derivatives of the pose by the roller offsets
 
 
 class ContactWalk:
@@ -41,7 +41,7 @@ class ContactWalk:
     def __init__(self) -> None:
         self.length = self.deviations = 0.0
         self._moved, self._walked = np.zeros(3), np.zeros((3, 3))
-        self._attached: Array | float = 0.0  # changes of the considered derivatives, see `attach`
+        self._attached: Array | float = 0.0  # changes of the derivatives by offsets, see `attach`
         #: Sums within each of `SUM_INTERVALS`, in order of time.
         self._sums: tuple[deque[_Sum], ...] = tuple(deque() for _ in SUM_INTERVALS)
 
@@ -55,12 +55,11 @@ class ContactWalk:
 
     def attach(self, change: Array) -> None:
         """
-        Change the derivatives of the pose with respect to the considered states, see `add`.
+        Change the derivatives of the pose by the roller offsets, see `add`.
 
         The derivatives change after a search for an equilibrium, which does not correct the pose.
 
-        :param change: (3, c) change of the derivatives of the pose with respect to the considered
-            states, see `add`.
+        :param change: (3, c) change of the derivatives.
         """
         self._attached = self._attached + change
 
@@ -70,7 +69,7 @@ class ContactWalk:
         moved: Array,
         prior: Array,
         noise: Array,
-        considered: Array,
+        by_offsets: Array,
         spread: Array,
     ) -> None:
         """
@@ -81,13 +80,12 @@ class ContactWalk:
         :param prior: (3, 3) covariance of contacts and unexplained pose before the correction
             [m^2].
         :param noise: (3, 3) covariance of pose noise and load [m^2].
-        :param considered: (3, c) derivatives of the pose with respect to the considered states:
-            uncertain states that are not corrected, such as roller offsets. If the derivatives
-            change, an error of such a state moves the pose.
-        :param spread: (c, c) covariance of the considered states.
+        :param by_offsets: (3, c) derivatives of the pose by the roller offsets. If they change, an
+            error of an offset moves the pose.
+        :param spread: (c, c) covariance of the offsets.
         """
-        considered = considered - self._attached
-        added = _Sum(time, self._moved, self._walked, prior, considered)
+        by_offsets = by_offsets - self._attached
+        added = _Sum(time, self._moved, self._walked, prior, by_offsets)
         self._moved = self._moved + moved
         for sums, interval in zip(self._sums, SUM_INTERVALS, strict=True):
             sums.append(added)
@@ -96,7 +94,7 @@ class ContactWalk:
         _, before, walked, prior, changed = map(
             np.array, zip(*(sums[0] for sums in self._sums), strict=True)
         )
-        moved, changed = self._moved - before, considered - changed
+        moved, changed = self._moved - before, by_offsets - changed
         allowed = prior + self._walked - walked + noise
         allowed += changed @ spread @ changed.transpose(0, 2, 1)
         squares = np.einsum('ij,ijk->i', moved, np.linalg.solve(allowed, moved[:, :, None]))

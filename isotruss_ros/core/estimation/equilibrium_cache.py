@@ -19,7 +19,7 @@ from dataclasses import replace
 
 from isotruss_ros.core.estimation.grip_model import (
     anchor_rates,
-    ConsideredRates,
+    OffsetRates,
     Pressures,
     StateRates,
 )
@@ -43,7 +43,7 @@ class EquilibriumCache:
     :ivar grip: its contacts, from which (19) predicts the motion of the object.
     :ivar anchored: derivatives of its unknowns by the rolling invariants, see `anchor_rates`.
     :ivar rates: derivatives of pose and squeeze by the state.
-    :ivar by_considered: derivatives by roller offsets, at an equilibrium nearby.
+    :ivar by_offsets: derivatives by roller offsets, at an equilibrium nearby.
     :ivar ahead: (4,) predicted changes of pose [m, m, rad] and squeeze [N] by roller travel.
     :ivar usage: limits on motion that reduces the slip margin or increases the utilisation.
 
@@ -59,13 +59,13 @@ class EquilibriumCache:
 
     def __init__(self, grasp: HeldGrip, friction: float) -> None:
         self._friction = friction
-        self.by_considered = ConsideredRates.of(grasp)
+        self.by_offsets = OffsetRates.of(grasp)
         self.take(grasp)
         self.forget_motion(grasp)
 
     @property
     def pose(self) -> Array:
-        """Return the pose (3,) of the equilibrium without load at the last prediction [m, rad]."""
+        """Return the predicted pose (3,) of the equilibrium without a load [m, rad]."""
         return np.array(self.grasp.pose) + self.ahead[:3] + self._pending[:3]
 
     @property
@@ -92,11 +92,11 @@ class EquilibriumCache:
         self._pending_forces = np.zeros(2 * len(grasp.anchors))
         self.anchored = anchor_rates(grasp)
         self.rates = StateRates.of(grasp, self.anchored)
-        known = self.by_considered.grasp
+        known = self.by_offsets.grasp
         moved = grasp.config.roller_positions - known.config.roller_positions
         far = known.contacts is not grasp.contacts
         if far or np.abs(moved).max() > MAX_FIRST_ORDER_TRAVEL:
-            self.by_considered = ConsideredRates.of(grasp)
+            self.by_offsets = OffsetRates.of(grasp)
 
     def forget_motion(self, grasp: HeldGrip) -> None:
         """Reset the quantities that are derived from the last motion, at a new equilibrium."""
@@ -142,7 +142,7 @@ class EquilibriumCache:
         self._anchors = self._anchors + grasp.statics.sides * travel
         self._anchors = self._anchors + shifts[grasp.contacts.owners]
         self._moved_zeros = self._moved_zeros + moved
-        rates = self.by_considered.squeeze + self.rates.squeeze @ sensitivity
+        rates = self.by_offsets.squeeze + self.rates.squeeze @ sensitivity
         self.ahead = self.ahead + np.append(np.zeros(3), rates @ moved)
 
     def margin(self, grasp: HeldGrip | None = None) -> float:

@@ -7,8 +7,8 @@ Gaussian belief of the grip: a Kalman filter about the equilibrium of the held o
 The contacts roll with the tubes, so the equilibrium follows the configuration. Measured poses
 correct four states: the load w, which is an external wrench; the shift a of the contacts along the
 members; the unexplained pose b, which is measured minus modelled; and the delay of the poses. The
-roller offsets dphi are considered: they are uncertain, but poses do not correct them. With the
-roller positions q, the compliance C and white noise v, the measured pose is
+roller offsets dphi are estimated from the innovations, see `TwoStageFilter`. With the roller
+positions q, the compliance C and white noise v, the measured pose is
 
     e = (w, b, a, delay | dphi),   z = equilibrium(q + dphi, a) + C w + b + v
 
@@ -23,8 +23,6 @@ from operator import attrgetter
 from isotruss_ros.core.estimation.equilibrium_cache import EquilibriumCache
 from isotruss_ros.core.estimation.grip_model import (
     attach_model,
-    BIAS,
-    LOAD,
     MAX_UTILISATION,
     Pressures,
     SHIFTS,
@@ -130,8 +128,8 @@ class GripBelief:
         """Return the estimated pose [m, rad] and squeeze [N], (4,)."""
         cache, state, response = self._cache, self._state, self.grasp.response
         by_state = state.sensitivity @ state.parameters
-        moved = cache.by_considered.pose @ state.parameters + cache.rates.pose @ by_state
-        pressed = cache.by_considered.squeeze @ state.parameters + cache.rates.squeeze @ by_state
+        moved = cache.by_offsets.pose @ state.parameters + cache.rates.pose @ by_state
+        pressed = cache.by_offsets.squeeze @ state.parameters + cache.rates.squeeze @ by_state
         pressed += cache.squeeze + response.squeeze @ self.load
         return np.append(self._uncorrected + moved / self._even, pressed)
 
@@ -143,7 +141,7 @@ class GripBelief:
     @property
     def differentiated(self) -> HeldGrip:
         """Return the equilibrium at which the filter's Jacobian was computed."""
-        return self._cache.by_considered.grasp
+        return self._cache.by_offsets.grasp
 
     @property
     def geometric_deviation(self) -> float:
@@ -153,7 +151,7 @@ class GripBelief:
         It includes the model error.
         """
         cache = self._cache
-        variance = self._state.spread(cache.rates.squeeze, cache.by_considered.squeeze)
+        variance = self._state.spread(cache.rates.squeeze, cache.by_offsets.squeeze)
         relative = 1.0 if self.is_assumed else self.settings.squeeze_error
         return math.sqrt(variance + (relative * self.squeeze) ** 2)
 
@@ -181,7 +179,7 @@ class GripBelief:
     @property
     def pose_covariance(self) -> Array:
         """Return the covariance of the object's pose, (3, 3) [m^2, m rad, rad^2]."""
-        spread = self._state.spread(self._cache.rates.pose, self._cache.by_considered.pose)
+        spread = self._state.spread(self._cache.rates.pose, self._cache.by_offsets.pose)
         return spread / np.outer(self._even, self._even)
 
     @property
@@ -205,7 +203,7 @@ class GripBelief:
 
         The object's pose is held constant.
         """
-        return self._cache.by_considered.joint_rates(self._state.sensitivity[SHIFTS:])
+        return self._cache.by_offsets.joint_rates(self._state.sensitivity[SHIFTS:])
 
     @property
     def correction(self) -> Array:
@@ -337,9 +335,7 @@ class GripBelief:
         cache.shift(change[SHIFTS:][self.grasp.contacts.owners])
         lag.hold_back(self._estimate - before)
 
-    def attach(
-        self, config: Configuration, pressures: Pressures, restart: bool = False
-    ) -> bool:
+    def attach(self, config: Configuration, pressures: Pressures, restart: bool = False) -> bool:
         """
         Search the equilibrium near the estimated pose, and initialise the contacts' shifts there.
 
@@ -357,13 +353,13 @@ class GripBelief:
             return False
         if found.hold(math.inf) is not HoldStatus.HELD or found.sections.used.max() > limit:
             return False
-        cache, before = EquilibriumCache(found, self._friction), self._cache.by_considered.pose
+        cache, before = EquilibriumCache(found, self._friction), self._cache.by_offsets.pose
         if not self._state.explains(self._even * pose_difference(pose, found.pose), cache):
             return False
         restart |= self.is_assumed
         self.is_assumed, self._cache = False, cache
         self._take(found)
-        self.walk.attach(cache.by_considered.pose - before)
+        self.walk.attach(cache.by_offsets.pose - before)
         self._corrected = np.zeros_like(self._corrected)
         self._place_contacts(pose, restart)
         self._lag.hold_back(np.append(np.zeros(3), self.squeeze - squeeze))
@@ -407,7 +403,7 @@ class GripBelief:
 
     def set_zero_covariance(self, covariance: Array) -> None:
         """
-        Replace the covariance of the considered roller offsets.
+        Replace the prior covariance of the roller offsets.
 
         :param covariance: (r, r) covariance of the roller offsets [m^2].
         """

@@ -5,7 +5,7 @@
 Model of a held object: its equilibrium, and the linearisation of pose and squeeze.
 
 The state is (load, unexplained pose, delay, shifts of the contacts along the members); the
-considered parameters are the roller offsets, see `grip_belief`.
+parameters are the roller offsets, see `grip_belief`.
 """
 
 from __future__ import annotations
@@ -94,7 +94,7 @@ class StateRates(NamedTuple):
         return cls(pose, squeeze)
 
 
-class ConsideredRates(NamedTuple):
+class OffsetRates(NamedTuple):
     """
     Derivatives of pose and squeeze with respect to roller offsets.
 
@@ -107,7 +107,7 @@ class ConsideredRates(NamedTuple):
     squeeze: Array  #: (r,) derivatives of the squeeze
 
     @classmethod
-    def of(cls, grasp: HeldGrip) -> ConsideredRates:
+    def of(cls, grasp: HeldGrip) -> OffsetRates:
         """Return the derivatives by roller offsets at an equilibrium."""
         found, count = held_gradient(grasp), len(grasp.config.roller_positions)
         along, anchors = _anchors_by_offsets(grasp), slice(count + 4, None)

@@ -16,8 +16,8 @@ from isotruss_ros.core.estimation.equilibrium_cache import EquilibriumCache
 from isotruss_ros.core.estimation.grip_model import BIAS, DELAY, LOAD, shift_deviations, SHIFTS
 from isotruss_ros.core.estimation.offset_filter import SLIP_LENGTH
 from isotruss_ros.core.estimation.pose_noise import PoseNoise
-from isotruss_ros.core.estimation.schmidt_filter import SchmidtFilter
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings
+from isotruss_ros.core.estimation.two_stage_filter import TwoStageFilter
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 
@@ -32,9 +32,9 @@ DELAY_DEVIATION = 0.03
 MAX_DEVIATIONS = 5.0
 
 
-class GripState(SchmidtFilter):
+class GripState(TwoStageFilter):
     """
-    Gaussian belief of the grip's state; the roller offsets are considered.
+    Gaussian belief of the grip's state; the roller offsets are the parameters.
 
     :ivar load: external wrench (fx, fy, m / arm) on the object [N].
     :ivar bias: (3,) unexplained pose, rotations times the arm [m].
@@ -44,16 +44,16 @@ class GripState(SchmidtFilter):
     :ivar walk: sums of the pose corrections, from which slip is detected.
     :ivar noise: estimated noise of the poses.
 
-    :param considered: (r, r) covariance of the roller offsets [m^2].
+    :param offsets: (r, r) prior covariance of the roller offsets [m^2].
     :param noise: (3,) prior standard deviations of the poses, rotations times the arm [m].
     """
 
     def __init__(
-        self, settings: EstimatorSettings, shifts: int, considered: Array, noise: Array
+        self, settings: EstimatorSettings, shifts: int, offsets: Array, noise: Array
     ) -> None:
         variances = np.zeros(SHIFTS + shifts)
         variances[DELAY] = DELAY_DEVIATION**2
-        super().__init__(variances, considered)
+        super().__init__(variances, offsets)
         self._settings = settings
         self.load, self.bias, self.delay = np.zeros(3), np.zeros(3), 0.0
         self.innovation, self.jump = 0.0, 0.0
@@ -75,16 +75,16 @@ class GripState(SchmidtFilter):
         variances[SHIFTS:] = shifts**2
         self.reset(np.diag(variances))
         # The part of the pose that shifts within friction do not explain: roller offsets.
-        rates, by_considered = cache.rates.pose, cache.by_considered.pose
+        rates, by_offsets = cache.rates.pose, cache.by_offsets.pose
         shifted = rates[:, SHIFTS:] * variances[SHIFTS:] @ rates[:, SHIFTS:].T
         own = given.pose_error**2 * np.eye(3)
-        left = np.linalg.solve(shifted + own, own).T @ by_considered
+        left = np.linalg.solve(shifted + own, own).T @ by_offsets
         self.covariance[BIAS, BIAS] += left @ self.prior @ left.T
-        return self.condition(rates, by_considered, np.diag(self.noise.variances), off)
+        return self.condition(rates, by_offsets, np.diag(self.noise.variances), off)
 
     def explains(self, off: Array, cache: EquilibriumCache) -> bool:
         """Return whether load, offsets and noise explain a difference (3,) of poses [m]."""
-        rates, give = cache.by_considered.pose, cache.rates.pose[:, LOAD] * self._settings.load
+        rates, give = cache.by_offsets.pose, cache.rates.pose[:, LOAD] * self._settings.load
         spread = rates @ self.prior @ rates.T + give @ give.T + np.diag(self.noise.variances)
         return float(off @ np.linalg.solve(spread, off)) <= MAX_DEVIATIONS**2
 
@@ -108,14 +108,14 @@ class GripState(SchmidtFilter):
             freed = np.zeros(len(prior))
             freed[BIAS] = freed[SHIFTS:] = self.jump**2
             self.covariance = prior + np.diag(freed)
-        by_considered = cache.by_considered.pose
-        change = self.condition(rates, by_considered, noise, off) @ off
+        by_offsets = cache.by_offsets.pose
+        change = self.condition(rates, by_offsets, noise, off) @ off
         delay = self.delay + float(change[DELAY])
         self.delay = min(max(delay, 0.0), MAX_DEVIATIONS * DELAY_DEVIATION)
         self.load, self.bias = self.load + change[LOAD], self.bias + change[BIAS]
         give = cache.rates.pose[:, LOAD] * self._settings.load
         allowed, moved = noise + give @ give.T, walking @ change
-        self.walk.add(time, moved, unsure, allowed, by_considered, self.prior)
+        self.walk.add(time, moved, unsure, allowed, by_offsets, self.prior)
         return change
 
     def propagate(

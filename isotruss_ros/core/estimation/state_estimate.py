@@ -22,8 +22,8 @@ class EstimatorSettings:
     """
     Standard deviations of priors, process noise and measurements of the estimator.
 
-    :ivar zero_deviation: standard deviation of the roller offsets [m]; 1 mm after calibration with
-        markers.
+    :ivar zero_deviation: standard deviation of the roller offsets [m]. The default is for a home
+        that was not calibrated.
     :ivar slip: slip of a roller as a fraction of its travel, and of a contact as a fraction of the
         largest roller travel, independent in each 0.1 m of travel [-].
     :ivar drift: drift of the roller offsets in one second, also at rest [m].
@@ -53,10 +53,21 @@ class EstimatorSettings:
     pose_error: float = 5e-4
     squeeze_error: float = 0.04
 
-    def calibrated(self, description: RobotDescription) -> EstimatorSettings:
-        """Return the settings with the calibrated deviation of the stiffness."""
-        stiffness = description.calibration.get('stiffness_deviation', self.stiffness)
-        return replace(self, stiffness=stiffness)
+    def calibrated(
+        self, description: RobotDescription, zero_deviation: float | None = None
+    ) -> EstimatorSettings:
+        """
+        Return the settings with the calibrated deviations of stiffness and roller offsets.
+
+        :param zero_deviation: standard deviation of the offsets [m]; None: the largest one of the
+            robot file.
+        """
+        known = description.calibration
+        if zero_deviation is None:
+            zeros = known.get('zero_deviations', {}).values()
+            zero_deviation = max(zeros, default=self.zero_deviation)
+        stiffness = known.get('stiffness_deviation', self.stiffness)
+        return replace(self, stiffness=stiffness, zero_deviation=zero_deviation)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -41,7 +41,7 @@ class BeliefStart:
         self.belief: GripBelief | None = None
         self._missed = False  # no equilibrium near the measured pose
         self._assuming = False  # assuming an equilibrium
-        self._depth: float | None = None  # indentation of the assumed object [m]
+        self._depth = PRIOR.zero_deviation  # depth of the assumed object in the members [m]
 
     def search(
         self,
@@ -61,22 +61,21 @@ class BeliefStart:
         :param zero_covariance: (r, r) covariance of the roller offsets [m^2]; None: uncorrelated
             offsets with the standard deviation of the settings.
         """
-        self.belief = None
+        self.belief, description = None, config.robot.description
+        prior = PRIOR.calibrated(description, settings.zero_deviation)
+        prior = replace(prior, load=settings.load or PRIOR.load)
         self._assuming = gripped and self._missed and not self._assuming
         try:
-            near = self._place(config, grip, settings.zero_deviation) if self._assuming else grip
-            found = attach_model(config, near, pressures, settings.zero_deviation)
+            near = self._place(config, grip) if self._assuming else grip
+            found = attach_model(config, near, pressures, prior.zero_deviation)
         except NotHeldError as error:
             self._missed = True
             return error.hold
-        if self._assuming and not self._is_desired(found, settings):
+        if self._assuming and not self._is_desired(found, settings.force):
             return HoldStatus.NO_BALANCE
         if not self._assuming and found.sections.used.max() > MAX_UTILISATION:
             self._missed = True
             return HoldStatus.WRINKLES
-        prior = replace(
-            PRIOR, load=settings.load or PRIOR.load, zero_deviation=settings.zero_deviation
-        ).calibrated(config.robot.description)
         belief = GripBelief(found, grip, prior, zero_covariance, is_assumed=self._assuming)
         hold = belief.grasp.hold(belief.largest_friction)
         if hold is HoldStatus.HELD and not belief.explains(grip.body.pose):
@@ -86,17 +85,16 @@ class BeliefStart:
             self.belief = belief
         return hold
 
-    def _place(self, config: Configuration, grip: Grip, first_depth: float) -> Grip:
+    def _place(self, config: Configuration, grip: Grip) -> Grip:
         """Return the grip with the object moved until all members have the same indentation."""
-        angle, depth = grip.body.pose.angle, self._depth or first_depth
-        placed = place_between(config, grip.members, grip.body.shape, angle, depth)
+        angle = grip.body.pose.angle
+        placed = place_between(config, grip.members, grip.body.shape, angle, self._depth)
         return grip.moved_to(placed.body.pose)
 
-    def _is_desired(self, found: HeldGrip, settings: SqueezeSettings) -> bool:
+    def _is_desired(self, found: HeldGrip, force: float) -> bool:
         """Return whether an assumed grip has the desired squeeze; if not, correct the depth."""
-        ratio = found.squeeze / settings.force
+        ratio = found.squeeze / force
         if abs(ratio - 1.0) <= 2.0 * PRIOR.squeeze_error:
             return True
-        deeper = (self._depth or settings.zero_deviation) / max(ratio, 0.25)
-        self._depth = min(deeper, 4.0 * settings.zero_deviation)
+        self._depth = min(self._depth / max(ratio, 0.25), 4.0 * PRIOR.zero_deviation)
         return False

@@ -65,7 +65,7 @@ class Decision:
 
 def describe_squeeze(squeeze: float, deviation: float) -> str:
     """
-    Return a text with the squeeze, and whether the squeeze is unknown.
+    Return a text with the squeeze, and a remedy if the squeeze is unknown.
 
     The squeeze is unknown if its deviation exceeds `MAX_KNOWN_DEVIATION` times the squeeze.
 
@@ -73,7 +73,10 @@ def describe_squeeze(squeeze: float, deviation: float) -> str:
     :param deviation: standard deviation of the squeeze [N].
     """
     words = f'{squeeze:.1f} N, deviation {deviation:.1f} N'
-    return f'squeeze {"unknown: " if deviation > MAX_KNOWN_DEVIATION * squeeze else ""}{words}'
+    if deviation <= MAX_KNOWN_DEVIATION * squeeze:
+        return f'squeeze {words}'
+    remedy = 'calibrate home, use markers on joints, or calibrate the stiffness of the tubes'
+    return f'squeeze unknown: {words}; {remedy}'
 
 
 class HaltError(IsotrussError):

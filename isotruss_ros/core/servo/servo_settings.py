@@ -37,7 +37,7 @@ class SqueezeSettings:
         is slowed; beyond the bound, only motion that decreases the utilisation is executed.
     :ivar load: standard deviation of loads on the object [N]; 0: that of `EstimatorSettings`.
     :ivar zero_deviation: standard deviation of the roller offsets [m], used if no estimator
-        provides it.
+        provides it; None: that of the robot file, or 10 mm if home was not calibrated.
     """
 
     force: float
@@ -45,7 +45,7 @@ class SqueezeSettings:
     frequency: float | None = None
     max_utilisation: float = 1.0
     load: float = 0.0
-    zero_deviation: float = 0.01
+    zero_deviation: float | None = None
 
     def __post_init__(self) -> None:
         """Check the values."""

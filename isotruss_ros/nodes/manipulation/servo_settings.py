@@ -70,10 +70,10 @@ SPECS = (
     ),
     Spec(
         'zero_deviation',
-        SqueezeSettings(0.0).zero_deviation,
+        0.0,
         'Standard deviation of the roller offsets [m], used with squeeze_force unless '
-        'state_estimator runs; after calibrate_home, set 0.001',
-        (1e-6, 1.0),
+        'state_estimator runs; 0: that of the robot file, or 10 mm without calibrate_home',
+        (0.0, 1.0),
     ),
     common.OBJECT_DIAMETER,
     common.GRIP_MODULE,
@@ -132,7 +132,7 @@ def make_settings(
             values.squeeze_force,
             frequency=values.frequency or None,
             load=values.expected_load,
-            zero_deviation=values.zero_deviation,
+            zero_deviation=values.zero_deviation or None,
         )
     return ServoSettings(
         Grip(common.select_grip(robot, values), body),

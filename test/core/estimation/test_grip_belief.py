@@ -86,9 +86,17 @@ def test_error_of_the_squeeze_with_unmeasured_stiffness_is_within_stated_deviati
     error = (stiffness - 1.0) * belief.squeeze
     assert abs(error) < 2.0 * belief.squeeze_deviation
     assert abs(error) > 4.0 * believed(zero_deviation=1e-3, stiffness=0.02).squeeze_deviation
-    # A calibration states a smaller deviation.
-    known = replace(CONFIG.robot.description, calibration={'stiffness_deviation': 0.02})
-    assert EstimatorSettings().calibrated(known).stiffness == 0.02
+
+
+def test_calibrations_of_the_robot_file_state_the_deviations_of_stiffness_and_offsets():
+    zeros = {'south/P': 1e-3, 'south/Q': 2e-3}
+    calibration = {'stiffness_deviation': 0.02, 'zero_deviations': zeros}
+    known = replace(CONFIG.robot.description, calibration=calibration)
+    found = EstimatorSettings().calibrated(known)
+    assert (found.stiffness, found.zero_deviation) == (0.02, 2e-3)
+    assert EstimatorSettings().calibrated(known, 0.005).zero_deviation == 0.005
+    unknown = replace(known, calibration={})
+    assert EstimatorSettings().calibrated(unknown) == EstimatorSettings()
 
 
 def test_the_delay_of_poses_is_estimated_where_the_speed_changes():

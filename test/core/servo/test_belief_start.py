@@ -3,10 +3,20 @@
 
 """Start of the belief of an object outside of the grip, and its end without an object."""
 
+from dataclasses import replace
 from functools import partial
 
 from held_grips import HOME
-from isotruss_ros.core import Disc, Grip, HoldStatus, place_between, Polygon, Pose, solve_twist
+from isotruss_ros.core import (
+    Disc,
+    Grip,
+    HoldStatus,
+    place_between,
+    Polygon,
+    Pose,
+    Robot,
+    solve_twist,
+)
 from isotruss_ros.core.estimation.grip_belief import FIRST_POSES
 from isotruss_ros.core.estimation.grip_model import attach_model
 from isotruss_ros.core.holding.attach_grip import attach_grip
@@ -96,6 +106,15 @@ def test_an_object_that_does_not_follow_is_reported_within_20_mm(away, direction
         command = control.solve(twist, PERIOD, solve)
         control.advance(twist, command)
         config = config.moved_to(config.roller_positions + PERIOD * command.roller_velocities)
+
+
+@pytest.mark.parametrize(('given', 'used'), [(None, 2e-3), (0.005, 0.005)])
+def test_the_offsets_have_the_deviation_of_the_robot_file_unless_it_is_set(given, used):
+    zeros = dict.fromkeys(HOME.robot.roller_names, 2e-3)
+    known = replace(HOME.robot.description, calibration={'zero_deviations': zeros})
+    settings, start = replace(SETTINGS, zero_deviation=given), BeliefStart()
+    start.search(Robot(known).home, measured((0.0, 0.0)), settings, True, None, None)
+    assert start.belief.settings.zero_deviation == used
 
 
 @pytest.mark.parametrize('away', OUTSIDE)

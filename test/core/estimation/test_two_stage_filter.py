@@ -3,7 +3,7 @@
 
 """What a measurement does to the covariance of a state, against other ways to compute it."""
 
-from isotruss_ros.core.estimation.schmidt_filter import condition, SchmidtFilter
+from isotruss_ros.core.estimation.two_stage_filter import condition, TwoStageFilter
 import numpy as np
 import pytest
 import scipy
@@ -30,21 +30,21 @@ def test_a_linear_update_is_least_squares():
 
 def test_considered_parameters_increase_the_covariance_of_functions_of_the_state():
     prior, rates, noise = drawn(4, 6)
-    variances, by_considered = np.diag(prior), RNG.normal(size=(6, 2))
-    known = SchmidtFilter(variances, np.zeros((2, 2)))
-    unknown = SchmidtFilter(variances, np.eye(2))
+    variances, by_offsets = np.diag(prior), RNG.normal(size=(6, 2))
+    known = TwoStageFilter(variances, np.zeros((2, 2)))
+    unknown = TwoStageFilter(variances, np.eye(2))
     for each in (known, unknown):
-        each.condition(rates, by_considered, noise)
+        each.condition(rates, by_offsets, noise)
     functions, none = RNG.normal(size=(3, 4)), np.zeros((3, 2))
     more = unknown.spread(functions, none) - known.spread(functions, none)
-    errors = functions @ condition(np.diag(variances), rates, noise)[0] @ by_considered
+    errors = functions @ condition(np.diag(variances), rates, noise)[0] @ by_offsets
     assert more == pytest.approx(errors @ errors.T)
 
 
 def test_both_stages_are_the_kalman_filter_of_state_and_parameters():
     prior, _, _ = drawn(3, 2)
     variances, truth = np.diag(prior), RNG.normal(size=2)
-    two, state = SchmidtFilter(variances, np.diag([2.0, 3.0])), np.zeros(3)
+    two, state = TwoStageFilter(variances, np.diag([2.0, 3.0])), np.zeros(3)
     whole, mean = np.diag([*variances, 2.0, 3.0]), np.zeros(5)
     for _ in range(6):
         decay, more = RNG.uniform(0.5, 1.0, 3), RNG.uniform(0.0, 0.1, 3)
@@ -67,7 +67,7 @@ def test_both_stages_are_the_kalman_filter_of_state_and_parameters():
 
 
 def test_a_known_change_of_the_parameters_keeps_their_sum():
-    filters = [SchmidtFilter(np.ones(3), np.eye(2)) for _ in range(2)]
+    filters = [TwoStageFilter(np.ones(3), np.eye(2)) for _ in range(2)]
     (_, rates, noise), by_parameters = drawn(3, 4), RNG.normal(size=(4, 2))
     truth, known = RNG.normal(size=2), np.array([0.3, -0.2])
     for parameters, each in ((truth, filters[0]), (truth - known, filters[1])):
@@ -77,7 +77,7 @@ def test_a_known_change_of_the_parameters_keeps_their_sum():
 
 
 def test_drift_of_the_parameters_increases_their_covariance_by_innovations():
-    drifting, drift = SchmidtFilter(np.ones(2), 1e8 * np.eye(2)), np.array([0.5, 2.0])
+    drifting, drift = TwoStageFilter(np.ones(2), 1e8 * np.eye(2)), np.array([0.5, 2.0])
     drifting.condition(np.zeros((2, 2)), np.eye(2), 3.0 * np.eye(2), np.array([1.0, -1.0]))
     drifting.predict(np.ones(2), np.zeros(2), drift)
     assert drifting.posterior == pytest.approx(np.diag(3.0 + drift), rel=1e-6)

@@ -31,7 +31,7 @@ def condition(covariance: Array, rates: Array, noise: Array) -> tuple[Array, Arr
     return gain, left, 0.5 * (found + found.T)
 
 
-class SchmidtFilter:
+class TwoStageFilter:
     """
     Covariances of a state (n,) and of parameters (c,), and the estimated parameters.
 
