@@ -58,7 +58,7 @@ PROGRAMS = {
     'export_mujoco': ('write a robot as a MuJoCo model', 'isotruss_ros.cli.export_mujoco:main'),
 }
 #: Names of the commands that send a request to the running nodes.
-REQUESTS = ('pick', 'move', 'place', 'stop', 'release')
+REQUESTS = ('pick', 'move', 'place', 'stop', 'release', 'resume')
 #: Module and function of these commands.
 OPERATE = ('isotruss_ros.cli.operate', 'main')
 

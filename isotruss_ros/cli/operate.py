@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Commands `isotruss pick`, `move`, `place`, `stop` and `release`.
+Commands `isotruss pick`, `move`, `place`, `stop`, `release` and `resume`.
 
 Each command sends one goal to the running node `pick_and_place`, or one service call to the node
 `manipulation`. The user does not need the command `ros2`.
@@ -14,6 +14,7 @@ import argparse
 from collections.abc import Sequence
 import math
 import sys
+import time
 from typing import Any
 
 from geometry_msgs.msg import PoseStamped
@@ -21,15 +22,26 @@ from isotruss_msgs.action import MoveObject, PickObject, PlaceObject
 from isotruss_ros.core import Pose
 from isotruss_ros.nodes.conversions.messages import to_pose_message
 from isotruss_ros.nodes.framework.command_line import start_ros, StartError
+from isotruss_ros.nodes.framework.topics import LATCHED
+from isotruss_ros.nodes.manipulation.emergency_stop import NAME, RELEASE
 from nav_msgs.msg import Path
 import rclpy
 from rclpy.action import ActionClient
 from rclpy.node import Node
 from rclpy.task import Future
+from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
 #: Timeout of the discovery of a server [s].
 DISCOVERY_TIMEOUT = 5.0
+#: Commands that call a service of the node `manipulation`: name, service and help.
+SERVICES = (
+    ('stop', 'emergency_stop', 'emergency stop'),
+    ('release', RELEASE, 'release the stop'),
+    ('resume', 'resume_grip', 'resume after the object has slipped'),
+)
+#: Longest time in which the release of a stop is tried [s].
+RELEASE_TIMEOUT = 2.0
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -66,8 +78,7 @@ def _parser() -> argparse.ArgumentParser:
     move.add_argument('--angle', type=float, default=0.0, help='angle of the target [degrees]')
     move.set_defaults(run=_move)
     kinds.add_parser('place', help='open the grip and retreat').set_defaults(run=_place)
-    for name, words in (('stop', 'emergency stop'), ('release', 'release the stop')):
-        service = 'emergency_stop' if name == 'stop' else 'release_emergency_stop'
+    for name, service, words in SERVICES:
         kinds.add_parser(name, help=words).set_defaults(run=_call, service=service)
     return parser
 
@@ -111,6 +122,12 @@ def _call(node: Node, options: argparse.Namespace) -> int:
     if not client.wait_for_service(DISCOVERY_TIMEOUT):
         return _fail(f'no node offers the service {options.service}: start manipulation')
     answer = _await(node, client.call_async(Trigger.Request()))
+    if options.service == RELEASE and not answer.success:
+        # The last message of the topic is true, as after a stop in the viewer.
+        node.create_publisher(Bool, NAME, LATCHED).publish(Bool(data=False))
+        end = time.monotonic() + RELEASE_TIMEOUT
+        while not answer.success and time.monotonic() < end:
+            answer = _await(node, client.call_async(Trigger.Request()))
     print(f'{options.service}: {answer.message}')
     return 0 if answer.success else 1
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 
 from isotruss_ros.viewer.control import Control
-from isotruss_ros.viewer.names import DRAGGED, PICK, PLACE, PLANT, RELEASE, RESET, SHAPE
+from isotruss_ros.viewer.names import DRAGGED, PICK, PLACE, PLANT, RELEASE, RESET, RESUME, SHAPE
 from isotruss_ros.viewer.requests import Setting, SETTINGS, WRENCH
 import viser
 
@@ -72,6 +72,7 @@ class BrowserPanel:
             for label, name in (
                 ('pick', PICK),
                 ('place', PLACE),
+                ('resume', RESUME),
                 ('release the stop', RELEASE),
                 ('reset', RESET),
             ):

@@ -19,10 +19,19 @@ PHONE_ASPECT = 0.6
 #: Height of the panel at the bottom of an upright screen, relative to the height of the screen
 #: [-].
 PANEL_SHARE = 0.38
-#: Style of upright screens, with the panel below the robot; it applies up to the window width at
-#: which viser's layout changes.
+#: Class of the text with the state of the grasp.
+STATE_CLASS = 'isotruss-state'
+#: Style of the page. The text with the state of the grasp stays in the scene while the panel is
+#: scrolled. On upright screens, up to the window width at which viser's layout changes, the panel
+#: is below the robot.
 STYLE = f"""<style>
+.{STATE_CLASS} {{
+  position: fixed; left: 0.5em; bottom: 0.5em; max-width: 60%; padding: 0.3em 0.6em; z-index: 9;
+  background: #fffc; border-radius: 4px; font-size: 0.9em;
+}}
+.{STATE_CLASS} strong {{ color: #b00; }}
 @media (max-width: 36em) {{
+  .{STATE_CLASS} {{ top: 0.5em; bottom: auto; max-width: 90%; }}
   [style*="max-height: 60%"] {{
     width: 100% !important; max-height: {100.0 * PANEL_SHARE:.0f}% !important;
   }}

@@ -11,6 +11,8 @@ OBJECT, STOP, RELEASE = 'object', 'stop', 'release'
 PICK, PLACE = 'pick', 'place'
 #: Requests to select the dragged part, to translate it and to rotate it.
 DRAGGED, TARGET, TURN = 'dragged', 'target', 'turn'
+#: Request to resume after the object has slipped.
+RESUME = 'resume'
 #: Request to reset the simulated robot.
 RESET = 'reset'
 #: Request to simulate the robot by another plant.

@@ -5,10 +5,11 @@
 
 from __future__ import annotations
 
+import html
 import re
 
 from isotruss_ros.viewer.arrows import arrow_of
-from isotruss_ros.viewer.message_checks import HELD_UNKNOWN, MIN_CODE_WITHOUT_RESULT
+from isotruss_ros.viewer.camera import STATE_CLASS
 from isotruss_ros.viewer.picture import EMPTY_CURVE, HISTORY_DURATION, Picture, trim_start
 import numpy as np
 import viser
@@ -17,8 +18,6 @@ from viser import uplot
 #: Number of updates of the texts for each update of the plots, which cause most of the network
 #: traffic [-].
 PLOT_INTERVAL = 5
-
-
 LEGEND = """\
 A truss robot of inflated tubes, seen from above; roller modules at its corners drive along them.
 
@@ -29,6 +28,7 @@ A truss robot of inflated tubes, seen from above; roller modules at its corners 
 - brown: supports; a box cannot move, a ball slides
 - with *control* on: drag the blue ball, and what it is on follows; the orange one turns the object
 - *stop* works always; *release the stop* only with *control* on
+- *resume* continues after the object has slipped
 - *reset* begins anew: the simulated robot at home, the object held
 """
 
@@ -41,12 +41,13 @@ class Panels:
     """
 
     def __init__(self, server: viser.ViserServer) -> None:
-        self._words = server.gui.add_markdown('**waiting for messages**')
+        self._state = server.gui.add_html('')
+        self._words = server.gui.add_markdown('')
         self._squeeze = self._add_plot(server, 'squeeze', 'N')
         self._error = self._add_plot(server, 'pose error', 'mm')
         with server.gui.add_folder('what is shown', expand_by_default=False):
             server.gui.add_markdown(LEGEND)
-        self._shown, self._count = '', 0
+        self._shown, self._count = ('', ''), 0
 
     def update(self, picture: Picture, now: float) -> None:
         """
@@ -55,9 +56,9 @@ class Panels:
         :param picture: displayed state.
         :param now: time on the clock of the picture's messages [s].
         """
-        words = describe(picture, now)
-        if words != self._shown:
-            self._words.content = self._shown = words
+        shown = describe_state(picture, now), describe(picture, now)
+        if shown != self._shown:
+            self._state.content, self._words.content = self._shown = shown
         picture.sample(now)
         self._count += 1
         if self._count % PLOT_INTERVAL:
@@ -80,15 +81,40 @@ class Panels:
         )
 
 
+def describe_state(picture: Picture, now: float) -> str:
+    """
+    Return a text in HTML with hold, slip margin and squeeze, and the next step after a halt.
+
+    :param picture: displayed state.
+    :param now: time on the clock of the picture's messages [s].
+    """
+    step = html.escape(picture.describe_next_step(now))
+    parts = [_describe_hold(picture, now), html.escape(picture.describe_squeeze(now))]
+    lines = [', '.join(filter(None, parts)), step and f'<strong>{step}</strong>']
+    return f'<div class="{STATE_CLASS}">{"<br>".join(filter(None, lines))}</div>'
+
+
+def _describe_hold(picture: Picture, now: float) -> str:
+    state = picture.state
+    if not picture.is_fresh('state', now):
+        return '<b>no grasp analysis</b>'
+    if (held := picture.is_held(now)) is None:
+        return f'<b>held: unknown</b> {html.escape(state.message)}'
+    if held:
+        arrow = arrow_of(state.slip_direction)
+        return f'<b>held</b>, slip margin {state.slip_margin:.1f} N {arrow}'.rstrip()
+    return f'<b>not held</b>: {html.escape(state.hold_message)}'
+
+
 def describe(picture: Picture, now: float) -> str:
     """
-    Return a text in Markdown about the state of grasp and manipulation.
+    Return a text in Markdown with details of grasp and manipulation.
 
     :param picture: displayed state.
     :param now: time on the clock of the picture's messages [s].
     """
     parts = [*_describe_grasp(picture, now), escape(picture.describe_manipulation(now))]
-    parts += [escape(words) for words in (picture.describe_squeeze(now), picture.goal_report)]
+    parts.append(escape(picture.goal_report))
     if picture.is_fresh('object_pose', now):
         x, y, angle = picture.pose
         parts.append(f'object at ({x:.3f}, {y:.3f}) m, {np.degrees(angle):.1f}°')
@@ -96,19 +122,13 @@ def describe(picture: Picture, now: float) -> str:
 
 
 def _describe_grasp(picture: Picture, now: float) -> list[str]:
-    state = picture.state
-    if not picture.is_fresh('state', now):
-        return ['**no grasp analysis**']
-    if state.code >= MIN_CODE_WITHOUT_RESULT:
-        return [f'**held: unknown**: {escape(state.message)}']
-    if state.held == HELD_UNKNOWN:
-        parts = ['**held: unknown**']
-    elif state.held:
-        arrow = arrow_of(state.slip_direction)
-        parts = [f'**held**, slip margin {state.slip_margin:.1f} N {arrow}'.rstrip()]
-    else:
+    state, held = picture.state, picture.is_held(now)
+    parts: list[str] = []
+    if held is None:
+        return parts
+    if not held:
         closed = {True: 'yes', False: 'no', None: 'unknown'}[state.force_closure]
-        parts = [f'**not held**: {escape(state.hold_message)}', f'force closure: {closed}']
+        parts.append(f'force closure: {closed}')
     if state.utilisation is not None:
         used = max(state.utilisation, default=0.0)
         parts.append(f'utilisation {used:.2f} of the wrinkling moment')

@@ -47,6 +47,14 @@ MAX_STATUSES = 2000
 #: Status codes of the manipulation while no limit reduces the commanded motion.
 UNLIMITED_STATUSES = (Status.OK, Status.IDLE, Status.FOLLOWING_TRAJECTORY, Status.ARRIVED)
 
+#: Next step of a person at the page after a halt that persists.
+NEXT_STEPS = {
+    Status.HALT_EMERGENCY_STOP: 'stopped: switch control on and press “release the stop”',
+    Status.HALT_SLIPPED: 'slipped: press “resume”',
+    Status.HALT_NOT_HELD: 'not held: press “pick”',
+    Status.HALT_TRAJECTORY: 'trajectory ended: drag the blue ball',
+}
+
 #: Plot without a curve.
 EMPTY_CURVE = (np.array([-1.0, 0.0]), np.array([np.nan, np.nan]))
 
@@ -226,6 +234,14 @@ class Picture:
         if self.status.code == Status.HALT_NO_TWIST and self.goal is None:
             return 'manipulation: at rest, nothing is commanded'
         return _describe_status(self.status)
+
+    def describe_next_step(self, now: float) -> str:
+        """
+        Return the next step after a halt that persists; empty without such a halt.
+
+        :param now: current time on the clock of the messages' arrival [s].
+        """
+        return NEXT_STEPS.get(self.status.code, '') if self.is_fresh('status', now) else ''
 
     def describe_squeeze(self, now: float) -> str:
         """

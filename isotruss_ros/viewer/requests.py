@@ -22,6 +22,7 @@ from isotruss_ros.viewer.names import (
     PLANTS,
     RELEASE,
     RESET,
+    RESUME,
     SHAPE,
     STOP,
     TARGET,
@@ -32,7 +33,7 @@ from isotruss_ros.viewer.names import (
 INITIAL_CHOICE = 'as started'
 #: Largest valid coordinate of a drag [m].
 MAX_DRAG_DISTANCE = 100.0
-BUTTONS = (STOP, RELEASE, RESET, PICK, PLACE)
+BUTTONS = (STOP, RELEASE, RESUME, RESET, PICK, PLACE)
 
 
 class RequestError(IsotrussError, ValueError):

@@ -4,6 +4,7 @@
 """The live view without a browser: meshes, drags, recordings."""
 
 import math
+import re
 
 from geometry_msgs.msg import Point
 from isotruss_msgs.msg import GraspState, ManipulationStatus
@@ -19,7 +20,7 @@ from isotruss_ros.viewer.drag import (
     PROGRESS_TIME,
 )
 from isotruss_ros.viewer.meshes import prism
-from isotruss_ros.viewer.picture import MESSAGE_TIMEOUT, Picture
+from isotruss_ros.viewer.picture import MESSAGE_TIMEOUT, NEXT_STEPS, Picture
 import numpy as np
 import pytest
 from visualization_msgs.msg import Marker, MarkerArray
@@ -196,6 +197,34 @@ def test_force_closure_is_shown_only_if_the_object_is_not_held(held):
     picture = Picture(ROBOT, 0.3)
     picture.receive_state(GraspState(held=held, utilisation=[0.1] * 9), 0.0)
     assert ('force closure' in describe(picture, 0.0)) != held
+
+
+LATCHED = (
+    Status.HALT_EMERGENCY_STOP,
+    Status.HALT_SLIPPED,
+    Status.HALT_NOT_HELD,
+    Status.HALT_TRAJECTORY,
+)
+
+
+@pytest.mark.parametrize('code', [Status.OK, *LATCHED])
+def test_state_line_has_hold_margin_squeeze_and_the_next_step_of_a_halt(code):
+    pytest.importorskip('viser')
+    from isotruss_ros.viewer.panels import describe_state
+
+    picture = Picture(ROBOT, 0.3)
+    picture.receive_state(GraspState(held=True, slip_margin=3.2, utilisation=[0.1] * 9), 0.0)
+    status = ManipulationStatus(code=code, squeeze=10.0, squeeze_deviation=1.0)
+    picture.receive_status(status, 0.0)
+    shown = describe_state(picture, 0.0)
+    assert all(words in shown for words in ('held', 'slip margin 3.2 N', 'squeeze 10.0 N'))
+    assert ('<strong>' in shown) == (code in LATCHED)
+
+
+def test_next_steps_name_buttons_of_the_page():
+    labels = {'release the stop', 'resume', 'pick'}
+    steps = ' '.join(NEXT_STEPS.values())
+    assert set(re.findall('“(.*?)”', steps)) == labels
 
 
 @pytest.mark.parametrize('aspect', [0.46, 0.7, 1.0, 1.6, 2.4])

@@ -44,6 +44,13 @@ class GripFault(enum.Enum):
     OSCILLATES = Status.HALT_OSCILLATES
 
 
+#: What a client does after a fault that persists.
+NEXT_STEPS = {
+    GripFault.SLIPPED: 'resume the grip (service resume_grip)',
+    GripFault.NOT_HELD: 'pick up the object (action pick_object)',
+}
+
+
 class SwingWatch:
     """
     Detector of oscillations of a held object whose amplitude grows or stays constant.

@@ -28,7 +28,7 @@ from isotruss_ros.core.model.pose import Pose, pose_difference
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.servo.belief_start import BeliefStart
 from isotruss_ros.core.servo.decision import describe_squeeze
-from isotruss_ros.core.servo.grip_faults import GripFault, SwingWatch
+from isotruss_ros.core.servo.grip_faults import GripFault, NEXT_STEPS, SwingWatch
 from isotruss_ros.core.servo.loop_gains import choose_gain, DEFAULT_GAIN, gains_of, LoopGains
 from isotruss_ros.core.servo.servo_settings import SqueezeSettings
 import numpy as np
@@ -142,7 +142,7 @@ class SqueezeControl:
         if self.fault is GripFault.OSCILLATES:
             return f'the object oscillates: the pose gain is reduced to {self.gains.pose:.3g} 1/s'
         if self.fault is not None:
-            return f'{self._why}: open the grip, or set squeeze_force again to resume'
+            return f'{self._why}; next step: {NEXT_STEPS[self.fault]}'
         notes = [f'slipped by {1e3 * self._slipped:.0f} mm, held'] if self._slipped else []
         if self.belief is not None and self.belief.squeeze_is_unknown:
             notes.append(f'held, {describe_squeeze(*self.squeeze)}')

@@ -56,13 +56,13 @@ class EmergencyStop:
     def reason(self) -> str | None:
         """Return the reason of the stop; None without a stop."""
         if self._stopped:
-            last = 'true' if self._last else 'false'
+            last = 'true: publish false' if self._last else 'false'
             return (
                 f'stopped by the topic {NAME}; its last message is {last}; '
-                f'only the service {self._release_service} releases the stop'
+                f'next step: the service {self._release_service}'
             )
         if self._cause is not None:
-            return f'{self._cause}; only the service {self._release_service} releases the stop'
+            return f'{self._cause}; next step: the service {self._release_service}'
         if self._last is None and self._values.require_emergency_stop:
             return f'no message of {NAME} yet, which require_emergency_stop demands: publish false'
         return None

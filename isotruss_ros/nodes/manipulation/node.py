@@ -61,6 +61,7 @@ class Manipulation(ManagedNode):
         self._stop = EmergencyStop(self, self._apply_stop, self._wait_for_zero)
         self._failed_rollers = FailedRollers(self, self._apply_failures)
         self.create_service(SetBool, 'set_joint_mode', self._set_joint_mode)
+        self.offer('resume_grip', self._resume_grip)
 
     def configure(self) -> None:
         """Create publishers and subscriptions."""
@@ -159,6 +160,15 @@ class Manipulation(ManagedNode):
             self._trajectory.abort('emergency stop')
             if self.active:
                 self._commands.stop()
+
+    def _resume_grip(self) -> str:
+        """Clear the fault of the grip; the control starts anew from the measured pose."""
+        squeeze = None if self._servo is None else self._servo.squeeze
+        if squeeze is None or squeeze.fault is None:
+            return 'the grip has no fault'
+        fault = squeeze.fault
+        squeeze.acknowledge()
+        return f'resumed after {fault.value}'
 
     def _discard_twist(self) -> None:
         """Discard the last twist and queued twists, so that only a new twist moves the object."""

@@ -237,6 +237,8 @@ class TrajectoryFollowing:
         if status is not Status.HALT_NO_TWIST:
             return decision
         status, message = self._outcome
+        if status is Status.HALT_TRAJECTORY:
+            message = f'{message}; next step: a new twist or trajectory'
         return replace(decision, command=replace(decision.command, status=status), message=message)
 
 

@@ -51,10 +51,12 @@ from isotruss_ros.viewer.names import (
     PLANT,
     RELEASE,
     RESET,
+    RESUME,
     SHAPE,
     STOP,
 )
 from isotruss_ros.viewer.picture import Picture
+from rclpy.client import Client
 from rclpy.task import Future
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
@@ -111,6 +113,7 @@ class Viewer(StoppableNode):
         self._wrenches = self.advertise(WrenchStamped, 'external_wrench')
         self._stops = self.advertise(Bool, 'emergency_stop', LATCHED)
         self._release = self.create_client(Trigger, 'release_emergency_stop')
+        self._resume = self.create_client(Trigger, 'resume_grip')
         self._goals = ObjectGoals(self, self._report_goal)
         self._restart = NodeRestart(self, self._report_goal)
         self._squeeze = 0.0
@@ -251,7 +254,9 @@ class Viewer(StoppableNode):
             self._stops.publish(Bool(data=True))
         elif name == RELEASE:
             self._stops.publish(Bool(data=False))
-            make_calls(self._ask_for_release())
+            make_calls(self._ask(self._release))
+        elif name == RESUME:
+            make_calls(self._ask(self._resume))
         elif name == DRAGGED:
             joint = '' if value == OBJECT else value
             mode = 'object' if value == OBJECT else 'joint'
@@ -287,15 +292,15 @@ class Viewer(StoppableNode):
     def _report_goal(self, words: str) -> None:
         self.picture.goal_report = words
 
-    def _ask_for_release(self) -> Calls:
-        """Call the service that releases the stop until it succeeds or a timeout has passed."""
+    def _ask(self, client: Client) -> Calls:
+        """Call a service of `manipulation` until it succeeds or a timeout has passed."""
         end = time.monotonic() + RELEASE_TIMEOUT
-        while self._release.service_is_ready():
-            response = yield partial(self._release.call_async, Trigger.Request())
+        while client.service_is_ready():
+            response = yield partial(client.call_async, Trigger.Request())
             if response.success or time.monotonic() > end:
-                self.get_logger().info(f'release: {response.message}')
+                self.get_logger().info(f'{client.srv_name}: {response.message}')
                 return
-        self.reasons.note('release', 'no node offers release_emergency_stop: start manipulation')
+        self.reasons.note('release', f'no node offers {client.srv_name}: start manipulation')
 
     def _send_parameters(self, node: str, values: dict[str, float | str]) -> None:
         """Set parameters of another node, and log the parameters that it rejects."""

@@ -208,7 +208,7 @@ def test_a_slip_stays_until_a_client_acts():
     control.reset()
     control.follow(CONFIG, off, 0.02)
     assert control.fault is GripFault.SLIPPED
-    assert 'set squeeze_force again' in control.note()
+    assert 'next step: resume the grip' in control.note()
     control.acknowledge()
     assert control.fault is None
 

@@ -10,6 +10,7 @@ from isotruss_msgs.msg import ManipulationStatus, StateEstimate
 from isotruss_ros.core import Pose, Status
 from isotruss_ros.core.holding.contact_statics import ContactStatics
 from isotruss_ros.core.inputs import find_fresh
+from isotruss_ros.core.servo.grip_faults import GripFault
 from isotruss_ros.nodes.conversions.messages import make_header, to_pose_message
 from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
 from isotruss_ros.nodes.manipulation.node import Manipulation
@@ -20,6 +21,7 @@ import numpy as np
 from probe import maker, overrides, ROBOT
 import pytest
 from sensor_msgs.msg import FluidPressure
+from std_srvs.srv import Trigger
 from trajectories import AWAY, trajectory
 
 FORCE, RATE, FRICTION = 30.0, 20.0, 0.9
@@ -109,6 +111,24 @@ def test_subscribers_drop_a_grip_that_has_ended():
         w.until(lambda: record() is None)
         assert w.now - begun < 0.1
         assert w.nodes[2].details()['moves'] == 'the rollers along a trajectory'
+
+
+@pytest.mark.parametrize(
+    ('fault', 'step'), [(GripFault.SLIPPED, 'resume_grip'), (GripFault.NOT_HELD, 'pick_object')]
+)
+def test_a_fault_of_the_grip_names_its_next_step_and_is_cleared_by_a_service(fault, step):
+    with world(plant, squeezing()) as w:
+
+        def still():
+            w.probe.send_twist((0.0, 0.0, 0.0))
+
+        w.until_code(Status.OK, still)
+        w.nodes[2]._servo.squeeze._fail(fault, 'it was drawn')
+        status = w.until_code(fault.value, still)
+        assert 'it was drawn; next step: ' in status.message
+        assert step in status.message
+        assert 'resumed' in w.call('resume_grip', Trigger.Request()).message
+        w.until_code(Status.OK, still)
 
 
 @pytest.fixture
