@@ -220,14 +220,15 @@ def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
     change = -np.linalg.solve(state.jacobian, tubes.equation_rates())
     change[:, -3:] = grip.response.change
     used, utilisation = tubes.utilisation(tubes.respond(change))
-    members = np.eye(len(grip.members))[grip.contacts.owners].T
-    presses, rubs = (members @ change[each, :-3] for each in (places.normal, places.friction))
+    sum_by_member, by_parameters = grip.contacts.sum_by_member, change[:, :-3]
+    presses = sum_by_member(by_parameters[places.normal])
+    rubs = sum_by_member(by_parameters[places.friction])
     needs = np.abs(grip.friction_forces) / grip.normal_forces
     most, names = _find_largest(needs), grip.config.robot.member_names
     return GraspGradient(
         parameters=parameters,
         settled=settled,
-        pose=change[:3, :-3],
+        pose=by_parameters[:3],
         normal_forces=presses,
         friction_forces=-rubs,
         required_friction=_friction_rates(grip, int(most[0]), presses, rubs),

@@ -306,10 +306,9 @@ def held_gradient(grip: HeldGrip) -> HeldGradient:
     left[places.conditions, anchors] -= np.eye(count)
     change = grip.respond(left)
     by_state = tubes.joints(tubes.respond(change))
-    members = np.eye(len(grip.members))[grip.contacts.owners].T
     return HeldGradient(
         change[:3],
-        members @ change[places.normal],
+        grip.contacts.sum_by_member(change[places.normal]),
         by_state,
         held_joints(grip).ravel(),
     )

@@ -150,16 +150,12 @@ class HeldGrip:
     @functools.cached_property
     def normal_forces(self) -> Array:
         """Return the normal forces of the grasping members, (m,) [N]."""
-        return self._of_members(self.state.normal_forces)
+        return self.contacts.sum_by_member(self.state.normal_forces)
 
     @functools.cached_property
     def friction_forces(self) -> Array:
         """Return the friction force on each grasping member, (m,), counter-clockwise [N]."""
-        return self._of_members(self.state.friction_forces)
-
-    def _of_members(self, forces: Array) -> Array:
-        """Return the sums (m,) of contact forces (k,) on each of the m grasping members."""
-        return np.bincount(self.contacts.owners, weights=forces)
+        return self.contacts.sum_by_member(self.state.friction_forces)
 
     @functools.cached_property
     def squeeze(self) -> float:
@@ -190,8 +186,7 @@ class HeldGrip:
     @functools.cached_property
     def members(self) -> Indices:
         """Return the indices (m,) of the grasping members."""
-        first = np.searchsorted(self.contacts.owners, np.arange(self.contacts.owners[-1] + 1))
-        return self.contacts.members[first]
+        return self.contacts.members[self.contacts.first]
 
     def bent_lines(self, members: Indices, places: Array) -> tuple[Points, Points]:
         """

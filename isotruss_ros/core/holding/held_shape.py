@@ -18,7 +18,7 @@ from __future__ import annotations
 import math
 
 from isotruss_ros.core.holding.held_grip import HeldGrip
-from isotruss_ros.core.numerics.arrays import Array, Indices, Points
+from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.statics.structure import frame_layout
 import numpy as np
@@ -44,7 +44,7 @@ def region_lines(grip: HeldGrip) -> Points:
     places = start + (end - start) * np.linspace(0.0, 1.0, POINTS_PER_REGION)
     members = np.repeat(grip.members[: len(places)], POINTS_PER_REGION)
     centers = grip.bent_lines(members, places.ravel())[0].reshape(places.shape)
-    outward = sum_by_member(grip.contacts.owners, grip.state.normals)[: len(places), None]
+    outward = grip.contacts.sum_by_member(grip.state.normals)[: len(places), None]
     skins = centers - grip.statics.tube_radius * outward / np.abs(outward)
     nearest = grip.body.moved_to(grip.pose).nearest(skins.ravel())
     return skins - (nearest.gaps * nearest.normals).reshape(places.shape)
@@ -62,10 +62,10 @@ def force_lines(grip: HeldGrip, scale: float) -> Points:
 
 def contact_resultants(grip: HeldGrip) -> tuple[Points, Points]:
     """Return centre of pressure [m] and force on the object [N] of each grasping member, (m,)."""
-    state, owners = grip.state, grip.contacts.owners
+    state, sum_by_member = grip.state, grip.contacts.sum_by_member
     forces = -(state.normal_forces + 1j * state.friction_forces) * state.normals
-    moments = sum_by_member(owners, state.normal_forces * contact_points(grip))
-    return moments / grip.normal_forces, sum_by_member(owners, forces)
+    moments = sum_by_member(state.normal_forces * contact_points(grip))
+    return moments / grip.normal_forces, sum_by_member(forces)
 
 
 def contact_points(grip: HeldGrip) -> Points:
@@ -73,11 +73,6 @@ def contact_points(grip: HeldGrip) -> Points:
     body = grip.body.moved_to(grip.pose)
     own = grip.state.normals * body.turn.conjugate()
     return body.center + body.turn * body.shape.surface_at(grip.contacts.corners, own)[0]
-
-
-def sum_by_member(owners: Indices, values: Points) -> Points:
-    """Return the sums (m,) of values (k,) at the contacts of each member."""
-    return np.bincount(owners, values.real) + 1j * np.bincount(owners, values.imag)
 
 
 @single_threaded

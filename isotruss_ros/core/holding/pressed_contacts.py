@@ -45,10 +45,19 @@ class PressedContacts:
         """Return the contacts of each grasping member: one, or two at the ends of a face."""
         return [np.flatnonzero(self.owners == i) for i in range(int(self.owners[-1]) + 1)]
 
+    @functools.cached_property
+    def first(self) -> Indices:
+        """Return the first contact (m,) of each grasping member."""
+        return np.flatnonzero(np.diff(self.members, prepend=-1))
+
     @property
     def at_faces(self) -> Flags:
         """Return a mask (k,) that is true for contacts at an end of a face."""
         return np.bincount(self.owners)[self.owners] > 1
+
+    def sum_by_member(self, values: Array) -> Array:
+        """Return the sums (m, ...) of values (k, ...) at the contacts of each grasping member."""
+        return np.add.reduceat(values, self.first)
 
     def without(self, dropped: int) -> PressedContacts:
         """Return all contacts except a given one."""

@@ -34,10 +34,6 @@ from isotruss_ros.core.statics.section import Pressure
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 
-#: No contacts.
-NO_CONTACTS = np.zeros(0, dtype=np.intp)
-NO_CONTACTS.flags.writeable = False
-
 
 def roll_grip(
     grip: HeldGrip, config: Configuration, external_wrench: Array | None = None

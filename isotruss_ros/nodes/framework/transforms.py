@@ -10,7 +10,7 @@ import math
 from typing import Any, TYPE_CHECKING
 
 from geometry_msgs.msg import TransformStamped
-from isotruss_ros.core.holding.held_shape import contact_resultants, sum_by_member
+from isotruss_ros.core.holding.held_shape import contact_resultants
 from isotruss_ros.nodes.conversions.messages import (
     ALIGNED_OBJECT,
     CONTACT,
@@ -104,7 +104,7 @@ def find_contact_frames(grip: HeldGrip) -> dict[str, tuple[complex, complex]]:
     """
     centers, _ = contact_resultants(grip)
     state = grip.state
-    inward = sum_by_member(grip.contacts.owners, -state.normal_forces * state.normals)
+    inward = grip.contacts.sum_by_member(-state.normal_forces * state.normals)
     axes = inward / np.abs(inward)
     return dict(
         zip(grip.member_names, zip(centers.tolist(), axes.tolist(), strict=True), strict=True)

@@ -11,13 +11,14 @@ from isotruss_ros.core import HoldStatus
 from isotruss_ros.core.holding.attach_grip import attach_grip, rest
 from isotruss_ros.core.holding.contact_forces import ANGLE, CENTER
 from isotruss_ros.core.holding.contact_statics import build_statics, TubeModel
-from isotruss_ros.core.holding.roll_grip import NO_CONTACTS, stick
+from isotruss_ros.core.holding.roll_grip import stick
 import numpy as np
 import pytest
 
 CONFIG, DISC = gripped(squeeze=0.05)
 MODEL = attach_grip(CONFIG, DISC)
 UNLOADED = np.zeros(3)
+NOTHING = np.zeros(0, dtype=int)
 
 
 @pytest.fixture(scope='module')
@@ -38,12 +39,12 @@ def test_rolling_conditions_hold_at_rest_and_follow_the_tube(statics):
     state = statics.solve(statics.start(), UNLOADED, rest(replace(statics, body=turned)))
     travel, angles = np.array([0.01, -0.02]), np.angle(state.normals) - 0.3
     anchors = statics.anchors(state.unknowns, state.normals, travel, angles)
-    closure = stick(statics, anchors, travel, angles, NO_CONTACTS)
+    closure = stick(statics, anchors, travel, angles, NOTHING)
     same = statics.solve(statics.start(), UNLOADED, closure)
     assert same.unknowns == pytest.approx(state.unknowns, abs=1e-9)
     # Both tubes run past the object alike: it turns in place (17), as far as 2 travel / d.
     along = 0.02
-    closure = stick(statics, anchors, travel - along * statics.sides, angles, NO_CONTACTS)
+    closure = stick(statics, anchors, travel - along * statics.sides, angles, NOTHING)
     turned = statics.solve(state.unknowns, UNLOADED, closure)
     assert turned.unknowns[ANGLE] == pytest.approx(0.3 + along / statics.body.arm, abs=1e-9)
     places = state.places
