@@ -225,13 +225,15 @@ def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
     rubs = sum_by_member(by_parameters[places.friction])
     needs = np.abs(grip.friction_forces) / grip.normal_forces
     most, names = _find_largest(needs), grip.config.robot.member_names
+    normal, friction = grip.normal_forces[most[0]], grip.friction_forces[most[0]]
+    slips = np.sign(friction) * rubs[most[0]] - needs[most[0]] * presses[most[0]]
     return GraspGradient(
         parameters=parameters,
         settled=settled,
         pose=by_parameters[:3],
         normal_forces=presses,
         friction_forces=-rubs,
-        required_friction=_friction_rates(grip, int(most[0]), presses, rubs),
+        required_friction=slips / normal,
         needs_most=tuple(grip.member_names[i] for i in most),
         utilisation=utilisation[:, :-3],
         most_used=tuple(names[i] for i in _find_largest(used)),
@@ -243,8 +245,7 @@ def _turn_dents(grip: HeldGrip, chosen: Array, parameters: GraspParameters) -> A
     """Return the derivatives (k, p) of the angles in the object's frame of the dents' normals."""
     basis = grip.dent_basis
     if basis is None:  # straight tubes and the given pose
-        spins = LoadedTubes(grip, chosen, parameters).spins
-        return spins - chosen[parameters.place][2]
+        return LoadedTubes(grip, chosen, parameters).spins - chosen[parameters.place][2]
     tubes = LoadedTubes(basis, chosen, parameters, turns=_turn_dents(basis, chosen, parameters))
     change = -np.linalg.solve(basis.state.jacobian, tubes.equation_rates())
     return tubes.spins + change[basis.state.places.inclinations] - change[ANGLE]
@@ -274,13 +275,6 @@ def _find_largest(values: Array) -> Indices:
     """Return the indices (t,) of all values that equal the largest one up to rounding."""
     largest = float(values.max())
     return np.flatnonzero(values >= largest - EQUALITY_TOLERANCE * abs(largest))
-
-
-def _friction_rates(grip: HeldGrip, most: int, presses: Array, rubs: Array) -> Array:
-    """Return the derivatives (p,) of a member's required friction by the parameters."""
-    normal, friction = grip.normal_forces[most], grip.friction_forces[most]
-    need = np.abs(friction) / normal
-    return (np.sign(friction) * rubs[most] - need * presses[most]) / normal
 
 
 def _response_rates(grip: HeldGrip, tubes: LoadedTubes, change: Array, response: Array) -> Array:
@@ -318,8 +312,4 @@ def _equation_changes(grip: HeldGrip, tubes: LoadedTubes, change: Array, moved: 
     _, there = statics.equations(unknowns, grip.wrench, statics.sticking)
     body = grip.body.moved_to(unknowns[:3])
     tubes = tubes.at(replace(grip, statics=statics, state=there, body=body))
-    left = tubes.equation_rates()
-    left[places.conditions] = (
-        there.jacobian[places.conditions][:, places.inclinations] @ tubes.spins
-    )
-    return there.jacobian @ change + left
+    return there.jacobian @ change + tubes.equation_rates(sticks=True)

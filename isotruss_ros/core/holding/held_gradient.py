@@ -9,8 +9,8 @@ From the equilibrium equations F(y, x) = 0 follows y' = -F_y^-1 F_x.
 
 from __future__ import annotations
 
+import copy
 from dataclasses import dataclass
-import functools
 from typing import NamedTuple
 
 from isotruss_ros.core.errors import GraspError
@@ -21,7 +21,7 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.tolerances import EPSILON, NEGLIGIBLE_SHARE, ROUNDING
-from isotruss_ros.core.statics.bent_tubes import FOLLOWED_MOTION
+from isotruss_ros.core.statics.bent_tubes import BentTubes, FOLLOWED_MOTION
 from isotruss_ros.core.statics.frame_rates import section_rates
 from isotruss_ros.core.statics.wrinkling import evaluate_utilisation, find_utilisation
 import numpy as np
@@ -91,7 +91,6 @@ class LoadedTubes:
     :ivar sections: derivatives of the tubes' sections, see `section_rates`.
 
     :param chosen: (n, p) each column is a direction of change of the n parameters.
-    :param sections: derivatives of the sections, if known; None: they are computed.
     :param turns: (k, p) derivatives of the angles of the dents' normals in the object's frame
         [rad]; None: zero.
     :param reach: the tubes are linearised again if a node has moved by more than this [m].
@@ -102,49 +101,50 @@ class LoadedTubes:
         grip: HeldGrip,
         chosen: Array,
         parameters: GraspParameters,
-        sections: Array | None = None,
         turns: Array | None = None,
         reach: float = ROUNDING,
     ) -> None:
-        self._grip, self._chosen, self._parameters = grip, chosen, parameters
-        self._turns = turns
-        state, statics = grip.state, grip.statics
-        bent = statics.bent
-        if bent.distance(state.loads, state.feet) > reach:
-            bent = bent.update(state.loads, state.feet)
-        self._bent = bent
+        self._chosen, self._parameters, self._turns = chosen, parameters, turns
         nodes = grip.config.node_jacobian.T.copy().view(np.complex128).T
         self.moved = moved = nodes @ chosen[parameters.rollers]
-        self._inflated = inflated = chosen[parameters.pressures]
+        self._inflated = chosen[parameters.pressures]
+        self._stiffer = chosen[parameters.stiffness] / grip.tubes.stiffness_scale
         topology, members = grip.config.robot.topology, grip.contacts.members
         # Displacements of the pinch points at which the members start.
         self._starts = moved[topology.b[members]]
         ahead = moved[topology.c[topology.following[members]]] - self._starts
+        bent, state = grip.statics.bent, grip.state
         self.spins: Array = (ahead / (bent.length * bent.axis)[:, None]).imag
-        self.sections = section_rates(bent, moved, inflated) if sections is None else sections
-        normal = state.normal_forces
+        if bent.distance(state.loads, state.feet) > reach:
+            bent = bent.update(state.loads, state.feet)
+        self.sections = section_rates(bent, moved, self._inflated)
+        self._load(grip, bent)
+
+    def _load(self, grip: HeldGrip, bent: BentTubes) -> None:
+        """Set the state of the tubes."""
+        self._grip, self._bent, state, statics = grip, bent, grip.state, grip.statics
+        normal, tube = state.normal_forces, grip.config.robot.topology.tube
         self._push = (normal + 1j * state.friction_forces) * state.normals
         depths, self._soft = statics.dents(normal)
         self._skin = statics.tube_radius - depths
         _, dents, _, by_angle = statics.dents.second_rates(normal)
-        blown = inflated[topology.tube[members]]
-        self._stiffer = stiffer = chosen[parameters.stiffness] / grip.tubes.stiffness_scale
-        self.dents = dents[:, None] * blown - np.outer(self._soft * normal, stiffer)
-        if turns is not None:
-            self.dents += by_angle[:, None] * turns
+        blown = self._inflated[tube[grip.contacts.members]]
+        self.dents = dents[:, None] * blown - np.outer(self._soft * normal, self._stiffer)
+        if self._turns is not None:
+            self.dents += by_angle[:, None] * self._turns
 
     def at(self, grip: HeldGrip) -> LoadedTubes:
         """Return the derivatives at another equilibrium in the same configuration."""
-        chosen, parameters = self._chosen, self._parameters
-        return LoadedTubes(grip, chosen, parameters, self.sections, self._turns, np.inf)
+        other = copy.copy(self)
+        other._load(grip, grip.statics.bent)
+        return other
 
-    @functools.cached_property
-    def _by_sections(self) -> tuple[Array, Array, Array]:
-        """Return the changes of the frame by changed sections, see `BentTubes.section_changes`."""
-        return self._bent.section_changes(self.sections)
+    def equation_rates(self, sticks: bool = False) -> Array:
+        """
+        Return the equations' derivatives (3 + 4k, p) by the parameters at fixed unknowns.
 
-    def equation_rates(self) -> Array:
-        """Return the equations' derivatives (3 + 4k, p) by the parameters at fixed unknowns."""
+        :param sticks: True: the conditions are those of sticking contacts.
+        """
         grip, spins = self._grip, self.spins
         statics, state, body = grip.statics, grip.state, grip.body
         places, axis, normals = state.places, self._bent.axis[:, None], state.normals[:, None]
@@ -160,14 +160,18 @@ class LoadedTubes:
         torque = (swept.conj() * forces + arms.conj() * turned).imag.sum(axis=0)
         total = turned.sum(axis=0)
         wrench = self._chosen[self._parameters.wrench] / np.array([[1.0], [1.0], [grip.arm]])
-        # The conditions depend on the normals and on the pose relative to the measured pose. They
-        # use the centroid, which has turned about the origin since the measurement.
-        closing, measured = state.jacobian[places.conditions], statics.body
+        # The conditions depend on the normals, which turn with the members.
+        closing = state.jacobian[places.conditions]
+        if sticks:
+            closing = statics.rolling_rows(state.unknowns, state.normals)
         closure = closing[:, places.inclinations] @ spins
-        place = self._chosen[self._parameters.place]
-        still = measured.middle - measured.center - (body.middle - body.center)
-        place = place + np.array([[-still.imag], [still.real], [0.0]]) * place[2]
-        closure -= closing[:, :3] @ place
+        if not sticks:
+            # Other conditions depend on the pose relative to the measured pose. They use the
+            # centroid, which has turned about the origin since the measurement.
+            place, measured = self._chosen[self._parameters.place], statics.body
+            still = measured.middle - measured.center - (body.middle - body.center)
+            place = place + np.array([[-still.imag], [still.real], [0.0]]) * place[2]
+            closure -= closing[:, :3] @ place
         balance = wrench - np.stack([total.real, total.imag, torque / grip.arm])
         touch = np.stack([gap.real, gap.imag, slope], axis=1).reshape(3 * len(gap), -1)
         return np.concatenate([touch, balance, closure])
@@ -189,7 +193,7 @@ class LoadedTubes:
         loads = np.stack([local.real, local.imag, couples], axis=1)
         # A robot that is stiffer by a fraction deforms as under loads smaller by this fraction.
         loads -= state.loads[..., None] * self._stiffer
-        by_sections, turned, rates = self._by_sections
+        by_sections, turned, rates = bent.section_changes(self.sections)
         moved, slope, by_places = bent.changes(loads, feet)
         nodes = by_sections + moved
         still = tangent.displacements[frame.nodes]
@@ -297,10 +301,7 @@ def held_gradient(grip: HeldGrip) -> HeldGradient:
     chosen[parameters.wrench, rollers:stiffness] = np.diag([1.0, 1.0, grip.arm])
     chosen[parameters.stiffness, stiffness] = 1.0
     tubes = LoadedTubes(grip, chosen, parameters, reach=FOLLOWED_MOTION)
-    left = tubes.equation_rates()
-    # The rolling invariants change with the normals, which turn with the members, see `stick`.
-    rolling = statics.rolling_rows(state.unknowns, state.normals)
-    left[places.conditions] = rolling[:, places.inclinations] @ tubes.spins
+    left = tubes.equation_rates(sticks=True)
     travel = travel_rates(config, grip.contacts.members)
     left[places.conditions, :rollers] += statics.sides[:, None] * travel
     left[places.conditions, anchors] -= np.eye(count)
