@@ -85,7 +85,7 @@ class DentTable:
             depth is negative.
         """
         piece, x, beyond, per_force = self._locate(force)
-        depth, slope, _ = _evaluate(self._pieces[piece], x)
+        depth, slope = _evaluate(self._pieces[piece], x)
         return (depth + slope * beyond) * force / max(abs(force), 1e-9), slope * per_force
 
     def _locate(self, force: float) -> tuple[int, float, float, float]:
@@ -122,24 +122,17 @@ class DentTable:
         smooth._by_angle = [self._by_angle[piece]]
         return smooth
 
-    def second_rates(self, force: float) -> tuple[float, float, float, float]:
+    def rates(self, force: float) -> tuple[float, float]:
         """
-        Return the depth's second derivative, and its derivatives by pressure and angle.
+        Return the depth's derivatives by gauge pressure [m/Pa] and angle of the normal [m/rad].
 
         :param force: normal force [N].
-        :return: second derivative with respect to the force [m/N^2]; derivative with respect to
-            the tube's gauge pressure [m/Pa]; mixed second derivative [m/(N Pa)]; derivative with
-            respect to the angle of the normal in the object's frame [m/rad].
         """
-        size, sign = max(abs(force), 1e-9), math.copysign(1.0, force)
-        piece, x, beyond, stretch = self._locate(force)
-        _, slope, bend = _evaluate(self._pieces[piece], x)
-        rate, steeper, _ = _evaluate(self._by_pressure[piece], x)
-        turned, turning, _ = _evaluate(self._by_angle[piece], x)
-        # The natural spline has no curvature at the ends of the table.
-        curve = bend * stretch**2 + slope * stretch * (DEPTH_EXPONENT - 1.0) / size
-        by_angle = sign * (turned + turning * beyond)
-        return sign * curve, sign * (rate + steeper * beyond), steeper * stretch, by_angle
+        piece, x, beyond, _ = self._locate(force)
+        blown, by_blown = _evaluate(self._by_pressure[piece], x)
+        turned, by_turned = _evaluate(self._by_angle[piece], x)
+        sign = math.copysign(1.0, force)
+        return sign * (blown + by_blown * beyond), sign * (turned + by_turned * beyond)
 
     @functools.cached_property
     def _by_pressure(self) -> list[list[float]]:
@@ -168,11 +161,10 @@ class DentTable:
         return change.c.T.tolist()
 
 
-def _evaluate(piece: list[float], x: float) -> tuple[float, float, float]:
-    """Return a cubic polynomial with its first and second derivative."""
+def _evaluate(piece: list[float], x: float) -> tuple[float, float]:
+    """Return a cubic polynomial and its derivative."""
     a, b, c, d = piece
-    value = ((a * x + b) * x + c) * x + d
-    return value, (3.0 * a * x + 2.0 * b) * x + c, 6.0 * a * x + 2.0 * b
+    return ((a * x + b) * x + c) * x + d, (3.0 * a * x + 2.0 * b) * x + c
 
 
 class Dents:
@@ -214,18 +206,12 @@ class Dents:
         tables = [table.smooth_near(force / self._scale) for table, force in pressing]
         return Dents(tables, self._scale)
 
-    def second_rates(self, forces: Array) -> Array:
-        """
-        Return the depths' second derivatives, and the derivatives by pressure and angle.
-
-        :param forces: (k,) normal forces [N].
-        :return: (4, k) see `DentTable.second_rates`.
-        """
+    def rates(self, forces: Array) -> Array:
+        """Return the depths' derivatives (2, k) by pressure and angle, see `DentTable.rates`."""
         if not self._tables:
-            return np.zeros((4, len(forces)))
+            return np.zeros((2, len(forces)))
         pressing = zip(self._tables, forces.tolist(), strict=True)
-        found = np.array([table.second_rates(force / self._scale) for table, force in pressing])
-        return (found / (self._scale**2, 1.0, self._scale, 1.0)).T
+        return np.array([table.rates(force / self._scale) for table, force in pressing]).T
 
 
 @functools.lru_cache(maxsize=32)

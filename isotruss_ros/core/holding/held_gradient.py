@@ -127,9 +127,9 @@ class LoadedTubes:
         self._push = (normal + 1j * state.friction_forces) * state.normals
         depths, self._soft = statics.dents(normal)
         self._skin = statics.tube_radius - depths
-        _, dents, _, by_angle = statics.dents.second_rates(normal)
+        by_pressure, by_angle = statics.dents.rates(normal)
         blown = self._inflated[tube[grip.contacts.members]]
-        self.dents = dents[:, None] * blown - np.outer(self._soft * normal, self._stiffer)
+        self.dents = by_pressure[:, None] * blown - np.outer(self._soft * normal, self._stiffer)
         if self._turns is not None:
             self.dents += by_angle[:, None] * self._turns
 

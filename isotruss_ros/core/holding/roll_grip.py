@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from isotruss_ros.core.holding.contact_forces import POSE
 from isotruss_ros.core.holding.contact_search import ContactSet, search_contacts
 from isotruss_ros.core.holding.contact_statics import (
     build_statics,
@@ -108,13 +109,11 @@ def roll_contacts(
 
 def _continued(grip: HeldGrip, statics: ContactStatics, origins: Indices) -> Array:
     """Return initial unknowns with other contacts; those that continue have their old values."""
-    start, old = statics.start(), grip.state.places
-    new, continued = origins < 0, origins >= 0
-    for name in ('feet', 'inclinations', 'normal', 'friction'):
-        values = grip.state.unknowns[getattr(old, name)]
-        start[getattr(statics.places, name)][continued] = values[origins[continued]]
+    start, continued = statics.start(), origins >= 0
+    by_contact, known = (each[POSE:].reshape(4, -1) for each in (start, grip.state.unknowns))
+    by_contact[:, continued] = known[:, origins[continued]]
     # A new contact has almost no force: the iteration must not cross zero.
-    start[statics.places.normal][new] = NEGLIGIBLE_SHARE * grip.squeeze
+    start[statics.places.normal][~continued] = NEGLIGIBLE_SHARE * grip.squeeze
     return start
 
 
