@@ -12,7 +12,7 @@ search is depth-first, and the number of sets is bounded.
 from __future__ import annotations
 
 import cmath
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import NamedTuple
 
 from isotruss_ros.core.holding.contact_statics import MAX_INCLINATION
@@ -144,14 +144,14 @@ def free_corners(grip: HeldGrip, gap: float = -SKIN_TOLERANCE) -> Iterator[FreeC
     contacts, radius = grip.contacts, grip.statics.tube_radius
     for ends in contacts.ends if grip.body.shape.faces_at(0) else ():
         far: list[FreeCorner] = []
-        for corner, (_, along, k) in _nearby_corners(grip, ends.tolist()).items():
-            if abs(along) >= radius:
-                far.append(FreeCorner(0.0, k, corner, along))
+        for corner in _nearby_corners(grip, ends.tolist()):
+            if abs(corner.along) >= radius:
+                far.append(corner)
                 continue
-            normal = complex(grip.state.normals[k])
-            height = _height(grip, int(contacts.corners[k]), normal)
-            if (higher := _height(grip, corner, normal) - height) > SKIN_TOLERANCE:
-                yield FreeCorner(higher, k, corner, along)
+            normal = complex(grip.state.normals[corner.contact])
+            height = _height(grip, int(contacts.corners[corner.contact]), normal)
+            if (higher := _height(grip, corner.corner, normal) - height) > SKIN_TOLERANCE:
+                yield corner._replace(depth=higher)
         if far:
             corners = np.array([free.corner for free in far])
             depths = skin_depths(grip, np.full(len(far), contacts.members[ends[0]]), corners)
@@ -160,31 +160,25 @@ def free_corners(grip: HeldGrip, gap: float = -SKIN_TOLERANCE) -> Iterator[FreeC
                     yield free._replace(depth=depth)
 
 
-def _nearby_corners(grip: HeldGrip, ends: list[int]) -> dict[int, tuple[float, float, int]]:
-    """
-    Return the corners without contact that may penetrate a member with the contacts `ends`.
-
-    The values are the distance along the faces from the nearest contact, this distance with its
-    sign, and the index of the contact.
-    """
+def _nearby_corners(grip: HeldGrip, ends: list[int]) -> Iterable[FreeCorner]:
+    """Return the corners without contact that may penetrate a member with the contacts `ends`."""
     shape, statics, body = grip.body.shape, grip.statics, grip.body
-    normal, touching = (
-        complex(statics.straight_normals[ends[0]]),
-        grip.contacts.corners[ends].tolist(),
-    )
+    normal = complex(statics.straight_normals[ends[0]])
+    touching = grip.contacts.corners[ends].tolist()
     skin = ((complex(statics.bent.start[ends[0]]) - body.center) / normal).real
     least = skin - (1.0 + 2.0 * MAX_DISPLACEMENT) * statics.tube_radius
-    corners: dict[int, tuple[float, float, int]] = {}
+    corners: dict[int, FreeCorner] = {}
     for k, begin in zip(ends, touching, strict=True):
         for side in range(2):
             face = shape.faces_at(begin)[side]
             along = face.step * face.length
             while face.corner not in touching and _height(grip, face.corner, normal) > least:
-                near = abs(along), along, k
-                corners[face.corner] = min(near, corners.get(face.corner, near))
+                known = corners.get(face.corner)
+                if known is None or abs(along) < abs(known.along):
+                    corners[face.corner] = FreeCorner(0.0, k, face.corner, along)
                 face = shape.faces_at(face.corner)[side]
                 along += face.step * face.length
-    return corners
+    return corners.values()
 
 
 def _height(grip: HeldGrip, corner: int, normal: complex) -> float:

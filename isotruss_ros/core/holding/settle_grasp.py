@@ -83,33 +83,33 @@ def settle_grasp(
 
 def assess_equilibrium(given: Pose, found: HeldGrip, friction: float) -> SettledGrasp:
     """Return the settled grasp at an equilibrium, with its hold status."""
-    sticks = found.hold(friction)
-    if sticks in (HoldStatus.NO_CONTACT, HoldStatus.OFF_MEMBER):
-        body, pressure = found.body.moved_to(given), found.tubes.pressure
-        lost = LostContact.of(found.config, body, found.members, found.wrench, pressure)
-        return SettledGrasp(sticks, sticks.value, given, friction, lost=lost)
-    hold, reason = _judge(found, given, friction)
-    return SettledGrasp(hold, reason, given, friction, found)
+    hold, detail = _judge(found, given, friction)
+    reason = '' if hold is HoldStatus.HELD else ': '.join(filter(None, (hold.value, detail)))
+    if hold not in (HoldStatus.NO_CONTACT, HoldStatus.OFF_MEMBER):
+        return SettledGrasp(hold, reason, given, friction, found)
+    body, pressure = found.body.moved_to(given), found.tubes.pressure
+    lost = LostContact.of(found.config, body, found.members, found.wrench, pressure)
+    return SettledGrasp(hold, reason, given, friction, lost=lost)
 
 
 def _judge(found: HeldGrip, given: Pose, friction: float) -> tuple[HoldStatus, str]:
-    """Return the hold status of an equilibrium, and the reason for the status in words."""
-    robot = found.config.robot
+    """Return the hold status of an equilibrium, and the value that violates its condition."""
+    robot, hold = found.config.robot, found.hold(friction)
+    if hold in (HoldStatus.NO_CONTACT, HoldStatus.OFF_MEMBER):
+        return hold, ''
     shift = abs(found.body.middle - found.body.moved_to(given).middle)
     if shift > MAX_DISPLACEMENT * robot.description.tube_diameter:
-        return HoldStatus.FAR, f'{HoldStatus.FAR.value}: {1e3 * shift:.3g} mm'
+        return HoldStatus.FAR, f'{1e3 * shift:.3g} mm'
     others, depths = depths_in_others(found)
     if depths.max(initial=0.0) > SKIN_TOLERANCE:
-        other = robot.member_names[others[depths.argmax()]]
-        return HoldStatus.OTHER_CONTACT, f'{HoldStatus.OTHER_CONTACT.value}: {other}'
-    if found.required_friction > friction:
-        need = f'coefficient {found.required_friction:.3g} against {friction:.3g}'
-        return HoldStatus.SLIPS, f'{HoldStatus.SLIPS.value}: {need}'
+        return HoldStatus.OTHER_CONTACT, robot.member_names[others[depths.argmax()]]
+    if hold is HoldStatus.SLIPS:
+        return hold, f'coefficient {found.required_friction:.3g} against {friction:.3g}'
     if found.response is None or not found.response.stable:
-        return HoldStatus.UNSTABLE, HoldStatus.UNSTABLE.value
+        return HoldStatus.UNSTABLE, ''
     used = found.sections.used
     worst = int(used.argmax())
     if used[worst] > 1.0:
-        bears = f'{robot.member_names[worst]} has {used[worst]:.3g} times its wrinkling moment'
-        return HoldStatus.WRINKLES, f'{HoldStatus.WRINKLES.value}: {bears}'
+        times = f'{used[worst]:.3g} times its wrinkling moment'
+        return HoldStatus.WRINKLES, f'{robot.member_names[worst]} has {times}'
     return HoldStatus.HELD, ''

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 from held_grips import BOX, HOME
 from isotruss_ros.core import ConvexObject, HoldStatus, place_between, Polygon, Pose, settle_grasp
 from isotruss_ros.core.holding import settle_grasp as settle_grasp_module
-from isotruss_ros.core.holding.settle_grasp import _judge
+from isotruss_ros.core.holding.settle_grasp import assess_equilibrium
 import numpy as np
 import pytest
 
@@ -23,13 +23,15 @@ def judge(shift=0.0, other=-0.01, needed=0.3, friction=0.5, stable=True, used=0.
         body=ConvexObject.disc((shift, 0.0), 0.3),
         members=np.arange(2),
         required_friction=needed,
+        hold=lambda mu: HoldStatus.SLIPS if needed > mu else HoldStatus.HELD,
         response=SimpleNamespace(stable=stable),
         sections=SimpleNamespace(used=np.full(len(NAMES), used)),
     )
     with pytest.MonkeyPatch.context() as patch:
         others = np.array([4]), np.array([other])
         patch.setattr(settle_grasp_module, 'depths_in_others', lambda _: others)
-        return _judge(found, Pose(0.0, 0.0, 0.0), friction)
+        settled = assess_equilibrium(Pose(0.0, 0.0, 0.0), found, friction)
+        return settled.hold, settled.reason
 
 
 @pytest.mark.parametrize(
