@@ -40,6 +40,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument('--plant', choices=PLANTS, default=ELASTIC, help='simulated plant')
     parser.add_argument('--port', type=int, default=8080, help='port of the viewer')
     parser.add_argument('--object', type=Path, help='YAML file of an object')
+    parser.add_argument(
+        '--browser-timeout',
+        type=float,
+        default=0.5,
+        help='time without a heartbeat after which a page loses control [s]',
+    )
     options = parser.parse_args(arguments)
     domain = keep_to_this_machine()
     shown: dict[str, float | str] = {'object_diameter': DIAMETER, 'friction': FRICTION}
@@ -58,7 +64,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         ('path_follower', shown | {'command_timeout': 1.0}),
         ('grasp_planner', {'command_timeout': 1.0}),
         ('pick_and_place', shown | {'command_timeout': 1.0}),
-        ('viewer', shown | {'port': options.port}),
+        ('viewer', shown | {'port': options.port, 'browser_timeout': options.browser_timeout}),
     ]
     print(f'plant {options.plant}; ROS_DOMAIN_ID={domain}, this machine only; Ctrl-C ends it')
     signal.signal(signal.SIGTERM, signal.default_int_handler)

@@ -65,7 +65,8 @@ class Controls:
     :param server: server of the view.
     :param picture: initial picture.
     :param friction: initial value of the friction slider.
-    :param timeout: longest time without a heartbeat of the browser in control [s].
+    :param timeout: longest time without a heartbeat of the browser in control [s]; it is longer
+        for a page that draws slowly, see `Heartbeats.timeout`.
     :param report: callback that receives a sentence for each refused request.
     """
 
@@ -131,11 +132,10 @@ class Controls:
         wishes = {number: panel.wish for number, panel in self._panels.items()}
         alive = dict(wishes)
         holder = self.control.browser
-        if self._heartbeats.is_silent(holder, self._timeout):
+        timeout = self._heartbeats.timeout(holder, self._timeout)
+        if self._heartbeats.is_silent(holder, timeout):
             alive[holder] = False
-            self._report(
-                f'control ended: browser {holder} sent no heartbeat for {self._timeout:g} s'
-            )
+            self._report(f'control ended: browser {holder} sent no heartbeat for {timeout:.3g} s')
         self.control.pass_on(alive)
         if self.control.browser not in (holder, None):
             self._heartbeats.note(self.control.browser)

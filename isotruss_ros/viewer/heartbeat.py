@@ -12,6 +12,7 @@ viser's protocol the heartbeat has the type of a response, but belongs to no req
 
 from __future__ import annotations
 
+from collections import deque
 import time
 from typing import Any
 
@@ -46,15 +47,26 @@ SCRIPT = """<script>
 """
 
 
+#: Ratio of the timeout to the longest recent pause between heartbeats of a page that draws slowly
+#: [-], and largest timeout of such a page [s]. At two pictures a second, the timeout is 1 s. With
+#: a third of the ratio, control would end between two pictures; with three times of it, or of the
+#: bound, the object would move on three times as long after the page has frozen.
+TIMEOUT_RATIO, LONGEST_TIMEOUT = 2.0, 2.0
+#: Time for which pauses are stored [s].
+PAUSE_DURATION = 5.0
+
+
 class Heartbeats:
     """
-    Times of the last heartbeats of all pages.
+    Times of the heartbeats of all pages.
 
     :param server: server whose pages contain `SCRIPT`.
     """
 
     def __init__(self, server: viser.ViserServer) -> None:
         self._last: dict[int, float] = {}
+        #: End and length of the recent pauses of each browser [s].
+        self._pauses: dict[int, deque[tuple[float, float]]] = {}
         # viser has no public callback for unhandled messages.
         server._websock_server.register_handler(
             LocalStorageGetItemResponseMessage, lambda browser, _: self.note(browser)
@@ -66,7 +78,23 @@ class Heartbeats:
 
         :param browser: index of the browser.
         """
-        self._last[browser] = time.monotonic()
+        now = time.monotonic()
+        pauses = self._pauses.setdefault(browser, deque())
+        pauses.append((now, now - self._last.get(browser, now)))
+        while pauses[0][0] < now - PAUSE_DURATION:
+            pauses.popleft()
+        self._last[browser] = now
+
+    def timeout(self, browser: int, least: float) -> float:
+        """
+        Return the timeout of a browser [s], which is longer for a page that draws slowly.
+
+        A page sends no heartbeats while it draws.
+
+        :param least: timeout of a page that draws fast [s].
+        """
+        longest = max((pause for _, pause in self._pauses.get(browser, ())), default=0.0)
+        return max(least, min(TIMEOUT_RATIO * longest, LONGEST_TIMEOUT))
 
     def is_silent(self, browser: Any, timeout: float) -> bool:
         """

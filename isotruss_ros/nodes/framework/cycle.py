@@ -116,7 +116,7 @@ class Cycle:
             return
         reached = self._count / elapsed
         slow = reached < MIN_RATE_SHARE * wanted
-        self.slowness = f'runs at {reached:.3g} Hz, not at {wanted:g} Hz' if slow else ''
+        self.slowness = f'the loop reaches {reached:.3g} of {wanted:g} Hz' if slow else ''
         self._count, self._since = 0, now
 
     def _check(self) -> None:

@@ -180,12 +180,13 @@ class StatusReport:
             record = None if belief is None else GripRecord.of(belief.grasp, belief.estimate)
             self._grips.publish(to_grip_message(record, self._robot, now))
         command, cycle = decision.command, self._node.cycle
+        slowness = '' if cycle is None else cycle.slowness
         status = self.status = command.status
         squeeze, deviation = decision.squeeze or (math.nan, math.nan)
         message = ManipulationStatus(
             header=make_header(now, self._frame),
             code=int(status),
-            message=decision.message,
+            message='; '.join(filter(None, (slowness, decision.message))),
             commanded=to_twist_message(decision.twist),
             achieved=to_twist_message(command.achieved_twist),
             scale=command.scale,

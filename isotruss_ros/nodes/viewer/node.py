@@ -77,7 +77,8 @@ SPECS = (
     FixedSpec(
         'browser_timeout',
         0.5,
-        'Longest time without a heartbeat after which a page loses control [s]',
+        'Time without a heartbeat after which a page loses control [s]; a page that draws slowly '
+        'has twice its longest pause, at most 2 s',
         (0.2, 60.0),
     ),
     FixedSpec('rate', 20.0, 'Displayed frames per second [Hz]', (5.0, 60.0)),

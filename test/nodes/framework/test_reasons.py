@@ -84,6 +84,6 @@ def test_a_cycle_that_does_not_reach_its_rate_is_a_warning_with_the_rate(
         w.spin(3.5, w.probe.send_all)
         report = w.report('manipulation')
     assert (report.level == DiagnosticStatus.WARN) is slow
-    words = f'runs at {100.0 / late:.3g} Hz, not at 100 Hz'
+    words = f'the loop reaches {100.0 / late:.3g} of 100 Hz'
     assert (words in report.message) is slow
     assert (words in capfd.readouterr().err) is slow

@@ -51,6 +51,22 @@ def test_moves_the_object_as_commanded():
         assert len(w.command()) == N
 
 
+def test_a_slow_loop_is_stated_first_in_the_status():
+    with world(node()) as w:
+        w.until_code(Status.OK, w.probe.send_all)
+        cycle = w.nodes[1].cycle
+        cycle._timer.timer_period_ns = 3 * cycle._timer.timer_period_ns
+        w.spin(2.5, w.probe.send_all)
+        assert w.probe.last('status').message == 'the loop reaches 33.3 of 100 Hz'
+
+        def send():
+            w.probe.send_pose()
+            w.probe.send_twist()
+
+        status = w.until_code(Status.HALT_STALE_JOINT_STATES, send)
+        assert status.message.startswith('the loop reaches 33.3 of 100 Hz; ')
+
+
 @pytest.mark.parametrize('module', ['south/X', 'east/Y', 'north/R', 'north/P'])
 def test_halts_where_another_module_than_the_grip_holds_the_object(module):
     """The object is between the members of each of these modules, but only one of them is near."""
