@@ -5,10 +5,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 import math
-import time
 from typing import Any
 
 from action_msgs.msg import GoalInfo
@@ -21,8 +19,9 @@ from isotruss_msgs.action import (
     PlaceObject,
     PlanGrasp,
 )
-from isotruss_ros.core import IsotrussError, Robot
-from isotruss_ros.core.inputs import find_fresh, Input, InputError, require_fresh, StampedInput
+from isotruss_ros.core import IsotrussError, Pose, Robot
+from isotruss_ros.core.estimation.grip_state import MAX_DEVIATIONS
+from isotruss_ros.core.inputs import find_fresh, StampedInput
 from isotruss_ros.core.model.pose import pose_difference
 from isotruss_ros.core.paths.path_tracking import RETURN_SETTINGS, RETURN_SPEED, RETURN_TURN_RATE
 from isotruss_ros.core.planning.describe_plan import path_times
@@ -31,7 +30,6 @@ from isotruss_ros.core.planning.violations import export_violation, violation_in
 from isotruss_ros.nodes.conversions.messages import (
     make_header,
     MessageError,
-    read_held,
     read_pose,
     to_pose_message,
 )
@@ -42,7 +40,6 @@ from isotruss_ros.nodes.conversions.path_messages import (
 )
 from isotruss_ros.nodes.framework import common_parameters as common
 from isotruss_ros.nodes.framework.managed import ManagedNode
-from isotruss_ros.nodes.framework.sensors import Inputs
 from isotruss_ros.nodes.framework.supervision import MIN_FEEDBACK_TIMEOUT, TOPIC
 from isotruss_ros.nodes.pick_and_place.action_steps import (
     ActionStep,
@@ -51,6 +48,7 @@ from isotruss_ros.nodes.pick_and_place.action_steps import (
     StepOutcome,
     Steps,
 )
+from isotruss_ros.nodes.pick_and_place.object_watch import AveragePose, ObjectWatch
 from nav_msgs.msg import Path
 import numpy as np
 from rcl_interfaces.srv import SetParameters
@@ -59,10 +57,6 @@ from rcl_interfaces.srv import SetParameters
 MAX_ROTATION = math.radians(5.0)
 #: Largest displacement of the object by the closing grip that is not corrected [m].
 RETURN_TOLERANCE = 1e-3
-#: Longest wait until the grasp analysis confirms that the object is held or is free [s].
-CONFIRMATION_TIMEOUT = 5.0
-#: Longest wait for missing or stale inputs before a motion [s].
-INPUT_TIMEOUT = 1.0
 #: Longest accepted time without feedback of the planner [s]; the time is shorter for nodes that
 #: move the robot.
 PLANNER_TIMEOUT = 5.0
@@ -77,20 +71,20 @@ class GraspSequences:
 
     :param node: node of the action clients, which exist as long as the node.
     :param robot: the robot.
-    :param inputs: latest inputs of the node.
+    :param watch: observation of the object.
     """
 
-    def __init__(self, node: ManagedNode, robot: Robot, inputs: Inputs) -> None:
-        self._node, self._robot, self._inputs = node, robot, inputs
+    def __init__(self, node: ManagedNode, robot: Robot, watch: ObjectWatch) -> None:
+        self._node, self._robot, self._watch = node, robot, watch
+        self._inputs = watch.inputs
         self.stage = 0  #: current stage, a constant of the action's feedback
-        self._held_at = 0.0  # last time at which the moving object was known to be held [s]
         self._described = common.read_described(node.values)
         # Before the actions: a server that has discovered their clients has discovered the
         # publisher.
         alive = node.advertise(GoalInfo, TOPIC).publish
         self._planner = ActionStep(node, PlanGrasp, 'plan_grasp', alive, lambda: PLANNER_TIMEOUT)
         self._trajectories, self._object = (
-            ActionStep(node, kind, name, alive, lambda: max(self._timeout, MIN_FEEDBACK_TIMEOUT))
+            ActionStep(node, kind, name, alive, lambda: max(watch.timeout, MIN_FEEDBACK_TIMEOUT))
             for kind, name in (
                 (FollowRollerTrajectory, 'follow_roller_trajectory'),
                 (FollowObjectPath, 'follow_object_path'),
@@ -98,11 +92,6 @@ class GraspSequences:
         )
         self._parameters = node.create_client(SetParameters, 'manipulation/set_parameters')
         self._thread = ThreadPoolExecutor(max_workers=1)
-
-    @property
-    def _timeout(self) -> float:
-        """Return the largest admissible age of inputs [s]."""
-        return self._node.values.command_timeout
 
     def close(self) -> None:
         """End the thread in which releases are planned."""
@@ -129,10 +118,15 @@ class GraspSequences:
 
     def measured_pose(self) -> PoseStamped | None:
         """Return the last measured pose of the object as a message; None before the first pose."""
-        if not isinstance(self._inputs.pose, StampedInput):
+        given = self._inputs.pose
+        if not isinstance(given, StampedInput):
             return None
-        header = make_header(self._inputs.pose.time, self._robot.frame)
-        return PoseStamped(header=header, pose=to_pose_message(self._inputs.pose.value))
+        return self._to_pose_stamped(given.value, given.time)
+
+    def _to_pose_stamped(self, pose: Pose, time: float | None = None) -> PoseStamped:
+        """Return a pose as a message, with the current time unless another is given [s]."""
+        header = make_header(self._node.now() if time is None else time, self._robot.frame)
+        return PoseStamped(header=header, pose=to_pose_message(pose))
 
     def distance_left(self, path: Path) -> tuple[float, float]:
         """
@@ -148,8 +142,8 @@ class GraspSequences:
 
     def _measure_error(self, end: PoseStamped) -> tuple[float, float]:
         """Return the distance [m] and angle [rad] between the object and a pose."""
-        (here,) = require_fresh(self._node.now(), self._timeout, object_pose=self._inputs.pose)
-        x, y, turned = pose_difference(read_pose('pose', end.pose), here.value)
+        here = self._watch.require_pose()
+        x, y, turned = pose_difference(read_pose('pose', end.pose), here)
         return math.hypot(x, y), abs(turned)
 
     def pick(self, goal: PickObject.Goal) -> Steps:
@@ -162,9 +156,10 @@ class GraspSequences:
         :raises IsotrussError: the object is not held.
         """
         self.stage = PICK.PLANNING
-        yield from self._await_inputs()
-        self._require_free()
-        lay = self.measured_pose()
+        yield from self._watch.await_inputs()
+        self._watch.require_free()
+        first = yield from self._watch.average_poses()
+        lay = self._to_pose_stamped(first.pose)
         plan = yield from self._planner.run(self._to_search_goal(goal, lay))
         if plan.code != PlanGrasp.Result.FOUND:
             raise _plan_error(plan)
@@ -178,10 +173,10 @@ class GraspSequences:
         touch = read_duration(grasp.touch)
         yield from self._drive(grasp.path, touch, PICK.APPROACHING, PICK.CLOSING)
         self.stage = PICK.CONFIRMING
-        state = yield from self._confirm(True)
-        note = yield from self._bring_back(lay)
+        state = yield from self._watch.confirm(True)
+        note = yield from self._bring_back(first)
         if note:
-            state = yield from self._confirm(True)
+            state = yield from self._watch.confirm(True)
         squeeze = float(np.mean(state.squeeze))
         where = grasp.module or ', '.join(grasp.members)
         return PickObject.Result(
@@ -191,17 +186,6 @@ class GraspSequences:
             squeeze=squeeze,
             slip_margin=state.slip_margin,
         )
-
-    def _require_free(self) -> None:
-        """Raise StepError if the object is already held."""
-        # The analysis may arrive only after the pick.
-        found = find_fresh(self._node.now(), self._timeout, self._inputs.grasp)
-        if found is not None and read_held(found):
-            members = ', '.join(found.grasping_members)
-            raise StepError(
-                StepOutcome.BAD_GOAL,
-                f'the object is already held by {members}: first place the object',
-            )
 
     def place(self, goal: PlaceObject.Goal) -> Steps:
         """
@@ -215,11 +199,11 @@ class GraspSequences:
             raise MessageError(
                 f'max_rotation {goal.max_rotation} rad: must not be negative; 0 for the default'
             )
-        state = yield from self._await_held(StepOutcome.NOT_READY)
+        state = yield from self._watch.await_held(StepOutcome.NOT_READY)
         pose = self._inputs.pose.value  # type: ignore[union-attr]
         config = self._inputs.configuration(self._node.now())
         body = common.make_body(self._node.values, self._described).moved_to(pose)
-        record = find_fresh(self._node.now(), self._timeout, self._inputs.held_grip)
+        record = find_fresh(self._node.now(), self._watch.timeout, self._inputs.held_grip)
         most = goal.max_rotation or MAX_ROTATION
         planned: Future[Release] = self._thread.submit(
             plan_release, config, body, state.grasping_members, goal.clearance, record, most
@@ -239,7 +223,7 @@ class GraspSequences:
         apart = float(times[release.apart])
         yield from self._drive(trajectory, apart, PLACE.OPENING, PLACE.BACKING_OFF)
         self.stage = PLACE.CONFIRMING
-        yield from self._confirm(False)
+        yield from self._watch.confirm(False)
         now = self._inputs.pose.value  # type: ignore[union-attr]
         x, y, turned = pose_difference(now, pose).tolist()
         moved = math.hypot(x, y)
@@ -258,7 +242,7 @@ class GraspSequences:
         :raises IsotrussError: the object is not at the end of the path.
         """
         self.stage = MOVE.MOVING
-        yield from self._await_held(StepOutcome.NOT_HELD)
+        yield from self._watch.await_held(StepOutcome.NOT_HELD)
         wanted = FollowObjectPath.Goal(path=goal.path, speed=goal.speed, turn_rate=goal.turn_rate)
         followed = yield from self._carry(wanted)
         codes = FollowObjectPath.Result
@@ -269,19 +253,22 @@ class GraspSequences:
 
     def _carry(self, goal: FollowObjectPath.Goal) -> Steps:
         """Move the held object along a path, and return the result; end at a loss."""
-        self._held_at = self._node.now()
-        return (yield from self._object.run(goal, find_fault=self._find_loss))
+        self._watch.begin_motion()
+        return (yield from self._object.run(goal, find_fault=self._watch.find_loss))
 
-    def _bring_back(self, lay: PoseStamped) -> Steps:
+    def _bring_back(self, first: AveragePose) -> Steps:
         """Move a displaced object back to its initial pose; return a sentence with the result."""
-        moved, _ = self._measure_error(lay)
-        if moved <= RETURN_TOLERANCE:
+        here = yield from self._watch.average_poses()
+        moved, deviation = first.distance(here)
+        if moved <= max(RETURN_TOLERANCE, 2.0 * deviation):
             return ''
+        ends = [self._to_pose_stamped(each.pose) for each in (here, first)]
         goal = FollowObjectPath.Goal(
-            path=Path(header=lay.header, poses=[lay]),
+            path=Path(header=ends[0].header, poses=ends),
             speed=RETURN_SPEED,
             turn_rate=RETURN_TURN_RATE,
-            position_tolerance=RETURN_SETTINGS.position_tolerance,
+            # Each reading on the path has the noise of one reading.
+            position_tolerance=RETURN_SETTINGS.position_tolerance + MAX_DEVIATIONS * here.noise,
         )
         why = ''
         try:
@@ -291,10 +278,10 @@ class GraspSequences:
         except StepError as error:
             # The object is held: the next motion can start at its current pose.
             why = f' ({error})'
-        left, _ = self._measure_error(lay)
+        left, deviation = first.distance((yield from self._watch.average_poses()))
         return (
             f'; closing displaced the object by {1e3 * moved:.3g} mm, corrected to '
-            f'{1e3 * left:.3g} mm{why}'
+            f'{1e3 * left:.3g} mm, deviation {1e3 * deviation:.2g} mm{why}'
         )
 
     def _drive(self, trajectory: Any, change: float, before: int, after: int) -> Steps:
@@ -312,100 +299,6 @@ class GraspSequences:
         result = yield from self._trajectories.run(goal, progress)
         if result.error_code != result.SUCCESSFUL:
             raise StepError(StepOutcome.STOPPED, result.error_string)
-
-    def _confirm(self, held: bool) -> Steps:
-        """Wait until an analysis of the robot at rest reports the object as held, or as free."""
-        arrived = self._node.now()
-        while True:
-            now, analysed = self._node.now(), -np.inf
-            if isinstance(self._inputs.grasp, StampedInput):
-                state, analysed = self._inputs.grasp.value, self._inputs.grasp.time
-                if read_held(state) is held and analysed > arrived:
-                    return state
-            # The wait is timed by the stamps of the analyses, which are late on a busy machine, or
-            # by the clock if no analyses arrive.
-            waited = max(analysed, now - self._timeout) - arrived
-            if waited > CONFIRMATION_TIMEOUT:
-                has_answer = analysed > arrived and read_held(state) is not None
-                outcome = StepOutcome.NOT_HELD if has_answer else StepOutcome.NOT_READY
-                raise StepError(outcome, self._describe_grasp(arrived))
-            yield min(1.0, max(0.0, waited / CONFIRMATION_TIMEOUT))
-
-    def _await_inputs(self, **inputs: Callable[[], Input]) -> Steps:
-        """Wait for fresh roller positions, object pose and other inputs, with a timeout."""
-        begun = time.monotonic()
-        while True:
-            try:
-                return require_fresh(
-                    self._node.now(),
-                    self._timeout,
-                    joint_states=self._inputs.rollers,
-                    object_pose=self._inputs.pose,
-                    **{name: find() for name, find in inputs.items()},  # type: ignore[arg-type]
-                )
-            except InputError:
-                if time.monotonic() - begun > INPUT_TIMEOUT:
-                    raise
-            yield 0.0
-
-    def _await_held(self, otherwise: StepOutcome) -> Steps:
-        """Wait until it is known whether the object is held; return the analysis if it is."""
-        begun = time.monotonic()
-        while True:
-            *_, grasp = yield from self._await_inputs(grasp_state=lambda: self._inputs.grasp)
-            if self.is_held is False:
-                raise StepError(otherwise, self._describe_grasp())
-            if read_held(grasp.value):
-                return grasp.value
-            if time.monotonic() - begun > INPUT_TIMEOUT:
-                raise StepError(StepOutcome.NOT_READY, self._describe_grasp())
-            yield 0.0
-
-    @property
-    def is_held(self) -> bool | None:
-        """
-        Return whether the object is held; None if neither analysis nor control loop know.
-
-        One of them suffices, since each of them may be late; a loss counts before a hold.
-        """
-        reported = [read_held(report) for report in self._fresh_reports()]
-        return False if False in reported else True if True in reported else None
-
-    def _fresh_reports(self) -> list[Any]:
-        """Return the last messages of `grasp_analysis` and `manipulation` that are not stale."""
-        now, inputs = self._node.now(), self._inputs
-        reports = (
-            find_fresh(now, self._timeout, it) for it in (inputs.grasp, inputs.servo_feedback)
-        )
-        return [report for report in reports if report is not None]
-
-    def _find_loss(self) -> StepError | None:
-        """Return an error if the object is lost, or if its hold is unknown for the timeout."""
-        now, held = self._node.now(), self.is_held
-        if held is False:
-            return StepError(StepOutcome.NOT_HELD, self._describe_grasp())
-        if held or now < self._held_at:
-            self._held_at = now
-        if now - self._held_at <= self._timeout:
-            return None
-        return StepError(StepOutcome.STOPPED, self._describe_grasp())
-
-    def _describe_grasp(self, since: float = -np.inf) -> str:
-        """Return a text about the hold; with a time [s], by an analysis that is later."""
-        lost = [report for report in self._fresh_reports() if read_held(report) is False]
-        given = self._inputs.grasp
-        if lost:
-            why = lost[0].message or getattr(lost[0], 'hold_message', '')
-            return f'the object is not held: {why}'
-        unknown = 'it is unknown whether the object is held'
-        if not isinstance(given, StampedInput):
-            return f'{unknown}: no analysis of the grasp was received'
-        if given.time <= since:
-            return f'{unknown}: no analysis of the grasp was received since the rollers arrived'
-        if self.is_held:
-            return f'the object is held, with a slip margin of {given.value.slip_margin:.3g} N'
-        why = given.value.message or 'no result'
-        return f'{unknown}: {why}; the last analysis is {self._node.now() - given.time:.2f} s old'
 
 
 def _plan_error(plan: PlanGrasp.Result) -> StepError:

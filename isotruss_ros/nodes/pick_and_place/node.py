@@ -26,6 +26,7 @@ from isotruss_ros.nodes.pick_and_place.action_steps import (
     Steps,
 )
 from isotruss_ros.nodes.pick_and_place.grasp_sequences import GraspSequences
+from isotruss_ros.nodes.pick_and_place.object_watch import ObjectWatch
 
 SPECS = (*common.OBJECT_SPECS, common.COMMAND_TIMEOUT)
 #: Period of the ticks of a sequence [s].
@@ -52,7 +53,8 @@ class PickAndPlace(ManagedNode):
             ManipulationStatus, 'manipulation/status', lambda status: status, 'status'
         )
         self.inputs.keep_topic('servo_feedback', statuses)
-        sequences = self._sequences = GraspSequences(self, self.robot, self.inputs)
+        watch = self._watch = ObjectWatch(self, self.inputs)
+        sequences = self._sequences = GraspSequences(self, self.robot, watch)
         # Exists while the node is inactive as well, so that a goal that ends then gets its result.
         self._actions = [
             self._offer(PickObject, 'pick_object', sequences.pick),
@@ -137,7 +139,7 @@ class PickAndPlace(ManagedNode):
             outcome = _find_outcome(ended)
             details = getattr(ended, 'details', {})
             ended = goal.kind.Result(code=outcome, message=str(ended), **details)
-        ended.held = HELD_VALUES[self._sequences.is_held]
+        ended.held = HELD_VALUES[self._watch.is_held]
         if hasattr(ended, 'object_pose') and (pose := self._sequences.measured_pose()):
             ended.object_pose = pose
         if isinstance(ended, MoveObject.Result):
