@@ -171,7 +171,7 @@ class ContactStatics:
         of friction or rolling.
         """
         places, count, arm = self.places, len(self.sides), self.body.arm
-        axis, moment = self.bent.axis, places.balance.start + 2
+        (start, axis, *_), moment = self.bent.lines, places.balance.start + 2
         center, turn = complex(unknowns[0], unknowns[1]), cmath.rect(1.0, unknowns[ANGLE])
         feet = unknowns[places.feet]
         local, skin, softs, force, loads, rates = self._push(unknowns)
@@ -192,7 +192,7 @@ class ContactStatics:
         first = places.inclinations.start
         jacobian[: moment + 1, first:] = bends.reshape(moment + 1, -1)
 
-        gaps = back * (self.bent.start - center) - arms + feet - skin * local
+        gaps = back * (start - center) - arms + feet - skin * local
         touch = residual[: 3 * count].reshape(count, 3)
         touch += self.given + self.bent.given + self.bent.rates @ feet
         touch[:, 0] += gaps.real
