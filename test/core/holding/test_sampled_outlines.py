@@ -4,7 +4,14 @@
 """Polygons with many corners are held as the discs and ellipses on which these are."""
 
 from held_grips import NINE
-from isotruss_ros.core import ConvexObject, Disc, Ellipse, place_between, settle_grasp
+from isotruss_ros.core import (
+    ConvexObject,
+    Disc,
+    Ellipse,
+    place_between,
+    settle_grasp,
+    tangent_center,
+)
 from isotruss_ros.core.errors import GraspError
 import numpy as np
 import pytest
@@ -62,3 +69,14 @@ def test_slip_margin_depends_on_no_corner_of_24(shape):
         for turned in np.linspace(0.0, 2.0 * np.pi / 24, 7)
     ]
     assert found == pytest.approx([found[0]] * len(found), rel=2e-3)
+
+
+@pytest.mark.parametrize('away', [0.01, 0.3])
+def test_gap_to_a_disc_of_24_corners_is_that_of_the_disc(away):
+    center = tangent_center(NINE.home, 'north/Z', 0.3, -away)
+    apart = [
+        settle_grasp(NINE.home, ConvexObject(shape, (*center, 0.1)), FRICTION, members=MEMBERS[0])
+        for shape in (Disc(0.3), sampled(Disc(0.3), 24, 0.0, 0j))
+    ]
+    assert apart[1].gap == pytest.approx(apart[0].gap, abs=2e-5)
+    assert apart[1].slip_margin == pytest.approx(apart[0].slip_margin, rel=2e-3)

@@ -1,0 +1,91 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Lowest natural frequency of a held object, by stiffness and masses that are found otherwise."""
+
+from dataclasses import replace
+
+from isotruss_ros.core import ConvexObject, deform, load_robot, place_between, Polygon, Robot
+from isotruss_ros.core.holding.attach_grip import attach_grip
+from isotruss_ros.core.holding.held_shape import lowest_frequency
+from isotruss_ros.core.holding.roll_grip import roll_grip
+import numpy as np
+import pytest
+import scipy.linalg
+
+FILE = load_robot('nine_member').description
+BOX = Polygon([(-0.12, -0.1), (0.14, -0.1), (0.12, 0.1), (-0.12, 0.1)], 0.02)
+MEMBERS = ('north/P-Z', 'north/Z-R')
+STEP = 1e-3
+
+
+def grip_of(module_mass, tube_mass, **options):
+    """Return the equilibrium of a box of 2 kg between two tubes."""
+    module = replace(FILE.module, mass=module_mass)
+    robot = Robot(replace(FILE, module=module, tube_mass=tube_mass))
+    body = place_between(robot.home, MEMBERS, BOX, 0.4, 0.01).body
+    return attach_grip(robot.home, ConvexObject(BOX, body.pose, mass=2.0, **options))
+
+
+def moved_parts(grip, wrench):
+    """Return the pose of an object, and the displacements of pinch points, under a wrench."""
+    rolled = roll_grip(grip, grip.config, wrench)
+    loads, axis = {}, rolled.statics.bent.axis
+    for number, foot, (along, across, moment), way in zip(
+        rolled.contacts.members, rolled.state.feet, rolled.state.loads, axis, strict=True
+    ):
+        force, name = complex(along, across) * way, grip.config.robot.member_names[number]
+        loads.setdefault(name, []).append((foot, force.real, force.imag, moment))
+    bent, points = deform(grip.config, {}, tube_loads=loads), {}
+    for name in grip.config.robot.module_names:
+        for node in 'BC':
+            points[f'{name}/{node}'] = bent.displacement(f'{name}/{node}')[:2]
+    return rolled.state.unknowns[:3], points
+
+
+def frequency(grip):
+    """Return the lowest frequency by differences of rolled equilibria, with masses at points."""
+    robot, body, flexibility, columns = grip.config.robot, grip.body, [], []
+    for unit in np.eye(3):
+        (ahead, points), (behind, before) = (
+            moved_parts(grip, sign * STEP * unit) for sign in (1.0, -1.0)
+        )
+        pose = (ahead - behind) / (2.0 * STEP)
+        flexibility.append(pose)
+        moved = {name: (points[name] - before[name]) / (2.0 * STEP) for name in points}
+        own = body.shape.centroid if body.center_of_mass is None else complex(*body.center_of_mass)
+        away = body.turn * own
+        column = [np.sqrt(body.mass) * (pose[:2] + pose[2] * np.array([-away.imag, away.real]))]
+        column.append(np.sqrt(body.mass) * body.shape.gyration * pose[2:])
+        for name in robot.module_names:
+            middle = 0.5 * (moved[f'{name}/B'] + moved[f'{name}/C'])
+            column.append(np.sqrt(robot.description.module.mass) * middle)
+        for name, length in zip(robot.member_names, grip.config.member_lengths, strict=True):
+            tube, _, joints = name.partition('/')
+            half = np.sqrt(0.5 * robot.description.tube_mass * length)
+            for joint, node in zip(joints.split('-'), 'BC', strict=True):
+                column.append(half * moved[f'{tube}/{joint}/{node}'])
+        columns.append(np.concatenate(column))
+    energy, work = np.array(columns) @ np.array(columns).T, np.array(flexibility)
+    return np.sqrt(scipy.linalg.eigvalsh(0.5 * (work + work.T), energy)[0])
+
+
+@pytest.mark.parametrize('options', [{}, {'center_of_mass': (0.05, -0.04)}], ids=['even', 'off'])
+@pytest.mark.parametrize('masses', [(1.5, 0.6), (1e-9, 1e-9)], ids=['robot', 'object alone'])
+def test_lowest_frequency_agrees_with_differences_of_equilibria(masses, options):
+    grip = grip_of(*masses, **options)
+    assert lowest_frequency(grip) == pytest.approx(frequency(grip), rel=1e-3)
+
+
+def test_lowest_frequency_of_an_object_alone_is_that_of_its_mass_on_the_stiffness():
+    grip = grip_of(1e-9, 1e-9)
+    stiffness, away = grip.response.stiffness, grip.body.middle - grip.body.center
+    move = np.array([[1.0, 0.0, -away.imag], [0.0, 1.0, away.real], [0.0, 0.0, BOX.gyration]])
+    mass = 2.0 * move.T @ move
+    square = scipy.linalg.eigvalsh(0.5 * (stiffness + stiffness.T), mass)[0]
+    assert lowest_frequency(grip) == pytest.approx(np.sqrt(square), rel=0.02)
+
+
+def test_without_masses_there_is_no_lowest_frequency():
+    grip = attach_grip(Robot(FILE).home, place_between(Robot(FILE).home, MEMBERS, BOX).body)
+    assert lowest_frequency(grip) is None
