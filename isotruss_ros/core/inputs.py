@@ -211,7 +211,8 @@ def find_fresh(now: float, timeout: float, given: Input) -> Any:
     :param timeout: largest age of the input [s].
     """
     try:
-        return require_fresh(now, timeout, given=given)[0].value
+        (fresh,) = require_fresh(now, timeout, given=given)
+        return fresh.value
     except InputError:
         return None
 
@@ -225,8 +226,8 @@ def fresh_pressures(now: float, timeout: float, pressures: Input) -> tuple[float
     """
     if pressures is None:
         return None
-    (found,) = require_fresh(now, timeout, 'pressure_timeout', tube_pressures=pressures)
-    return found.value
+    (fresh,) = require_fresh(now, timeout, 'pressure_timeout', tube_pressures=pressures)
+    return fresh.value
 
 
 def steady_pressures(

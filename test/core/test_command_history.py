@@ -4,6 +4,7 @@
 """What was sent is added up as by a sum over every moment, back to when nothing is known."""
 
 from hypothesis import given
+from hypothesis import strategies as st
 from isotruss_ros.core.inputs import CommandHistory, Timeline
 import numpy as np
 import pytest
@@ -64,3 +65,21 @@ def test_a_timeline_is_even_between_its_times_and_a_later_word_counts():
     assert [known.at(time) for time in (-1.0, 0.5, 1.5, 2.0, 9.0)] == [0.0, 0.5, 2.0, 3.0, 3.0]
     known.discard_before(1.2)
     assert (known.first, known.last, known.values) == ((1.0, 1.0), (2.0, 3.0), [1.0, 3.0])
+
+
+@given(
+    st.lists(st.tuples(st.floats(0.0, 1.0), st.floats(-1.0, 1.0)), min_size=1, max_size=12),
+    st.lists(st.floats(-0.5, 1.5), min_size=1, max_size=4),
+    st.floats(0.0, 1.0),
+)
+def test_a_timeline_agrees_with_linear_interpolation(values, times, start):
+    timeline, stored = Timeline(), []
+    for time, value in values:
+        timeline.add(time, value)
+        stored = [*(pair for pair in stored if pair[0] < time), (time, value)]
+    timeline.discard_before(start)
+
+    assert len(timeline.values) <= 1 + sum(time > start for time, _ in stored)
+    for time in (t for t in times if t >= start):
+        expected = np.interp(time, *np.transpose(stored))
+        assert timeline.at(time) == pytest.approx(expected, abs=1e-9)

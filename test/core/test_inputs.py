@@ -8,9 +8,12 @@ from hypothesis import strategies as st
 from isotruss_ros.core.inputs import (
     check_stamp,
     CLOCK_SKEW,
+    find_fresh,
+    fresh_pressures,
     InputError,
     InputFault,
     keep_latest,
+    PRESSURE_TIMEOUT,
     RejectedInput,
     require_fresh,
     RollerParts,
@@ -116,3 +119,20 @@ def test_a_change_of_a_pressure_by_less_than_two_percent_is_noise(change):
     kept = (25e3, 30e3, 35e3)
     measured = (25e3, 30e3 * (1.0 + change), 35e3)
     assert steady_pressures(kept, measured) is (kept if abs(change) < 0.02 else measured)
+
+
+@pytest.mark.parametrize('age', [1.99, 2.01])
+def test_pressures_are_valid_for_two_seconds(age):
+    pressures = StampedInput((25e3,), NOW)
+    if age < 2.0:
+        assert fresh_pressures(NOW + age, PRESSURE_TIMEOUT, pressures) == (25e3,)
+    else:
+        with pytest.raises(InputError, match='pressure_timeout'):
+            fresh_pressures(NOW + age, PRESSURE_TIMEOUT, pressures)
+
+
+@pytest.mark.parametrize(
+    ('kept', 'value'), [(None, None), (BAD, None), (LATE, 'late'), (NEW._replace(time=0.0), None)]
+)
+def test_only_a_fresh_input_has_a_value(kept, value):
+    assert find_fresh(NOW, TIMEOUT, kept) == value
