@@ -145,6 +145,16 @@ def test_a_flood_takes_no_cycle_from_the_loop():
         assert w.code() != Status.HALT_EMERGENCY_STOP
 
 
+def test_the_command_release_works_after_a_stop_by_the_topic():
+    with world(node()) as w:
+        w.probe.stops.publish(Bool(data=True))
+        w.until_code(Status.HALT_EMERGENCY_STOP, w.probe.send_all)
+        command = subprocess.Popen([sys.executable, '-m', 'isotruss_ros.cli.operate', 'release'])
+        w.until(lambda: command.poll() is not None, w.probe.send_all)
+        assert command.returncode == 0
+        w.until_code(Status.OK, w.probe.send_all)
+
+
 def test_a_best_effort_publisher_counts_as_a_stop():
     with world(node()) as w:
         w.until_code(Status.OK, w.probe.send_all)
