@@ -23,7 +23,7 @@ from isotruss_ros.core import (
 from isotruss_ros.core.contact.dents import corner_dents
 from isotruss_ros.core.contact.flattening import flattening_of
 from isotruss_ros.core.holding.attach_grip import attach_grip, rest
-from isotruss_ros.core.holding.contact_statics import TubeModel
+from isotruss_ros.core.holding.contact_statics import find_dents, TubeModel
 from isotruss_ros.core.holding.held_grip import NotHeldError
 from isotruss_ros.core.holding.pressed_contacts import find_pressed
 from isotruss_ros.core.holding.roll_grip import roll_grip, stick, with_pressures
@@ -317,6 +317,21 @@ def test_third_member_comes_into_contact_by_bending():
         states.append(grip.state.unknowns)
     for there, back in zip(states[:2], states[:2:-1], strict=True):
         assert back == pytest.approx(there, rel=1e-7, abs=1e-7)
+
+
+@pytest.mark.parametrize('angle', [-2.0, -0.5, 1.0, 2.5])
+def test_a_corner_that_comes_into_contact_dents_the_tube_along_its_normal(angle):
+    def placed(size):
+        square = Polygon([(-size, -size), (size, -size), (size, size), (-size, size)], 0.03)
+        return place_between(HOME, LOOP[:2], square, angle, indentation=0.012).body
+
+    third = numbers(LOOP[2:])
+    size = brentq(lambda s: member_depths(HOME, placed(s))[third[0]] + 1e-3, 0.14, 0.42)
+    grip = roll_grip(attach_grip(HOME, placed(size), numbers(LOOP[:2])), HOME)
+    assert set(grip.member_names) == set(LOOP)
+    structure, forces = grip.statics.bent.structure, grip.state.normal_forces
+    exact = find_dents(structure, grip.body, grip.contacts, grip.tubes, grip.state.normals)
+    assert grip.statics.dents(forces)[0] == pytest.approx(exact(forces)[0], rel=0.03)
 
 
 @pytest.mark.parametrize('shape', [Disc(0.65), Ellipse((0.33, 0.32)), TRIANGLE])
