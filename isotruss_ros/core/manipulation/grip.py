@@ -12,6 +12,7 @@ of the plane are complex numbers x + iy.
 
 from __future__ import annotations
 
+import copy
 from dataclasses import dataclass
 import functools
 import math
@@ -24,7 +25,7 @@ from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.model.convex_object import check_friction, ConvexObject
 from isotruss_ros.core.model.topology import Topology
 from isotruss_ros.core.numerics.arrays import Indices
-from isotruss_ros.core.numerics.records import copy_with, Record
+from isotruss_ros.core.numerics.records import Record
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -80,7 +81,8 @@ class Grip(Record, headline=('members', 'friction', 'body')):
         :param pose: pose (x, y, angle) of the object's frame in the robot frame [m, rad].
         :raises GraspError: the pose is not three finite numbers within range.
         """
-        moved: Grip = copy_with(self, body=self.body.moved_to(pose))
+        moved = copy.copy(self)  # the other fields were checked when this grip was created
+        object.__setattr__(moved, 'body', self.body.moved_to(pose))
         return moved
 
     def touching(self, owners: Indices, corners: Indices) -> Grip:
@@ -92,7 +94,8 @@ class Grip(Record, headline=('members', 'friction', 'body')):
         :param corners: (k,) index of the object's corner at each contact.
         """
         touched = [tuple(corners[owners == i].tolist()) for i in range(len(self.members))]
-        touching: Grip = copy_with(self, corners=tuple(touched))
+        touching = copy.copy(self)
+        object.__setattr__(touching, 'corners', tuple(touched))
         return touching
 
     @classmethod

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import cmath
+import copy
 from dataclasses import dataclass, field
 import math
 from typing import NamedTuple
@@ -15,7 +16,7 @@ from isotruss_ros.core.model.pose import MAX_FRICTION, MAX_MASS, Pose, pose_faul
 from isotruss_ros.core.model.shapes import Disc, Shape, SurfacePoints
 from isotruss_ros.core.model.units import likely_unit
 from isotruss_ros.core.numerics.arrays import Array, finite_array, MAX_MAGNITUDE, Points
-from isotruss_ros.core.numerics.records import copy_with, Record
+from isotruss_ros.core.numerics.records import Record
 from isotruss_ros.core.numerics.tolerances import COINCIDENCE
 import numpy as np
 from numpy.typing import ArrayLike
@@ -120,8 +121,7 @@ class ConvexObject(Record, headline=('shape', 'pose', 'mass', 'center_of_mass', 
         :param pose: pose (x, y, angle) of the object's frame in the robot frame [m, rad].
         :raises GraspError: the pose is not three finite numbers within range.
         """
-        moved: ConvexObject = copy_with(self, **_placement(self.shape, pose))
-        return moved
+        return _copy_with(self, **_placement(self.shape, pose))
 
     def smoothed(self, length: float) -> ConvexObject:
         """
@@ -135,8 +135,7 @@ class ConvexObject(Record, headline=('shape', 'pose', 'mass', 'center_of_mass', 
         if shape is self.shape:
             return self
         arm, placement = shape.perimeter / (2.0 * math.pi), _placement(shape, self.pose)
-        smooth: ConvexObject = copy_with(self, shape=shape, arm=arm, **placement)
-        return smooth
+        return _copy_with(self, shape=shape, arm=arm, **placement)
 
     def support(self, normals: Points) -> Array:
         """
@@ -178,6 +177,14 @@ def _placement(shape: Shape, pose: ArrayLike) -> dict[str, object]:
     center, turn = complex(x, y), cmath.rect(1.0, angle)
     middle = center + turn * shape.centroid
     return {'pose': Pose(x, y, angle), 'center': center, 'turn': turn, 'middle': middle}
+
+
+def _copy_with(body: ConvexObject, **fields: object) -> ConvexObject:
+    """Return a copy of an object with other fields, which are not checked again."""
+    duplicate = copy.copy(body)
+    for name, value in fields.items():
+        object.__setattr__(duplicate, name, value)
+    return duplicate
 
 
 def check_friction(value: float, what: str = 'friction') -> float:

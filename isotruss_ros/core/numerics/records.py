@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-import copy
 import dataclasses
 import enum
 from functools import cached_property
@@ -174,11 +173,3 @@ def _show(value: Any) -> str:
         text = str(value)
     text = text.replace('\n', ' ')
     return text if len(text) <= MAX_SHOWN_CHARACTERS else f'{text[:MAX_SHOWN_CHARACTERS]}…'
-
-
-def copy_with(frozen: Any, **fields: object) -> Any:
-    """Return a copy of a frozen dataclass with other fields, which are not checked again."""
-    duplicate = copy.copy(frozen)
-    for name, value in fields.items():
-        object.__setattr__(duplicate, name, value)
-    return duplicate
