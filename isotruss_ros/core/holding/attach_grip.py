@@ -13,7 +13,6 @@ from __future__ import annotations
 import cmath
 from dataclasses import replace
 
-from isotruss_ros.core.holding.contact_forces import ANGLE, POSE
 from isotruss_ros.core.holding.contact_search import (
     ContactSet,
     ContactSolver,
@@ -36,7 +35,7 @@ from isotruss_ros.core.holding.held_grip import (
     NotHeldError,
     scaled_wrench,
 )
-from isotruss_ros.core.holding.pressed_contacts import find_pressed
+from isotruss_ros.core.holding.pressed_contacts import ANGLE, find_pressed, POSE
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_depths
 from isotruss_ros.core.manipulation.grip import GRIP_SIZES

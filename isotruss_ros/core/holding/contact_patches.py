@@ -15,8 +15,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from isotruss_ros.core.contact.pressed_skin import PressedSkin
-from isotruss_ros.core.holding.contact_forces import ContactForces
-from isotruss_ros.core.holding.pressed_contacts import PressedContacts
+from isotruss_ros.core.holding.pressed_contacts import ContactForces, PressedContacts
 from isotruss_ros.core.numerics.arrays import Array, Flags
 from isotruss_ros.core.statics.bent_tubes import BentTubes
 import numpy as np

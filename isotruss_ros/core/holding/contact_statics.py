@@ -30,14 +30,15 @@ from typing import NamedTuple
 
 from isotruss_ros.core.contact.dents import corner_dents, Dents, disc_dents
 from isotruss_ros.core.contact.flattening import flattening_of
-from isotruss_ros.core.holding.contact_forces import (
+from isotruss_ros.core.holding.pressed_contacts import (
     ANGLE,
     CENTER,
     ContactForces,
+    facing_lines,
     Places,
     POSE,
+    PressedContacts,
 )
-from isotruss_ros.core.holding.pressed_contacts import facing_lines, PressedContacts
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_lines
 from isotruss_ros.core.model.convex_object import ConvexObject

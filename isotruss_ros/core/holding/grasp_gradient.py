@@ -16,10 +16,10 @@ from dataclasses import dataclass, replace
 import functools
 
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.holding.contact_forces import ANGLE, POSE
 from isotruss_ros.core.holding.grip_response import slip_planes
 from isotruss_ros.core.holding.held_gradient import GraspParameters, LoadedTubes
 from isotruss_ros.core.holding.held_grip import HeldGrip
+from isotruss_ros.core.holding.pressed_contacts import ANGLE, POSE
 from isotruss_ros.core.holding.settled_grasp import SettledGrasp
 from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.numerics.blas_threads import single_threaded

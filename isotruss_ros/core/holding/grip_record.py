@@ -9,10 +9,9 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.holding.contact_forces import Places
 from isotruss_ros.core.holding.contact_statics import build_statics, TubeModel
 from isotruss_ros.core.holding.held_grip import HeldGrip
-from isotruss_ros.core.holding.pressed_contacts import facing_lines, PressedContacts
+from isotruss_ros.core.holding.pressed_contacts import facing_lines, Places, PressedContacts
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array

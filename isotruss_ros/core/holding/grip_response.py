@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import functools
 from typing import NamedTuple
 
-from isotruss_ros.core.holding.contact_forces import ContactForces, POSE
+from isotruss_ros.core.holding.pressed_contacts import ContactForces, POSE
 from isotruss_ros.core.numerics.arrays import Array, Indices
 import numpy as np
 from scipy.linalg import lapack

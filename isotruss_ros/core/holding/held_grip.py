@@ -11,13 +11,10 @@ import functools
 import math
 
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.holding.contact_forces import (
-    ContactForces,
-)
 from isotruss_ros.core.holding.contact_patches import ContactPatches, find_patches
 from isotruss_ros.core.holding.contact_statics import ContactStatics, TubeModel
 from isotruss_ros.core.holding.grip_response import GripResponse, slip_planes
-from isotruss_ros.core.holding.pressed_contacts import PressedContacts
+from isotruss_ros.core.holding.pressed_contacts import ContactForces, PressedContacts
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_lines
 from isotruss_ros.core.manipulation.grip import Grip

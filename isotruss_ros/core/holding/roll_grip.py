@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from isotruss_ros.core.holding.contact_forces import POSE
 from isotruss_ros.core.holding.contact_search import ContactSet, search_contacts
 from isotruss_ros.core.holding.contact_statics import (
     build_statics,
@@ -26,7 +25,7 @@ from isotruss_ros.core.holding.held_grip import (
     scaled_wrench,
     travel_rates,
 )
-from isotruss_ros.core.holding.pressed_contacts import facing_lines
+from isotruss_ros.core.holding.pressed_contacts import facing_lines, POSE
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.numerics.tolerances import MAX_SEARCH_STEPS, NEGLIGIBLE_SHARE

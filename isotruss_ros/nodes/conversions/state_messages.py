@@ -10,9 +10,8 @@ from isotruss_msgs.msg import HeldGrip as HeldGripMessage
 from isotruss_msgs.msg import StateEstimate as StateEstimateMessage
 from isotruss_ros.core import Pose, Robot
 from isotruss_ros.core.estimation.state_estimate import EstimatedTravel, StateEstimate
-from isotruss_ros.core.holding.contact_forces import Places
 from isotruss_ros.core.holding.grip_record import GripEstimate, GripRecord
-from isotruss_ros.core.holding.pressed_contacts import PressedContacts
+from isotruss_ros.core.holding.pressed_contacts import Places, PressedContacts
 from isotruss_ros.core.numerics.arrays import covariance_matrix
 from isotruss_ros.nodes.conversions.messages import (
     check_frame,

@@ -9,8 +9,8 @@ from grips import gripped
 from held_grips import BOX, held
 from isotruss_ros.core import HoldStatus
 from isotruss_ros.core.holding.attach_grip import attach_grip, rest
-from isotruss_ros.core.holding.contact_forces import ANGLE, CENTER
 from isotruss_ros.core.holding.contact_statics import build_statics, TubeModel
+from isotruss_ros.core.holding.pressed_contacts import ANGLE, CENTER
 from isotruss_ros.core.holding.roll_grip import stick
 import numpy as np
 import pytest

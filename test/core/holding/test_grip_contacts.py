@@ -7,8 +7,8 @@ import itertools
 
 from held_grips import BOX, held, HOME
 from isotruss_ros.core.holding.attach_grip import attach_grip
-from isotruss_ros.core.holding.contact_forces import ContactForces
 from isotruss_ros.core.holding.grip_response import GripResponse, slip_planes
+from isotruss_ros.core.holding.pressed_contacts import ContactForces
 import numpy as np
 import pytest
 
