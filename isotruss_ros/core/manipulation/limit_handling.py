@@ -8,10 +8,10 @@ Scaling keeps the direction of the twist. Sliding scales the twist only as far a
 roller speed require; then it projects the twist on the convex set of twists that the other limits
 admit. The projection's component along the twist is at least as large as the scaled twist.
 
-If the set of admissible twists is nearly empty, or if rollers hardly move the object, full roller
-speed would produce a thousandth of the twist, with a sign that alternates from cycle to cycle. So
-a regularisation reduces roller speed at the expense of progress along the twist. Sliding may then
-be slower than scaling by a few per cent of the twist.
+If the set of admissible twists is nearly empty, full roller speed would produce a thousandth of
+the twist, with a sign that alternates from cycle to cycle. So a regularisation reduces the
+deviation from the least-cost speeds of the scaled twist, at the expense of progress along the
+twist. It is zero without limits, so the command does not jump where a limit begins to bind.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.limits import Limit, Rows
 from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.manipulation.task import Task
-from isotruss_ros.core.manipulation.twist_qp import maximize_progress, PENALTIES, project_target
+from isotruss_ros.core.manipulation.twist_qp import least_deviation, maximize_progress, PENALTIES
 from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.numerics.tolerances import NEGLIGIBLE_SHARE, ROUNDING
 import numpy as np
@@ -33,15 +33,15 @@ import numpy as np
 #: With 16, programs of 27 and 51 modules take 1.7 times as long; with 160, programs of 303 modules
 #: take 2.5 times as long (nested triangles).
 ROW_BATCH = 40
-#: Weight of progress along a scaled twist relative to roller speed [-]. Full roller speed is used
-#: if the object's surface moves along the twist with at least 2 / `PROGRESS_WEIGHT` of the roller
-#: speed. In control loops slower than `REFERENCE_PERIOD` [s], this weight decreases with the
-#: period. With a large weight, rollers at a limit go back and forth while the heading turns past
-#: it: in 2 of 721 cycles by more than 1 mm/s, in 7 with 30, in 71 with 100 (nine_member).
+#: Weight of progress along a scaled twist relative to the deviation from its least-cost speeds
+#: [-]. In control loops slower than `REFERENCE_PERIOD` [s], it decreases with the period. While
+#: the heading turns at limits and singular tasks of the nine-member robot, rollers go back and
+#: forth by more than 1 mm/s in 11 of 4872 cycles; in 15 with 5, in 125 with 100.
 PROGRESS_WEIGHT, REFERENCE_PERIOD = 20.0, 1e-2
-#: Weight of the error of the twist relative to roller speeds while sliding [-]. With 10, rollers
-#: go back and forth in 18 of 721 cycles instead of 1.
-SLIDING_WEIGHT = 100.0
+#: Weight of the error of the twist relative to the deviation of roller speeds while sliding [-].
+#: In the runs of `PROGRESS_WEIGHT`, rollers go back and forth in 13 cycles with 100, in 332 with
+#: 1000.
+SLIDING_WEIGHT = 30.0
 #: Value of `LimitHandling.soft_rank` in control loops [-]. While the heading turns at a singular
 #: task, rollers go back and forth by more than 1 mm/s in 155 of 721 cycles with 0, in 3 with 0.07
 #: and in 1 with 0.22, but then the object's speed changes by 6 mm/s in a cycle (nine_member).
@@ -93,14 +93,16 @@ def apply_limits(
         np.minimum(rows.upper, largest) / unit,
     )
     farthest, direction = min(asked / unit, 1.0 / NEGLIGIBLE_SHARE), task.direction / gain
+    free = task.free / gain
+    least = float(free.dot(working.cost.dot(free)))
     penalty, weight, guess = PENALTIES[0], NEGLIGIBLE_SHARE, None
     if handling.period > 0.0:
         slower = min(1.0, REFERENCE_PERIOD / handling.period)
         penalty = min(penalty, PROGRESS_WEIGHT * slower * max_speed / (unit * gain))
-        weight, guess = 1.0 / SLIDING_WEIGHT, task.free / gain
+        weight, guess = 1.0 / SLIDING_WEIGHT, free
 
     def progress(cost: Array, equality: Array, limited: Rows) -> tuple[Array, float]:
-        return maximize_progress(cost, equality, direction, farthest, limited, penalty)
+        return maximize_progress(cost, equality, direction, farthest, limited, least, penalty)
 
     fixed, slid = bounds, False
     if handling.slide_along_limits:
@@ -109,14 +111,16 @@ def apply_limits(
     solution, made = _solve(task, progress, fixed, guess)
     slack = bounds.slack(solution)
     if handling.slide_along_limits and (slack < -NEGLIGIBLE_SHARE).any():
-        target, slid = made * direction, True
+        slid, scaled, rank = True, solution, len(reach.directions)
+        rates, opening = bounds.matrix.dot(scaled), made * direction[rank:]
 
-        def closest(cost: Array, equality: Array, limited: Rows) -> tuple[Array, float]:
-            rank = len(reach.directions)
-            found = project_target(cost, equality, target, rank, limited, weight)
+        def deviate(cost: Array, equality: Array, limited: Rows) -> tuple[Array, float]:
+            found = least_deviation(cost, equality, rank, opening, limited, weight)
             return found, gain * float(task.direction.dot(equality.dot(found)))
 
-        solution, made = _solve(task, closest, bounds, guess)
+        moved = Rows(bounds.matrix, bounds.lower - rates, bounds.upper - rates)
+        deviation, lost = _solve(task, deviate, moved, guess if guess is None else 0.0 * guess)
+        solution, made = scaled + deviation, made + lost
         slack = bounds.slack(solution)
     scale = min(1.0, max(0.0, made * unit / gain / task.speed))
     if made < ROUNDING:

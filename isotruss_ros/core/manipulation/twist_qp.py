@@ -4,14 +4,15 @@
 """
 Quadratic programs (QP) for the largest progress along a twist under limits, at least cost (11).
 
-    minimize   1/2 |C u|^2 - rho (s - s^2 / (4 reach))
+    minimize   1/2 |C (u - s f)|^2 - rho (s - s^2 / (4 reach))
     subject to J u = s * direction,  0 <= s <= reach,  lower <= G u <= upper
 
-The second term is an exact penalty: its slope is at least rho / 2, which is larger than any
-possible decrease of the first term. So the progress s is the largest possible one up to |C u|^2 /
-rho, and the cost is minimal for this s. The direction must be scaled such that u and s have equal
-magnitudes. Without binding limits the solution is `least_cost`. At binding limits `project_target`
-deviates from the direction.
+with the least-cost speeds f of `least_cost`. J (u - s f) = 0, so the first term is
+1/2 |C u|^2 - 1/2 s^2 |C f|^2. The second term is an exact penalty if rho is large: its slope is at
+least rho / 2. Then the progress s is the largest possible one, and the cost is minimal for this s.
+The direction must be scaled such that u and s have equal magnitudes. Without binding limits the
+solution is reach * f for every rho. At binding limits `least_deviation` deviates from the
+direction.
 """
 
 from __future__ import annotations
@@ -38,6 +39,7 @@ def maximize_progress(
     direction: Array,
     reach: float,
     limited: Rows,
+    least: float,
     penalty: float = PENALTIES[0],
 ) -> tuple[Array, float]:
     """
@@ -49,6 +51,7 @@ def maximize_progress(
     :param equality: (k, r) matrix J of full row rank.
     :param direction: (k,) direction in J u = s * direction.
     :param limited: (l, r) rows G with their bounds, which u = 0 fulfils.
+    :param least: least cost |C f|^2 of speeds f with J f = direction.
     :return: speeds u (r,), and progress s.
     """
     inequality, lower, upper = limited
@@ -64,36 +67,33 @@ def maximize_progress(
     problem = QuadraticProgram(hessian, slope, rows, bounds, equations, np.zeros(len(direction)))
     # u = 0 is always admissible: the search failed at a degenerate vertex.
     for rho in [penalty, *(smaller for smaller in PENALTIES if smaller < penalty)]:
-        hessian[r, r], slope[r] = rho / (2.0 * max(reach, 1.0)), -rho
+        hessian[r, r], slope[r] = rho / (2.0 * max(reach, 1.0)) - least, -rho
         found = solve_qp(problem)
         if found is not None:
             return found[:r], float(min(max(found[r], 0.0), reach))
     raise SolverError(NO_SOLUTION)
 
 
-def project_target(
-    cost: Array, equality: Array, target: Array, rank: int, limited: Rows, regularization: float
+def least_deviation(
+    cost: Array, equality: Array, rank: int, opening: Array, limited: Rows, regularization: float
 ) -> Array:
     """
-    Return the speeds u for which J u is closest to a target, at least cost.
+    Return the least change v of roller speeds that fulfils the limits.
 
-    They minimise 1/2 |J u - target|^2 + regularization/2 |C u|^2, where the first term has the
-    first `rank` rows of J. The other rows are equalities; if the bounds do not admit their
-    targets, these are replaced by 0. All quantities are dimensionless, and |u| is of order 1.
+    It minimises 1/2 |J v|^2 + regularization/2 |C v|^2, where the first term has the first `rank`
+    rows of J. The other rows are equalities J v = 0; if the bounds do not admit them, they become
+    J v = -opening. All quantities are dimensionless.
 
     :param cost: (r, r) matrix C^T C, positive definite.
     :param equality: (k, r) matrix J.
-    :param target: (k,) desired value of J u.
-    :param limited: (l, r) rows G with their bounds, which u = 0 fulfils.
-    :return: (r,) speeds u.
+    :param opening: (k - rank,) values of the other rows before the change.
+    :param limited: (l, r) rows G with their bounds on v.
     """
     inequality, lower, upper = limited
     reached, kept = equality[:rank], equality[rank:]
     rows, bounds = np.vstack([inequality, -inequality]), np.concatenate([upper, -lower])
-    exact = target[rank:]
-    for right in (exact, np.zeros(len(kept))) if exact.any() else (exact,):
-        hessian = reached.T @ reached + regularization * cost
-        gradient = -reached.T @ target[:rank]
+    hessian, gradient = reached.T @ reached + regularization * cost, np.zeros(len(cost))
+    for right in (np.zeros(len(kept)), -opening) if opening.any() else (-opening,):
         found = solve_qp(QuadraticProgram(hessian, gradient, rows, bounds, kept, right))
         if found is not None:
             return found

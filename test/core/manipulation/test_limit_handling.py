@@ -130,7 +130,7 @@ def test_regularization_keeps_the_direction_and_nearly_the_progress(robot, rng, 
     # Where the rollers move the object well, little progress is lost.
     surface_speed = np.linalg.norm(surface(grasp) * exact.achieved_twist)
     if surface_speed > 0.3 * np.linalg.norm(exact.roller_velocities):
-        assert thrifty.scale > 0.9 * exact.scale
+        assert thrifty.scale > 0.97 * exact.scale
 
 
 @pytest.mark.parametrize('slide', [False, True])

@@ -5,6 +5,7 @@
 
 from grips import disc_grip
 from isotruss_ros.core import load_robot, solve_twist
+from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.manipulation.limit_handling import (
     LimitHandling,
     PROGRESS_WEIGHT,
@@ -13,6 +14,7 @@ from isotruss_ros.core.manipulation.limit_handling import (
 from isotruss_ros.core.manipulation.limits import RollerSpeedLimit
 import numpy as np
 import pytest
+import scipy
 from walls import Wall
 
 ROBOT, NINE = load_robot('triangle'), load_robot('nine_member')
@@ -39,27 +41,38 @@ def solved(twist, period, slide=False, others=()):
     ).roller_velocities
 
 
-@pytest.mark.parametrize('slide', [False, True])
-@pytest.mark.parametrize('speed', [0.05, 1.0])
-@pytest.mark.parametrize('twist', [(1.0, 0.0, 0.0), (0.3, 1.0, 0.0), (0.0, 0.0, 5.0)])
-def test_progress_costs_roller_speed_as_in_closed_form(twist, speed, slide):
-    """With p of the task of a largest roller speed 1: c p^2 / 2 - rho p + rho p^2 / (4 reach)."""
-    command = solve_twist(ROBOT.home, GRASP, speed * np.array(twist), limits=[])
-    free, wanted = command.roller_velocities, command.achieved_twist
-    surface = np.linalg.norm(wanted * (1.0, 1.0, GRASP.body.arm))
+@pytest.mark.parametrize('share', [0.1, 0.5, 0.9])
+@pytest.mark.parametrize('twist', [(0.05, 0.0, 0.0), (0.02, 0.04, 0.0), (0.0, 0.0, 0.2)])
+def test_progress_costs_deviation_from_the_free_speeds_as_in_closed_form(twist, share):
+    """With n = u - s f at one stop g u <= b: |C n|^2 / 2 = (s g f - b)^2 / 2 k."""
+    grip = disc_grip(NINE.home, 'east/Q', 0.3)
+    free = solve_twist(NINE.home, grip, twist, limits=[]).roller_velocities
     asked = np.abs(free).max()
-    gain = asked / surface
-    unit = min(MAX_SPEED, asked)
-    # So small that neither the speeds nor the stop bind; the stop does for the free solution.
-    rho = 0.2
-    weight = rho * unit * gain / MAX_SPEED
-    # Beyond the reference the weight falls with the period.
-    period = REFERENCE_PERIOD * PROGRESS_WEIGHT / weight
-    assert period > REFERENCE_PERIOD
-    cost = np.sum((ROBOT.topology.incidence @ free / asked) ** 2)
-    progress = rho / (cost + 0.5 * rho * unit / asked)
-    found = solved(wanted, period, slide, [stop(len(free), 0, 0.9 * free[0])])
-    assert found == pytest.approx(progress * unit * free / asked, rel=1e-9, abs=1e-12)
+    f = free / asked
+    gain = asked / np.linalg.norm(np.array(twist) * (1.0, 1.0, grip.body.arm))
+    rho = 0.01 * PROGRESS_WEIGHT * NINE.description.max_speed / (asked * gain)
+    null = scipy.linalg.null_space(grip_jacobian(NINE.home, grip))
+    cost = NINE.topology.incidence.T @ NINE.topology.incidence
+    compliance = null @ np.linalg.solve(null.T @ cost @ null, null.T)
+    stopped = int(np.abs(f * compliance.diagonal()).argmax())
+    a, b, k = abs(f[stopped]), share * abs(f[stopped]), compliance[stopped, stopped]
+    progress = min(1.0, (rho + a * b / k) / (a * a / k + 0.5 * rho))
+    found = solve_twist(
+        NINE.home,
+        grip,
+        twist,
+        limits=[stop(len(free), stopped, share * free[stopped])],
+        handling=LimitHandling(period=100.0 * REFERENCE_PERIOD),
+    )
+    assert share < progress
+    wanted = progress * f + (share - progress) * f[stopped] * compliance[stopped] / k
+    assert found.roller_velocities == pytest.approx(asked * wanted, rel=1e-6)
+
+
+@pytest.mark.parametrize('slide', [False, True])
+@pytest.mark.parametrize('twist', [(1.0, 0.0, 0.0), (0.3, 1.0, 0.0), (0.0, 0.0, 5.0)])
+def test_loops_scale_a_twist_to_the_limits_where_no_roller_is_redundant(twist, slide):
+    assert solved(twist, 1e-2, slide) == pytest.approx(solved(twist, 0.0, slide), rel=1e-6)
 
 
 def test_the_weight_of_progress_is_the_same_below_the_reference_period():
@@ -88,3 +101,19 @@ def test_sliding_trades_the_twist_against_roller_speed_in_loops_only():
     assert np.linalg.norm(slid(1e-2, 0.3)) < (1.0 - 1e-4) * np.linalg.norm(slid(0.0, 0.3))
     # Nothing is traded where the stop is on the other side.
     assert slid(1e-2, -0.3) == pytest.approx(free)
+
+
+@pytest.mark.parametrize('slide', [False, True])
+@pytest.mark.parametrize('speed', [0.05, 0.2])
+def test_the_command_does_not_jump_where_a_limit_begins_to_bind(slide, speed):
+    grip = disc_grip(NINE.home, 'east/Q', 0.3)
+    free = solve_twist(NINE.home, grip, (speed, 0.0, 0.0), limits=[]).roller_velocities
+    for roller in range(len(free)):
+        command = solve_twist(
+            NINE.home,
+            grip,
+            (speed, 0.0, 0.0),
+            limits=[stop(len(free), roller, (1.0 - 1e-6) * free[roller])],
+            handling=LimitHandling(slide, 1e-2),
+        )
+        assert command.roller_velocities == pytest.approx(free, abs=1e-4 * np.abs(free).max())

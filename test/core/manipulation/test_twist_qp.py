@@ -6,7 +6,7 @@
 from hypothesis import given, strategies
 from isotruss_ros.core.manipulation.limits import Rows
 from isotruss_ros.core.manipulation.task import least_cost
-from isotruss_ros.core.manipulation.twist_qp import maximize_progress, project_target
+from isotruss_ros.core.manipulation.twist_qp import least_deviation, maximize_progress
 import numpy as np
 import pytest
 import robots
@@ -40,8 +40,11 @@ def test_progress_is_the_largest_within_the_bounds_at_the_least_cost(rng):
     inequality = np.vstack([np.eye(r), rng.standard_normal((r, r))])
     upper = rng.uniform(0.1, 1.0, 2 * r)
     lower = -rng.uniform(0.1, 1.0, 2 * r)
+    gram = equality @ np.linalg.solve(cost, equality.T)
+    least = direction @ np.linalg.solve(gram, direction)
     for reach in (1e-3, 1.0, 1e6):
-        u, s = maximize_progress(cost, equality, direction, reach, Rows(inequality, lower, upper))
+        rows = Rows(inequality, lower, upper)
+        u, s = maximize_progress(cost, equality, direction, reach, rows, least)
         assert equality @ u == pytest.approx(s * direction, abs=1e-8)
         assert (inequality @ u <= upper + 1e-8).all()
         assert (inequality @ u >= lower - 1e-8).all()
@@ -62,7 +65,7 @@ def test_progress_is_the_largest_within_the_bounds_at_the_least_cost(rng):
 def test_rows_blocked_by_bounds_are_zero():
     bound = np.full(2, 0.5)
     for wanted, followed in ((0.4, 0.4), (1.0, 0.0)):
-        found = project_target(
-            np.eye(2), np.eye(2), np.array([0.3, wanted]), 1, Rows(np.eye(2), -bound, bound), 1e-9
-        )
-        assert found == pytest.approx([0.3, followed], abs=1e-6)
+        speeds = np.array([0.3, wanted])
+        limited = Rows(np.eye(2), -bound - speeds, bound - speeds)
+        change = least_deviation(np.eye(2), np.eye(2), 1, speeds[1:], limited, 1e-9)
+        assert speeds + change == pytest.approx([0.3, followed], abs=1e-6)
