@@ -48,7 +48,8 @@ class Case:
     rate: float  #: rate of manipulation [Hz]
     simulator: Mapping[str, object] = field(default_factory=dict)
     manipulation: Mapping[str, object] = field(default_factory=dict)
-    analysis: bool = False
+    #: parameters of further nodes; if there are any, the shares of all nodes are added
+    others: Mapping[str, Mapping[str, object]] = field(default_factory=dict)
 
 
 CASES = (
@@ -59,7 +60,14 @@ CASES = (
         HELD | {'plant': 'elastic', 'indentation': INDENTATION},
         HELD | {'squeeze_force': SQUEEZE},
     ),
-    Case('and simulator, analysis', 100.0, analysis=True),
+    Case('and simulator, analysis', 100.0, others={'grasp_analysis': {'rate': 100.0}}),
+    Case(
+        'with squeeze_force, and simulator, analysis, estimator',
+        100.0,
+        HELD | {'plant': 'elastic', 'indentation': INDENTATION},
+        HELD | {'squeeze_force': SQUEEZE},
+        {'grasp_analysis': HELD, 'state_estimator': HELD},
+    ),
     Case('manipulation', 200.0),
     Case('manipulation', 1000.0),
 )
@@ -94,7 +102,7 @@ def running_peer() -> Iterator[psutil.Process]:
 
 
 def measure_nodes(case: Case) -> Load:
-    """Measure manipulation, or all nodes with the analysis, while the object moves to and fro."""
+    """Measure manipulation, or all nodes of the case, while the object moves to and fro."""
     rclpy.init()
     node = Node('benchmark')
     statuses: list[ManipulationStatus] = []
@@ -115,9 +123,8 @@ def measure_nodes(case: Case) -> Load:
     nodes = [
         ('simulator', patient | {'rate': min(case.rate, 200.0)} | dict(case.simulator)),
         ('manipulation', patient | {'rate': case.rate} | dict(case.manipulation)),
+        *((name, patient | dict(values)) for name, values in case.others.items()),
     ]
-    if case.analysis:
-        nodes.append(('grasp_analysis', patient | {'rate': 100.0}))
     with (
         tempfile.TemporaryDirectory() as logs,
         running_peer() as peer,
@@ -129,7 +136,7 @@ def measure_nodes(case: Case) -> Load:
         spin(WARM_UP)
         statuses.clear()
         started = [psutil.Process(process.process.pid) for process in processes]
-        watched = started if case.analysis else started[1:2]
+        watched = started if case.others else started[1:2]
         before, peer_before, measured = cpu_time(watched), cpu_time([peer]), time.monotonic()
         spin(DURATION)
         passed = time.monotonic() - measured
