@@ -7,10 +7,13 @@ from dataclasses import replace
 
 from carries import FRICTION, make_robot, place
 from held_grips import APART, inclined_grip, NINE, numbers
+from isotruss_ros.core import solve_twist
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.grip_record import GripRecord
 from isotruss_ros.core.holding.held_grip import MIN_RELATIVE_MARGIN
 from isotruss_ros.core.holding.roll_grip import roll_grip
+from isotruss_ros.core.manipulation.grip_placing import place_between
+from isotruss_ros.core.model.shapes import Disc
 from isotruss_ros.core.planning.foresee_path import foresee_grip, foresee_path
 import numpy as np
 import pytest
@@ -74,3 +77,18 @@ def test_a_path_beyond_the_reach_of_the_robot_ends_there():
     found = foresee(held('disc 0.2 m'), (3.0, 0.0, 0.0))
     assert 0.0 < found.share < 1.0
     assert found.why
+
+
+@pytest.mark.parametrize(
+    'step', [(0.1, 0.0, 0.0), (-0.1, 0.0, 0.0), (0.0, 0.1, 0.0), (0.0, -0.1, 0.0)]
+)
+def test_a_path_that_asks_for_too_fast_rollers_is_not_foreseen(step):
+    """A disc of 0.86 m in three members: a roller moves by 29 to 55 times as much as the disc."""
+    members = ('south/P-Q', 'east/Q-R', 'north/R-P')
+    body = place_between(NINE.home, members, Disc(0.86), indentation=0.02).body
+    grip = attach_grip(NINE.home, body, numbers(members))
+    command = solve_twist(NINE.home, grip.touching(FRICTION), step, limits=[])
+    assert np.abs(command.roller_velocities).max() > 29.0 * np.linalg.norm(step)
+    found = foresee(grip, step)
+    assert found.share < 0.05
+    assert 'a roller must move by' in found.why
