@@ -19,6 +19,7 @@ from isotruss_ros.core.inputs import (
     RollerParts,
     StampedInput,
     steady_pressures,
+    UsedReadings,
 )
 import numpy as np
 import pytest
@@ -112,6 +113,30 @@ def test_readings_from_before_the_clock_was_set_back_are_dropped():
     parts.take(part((0, 1, 2), 10.0, (0.1, 0.1, 0.1)), 10.0, 10.0)
     parts.take(part((0, 1, 2), 5.0, (0.1, 0.1, 0.1)), 5.0, 5.0)
     assert parts.merged().time == 5.0
+
+
+def test_a_reading_at_the_current_time_keeps_the_earlier_ones_of_its_roller():
+    parts = RollerParts(NAMES)
+    for rollers, time in (((0, 1, 2), 1.0), ((1,), 1.5), ((0, 2), 2.0), ((0, 2), 2.0)):
+        parts.take(part(rollers, time, (0.1, 0.1, 0.1)), time, time)
+    merged = parts.merged()
+    assert merged.time == 1.5
+    assert merged.value.positions == pytest.approx(np.full(3, 0.15))
+
+
+def test_rollers_without_readings_since_the_clearing_are_missing():
+    parts = RollerParts(NAMES)
+    parts.take(part((0, 1, 2), 1.0, (0.1, 0.1, 0.1)), 1.0, 1.0)
+    parts.clear()
+    assert 'rollers a, b, c are missing' in parts.merged().reason
+
+
+@pytest.mark.parametrize('age', [0.9, 1.1])
+def test_a_repeated_reading_is_recognised_for_one_second(age):
+    used = UsedReadings()
+    assert used.use('pose', NOW, (1.0, 2.0))
+    assert used.use('pose', NOW + age, (1.0, 2.0))
+    assert used.use('pose', NOW, (1.0, 2.0)) == (age > 1.0)
 
 
 @pytest.mark.parametrize('change', [-0.019, 0.019, -0.021, 0.021])

@@ -1,0 +1,55 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Times of messages that are stamped ahead of the clock."""
+
+from types import SimpleNamespace
+
+from geometry_msgs.msg import TwistStamped
+from isotruss_ros.core.inputs import RejectedInput
+from isotruss_ros.nodes.conversions.messages import make_header
+from isotruss_ros.nodes.framework import gate
+import pytest
+
+NOW = 100.0
+
+
+@pytest.fixture
+def receive(monkeypatch):
+    """Return a function from clock, stamp [s] and kind of clock to what a gate passes on."""
+    monkeypatch.setattr(gate, 'subscribe_newest', lambda *_: None)
+    topic = gate.Topic(TwistStamped, 'cmd_vel', lambda message: 'twist')
+    node = SimpleNamespace(values=SimpleNamespace(command_timeout=0.2))
+    gates, passed = {}, []
+    for simulated in (False, True):
+        parameter = SimpleNamespace(value=simulated)
+        node.get_parameter = lambda _, parameter=parameter: parameter
+        gates[simulated] = gate.Gate(node, topic, lambda r, _: passed.append(r), None, False)
+
+    def receive(now, stamp, simulated=False):
+        node.now = lambda: now
+        gates[simulated].receive(TwistStamped(header=make_header(stamp, 'truss')))
+        return passed.pop()
+
+    return receive
+
+
+@pytest.mark.parametrize(
+    ('ahead', 'simulated'), [(0.009, False), (0.011, False), (0.09, True), (0.11, True)]
+)
+def test_a_stamp_may_be_ahead_of_real_time_by_10_ms_and_of_simulated_time_by_100_ms(
+    receive, ahead, simulated
+):
+    received = receive(NOW, NOW + ahead, simulated)
+    if ahead in (0.009, 0.09):
+        assert received.time == NOW
+    else:
+        assert isinstance(received, RejectedInput)
+        assert 'in the future' in received.reason
+
+
+def test_a_repeated_stamp_from_ahead_keeps_the_time_of_its_first_reception(receive):
+    assert receive(NOW, NOW + 0.008).time == NOW
+    assert receive(NOW + 0.004, NOW + 0.008).time == NOW
+    assert receive(NOW + 0.012, NOW + 0.008).time == NOW
+    assert receive(NOW + 0.02, NOW + 0.015).time == pytest.approx(NOW + 0.015, abs=1e-6)
