@@ -89,6 +89,24 @@ def test_what_is_beyond_the_bound_may_lose_the_square_of_the_travel(travel):
         assert margin - left == pytest.approx(1e-9 + 0.2 * (travel / 0.05) ** 2, rel=0.01)
 
 
+@pytest.mark.parametrize(('travel', 'velocity'), [(1e-3, 0.0), (1e-3, 0.05), (1e-4, 0.2)])
+@pytest.mark.parametrize('loss', [0.99, 1.01])
+def test_beyond_the_bound_the_longer_travel_of_this_and_the_previous_sample_counts(
+    travel, velocity, loss
+):
+    allowed = LAW.band * (max(travel, PERIOD * velocity) / 0.05) ** 2
+    barrier = SimpleNamespace(
+        law=LAW,
+        status=Status.SLOWED_RIGIDITY,
+        values=lambda *_: np.array([LAW.bound - 0.1 - loss * allowed]),
+        names=lambda numbers: ['value'] * len(numbers),
+    )
+    active = ActiveValues(np.arange(1), np.array([LAW.bound - 0.1]), np.zeros((1, 0)))
+    limit = BarrierLimit(barrier, active, np.zeros((1, 1)))
+    found = limit.violation(None, None, np.array([travel]), np.array([-velocity]), PERIOD)
+    assert (found is None) == (loss < 1.0)
+
+
 def keep(speed, share_of, status=Status.OK):
     """Return a command of a speed, and what is kept; a share of each travel is admissible."""
 

@@ -41,3 +41,17 @@ def test_margins_are_the_least_distances_and_name_them(robot, rng):
     values = barrier.values(config, grip, ALL_VALUES)
     assert (values[near] == distances[near]).all()
     assert (values[~near] >= far).all()
+
+
+def test_distances_leave_out_grasping_members_their_meeting_module_and_the_rods_at_its_joint():
+    config = load_robot('nine_member').home
+    topology = config.robot.topology
+    first, meeting = 0, topology.following[0]
+    members = tuple(topology.member_names[i] for i in (first, meeting))
+    rods = np.flatnonzero(topology.joint == topology.joint[meeting])
+    count = topology.n_modules
+    expected = {first, meeting, count + meeting, *(2 * count + rods)}
+
+    distances = object_distances(config, ConvexObject.disc((0.0, 0.0), 0.2), members)
+
+    assert set(np.flatnonzero(np.isinf(distances))) == expected
