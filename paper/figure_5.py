@@ -12,8 +12,8 @@ import math
 from isotruss_ros.core import Configuration, load_robot, Robot
 from isotruss_ros.core.kinematics.depths import member_lines
 from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.statics.equilibrium import bend, follow_loads, LoadPath, solve, unloaded
 from isotruss_ros.core.statics.frame import Frame
-from isotruss_ros.core.statics.load_path import follow_loads, LoadPath
 from isotruss_ros.core.statics.structure import Structure, structure_of
 from isotruss_ros.core.statics.tangent import Tangent
 from isotruss_ros.core.statics.tube_stiffness import tube_stiffness
@@ -122,7 +122,7 @@ def pinned_frame(config: Configuration) -> Frame:
     for joint, axis in PINNED:
         held[structure.node(joint), axis] = True
     free = structure.frame
-    return Frame(free.points, free.members, held, structure.node_names, free.rows)
+    return Frame.of(free.points, free.members, held, structure.node_names, free.rows)
 
 
 def find_onset(
@@ -137,19 +137,19 @@ def find_onset(
     :param path: equilibria on both sides of the state.
     """
 
-    def bend(factor: float) -> Tangent:
+    def bend_by(factor: float) -> Tangent:
         before = path.tangents[max(np.searchsorted(path.factors, factor) - 1, 0)]
-        found = frame.bend(factor * loads, before)
+        found = bend(before, factor * loads)
         assert found is not None
         return found
 
     def reserve(factor: float) -> float:
-        bent = bend(factor)
+        bent = bend_by(factor)
         forces = bent.end_forces, bent.forces.values[:, 0]
         return 1.0 - float(find_utilisation(structure, frame, *forces).used.max())
 
     factor = scipy.optimize.brentq(reserve, 0.0, path.factors[-1])
-    return bend(factor), factor
+    return bend_by(factor), factor
 
 
 def shape(edges: tuple[float, float]) -> Shape:
@@ -164,7 +164,8 @@ def shape(edges: tuple[float, float]) -> Shape:
     frame, top = pinned_frame(config), structure.node(PUSHED)
     loads = np.zeros((len(frame.points), 3))
     loads[top, 1] = -1.0
-    small = frame.solve(loads)
+    rest = unloaded(frame)
+    small = solve(rest, loads)
     give = -float(small.displacements[top, 1])
     tube = tube_stiffness(robot.description).section_stiffness(config.member_lengths, PRESSURE)
     ends = small.end_forces[structure.pieces[2]].reshape(-1, 2, 3)
@@ -172,7 +173,7 @@ def shape(edges: tuple[float, float]) -> Shape:
     stiffness = float(tube.axial[leg] / config.member_lengths[leg])
     start, end = member_lines(config)[leg]
     angle = math.asin(abs((end - start).imag) / abs(end - start))
-    path = follow_loads(frame, loads, MOST, FARTHEST)
+    path = follow_loads(rest, loads, MOST, FARTHEST)
     sunk = np.array([-each.displacements[top, 1] for each in path.tangents])
     forces = np.array(path.factors)
     wrinkling, force = find_onset(structure, frame, loads, path)

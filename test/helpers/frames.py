@@ -10,38 +10,26 @@ pinned ends have rotations of their own, constraints are met by a basis of what 
 
 from typing import NamedTuple
 
+from isotruss_ros.core.statics.blocks import Members
 from isotruss_ros.core.statics.frame import Frame
-from isotruss_ros.core.statics.frame_pattern import Members
 import numpy as np
 from scipy.linalg import null_space
-from scipy.sparse import coo_matrix
 
 
 class LinearRows(NamedTuple):
-    """Homogeneous linear constraints on displacements, in place of those on rotations."""
+    """Homogeneous linear constraints on displacements, in place of bisections."""
 
-    count: int
-    row: np.ndarray
-    column: np.ndarray
-    value: np.ndarray
+    matrix: np.ndarray
 
     @property
-    def pairs(self):
-        """Return no pairs, since the constraints are linear."""
-        return (np.zeros(0, dtype=np.intp),) * 2
+    def places(self):
+        """Return all displacements for each constraint."""
+        return np.tile(np.arange(self.matrix.shape[1]), (len(self.matrix), 1))
 
-    def spans(self, points):
-        """Return no spans."""
-        return points[:0]
-
-    def linearize(self, spans, displacements):
-        """Return entries and violations; there are no spans."""
-        moved = displacements.ravel()[self.column] * self.value
-        return self.value, np.bincount(self.row, moved, minlength=self.count), spans
-
-    def curvature(self, spans, multipliers):
-        """Return no geometric stiffness."""
-        return spans.real
+    def linearize(self, points, displacements, multipliers, chosen):
+        """Return derivatives, gaps, and no geometric stiffness."""
+        rows, count = self.matrix[chosen], self.matrix.shape[1]
+        return rows, rows @ displacements.ravel()[:count], np.zeros((len(rows), count, count))
 
 
 def members(ends, axial, flexural, shear=np.inf, pins=()):
@@ -70,9 +58,8 @@ def frame(points, members_, held, rows=None, names=None):
     """Return the package's frame; nodes are called n0, n1, ... ."""
     names = [f'n{i}' for i in range(len(points))] if names is None else names
     points = np.asarray(points, dtype=complex)
-    matrix = coo_matrix(np.zeros((0, held.size)) if rows is None else rows)
-    constraints = LinearRows(matrix.shape[0], matrix.row, matrix.col, matrix.data)
-    return Frame(points, members_, held, names, constraints)
+    constraints = LinearRows(np.zeros((0, held.size)) if rows is None else rows)
+    return Frame.of(points, members_, held, names, constraints)
 
 
 def random_frame(rng, shear=True, pins=0.3, spread=1.5):

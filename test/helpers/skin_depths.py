@@ -31,7 +31,7 @@ def bent_line(grip, name, places):
     begin = sum(map(len, list(loads.values())[: list(loads).index(name)]))
     begin += len(loads[name]) - len(places)
     bent = deform(grip.config, {}, grip.tubes.pressure, tube_loads=loads)
-    nodes = bent.frame.nodes[begin + np.arange(len(places))]
+    nodes = bent.frame.layout.nodes[begin + np.arange(len(places))]
     return bent.frame.points[nodes] + bent.state.displacements[nodes] @ (1.0, 1.0j, 0.0)
 
 

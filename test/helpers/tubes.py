@@ -6,8 +6,9 @@
 from types import SimpleNamespace
 
 import frames
-from isotruss_ros.core.statics.cut_frame import CutFrame
-from isotruss_ros.core.statics.frame_pattern import Members
+from isotruss_ros.core.statics.blocks import Members
+from isotruss_ros.core.statics.equilibrium import solve, unloaded
+from isotruss_ros.core.statics.structure import Structure
 import numpy as np
 
 
@@ -32,7 +33,7 @@ def bare(span, axial, flexural, shear):
     topology = SimpleNamespace(
         n_modules=1, b=one - 1, c=one, end=one, following=one - 1, previous=one - 1, tube=one - 1
     )
-    return SimpleNamespace(
+    structure = SimpleNamespace(
         frame=frame,
         config=SimpleNamespace(
             robot=SimpleNamespace(topology=topology),
@@ -43,19 +44,21 @@ def bare(span, axial, flexural, shear):
         owners=np.zeros((3, 1), dtype=int),
         locate=lambda members, places: (0 * members, places, 1.0 + 0.0 * places),
     )
+    structure.tube_parts = lambda frame: Structure.tube_parts(structure, frame)
+    return structure
 
 
 def robot_with_nodes(structure, members, places):
     """Return the frame of a robot with nodes at places (c,) on its members (c,)."""
-    return CutFrame(structure.frame, *structure.locate(members, places)[:2])
+    return structure.frame.cut(*structure.locate(members, places)[:2])
 
 
 def node_compliance(frame, nodes):
     """Return (c, 2, c, 2): displacements of nodes under unit forces at nodes, solve by solve."""
-    answer = np.empty((len(nodes), 2, len(nodes), 2))
+    rest, answer = unloaded(frame), np.empty((len(nodes), 2, len(nodes), 2))
     for c, node in enumerate(nodes):
         for axis in range(2):
             loads = np.zeros((len(frame.points), 3))
             loads[node, axis] = 1.0
-            answer[:, :, c, axis] = frame.solve(loads).displacements[nodes, :2]
+            answer[:, :, c, axis] = solve(rest, loads).displacements[nodes, :2]
     return answer

@@ -284,6 +284,7 @@ def _response_rates(grip: HeldGrip, tubes: LoadedTubes, change: Array, response:
     They are central differences of fourth order of `_equation_changes` along the responses.
     """
     moved = np.abs(response[:POSE]) * [[1.0], [1.0], [grip.arm]]
+    grip = replace(grip, statics=replace(grip.statics, bent=grip.statics.bent.activated()))
     state, structure = grip.state, grip.statics.bent.structure
     pieces, within, _ = structure.locate(grip.contacts.members, state.feet)
     room = np.minimum(within, structure.frame.length[pieces] - within)

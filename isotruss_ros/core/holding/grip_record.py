@@ -43,7 +43,7 @@ class GripRecord(NamedTuple):
     @classmethod
     def of(cls, grip: HeldGrip, estimate: GripEstimate | None = None) -> GripRecord:
         """Return the record of a grip whose tubes are bent."""
-        bent = grip.statics.bent
+        bent = grip.statics.bent.activated()
         own = grip.tubes.pressure is not None
         return cls(
             grip.config.roller_positions,

@@ -22,7 +22,7 @@ from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.tolerances import EPSILON, NEGLIGIBLE_SHARE, ROUNDING
 from isotruss_ros.core.statics.bent_tubes import BentTubes, FOLLOWED_MOTION
-from isotruss_ros.core.statics.frame_rates import section_rates
+from isotruss_ros.core.statics.structure import section_rates
 from isotruss_ros.core.statics.wrinkling import evaluate_utilisation, find_utilisation
 import numpy as np
 
@@ -117,7 +117,8 @@ class LoadedTubes:
         self.spins: Array = (ahead / (bent.length * bent.axis)[:, None]).imag
         if bent.distance(state.loads, state.feet) > reach:
             bent = bent.update(state.loads, state.feet)
-        self.sections = section_rates(bent, moved, self._inflated)
+        bent = bent.activated()
+        self.sections = section_rates(bent.structure, bent.frame, moved, self._inflated)
         self._load(grip, bent)
 
     def _load(self, grip: HeldGrip, bent: BentTubes) -> None:
@@ -183,7 +184,7 @@ class LoadedTubes:
         :param change: (3 + 4k, p) derivatives of the equilibrium's unknowns.
         """
         bent, state = self._bent, self._grip.state
-        frame, tangent, axis = bent.frame, bent.tangent, bent.axis[:, None]
+        nodes_at, tangent, axis = bent.frame.layout.nodes, bent.tangent, bent.axis[:, None]
         feet, inclined, normal, rubs = change[POSE:].reshape(4, len(axis), -1)
         forces = (normal + 1j * rubs) * state.normals[:, None]
         forces += 1j * (self.spins + inclined) * self._push[:, None]
@@ -196,9 +197,9 @@ class LoadedTubes:
         by_sections, turned, rates = bent.section_changes(self.sections)
         moved, slope, by_places = bent.changes(loads, feet)
         nodes = by_sections + moved
-        still = tangent.displacements[frame.nodes]
+        still = tangent.displacements[nodes_at]
         there = bent.axis * state.feet + still[:, 0] + 1j * still[:, 1]
-        give = nodes[frame.nodes, 0] + 1j * nodes[frame.nodes, 1]
+        give = nodes[nodes_at, 0] + 1j * nodes[nodes_at, 1]
         give -= self._starts + 1j * self.spins * there[:, None]
         # The displacement is relative to the contact, which moves along its member.
         give = give / axis - feet

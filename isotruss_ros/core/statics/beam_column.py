@@ -78,13 +78,13 @@ class BeamColumns(NamedTuple):
         return cls(values)
 
     def evaluate(self, longer: Array, turns: Array, known: Array | None = None) -> EndForces:
-        """Return the end forces of bent members."""
+        """Return the end forces of bent members; `known` (k,) are axial forces near theirs."""
         stretch, rotary = self.values[1], self.values[2:].reshape(3, 3, -1)
         straight, first, second = by_power = rotary[:, :2] * turns[0] + rotary[:, 1:] * turns[1]
         _, bowed, hardened = (by_power * turns).sum(axis=1)
         soft = 1.0 / (stretch - hardened)
         nearest = (longer + 0.5 * bowed) * soft
-        pull = nearest if known is None else known
+        pull = nearest if known is None else np.where(np.isnan(known), nearest, known)
         bent = pull * second
         slope = first + 2.0 * bent
         steep = slope * soft

@@ -9,6 +9,9 @@ The place of a load point is its distance from the start of the member. If the l
 along the member, the part before it becomes longer and the part behind it shorter. The responses
 are the displacements and inclinations at the load points; they are affine functions of loads and
 places.
+
+Tubes that are not loaded by load points nor, through their hinges, by other tubes are kept
+undeformed, see `UnloadedBlocks`.
 """
 
 from __future__ import annotations
@@ -21,11 +24,11 @@ from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.numerics.tolerances import MAX_SEARCH_STEPS, NEGLIGIBLE_SHARE, ROUNDING
 from isotruss_ros.core.statics.beam_column import end_forces
-from isotruss_ros.core.statics.cut_frame import CutFrame, keep_apart
-from isotruss_ros.core.statics.elimination import Elimination
-from isotruss_ros.core.statics.frame import Frame
+from isotruss_ros.core.statics.blocks import Factored
+from isotruss_ros.core.statics.frame import Frame, keep_apart
 from isotruss_ros.core.statics.structure import Structure
-from isotruss_ros.core.statics.tangent import Slopes, Tangent
+from isotruss_ros.core.statics.tangent import linearize, Slopes, Tangent
+from isotruss_ros.core.statics.unloaded_blocks import UnloadedBlocks
 import numpy as np
 
 #: Tubes are linearised again if a node has moved farther than this from the linearised state [m]:
@@ -36,25 +39,27 @@ import numpy as np
 FOLLOWED_MOTION, SETTLED_MOTION = 1e-4, 1e-11
 #: Weight of a load point's motion relative to a node's motion in `BentTubes.distance` [-].
 PLACE_SHARE = 0.2
+#: Largest force on a hinge of a tube that is kept undeformed [N]: a constant, which displaces
+#: nodes by about `SETTLED_MOTION`, and a factor on the square of the motion of nodes [N/m^2],
+#: because a linearisation leaves forces of this order.
+KEPT_FORCE, KEPT_FORCE_RATE = 1e-8, 1e4
 
 
 class Displaced(NamedTuple):
     """State of a bent frame about which tubes are linearised."""
 
-    displacements: Array  #: (n, 3) displacements ux, uy [m], theta [rad]
-    multipliers: Array  #: (q,) Lagrange multipliers of the constraints
+    unknowns: Array  #: (u,) unknowns of the frame, see `Tangent`
     loads: Array  #: (k, 3) loads at the load points, see `BentTubes` [N, N m]
-    pull: Array  #: (c,) axial forces of the frame's members [N]
+    pull: Array  #: (p,) axial forces of the frame's parts [N]
 
     @classmethod
     def of_values(cls, frame: Frame, values: Array) -> Displaced:
         """Return the state of a frame from all of its values in this order, (s,)."""
-        nodes, loads = (3 * number for number in (len(frame.points), len(frame.nodes)))
-        ends = np.cumsum([nodes, frame.rows.count, loads, len(frame.length)])
+        ends = np.cumsum([len(frame.scale), 3 * len(frame.layout.nodes), len(frame.length)])
         if values.shape != (ends[-1],):
             raise StructureError(f'bent tubes with {values.size} values: must be {ends[-1]}')
-        moved, multipliers, pushed, pull = np.split(values, ends[:-1])
-        return cls(moved.reshape(-1, 3), multipliers, pushed.reshape(-1, 3), pull)
+        unknowns, pushed, pull = np.split(values, ends[:-1])
+        return cls(unknowns, pushed.reshape(-1, 3), pull)
 
     @property
     def values(self) -> Array:
@@ -88,6 +93,34 @@ class Cuts(NamedTuple):
     frame: Frame
     ahead: Array  #: (k,) 1 for load points on pieces that run along their member, else -1
     places: Array  #: (k,) `BentTubes.places`, shifted so that no part is too short [m]
+    kept: tuple[UnloadedBlocks, ...]  #: blocks that are kept undeformed
+
+    @classmethod
+    def of(
+        cls,
+        structure: Structure,
+        members: Indices,
+        places: Array,
+        active: Indices | None,
+        like: Cuts | None = None,
+    ) -> Cuts:
+        """
+        Return the frame of a structure with nodes at places of members.
+
+        :param active: blocks that are not kept undeformed; None: those with load points.
+        :param like: frame whose kept blocks are used if they fit.
+        """
+        pieces, within, ahead = structure.locate(members, places)
+        inside = keep_apart(pieces, within, structure.frame.length[pieces])
+        if active is None:
+            active = structure.frame.layout.numbering.active_blocks(pieces)
+        frame = structure.frame.cut(pieces, inside, active)
+        fits = like is not None and like.frame.uncut is structure.frame
+        if fits and like.frame.layout is frame.layout:
+            kept = like.kept
+        else:
+            kept = structure.keep(frame.layout)
+        return cls(frame, ahead, places + ahead * (inside - within), kept)
 
 
 class Changes(NamedTuple):
@@ -98,12 +131,11 @@ class Changes(NamedTuple):
     last column the step to equilibrium.
     """
 
-    nodes: Array  #: (n, 3, p) displacements of the nodes [m, rad]
-    multipliers: Array  #: (q, p) Lagrange multipliers
+    unknowns: Array  #: (u, p) multipliers, and displacements of the nodes [m, rad]
     responses: Array  #: (k, 3, p) responses at the load points, see `BentTubes`
     state: Array  #: (k, 3) responses in the linearised state
     slopes: Slopes  #: inclinations of the tubes before, then behind the load points
-    factored: Elimination  #: factorised matrix of the frame
+    factored: Factored  #: factorised matrix of the frame
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,59 +182,14 @@ class BentTubes:
         return self.lines.axis
 
     @cached_property
-    def _cuts(self) -> Cuts:
+    def cuts(self) -> Cuts:
         """Return the frame with nodes at the load points."""
-        if self.given_cuts is not None:
-            return self.given_cuts
-        pieces, inside, ahead, places = self._locate_cuts(self.structure, self.places)
-        return Cuts(CutFrame(self.structure.frame, pieces, inside), ahead, places)
-
-    def _locate_cuts(
-        self, structure: Structure, places: Array
-    ) -> tuple[Indices, Array, Array, Array]:
-        """Return the pieces of tubes, the cuts in them, `ahead` and `cuts` for load points."""
-        pieces, within, ahead = structure.locate(self.members, places)
-        inside = keep_apart(pieces, within, structure.frame.length[pieces])
-        return pieces, inside, ahead, places + ahead * (inside - within)
-
-    def _bent_to(self, before: Displaced) -> BentTubes:
-        """Return these tubes, linearised about another state."""
-        return replace(self, before=before, given_lines=self.lines, given_cuts=self._cuts)
-
-    def bent_to(self, values: Array) -> BentTubes:
-        """Return these tubes, linearised about the state with given `Displaced.values`."""
-        return self._bent_to(Displaced.of_values(self.frame, values))
-
-    def bent_like(self, others: BentTubes) -> BentTubes:
-        """Return these tubes, linearised about a state taken from the tubes of a similar robot."""
-        return self if others.before is None else self._bent_to(others._state_of(self.frame))
-
-    def _state_of(self, frame: Frame) -> Displaced:
-        """Return the state of a similar frame with other cuts, interpolated from `before`."""
-        (displacements, multipliers, _, pull), known, whole = self.before, self.frame, frame.whole
-        longer = (self.structure.frame.length / frame.uncut.length)[whole]
-        inner, middles = longer * frame.begins, longer * (frame.begins + 0.5 * frame.length)
-        cut = known.interpolate(displacements, whole[frame.behind], inner[frame.behind])
-        part, _ = known.locate(whole, middles)
-        nodes = displacements[: len(frame.uncut.points)]
-        return Displaced(
-            np.append(nodes, cut, axis=0), multipliers, np.zeros((len(cut), 3)), pull[part]
-        )
-
-    @property
-    def ahead(self) -> Array:
-        """Return (k,) 1 for load points on pieces that run along their member, else -1."""
-        return self._cuts.ahead
-
-    @property
-    def cuts(self) -> Array:
-        """Return `places` (k,), shifted so that no part of a member is too short [m]."""
-        return self._cuts.places
+        return self.given_cuts or Cuts.of(self.structure, self.members, self.places, None)
 
     @property
     def frame(self) -> Frame:
         """Return the structure's frame with additional nodes at the load points."""
-        return self._cuts.frame
+        return self.cuts.frame
 
     @property
     def share(self) -> float:
@@ -216,53 +203,50 @@ class BentTubes:
     @cached_property
     def tangent(self) -> Tangent:
         """Return the frame linearised about the state `before`."""
-        if self.before is None:
-            return self.frame.rest
-        displacements, multipliers, _, pull = self.before
-        return self.frame.tangent(displacements, multipliers, pull)
+        unknowns, pull = np.zeros(len(self.frame.scale)), None
+        if self.before is not None:
+            unknowns, _, pull = self.before
+        return linearize(self.frame, unknowns, pull, self.cuts.kept)
 
     @cached_property
     def _changes(self) -> Changes:
         """Return the frame's changes by unit loads, and by unit motions of the load points."""
-        frame, tangent, layout = self.frame, self.tangent, self.frame.layout
-        count, nodes, turns = len(self.members), frame.nodes[0], self.lines.turns
-        own, cut, moving, size = np.arange(count), layout.cut, self._moving, 3 * nodes
-        right = np.zeros((size + frame.rows.count, 4 * count + 1))
-        local = np.zeros((len(layout.ends) * layout.width, right.shape[1]))
+        tangent, layout = self.tangent, self.frame.layout
+        count, size, turns = len(self.members), len(tangent.unknowns), self.lines.turns
+        own, cut, moving = np.arange(count), self._cut_unknowns, self._moving
+        right = np.zeros((size, 4 * count + 1))
         columns = np.arange(3 * count).reshape(count, 1, 3)
-        local[cut[:, :, None], columns] = turns * (self.share / self.stiffness)
+        right[cut[:, :, None], columns] = turns * (self.share / self.stiffness)
         slopes, inclined = tangent.slopes(), np.zeros((count, count))
         if self.before is not None:
             by_length = tangent.length_rates[layout.beside]
             # If a place moves, the part before it becomes longer and the part behind it shorter.
-            ways = layout.signs.reshape(2, -1) * self.ahead
+            ways = layout.signs.reshape(2, -1) * self.cuts.ahead
             pushed = tangent.nodal_forces(layout.beside, by_length[..., None])[..., 0]
             pushed *= ways.reshape(-1, 1)
             along = moving.start + own[:, None]
-            local[layout.sides[:count], along] = pushed[:count]
-            local[layout.sides[count:], along] += pushed[count:]
+            right[layout.places[layout.before], along] = pushed[:count]
+            right[layout.places[layout.behind], along] += pushed[count:]
             # The length of a part between two places of one member depends on both places.
             changed = (slopes.by_forces * by_length).sum(axis=1)[:, None]
-            inclined = _mean(changed * layout.longer[layout.sided]) * self.ahead
-            left = local[:, : 3 * count] @ self.before.loads.ravel()
-            carried = tangent.carried
-            left[cut] -= carried[size:].reshape(count, 3)
-            local[:, -1] = left
-            right[:size, -1], right[size:, -1] = -carried[:size], -tangent.constraints[1]
-        factored, found, local = tangent.respond_locally(right, local)
-        moved = np.concatenate([found[:size], local[cut.ravel()]])
-        moved = moved.reshape(nodes + count, 3, -1)
+            inclined = _mean(changed * layout.longer[layout.beside]) * self.cuts.ahead
+            right[:, -1] = right[:, : 3 * count] @ self.before.loads.ravel() - tangent.carried
+        factored, found = tangent.solve(right)
         back = turns.swapaxes(1, 2)
-        responses = back @ moved[nodes:]
-        responses[:, 2] = _mean((slopes.by_ends @ local[layout.sides])[:, 0])
+        responses = back @ found[cut]
+        responses[:, 2] = _mean((slopes.by_ends @ found[layout.places[layout.beside]])[:, 0])
         responses[:, 2, moving] += inclined
         if self.before is not None:
             # The displacement is relative to the place, which moves along its member.
             responses[own, 0, moving.start + own] -= 1.0
-        state = (back @ tangent.displacements[nodes:, :, None])[..., 0]
+        state = (back @ tangent.unknowns[cut][:, :, None])[..., 0]
         state[:, 2] = _mean(slopes.values)
-        responded = moved, found[size:], responses, state
-        return Changes(*responded, slopes, factored)
+        return Changes(found, responses, state, slopes, factored)
+
+    @property
+    def _cut_unknowns(self) -> Indices:
+        """Return the indices (k, 3) of the displacements at the load points."""
+        return np.arange(-3 * len(self.members), 0).reshape(-1, 3)
 
     @property
     def _moving(self) -> slice:
@@ -304,56 +288,126 @@ class BentTubes:
 
     def distance(self, loads: Array, places: Array) -> float:
         """Return the largest displacement of a node from the linearised state due to loads [m]."""
-        if (self.cuts != self.places).any():  # the nodes stay beside a node or another load point
-            places = self._locate_cuts(self.structure, places)[-1]
+        if (self.cuts.places != self.places).any():
+            # The nodes stay beside a node or another load point.
+            pieces, within, ahead = self.structure.locate(self.members, places)
+            inside = keep_apart(pieces, within, self.structure.frame.length[pieces])
+            places = places + ahead * (inside - within)
         ways = self._ways(loads, places)
-        moved = np.abs(self._displace(ways)[0][:, :2]).max() / self.share
+        moved = np.abs(_nodes(self.frame, self._displace(ways)[0])[:, :2]).max() / self.share
         # The state is less nonlinear in the places than in the displacements.
         slid = PLACE_SHARE * np.abs(ways[self._moving]).max()
         return float(max(moved, slid))
 
     def _displace(self, ways: Array) -> tuple[Array, Array]:
-        """Return the changes by `ways` of the nodes' displacements (n, 3) and positions (n, 3)."""
-        nodes = self._changes.nodes @ ways
+        """Return the changes (u,) of the unknowns by `ways`, at the nodes, and of the tubes."""
+        changes = self._changes.unknowns @ ways
         if self.before is None:
-            return nodes, nodes
-        moved = nodes.copy()
+            return changes, changes
+        moved = changes.copy()
         # The displacement is relative to the place, which moves along its member.
         slid = self.axis * ways[self._moving]
-        moved[self.frame.nodes, 0] -= slid.real
-        moved[self.frame.nodes, 1] -= slid.imag
-        return moved, nodes
+        moved[self._cut_unknowns[:, 0]] -= slid.real
+        moved[self._cut_unknowns[:, 1]] -= slid.imag
+        return moved, changes
 
     def _ways(self, loads: Array, places: Array) -> Array:
         """Return `ways` (p,), factors on the columns of `_changes`: loads, places, and 1."""
         known = 0.0 if self.before is None else self.before.loads
-        return np.concatenate([(loads - known).ravel(), places - self.cuts, [1.0]])
+        return np.concatenate([(loads - known).ravel(), places - self.cuts.places, [1.0]])
 
     def displace(self, loads: Array, places: Array) -> Displaced:
         """Return the linear prediction of the state of the frame."""
         ways, tangent = self._ways(loads, places), self.tangent
-        moved, nodes = self._displace(ways)
-        displacements = tangent.displacements + moved
-        multipliers = tangent.multipliers + self._changes.multipliers @ ways
-        pull = tangent.forces.values[:, 0] + self._force_changes(ways, nodes)[0][:, 0]
-        return Displaced(displacements, multipliers, loads, pull)
+        moved, changes = self._displace(ways)
+        pull = tangent.forces.values[:, 0] + self._force_changes(ways, changes)[0][:, 0]
+        return Displaced(tangent.unknowns + moved, loads, pull)
 
     def update(self, loads: Array, places: Array, structure: Structure | None = None) -> BentTubes:
         """Return the tubes linearised about the state that these predict under loads."""
         structure = self.structure if structure is None else structure
-        pieces, inside, ahead, cuts = self._locate_cuts(structure, places)
-        frame = CutFrame(structure.frame, pieces, inside, self.frame)
+        active = self._find_active(loads, places, structure)
+        cuts = Cuts.of(structure, self.members, places, active, self.cuts)
         # A node that moves by more than half of a part is interpolated on the bent member, because
         # the error of its extrapolation would turn the part.
         half = 0.5 * self.frame.length[self.frame.layout.beside].reshape(2, -1)
-        if (np.abs(cuts - self.cuts) <= half).all():
-            before = self.displace(loads, cuts)
-        else:
-            known = self._bent_to(self.displace(loads, self.cuts))
-            before = known._state_of(frame)._replace(loads=loads)
-        lines, given = self.lines if structure is self.structure else None, self.stiffness
-        cuts = Cuts(frame, ahead, cuts)
-        return BentTubes(structure, self.members, places, given, self.linear, before, lines, cuts)
+        near = bool((np.abs(cuts.places - self.cuts.places) <= half).all())
+        before = self.displace(loads, cuts.places if near else self.cuts.places)
+        if not near or cuts.frame.layout is not self.frame.layout:
+            before = self._convert(before, cuts.frame, near)
+        lines = self.lines if structure is self.structure else None
+        return replace(
+            self,
+            structure=structure,
+            places=places,
+            before=before,
+            given_lines=lines,
+            given_cuts=cuts,
+        )
+
+    def _find_active(self, loads: Array, places: Array, structure: Structure) -> Indices:
+        """Return the blocks that cannot be kept undeformed under given loads."""
+        layout, tangent = self.frame.layout, self.tangent
+        if structure is not self.structure:  # its blocks are linearised once only
+            return structure.frame.layout.active
+        if not layout.kept:
+            return layout.active
+        changes = self._changes.unknowns @ self._ways(loads, places)
+        motion = np.abs(_nodes(self.frame, changes)[:, :2]).max()
+        most, loaded = KEPT_FORCE + KEPT_FORCE_RATE * motion**2, [layout.active]
+        for blocks, push, stiff, ids in zip(*tangent.kept, layout.kept_ids, strict=True):
+            force = push + (stiff @ changes[blocks.outer][:, :, None])[..., 0]
+            loaded.append(ids[np.abs(force).max(axis=1) > most])
+        return np.sort(np.concatenate(loaded)) if sum(map(len, loaded[1:])) else layout.active
+
+    def _convert(self, state: Displaced, frame: Frame, near: bool) -> Displaced:
+        """
+        Return a state of this frame as one of a similar frame, which may have other cuts.
+
+        :param near: whether nodes at the same cuts are displaced alike.
+        """
+        unknowns = self._complete(state.unknowns)
+        longer = (self.structure.frame.length / frame.uncut.length)[frame.layout.whole]
+        begins, middles = longer * frame.begins, longer * (frame.begins + 0.5 * frame.length)
+        if not near:
+            behind, nodes = frame.layout.behind, _nodes(self.frame, unknowns)
+            cut = self.frame.interpolate(nodes, frame.layout.whole[behind], begins[behind])
+            unknowns = np.append(unknowns[: self._cut_unknowns[0, 0]], cut)
+        part = self.frame.locate(frame.layout.whole, middles)
+        pull = np.where(part < 0, np.nan, state.pull[part])
+        return Displaced(unknowns, state.loads, pull)
+
+    def activated(self) -> BentTubes:
+        """Return these tubes without tubes that are kept undeformed."""
+        if not self.cuts.kept:
+            return self
+        active = self.structure.frame.layout.active
+        cuts, before = Cuts.of(self.structure, self.members, self.places, active), self.before
+        if before is not None:
+            before = self._convert(before, cuts.frame, True)
+            tangent = linearize(cuts.frame, before.unknowns, before.pull)
+            before = before._replace(pull=tangent.forces.values[:, 0])
+        return replace(self, before=before, given_cuts=cuts)
+
+    def bent_to(self, values: Array) -> BentTubes:
+        """Return these tubes without kept ones, bent to a state with given `Displaced.values`."""
+        tubes = self.activated()
+        return replace(tubes, before=Displaced.of_values(tubes.frame, values))
+
+    def bent_like(self, others: BentTubes) -> BentTubes:
+        """Return these tubes, linearised about a state taken from the tubes of a similar robot."""
+        if others.before is None:
+            return self
+        tubes = self.activated()
+        before = others._convert(others.before, tubes.frame, False)
+        return replace(tubes, before=before._replace(loads=np.zeros((len(self.members), 3))))
+
+    def _complete(self, unknowns: Array) -> Array:
+        """Return unknowns (u,) with those of undeformed tubes, which turn with their hinges."""
+        found = unknowns.copy()
+        for blocks in self.cuts.kept:
+            blocks.complete(found)
+        return found
 
     def bend(self, loads: Array, places: Array) -> BentTubes:
         """Return the tubes linearised about their equilibrium under loads."""
@@ -371,56 +425,58 @@ class BentTubes:
         """
         Return the frame's changes by additional loads (k, 3, p) and motions (k, p) of the places.
 
-        :return: (n, 3, p) displacements of the nodes [m, rad]; (k, p) changes of the inclinations
-            [rad]; and (c, 3, p) those of the members' forces with fixed nodes, see `EndForces`.
+        :return: (n, 3, p) displacements of joints and of nodes of deformed tubes [m, rad]; (k, p)
+            changes of the inclinations [rad]; and (c, 3, p) those of the parts' forces with fixed
+            nodes, see `EndForces`.
         """
-        changes, parts = self._changes, self.frame.layout.parts
+        changes = self._changes
         ways = np.concatenate([loads.reshape(-1, loads.shape[2]), places])
-        forces = np.zeros((len(self.frame.length), 3, places.shape[1]))
-        forces[parts] = self.tangent.length_rates[parts, :, None] * self._longer(places)[:, None]
-        return changes.nodes[..., :-1] @ ways, changes.responses[:, 2, :-1] @ ways, forces
+        forces = self.tangent.length_rates[:, :, None] * self._longer(places)[:, None]
+        nodes = _nodes(self.frame, changes.unknowns[:, :-1] @ ways)
+        return nodes, changes.responses[:, 2, :-1] @ ways, forces
 
     def inclination_changes(self, moved: Array) -> Array:
         """Return the changes (k, p) of the tubes' inclinations due to displaced nodes [rad]."""
-        ends = moved.reshape(-1, moved.shape[2])[self.frame.places[self.frame.layout.beside]]
+        ends = moved.reshape(-1, moved.shape[2])[self.frame.layout.ends[self.frame.layout.beside]]
         return _mean((self._changes.slopes.by_ends @ ends)[:, 0])
 
     def node_changes(self, loads: Array) -> Array:
         """Return the displacements (n, 3, p) of the nodes due to additional loads [m, rad]."""
         count = 3 * len(self.members)
-        return self._changes.nodes[..., :count] @ loads.reshape(count, -1) / self.share
+        unknowns = self.activated()._changes.unknowns[:, :count]
+        return _nodes(self.frame, unknowns @ loads.reshape(count, -1) / self.share)
 
     def displacements(self, loads: Array, places: Array) -> Array:
         """Return the linear prediction of the nodes' displacements, (n, 3) [m, rad]."""
         moved, _ = self._displace(self._ways(loads, places))
-        return (self.tangent.displacements + moved) / self.share
+        return _nodes(self.frame, self._complete(self.tangent.unknowns + moved)) / self.share
 
     def end_forces(self, loads: Array, places: Array) -> tuple[Array, Array]:
-        """Return the linear prediction of the members' end forces."""
+        """Return the linear prediction of the parts' end forces."""
         tangent, ways = self.tangent, self._ways(loads, places)
         changes, longer = self._force_changes(ways, self._displace(ways)[1])
         forces = tangent.forces.values + changes
         ends, pull = end_forces(forces, tangent.length + longer), forces[:, 0]
         return self.stiffness / self.share * ends, 0.0 * pull if self.linear else pull
 
-    def _force_changes(self, ways: Array, nodes: Array) -> tuple[Array, Array]:
-        """Return the changes of `EndForces.values` (c, 3) and chord lengths (c,) by `ways`."""
-        changes, longer = self.tangent.force_changes(nodes[..., None])
-        changes, parts = changes[..., 0], self.frame.layout.parts
+    def _force_changes(self, ways: Array, changes: Array) -> tuple[Array, Array]:
+        """Return the changes of `EndForces.values` (p, 3) and chord lengths (p,) by `ways`."""
+        forces, longer = self.tangent.force_changes(_nodes(self.frame, changes)[..., None])
+        forces = forces[..., 0]
         if self.before is not None:
-            lengthened = self._longer(ways[self._moving, None])
-            changes[parts] += self.tangent.length_rates[parts] * lengthened
-        return changes, longer[:, 0]
+            forces += self.tangent.length_rates * self._longer(ways[self._moving, None])
+        return forces, longer[:, 0]
 
     def _longer(self, places: Array) -> Array:
-        """Return the changes (c, p) of the parts' rest lengths by motions (k, p) of cuts [m]."""
-        return self.frame.layout.longer @ (self.ahead[:, None] * places)
+        """Return the changes (p, c) of the parts' rest lengths by motions (k, c) of cuts [m]."""
+        return self.frame.layout.longer @ (self.cuts.ahead[:, None] * places)
 
     def section_changes(self, changes: Array) -> tuple[Array, Array, Array]:
         """
         Return the frame's changes for p changes of sections; loads and load points are constant.
 
-        In the paper's model, the results are those under loads times `NEGLIGIBLE_SHARE`.
+        No tubes must be kept. In the paper's model, the results are those under loads times
+        `NEGLIGIBLE_SHARE`.
         """
         frame, tangent, parts = self.frame, self.tangent, self.frame.layout.beside
         count, chosen = changes.shape[2], np.flatnonzero(changes.any(axis=(0, 2)))
@@ -428,14 +484,20 @@ class BentTubes:
         rates = np.zeros((len(frame.length), 3, count))
         rates[chosen] = tangent.force_rates(chosen, units) @ changes[:, chosen].swapaxes(0, 1)
         pushed = tangent.nodal_forces(chosen, rates[chosen])
-        places = frame.places[chosen, :, None] * count + np.arange(count)
-        carried = np.bincount(places.ravel(), pushed.ravel(), 3 * len(frame.points) * count)
-        moved, _ = tangent.respond(-carried.reshape(-1, count), factored=self._changes.factored)
-        moved = moved.reshape(-1, 3, count)
+        places = frame.layout.places[chosen, :, None] * count + np.arange(count)
+        size = len(tangent.unknowns) * count
+        carried = np.bincount(places.ravel(), pushed.ravel(), size).reshape(-1, count)
+        scale = frame.scale[:, None]
+        nodes = _nodes(frame, self._changes.factored.solve(-carried * scale) * scale)
         _, _, by_forces, by_shear = self._changes.slopes
-        shear = (by_shear / frame.section[2, parts])[:, None] * changes[3, parts]
+        shear = (by_shear / frame.members.shear[parts])[:, None] * changes[3, parts]
         inclined = _mean((by_forces[:, None] @ rates[parts])[:, 0] + shear)
-        return moved, inclined + self.inclination_changes(moved), rates
+        return nodes, inclined + self.inclination_changes(nodes), rates
+
+
+def _nodes(frame: Frame, unknowns: Array) -> Array:
+    """Return the displacements (n, 3, ...) among unknowns (u, ...)."""
+    return unknowns[frame.layout.numbering.rows :].reshape(-1, 3, *unknowns.shape[1:])
 
 
 def _mean(sides: Array) -> Array:

@@ -14,11 +14,17 @@ from isotruss_ros.core.kinematics.configuration import Configuration, require_co
 from isotruss_ros.core.numerics.arrays import Array, load_array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.records import Record
-from isotruss_ros.core.statics.cut_frame import CutFrame, keep_apart
-from isotruss_ros.core.statics.frame import Frame, FrameState
-from isotruss_ros.core.statics.load_path import follow_loads
+from isotruss_ros.core.statics.equilibrium import (
+    bend,
+    follow_loads,
+    FrameState,
+    solve,
+    state_under,
+)
+from isotruss_ros.core.statics.frame import Frame, keep_apart
 from isotruss_ros.core.statics.section import Pressure
 from isotruss_ros.core.statics.structure import Structure, structure_of
+from isotruss_ros.core.statics.tangent import linearize, Tangent
 from isotruss_ros.core.statics.wrinkling import find_utilisation
 import numpy as np
 from numpy.typing import ArrayLike
@@ -87,7 +93,7 @@ class Deformation(Record, headline=('reactions', 'displacements')):
 
         Infinity is returned if the factor exceeds 100.
         """
-        path = follow_loads(self.frame, self.loads, MAX_LIMIT_FACTOR)
+        path = follow_loads(_unloaded(self.structure, self.frame), self.loads, MAX_LIMIT_FACTOR)
         if path.limit == np.inf and path.factors[-1] < MAX_LIMIT_FACTOR:
             farthest = np.abs(path.tangents[-1].displacements[:, :2]).max()
             raise SolverError(
@@ -141,8 +147,15 @@ def deform(
         half = 0.5 * load_array(load, 3, what, StructureError)
         for node in 'BC':
             loads[structure.node(f'{module}/{node}')] += half
-    state = frame.solve(loads) if paper_model else _bend(frame, loads)
+    rest = _unloaded(structure, frame)
+    state = solve(rest, loads) if paper_model else _bend(rest, loads)
     return Deformation(structure, frame, loads, state)
+
+
+def _unloaded(structure: Structure, frame: Frame) -> Tangent:
+    """Return a frame of a structure, which may have cuts, linearised without loads."""
+    rest = structure.rest
+    return rest if frame is structure.frame else linearize(frame, np.zeros(len(frame.scale)))
 
 
 def _load_tubes(structure: Structure, tube_loads: Mapping[str, ArrayLike]) -> tuple[Frame, Array]:
@@ -167,29 +180,29 @@ def _load_tubes(structure: Structure, tube_loads: Mapping[str, ArrayLike]) -> tu
     place, *load = np.array(rows).T
     pieces, within, _ = structure.locate(np.array(members), place)
     apart = keep_apart(pieces, within, structure.frame.length[pieces])
-    cut = CutFrame(structure.frame, pieces, apart)
+    cut = structure.frame.cut(pieces, apart)
     loads = np.zeros((len(cut.points), 3))
-    loads[cut.nodes] = np.stack(load, axis=1)
+    loads[cut.layout.nodes] = np.stack(load, axis=1)
     return cut, loads
 
 
-def _bend(frame: Frame, loads: Array) -> FrameState:
+def _bend(rest: Tangent, loads: Array) -> FrameState:
     """Return displacements, reactions and member forces of a bent frame in equilibrium."""
-    found = frame.bend(loads)
-    if found is not None:
-        moved = found.displacements
-        left = moved - found.respond(loads.reshape(-1, 1))[0].reshape(-1, 3)
-        near = np.abs(left[:, :2]).max() <= MAX_UNLOADED_SHARE * np.abs(moved[:, :2]).max()
-        if near and found.is_stable:
-            return frame.state(found, loads)
-    path = follow_loads(frame, loads, 1.0)
+    bent = bend(rest, loads)
+    if bent is not None:
+        moved, predicted = bent.displacements, bent.respond(loads.reshape(-1, 1))
+        straight = moved - predicted[-moved.size :].reshape(-1, 3)
+        near = np.abs(straight[:, :2]).max() <= MAX_UNLOADED_SHARE * np.abs(moved[:, :2]).max()
+        if near and bent.is_stable:
+            return state_under(bent, loads)
+    path = follow_loads(rest, loads, 1.0)
     if path.factors[-1] < 1.0:
         limit = min(path.limit, path.factors[-1])
         raise StructureError(
             f'the loads are beyond the limit load: the structure is unstable at {limit:.4g} '
             'times these loads; must be smaller'
         )
-    return frame.state(path.tangents[-1], loads)
+    return state_under(path.tangents[-1], loads)
 
 
 def _check_name(kind: str, name: str, known: Iterable[str], robot: str) -> None:

@@ -1,229 +1,162 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""
-Plane frames of beam-columns that are pinned or fixed to nodes, with constraints: (1) and (4).
-
-`Frame.solve` is linear about the unloaded frame, as in the paper. `Frame.bend` finds the
-equilibrium of the bent frame by Newton's method; its first step is `Frame.solve`.
-"""
+"""Plane frames of beam-columns that are pinned or fixed to nodes, with constraints."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass
+from itertools import pairwise
 
-from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
-from isotruss_ros.core.numerics.tolerances import COINCIDENCE, MAX_CONDITION, MAX_NEWTON_ITERATIONS
-from isotruss_ros.core.statics.beam_column import BeamColumns, end_forces
-from isotruss_ros.core.statics.cut_layout import FrameArrays
-from isotruss_ros.core.statics.elimination import Elimination, Scaling
-from isotruss_ros.core.statics.frame_pattern import FramePattern, Members, TurnRows
-from isotruss_ros.core.statics.tangent import Tangent, TUBE_CURVATURE
+from isotruss_ros.core.numerics.tolerances import EPSILON
+from isotruss_ros.core.statics.beam_column import BeamColumns
+from isotruss_ros.core.statics.blocks import Constraints, Layout, Members, Numbering
 import numpy as np
-from scipy.sparse import coo_matrix
 
-#: Largest admissible ratio of the displacements to those of the linear prediction [-].
-MAX_GROWTH = 1.5
+#: Minimum length of the parts into which cuts divide the members [m]. Loads and contacts nearer to
+#: a guide ring act at this distance, by which displacements err by 1e-7. The relative rounding
+#: errors of stiffnesses are inversely proportional to it.
+SHORTEST_PART = 1e-8
 
 
 @dataclass(frozen=True, eq=False)
-class FrameState:
-    """Displacements, reactions and member forces of a frame under loads."""
-
-    #: (n, 3) displacements ux, uy [m], theta [rad]; theta is zero at nodes at which all members
-    #: are pinned
-    displacements: Array
-    #: (n, 3) forces fx, fy [N] and moments m [N m] of the supports on the frame; zero at nodes
-    #: without support
-    reactions: Array
-    #: (k, 6) forces of the nodes on the members; at the start and then at the end, the force along
-    #: the chord and across it [N] and the moment [N m]
-    end_forces: Array
-    multipliers: Array  #: (c,) Lagrange multipliers of the constraints
-    #: (k,) axial forces that amplify moments inside members [N]; zero in the linear model
-    bowing: Array
-
-
-class Frame(FrameArrays):
+class Frame:
     """
-    Plane frame of beam-columns.
+    Plane frame of beam-columns: p parts of members between n nodes.
 
-    :param pattern: pattern of a frame with the same connections and supports; None: it is
-        computed.
+    Without cuts, the parts are the members. The last c nodes are at the cuts.
     """
 
-    uncut: Frame  #: frame without cuts
+    points: Points  #: (n,) nodes x + iy [m]
+    held: Flags  #: mask (., 3) of the displacements that supports fix, without the nodes at cuts
+    names: Sequence[str]  #: names of the nodes for error messages, without those at cuts
+    rows: Constraints  #: constraints
+    layout: Layout  #: connections of the parts
+    members: Members  #: the parts
+    length: Array  #: (p,) lengths [m]
+    axis: Points  #: (p,) unit vectors from start to end, x + iy
+    begins: Array  #: (p,) distances of the parts' starts from the starts of their members [m]
+    columns: (
+        BeamColumns  #: parts as beam-columns; imaginary parts are derivatives by their lengths
+    )
+    scale: Array  #: (u,) scale of each unknown, by which stiffnesses are about 1
+    uncut: Frame | None = None  #: frame without cuts; None: this frame
 
-    def __init__(
-        self,
+    @classmethod
+    def of(
+        cls,
         points: Points,
         members: Members,
         held: Flags,
         names: Sequence[str],
-        rows: TurnRows,
-        pattern: FramePattern | None = None,
-    ) -> None:
-        self.points, self.held, self.names, self.rows = points, held, names, rows
-        self.start, self.end, *section, first, last = members
-        self.section, self.pins = np.array(section), (first, last)
-        span = points[self.end] - points[self.start]
-        self.length = np.abs(span)
-        self.axis, self.spans = span / self.length, rows.spans(points)
-        self._pattern = pattern or FramePattern(members, held, rows)
-        self.places = self._pattern.places
-        self.whole, self.begins = np.arange(len(span)), np.zeros(len(span))
-        self.nodes = self.before = self.behind = np.zeros(0, dtype=np.intp)
-        self.layout, self.uncut = None, self
-        self.columns = BeamColumns.of(self.length, self.section, self.pins)
+        rows: Constraints,
+        numbering: Numbering | None = None,
+    ) -> Frame:
+        """
+        Return a frame without cuts.
 
-    @property
-    def members(self) -> Members:
-        """Return the members between the nodes."""
-        axial, flexural, shear = self.section
-        return Members(self.start, self.end, axial, flexural, shear, *self.pins)
+        :param numbering: that of a frame with the same connections and supports; None: it is
+            computed.
+        """
+        numbering = numbering or Numbering(members, held, rows.places)
+        span = points[members.end] - points[members.start]
+        length = np.abs(span)
+        pins = members.pinned_start, members.pinned_end
+        columns = BeamColumns.of(length, np.stack(members[2:5]), pins)
+        # Displacements along both axes have one scale: across a bar the stiffness is zero.
+        stiff = np.zeros((len(points), 3))
+        turning = 0.25 * (columns.values[2] + columns.values[4])
+        for ends in members[:2]:
+            stiff += np.bincount(ends, 1.0 / columns.values[1], len(points))[:, None] * [
+                1.0,
+                1.0,
+                0.0,
+            ]
+            stiff[:, 2] += np.bincount(ends, turning, len(points))
+        scale = 1.0 / np.sqrt(np.where(stiff > 0.0, stiff, 1.0)).ravel()
+        count, none = numbering.rows, np.zeros((len(points), 3))
+        slopes, _, _ = rows.linearize(points, none, np.zeros(count), np.arange(count))
+        norms = np.linalg.norm(slopes * scale[rows.places], axis=1)
+        scale = np.append(1.0 / np.where(norms > 0.0, norms, 1.0), scale)
+        arrays = length, span / length, np.zeros(len(length)), columns, scale
+        return cls(points, held, names, rows, numbering.whole, members, *arrays)
 
-    @property
-    def no_loads(self) -> tuple[Array, Array]:
-        """Return displacements (n, 3) and multipliers (c,) of the unloaded frame."""
-        return np.zeros((len(self.points), 3)), np.zeros(self.rows.count)
+    def cut(self, piece: Indices, within: Array, active: Indices | None = None) -> Frame:
+        """
+        Return this frame with nodes at c points inside its members.
 
-    @property
-    def scaling(self) -> Scaling:
-        """Return the numbering and scaling of the matrix of (4)."""
-        return self.rest.factored.scaling
-
-    @cached_property
-    def rest(self) -> Tangent:
-        """Return the frame linearised about its unloaded state, with its factorised matrix (4)."""
-        straight = self.tangent(*self.no_loads)
-        entries = straight.entries
-        factor = _factorize(self._pattern, entries)
-        if factor is None and self._pattern.condensed:
-            whole = FramePattern(self.members, self.held, self.rows, condensed=False)
-            factor = _factorize(whole, entries)
-        if factor is None:
-            raise StructureError(
-                f'the structure is a mechanism: {", ".join(self._what_moves(entries))} can move '
-                'without resistance; support it or connect it'
-            )
-        return replace(straight, given=factor)
-
-    def tangent(
-        self,
-        displacements: Array,
-        multipliers: Array,
-        pull: Array | None = None,
-        given: Elimination | None = None,
-    ) -> Tangent:
-        """Return the frame linearised about given displacements, see `Tangent.of`."""
-        return Tangent.of(self, displacements, multipliers, pull, given)
-
-    def _what_moves(self, entries: Array) -> list[str]:
-        """Return the names of the nodes that can move without force in a singular frame."""
-        scaling = Scaling.of(self._pattern, entries)
-        count, free = len(scaling.scale), self._pattern.unknowns.free
-        places = self._pattern.entries
-        matrix = coo_matrix((entries * scaling.weight, places), shape=(count, count)).toarray()
-        values, vectors = np.linalg.eigh(matrix[np.ix_(free, free)])
-        loose = np.abs(values) < np.abs(values).max() / MAX_CONDITION**0.5
-        loose[np.abs(values).argmin()] = True
-        motion = np.zeros(count)
-        motion[free] = np.abs(scaling.scale[free, None] * vectors[:, loose]).max(axis=1)
-        by_node = motion[: self.held.size].reshape(-1, 3).max(axis=1)
-        return [self.names[i] for i in np.flatnonzero(by_node > 1e-3 * by_node.max())]
-
-    def solve(self, loads: Array) -> FrameState:
-        """Return displacements, reactions and member forces under loads by linear (4)."""
-        rest, flat = self.rest, loads.ravel()
-        moved, multipliers = (each[:, 0] for each in rest.respond(flat[:, None]))
-        forces, _ = rest.force_changes(moved.reshape(-1, 3, 1))
-        ends = end_forces(forces[..., 0], rest.length)
-        pushed = rest.nodal_forces(slice(None), forces)
-        carried = np.bincount(self.places.ravel(), pushed.ravel(), minlength=len(flat))
-        pushed = rest.constraints[0] * multipliers[self.rows.row]  # forces of the constraints
-        carried += np.bincount(self.rows.column, pushed, minlength=len(flat))
-        return FrameState(
-            moved.reshape(-1, 3),
-            self._reactions(carried - flat),
-            ends,
-            multipliers,
-            np.zeros(len(self.length)),
+        :param piece: (c,) index of the member that contains each point.
+        :param within: (c,) distances of the points from the members' starts [m].
+        :param active: blocks whose parts the frame has, ascending; None: all blocks.
+        """
+        numbering, active = self.layout.numbering, self.layout.active if active is None else active
+        layout = numbering.lay_out(piece, np.lexsort((within, piece)), active)
+        start = self.members.start[piece]
+        points = np.append(self.points, self.points[start] + within * self.axis[piece])
+        begins = np.append(np.zeros(len(layout.whole) - len(piece)), within)
+        # Nodes have rounding errors that would turn and lengthen short parts.
+        length = self.length[layout.whole]
+        length[layout.before] = within
+        length -= begins
+        axial, flexural, shear = section = np.stack(self.members[2:5])[:, layout.whole]
+        members = Members(layout.start, layout.end, axial, flexural, shear, *layout.pins)
+        parts, values = layout.parts, self.columns.values[:, layout.whole].astype(complex)
+        pins = layout.pins[0][parts], layout.pins[1][parts]
+        columns = BeamColumns.of(length[parts] + 1j * EPSILON, section[:, parts], pins)
+        values[:, parts] = columns.values
+        scale = np.append(
+            self.scale, self.scale[numbering.rows + 3 * start[:, None] + np.arange(3)]
         )
+        arrays = length, self.axis[layout.whole], begins, BeamColumns(values), scale, self
+        return Frame(points, self.held, self.names, self.rows, layout, members, *arrays)
 
-    def bend(
-        self, loads: Array, start: Tangent | None = None, growth: float = MAX_GROWTH
-    ) -> Tangent | None:
-        """Return the bent frame in equilibrium under loads, found by Newton's method."""
-        tangent = self.rest if start is None else start
-        origin, reach = tangent.displacements, np.inf
-        for count in range(MAX_NEWTON_ITERATIONS):
-            step, multipliers = tangent.balance(loads.ravel())
-            displacements = tangent.displacements + step[..., 0]
-            size = float(np.abs(step[:, :2]).max())
-            if count == 0:
-                reach = size
-            # An equilibrium far beyond the linear prediction is on another branch.
-            elif not np.abs(displacements - origin)[:, :2].max() <= growth * reach:
-                return None
-            changes, _ = tangent.force_changes(step)
-            pull = tangent.forces.values[:, 0] + changes[:, 0, 0]
-            with np.errstate(over='ignore', invalid='ignore', divide='ignore'):
-                tangent = self.tangent(
-                    displacements, tangent.multipliers + multipliers[:, 0], pull
-                )
-            if TUBE_CURVATURE * size**2 <= COINCIDENCE:
-                return tangent
-        return None
-
-    def locate(self, piece: Indices, within: Array) -> tuple[Indices, Array]:
-        """Return the members (c,) that contain points, and the distances from their starts."""
-        return piece, within
+    def locate(self, piece: Indices, within: Array) -> Indices:
+        """Return the parts (q,) that contain points of members; negative for members without."""
+        reached = (self.layout.whole == piece[:, None]) & (self.begins <= within[:, None])
+        part = np.where(reached, self.begins, -1.0).argmax(axis=1)
+        return np.where(reached.any(axis=1), part, -1)
 
     def interpolate(self, displacements: Array, piece: Indices, within: Array) -> Array:
-        """Return the displacements (c, 3) of points inside members, with cubic centre lines."""
-        part, inside = self.locate(piece, within)
-        start, end = displacements[self.start[part]], displacements[self.end[part]]
-        axis, length = self.axis[part], self.length[part]
+        """Return the displacements (q, 3) of points inside members, with cubic centre lines."""
+        uncut, part = self.uncut or self, self.locate(piece, within)
+
+        def at(of_parts: Array, of_members: Array) -> Array:
+            return np.where(part < 0, of_members[piece], of_parts[part])
+
+        ends, frames = (self.members, uncut.members), (self.length, uncut.length)
+        begin, end, _, flexural, shear, pinned_start, pinned_end = map(at, *ends)
+        length, inside = at(*frames), within - at(self.begins, uncut.begins)
+        start, end, axis = displacements[begin], displacements[end], uncut.axis[piece]
         first = (start[:, 0] + 1j * start[:, 1]) * axis.conj()
         apart = (end[:, 0] + 1j * end[:, 1]) * axis.conj() - first
         chord = length + apart
         turned, x = np.angle(chord), inside / length
         before, after = start[:, 2] - turned, end[:, 2] - turned
-        skew = 12.0 * self.section[1, part] / self.section[2, part] / length**2
+        skew = 12.0 * flexural / shear / length**2
         follows = -(2.0 - skew) / (4.0 + skew)  # rotation of a pinned end / of the other end
-        before = np.where(self.pins[0][part], follows * after, before)
-        after = np.where(self.pins[1][part], follows * before, after)
+        before = np.where(pinned_start, follows * after, before)
+        after = np.where(pinned_end, follows * before, after)
         even, odd = before + after, before - after
         bow = 0.5 * x * (1.0 - x) * (odd + (1.0 - 2.0 * x) / (1.0 + skew) * even)
         slope = 0.5 * ((1.0 - 2.0 * x) * odd + (1.0 - 6.0 * x * (1.0 - x) / (1.0 + skew)) * even)
         moved = axis * (first + x * apart + 1j * bow * chord)
         return np.stack([moved.real, moved.imag, turned + slope], axis=1)
 
-    def state(self, tangent: Tangent, loads: Array) -> FrameState:
-        """Return displacements, reactions and member forces of the bent frame."""
-        return FrameState(
-            tangent.displacements,
-            self._reactions(tangent.carried - loads.ravel()),
-            tangent.end_forces,
-            tangent.multipliers,
-            tangent.forces.values[:, 0],
-        )
 
-    def _reactions(self, missing: Array) -> Array:
-        """Return the support reactions (n, 3) from the residual of the balance (3 n,)."""
-        found = np.zeros((len(self.points), 3))
-        found[: len(self.held)] = missing.reshape(-1, 3)[: len(self.held)] * self.held
-        return found
-
-
-def _factorize(pattern: FramePattern, entries: Array) -> Elimination | None:
-    """Return the factorised matrix of (4); None for a mechanism in double precision."""
-    try:
-        none = np.zeros((len(pattern.unknowns.free), 1))
-        found, _ = Scaling.of(pattern, entries).eliminate(entries, none)
-    except np.linalg.LinAlgError:
-        return None
-    return found if found.factored.condition < MAX_CONDITION else None
+def keep_apart(pieces: Indices, places: Array, length: Array) -> Array:
+    """Return positions (c,) of cuts [m], shifted so that no part of a member is too short."""
+    ends = length.tolist()
+    apart = [
+        max(SHORTEST_PART, min(place, end - SHORTEST_PART))
+        for place, end in zip(places.tolist(), ends, strict=True)
+    ]
+    order = sorted(range(len(ends)), key=lambda i: (pieces[i], apart[i]))
+    pairs = [pair for pair in pairwise(order) if pieces[pair[0]] == pieces[pair[1]]]
+    for first, second in pairs:
+        apart[second] = max(apart[second], apart[first] + SHORTEST_PART)
+    for first, second in reversed(pairs):
+        apart[second] = min(apart[second], ends[second] - SHORTEST_PART)
+        apart[first] = min(apart[first], apart[second] - SHORTEST_PART)
+    return np.array(apart)

@@ -19,10 +19,14 @@ from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
+from isotruss_ros.core.statics.bisection import Bisections
+from isotruss_ros.core.statics.blocks import Layout, Members, Numbering
+from isotruss_ros.core.statics.equilibrium import unloaded
 from isotruss_ros.core.statics.frame import Frame
-from isotruss_ros.core.statics.frame_pattern import FramePattern, Members, TurnRows
 from isotruss_ros.core.statics.section import Pressure, tube_pressures
+from isotruss_ros.core.statics.tangent import Tangent
 from isotruss_ros.core.statics.tube_stiffness import tube_stiffness, TubeSections
+from isotruss_ros.core.statics.unloaded_blocks import UnloadedBlocks
 import numpy as np
 
 
@@ -54,9 +58,34 @@ class Structure:
         sections = _section_values(config.robot, self.tube, pressures, config.member_lengths)
         axial, flexural, shear = sections
         members = layout.members._replace(axial=axial, flexural=flexural, shear=shear)
-        self.frame = Frame(
-            points, members, layout.held, self.node_names, layout.bisection, layout.pattern
+        self.frame = Frame.of(
+            points, members, layout.held, self.node_names, layout.bisections, layout.numbering
         )
+
+    @functools.cached_property
+    def rest(self) -> Tangent:
+        """Return the frame linearised without loads, see `unloaded`."""
+        return unloaded(self.frame)
+
+    @functools.cached_property
+    def _blocks(self) -> list[UnloadedBlocks | None]:
+        """Return the groups of the unloaded frame; None for blocks without own unknowns."""
+        rest, frame = self.rest, self.frame
+        groups = zip(frame.layout.groups, rest.factored.schur, rest.factored.parts, strict=True)
+        return [
+            UnloadedBlocks.of(frame, group, schur, spread) if spread.size else None
+            for group, schur, (_, spread) in groups
+        ]
+
+    def keep(self, layout: Layout) -> tuple[UnloadedBlocks, ...]:
+        """Return the blocks of the unloaded frame whose parts a layout does not have."""
+        return tuple(self._blocks[number].take(rows) for number, rows in layout.kept)
+
+    def tube_parts(self, frame: Frame) -> tuple[Indices, Indices]:
+        """Return the indices of a frame's parts that are tubes, and the robot's member of each."""
+        first, whole = self.pieces[0, 0], frame.layout.whole
+        parts = np.flatnonzero(whole >= first)
+        return parts, self.owners.ravel()[whole[parts] - first]
 
     def node(self, name: str) -> int:
         """Return the index of a node among the frame's nodes."""
@@ -130,8 +159,8 @@ class FrameLayout(NamedTuple):
     b: Indices  #: (m,) indices of the nodes B; C, D and E follow each
     members: Members  #: members of the frame, see `Structure`, without stiffness
     held: Flags  #: (n, 3) mask of ux, uy, theta fixed by supports
-    bisection: TurnRows  #: bisection constraints (3), not yet linearised
-    pattern: FramePattern  #: sparsity pattern of the frame
+    bisections: Bisections  #: bisection constraints (3)
+    numbering: Numbering  #: numbering of the unknowns
     pieces: Indices  #: (3, m) indices of the tube pieces, see `Structure`
     owners: Indices  #: (3, m) index of the robot's member to which each piece belongs
 
@@ -149,7 +178,7 @@ def frame_layout(robot: Mechanism) -> FrameLayout:
     held = np.zeros((len(names), 3), dtype=bool)
     held[np.divmod(topology.grounded, 2)] = True
     own = np.arange(m)
-    bisection = _bisection_rows(a, b)
+    bisections = Bisections(np.stack([a, b, c, d, e], axis=1))
     none = np.zeros(6 * m)
     members = Members(
         start=np.concatenate([a, a, b, b, c, d]),
@@ -168,25 +197,10 @@ def frame_layout(robot: Mechanism) -> FrameLayout:
         b=b,
         members=members,
         held=held,
-        bisection=bisection,
-        pattern=FramePattern(members, held, bisection),
+        bisections=bisections,
+        numbering=Numbering(members, held, bisections.places),
         pieces=pieces,
         owners=np.stack([own, topology.previous, own]),
-    )
-
-
-def _bisection_rows(a: Indices, b: Indices) -> TurnRows:
-    """Return the bisections (3) of modules with joints (m,) and nodes B (m,); C, D, E follow."""
-    c, d, e, m, own = b + 1, b + 2, b + 3, len(a), np.arange(len(a))
-    # The rod turns by the mean of both arms' rotations; spans: rods, then arms BD, then arms CE.
-    return TurnRows.of(
-        row=np.tile(own, 3),
-        weight=np.repeat([2.0, -1.0, -1.0], m),
-        span=np.concatenate([own.repeat(3), m + own.repeat(2), 2 * m + own.repeat(2)]),
-        share=np.concatenate([np.tile([-1.0, 0.5, 0.5], m), np.tile([-1.0, 1.0], 2 * m)]),
-        node=np.concatenate(
-            [np.stack(each, axis=1).ravel() for each in ((a, b, c), (b, d), (c, e))]
-        ),
     )
 
 
@@ -202,3 +216,33 @@ def structure_of(config: Configuration, pressure: Pressure | None = None) -> Str
 
 #: Cache of `structure_of` by configuration and tube pressures.
 _structure = functools.lru_cache(maxsize=8)(Structure)
+
+
+def section_rates(structure: Structure, frame: Frame, moved: Points, inflated: Array) -> Array:
+    """
+    Return the changes (4, c, p) of the sections of a frame's parts for p changes of parameters.
+
+    The four rows are rest length [m], EA [N], EI [N m^2] and GA [N]. The displaced positions of
+    the nodes, the constraints (3), the supports, the sections of modules and the positions of cuts
+    along the members are constant.
+
+    :param moved: (N, p) changes of the positions of the configuration's nodes, x + iy [m].
+    :param inflated: (t, p) changes of the gauge pressures of the tubes [Pa].
+    """
+    config, topology = structure.config, structure.config.robot.topology
+    start, end = topology.b, topology.c[topology.following]
+    side = config.points[end] - config.points[start]
+    longer = ((moved[end] - moved[start]) / side[:, None]).real * np.abs(side)[:, None]
+    pressures = np.array(structure.pressures)[topology.tube]
+    by_length, by_pressure = structure.tube.flexibility_rates(config.member_lengths, pressures)
+    softer = by_length[:, :, None] * longer + by_pressure[:, :, None] * inflated[topology.tube]
+    members, (pieces, owner) = frame.members, structure.tube_parts(frame)
+    rates = np.zeros((4, len(frame.length), moved.shape[1]))
+    rates[1:, pieces] = -(np.stack(members[2:5])[:, pieces, None] ** 2) * softer[:, owner]
+    # If a member becomes longer, the nodes C and E at its end shift along it; CE runs backward.
+    shifts, b = np.zeros((len(frame.points), moved.shape[1])), frame_layout(config.robot).b
+    shifts[b + 1] = shifts[b + 3] = longer[topology.previous]
+    ahead = np.where(np.isin(frame.layout.whole[pieces], structure.pieces[1]), -1.0, 1.0)
+    apart = shifts[members.end[pieces]] - shifts[members.start[pieces]]
+    rates[0, pieces] = ahead[:, None] * apart
+    return rates

@@ -35,12 +35,12 @@ def wrinkling_moment(pressure: float, radius: float) -> float:
 
 
 class Utilisation(NamedTuple):
-    """Utilisation of the m members of a robot under loads."""
+    """Utilisation of the m members of a robot under loads; zero for those without moments."""
 
     used: Array  #: (m,) largest |M| / M_w on each member; infinite if the wall has no tension
     place: Array  #: (m,) distance of this maximum from the member's start [m]
-    piece: Indices  #: (m,) index of the frame's member in which the maximum is
-    kind: Indices  #: (m,) 0 if the maximum is at this member's start, 1 at its end, 2 inside
+    piece: Indices  #: (m,) index of the frame's part in which the maximum is; -1 for none
+    kind: Indices  #: (m,) 0 if the maximum is at this part's start, 1 at its end, 2 inside
 
 
 def find_utilisation(
@@ -59,7 +59,12 @@ def find_utilisation(
     pieces, member, used, places = _use_pieces(structure, frame, end_forces, pulls)
     last = find_most_used(used.ravel(), np.tile(member, 3))
     kind, piece = np.divmod(last, len(pieces))
-    return Utilisation(used.ravel()[last], places.ravel()[last], pieces[piece], kind)
+    count, owner = structure.owners.shape[1], member[piece]
+    found = Utilisation(np.zeros(count), np.zeros(count), np.full(count, -1), np.zeros(count, int))
+    values = used.ravel()[last], places.ravel()[last], pieces[piece], kind
+    for of_members, of_present in zip(found, values, strict=True):
+        of_members[owner] = of_present
+    return found
 
 
 def _use_pieces(
@@ -71,7 +76,7 @@ def _use_pieces(
     |M| / M_w (3, p) is computed at the start, at the end and at the maximum inside each piece. The
     positions (3, p) are the distances of these points from the start of the robot's member [m].
     """
-    config, (pieces, member) = structure.config, tube_pieces(structure, frame)
+    config, (pieces, member) = structure.config, structure.tube_parts(frame)
     ends, topology = end_forces[pieces], config.robot.topology
     begun, ended = (_wall_pull(structure, member) + pull for pull in (-ends[:, 0], ends[:, 3]))
     least = np.minimum(begun, ended)
@@ -94,17 +99,6 @@ def _wall_pull(structure: Structure, member: Indices) -> Array:
     robot = structure.config.robot
     area = 0.25 * np.pi * robot.description.tube_diameter**2
     return area * np.array(structure.pressures)[robot.topology.tube[member]]
-
-
-def tube_pieces(structure: Structure, frame: Frame) -> tuple[Indices, Indices]:
-    """
-    Return the indices of a frame's members that are tubes, and the robot's member of each.
-
-    :param frame: structural frame of the robot, with additional nodes at the loads on tubes.
-    """
-    first = structure.pieces[0, 0]
-    pieces = np.flatnonzero(frame.whole >= first)
-    return pieces, structure.owners.ravel()[frame.whole[pieces] - first]
 
 
 def evaluate_utilisation(

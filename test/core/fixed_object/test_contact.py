@@ -117,7 +117,7 @@ def test_compliance_agrees_with_a_frame_with_nodes_at_the_candidates(robot, rng)
     found, place, _ = find_contact_points(structure_of(config), circle(center, 0.4), 0.02)
     some = np.sort(rng.permutation(len(found.points))[:8])
     frame = tubes.robot_with_nodes(structure_of(config), found.member[some], place[some])
-    expected = tubes.node_compliance(frame, frame.nodes)
+    expected = tubes.node_compliance(frame, frame.layout.nodes)
     compliance = plane_compliance(found)[some][:, :, some]
     assert compliance == pytest.approx(expected, rel=1e-6, abs=1e-8 * np.abs(expected).max())
     # What the parts give, the whole gives: along normals, and for forces.

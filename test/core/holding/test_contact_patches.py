@@ -41,9 +41,9 @@ def test_pressure_of_a_disc_is_gas_pressure_plus_wall_tension_over_its_radius(de
     grasp = settled(Disc(0.4), depth=depth)
     grip = grasp.equilibrium
     bent = deform(HOME, {}, tube_loads=contact_loads(grip))
-    ends, frame = bent.state.end_forces, bent.frame
+    ends, layout = bent.state.end_forces, bent.frame.layout
     for number, name in enumerate(grip.member_names):
-        before, behind = ends[frame.before[number]], ends[frame.behind[number]]
+        before, behind = ends[layout.before[number]], ends[layout.behind[number]]
         # The moment at the contact compresses the wall on the object's side.
         moment = 0.5 * (abs(before[5]) + abs(behind[2]))
         pull = GAUGE * np.pi * RADIUS**2 - 2.0 / RADIUS * moment

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import frames
 from hypothesis import assume, given
-from isotruss_ros.core.statics.cut_frame import CutFrame
-from isotruss_ros.core.statics.load_path import follow_loads
+from isotruss_ros.core.statics.equilibrium import bend, follow_loads, solve, unloaded
+from isotruss_ros.core.statics.tangent import linearize
 import numpy as np
 import pytest
 from robots import examples, generators
@@ -103,13 +103,14 @@ def bent_case(rng):
     held[:, 2] |= ~frames.turning(found, len(points))
     loads = np.where(held, 0.0, frames.random_loads(rng, found, len(points)))
     frame = frames.frame(points, found, held)
-    linear = frame.solve(loads).displacements[:, :2]
+    rest = unloaded(frame)
+    linear = solve(rest, loads).displacements[:, :2]
     size = DISPLACEMENT / max(np.abs(linear).max(), 1e-9)
     assume(0.1 < size < 10.0)
-    bent = frame.bend(size * loads)
+    bent = bend(rest, size * loads)
     assume(bent is not None)
     # Near a limit load displacements are any.
-    assume(follow_loads(frame, 2.0 * size * loads, 1.0).factors[-1] == 1.0)
+    assume(follow_loads(rest, 2.0 * size * loads, 1.0).factors[-1] == 1.0)
     off = np.abs(bent.displacements[:, :2] - size * linear).max()
     assume(off < NONLINEAR * DISPLACEMENT)
     return frame, found, held, size * loads, bent
@@ -121,7 +122,7 @@ def test_bent_frames_agree_with_opensees(rng):
     frame, found, held, loads, bent = bent_case(rng)
     expected = bend_by_opensees(frame.points, found, held, loads)
     off = np.abs(bent.displacements - expected)[:, :2].max()
-    linear = np.abs(frame.solve(loads).displacements - expected)[:, :2].max()
+    linear = np.abs(solve(unloaded(frame), loads).displacements - expected)[:, :2].max()
     assert off < max(3e-3 * np.abs(expected[:, :2]).max(), 0.2 * linear)
 
 
@@ -130,10 +131,8 @@ def test_bent_frames_agree_with_opensees(rng):
 def test_one_element_a_member_agrees_with_eight(rng):
     frame, found, _, loads, bent = bent_case(rng)
     piece = np.repeat(np.arange(len(found.start)), 7)
-    fine = CutFrame(
-        frame, piece, frame.length[piece] * np.tile(np.arange(1, 8) / 8, len(frame.length))
-    )
-    finer = fine.bend(np.pad(loads, ((0, len(piece)), (0, 0))))
+    fine = frame.cut(piece, frame.length[piece] * np.tile(np.arange(1, 8) / 8, len(frame.length)))
+    finer = bend(unloaded(fine), np.pad(loads, ((0, len(piece)), (0, 0))))
     off = np.abs(bent.displacements - finer.displacements[: len(loads)])[:, :2].max()
     assert off < 3e-3 * DISPLACEMENT
 
@@ -142,20 +141,17 @@ def test_one_element_a_member_agrees_with_eight(rng):
 @examples(10)
 def test_the_tangent_is_the_derivative_of_the_forces(rng):
     frame, _, _, _, bent = bent_case(rng)
-    way = rng.normal(size=bent.displacements.shape)
-    ahead, behind = (
-        frame.tangent(bent.displacements + step * way, bent.multipliers) for step in (1e-6, -1e-6)
-    )
-    change = (ahead.carried - behind.carried) / 2e-6
-    answer, _ = bent.respond(change[:, None])
-    moved = np.where(frame.scaling.pattern.unknowns.free, way.ravel(), 0.0)
+    way = rng.normal(size=bent.unknowns.shape)
+
+    def change(way):
+        ahead, behind = (
+            linearize(frame, bent.unknowns + step * way).carried for step in (1e-6, -1e-6)
+        )
+        return (ahead - behind)[:, None] / 2e-6
+
+    moved = np.where(frame.layout.numbering.free, way, 0.0)
     # What is held moves too: its forces are what the change has beside those of the unknowns.
-    still = way.ravel() - moved
-    held = still.reshape(way.shape)
-    ahead, behind = (
-        frame.tangent(bent.displacements + step * held, bent.multipliers) for step in (1e-6, -1e-6)
-    )
-    answer -= bent.respond((ahead.carried - behind.carried)[:, None] / 2e-6)[0]
+    answer = bent.respond(change(way)) - bent.respond(change(way - moved))
     assert answer[:, 0] == pytest.approx(moved, abs=1e-5 * np.abs(moved).max())
 
 
@@ -169,5 +165,5 @@ def test_a_column_buckles_at_the_load_of_engesser(shear):
     loads = np.zeros((parts + 1, 3))
     loads[parts, 0] = -1.0
     euler = np.pi**2 * flexural / length**2
-    path = follow_loads(frames.frame(points, found, held), loads, 2.0 * euler)
+    path = follow_loads(unloaded(frames.frame(points, found, held)), loads, 2.0 * euler)
     assert path.limit == pytest.approx(euler / (1.0 + euler / shear), rel=2e-3)

@@ -8,10 +8,10 @@ from dataclasses import replace
 import frames
 from hypothesis import given
 from isotruss_ros.core.numerics.tolerances import ROUNDING
-from isotruss_ros.core.statics.cut_frame import CutFrame
-from isotruss_ros.core.statics.elimination import Scaling
-from isotruss_ros.core.statics.frame_pattern import FramePattern
+from isotruss_ros.core.statics.blocks import Layout, Numbering
+from isotruss_ros.core.statics.equilibrium import bend, solve, unloaded
 from isotruss_ros.core.statics.structure import structure_of
+from isotruss_ros.core.statics.tangent import linearize
 import numpy as np
 import robots
 from robots import examples, generators
@@ -19,12 +19,14 @@ from robots import examples, generators
 
 def whole(tangent):
     """Return a linearised frame with one matrix, which has no blocks."""
-    frame, scaling = tangent.frame, tangent.frame.scaling
-    uncut = getattr(frame, 'uncut', frame)
-    pattern = FramePattern(uncut.members, uncut.held, uncut.rows, condensed=False)
-    none = np.zeros((len(scaling.scale), 1))
-    factor, _ = Scaling(pattern, scaling.scale, scaling.weight).eliminate(tangent.entries, none)
-    return replace(tangent, given=factor)
+    frame, uncut = tangent.frame, tangent.frame.uncut
+    numbering = Numbering(uncut.members, uncut.held, uncut.rows.places, condensed=False)
+    piece = frame.layout.whole[frame.layout.behind]
+    order = np.lexsort((frame.begins[frame.layout.behind], piece))
+    layout = Layout(numbering, piece, order, numbering.whole.active)
+    return linearize(
+        replace(frame, layout=layout), tangent.unknowns, tangent.forces.stressed[:, 0]
+    )
 
 
 def bent_frame(robot, rng):
@@ -32,34 +34,34 @@ def bent_frame(robot, rng):
     config = robots.random_state(robot, rng)
     uncut = structure_of(config).frame
     pieces = rng.integers(3 * robot.topology.n_modules, len(uncut.length), 3)
-    frame = CutFrame(uncut, pieces, uncut.length[pieces] * rng.uniform(0.2, 0.8, 3))
+    frame = uncut.cut(pieces, uncut.length[pieces] * rng.uniform(0.2, 0.8, 3))
     loads = np.zeros((len(frame.points), 3))
     joints = len(robot.topology.joint_names)
     loads[:joints, :2] = rng.uniform(-3.0, 3.0, (joints, 2))
-    return frame.bend(loads) or frame.rest
+    rest = unloaded(frame)
+    return bend(rest, loads) or rest
 
 
 @examples(20)
 @given(robots.robots(), generators())
 def test_responses_of_robots_agree_with_those_of_one_matrix(robot, rng):
     tangent = bent_frame(robot, rng)
-    loads = rng.normal(size=(3 * len(tangent.frame.points), 4))
-    loads.reshape(-1, 3, 4)[: len(robot.topology.joint_names), 2] = 0.0
-    gaps = 1e-3 * rng.normal(size=(tangent.frame.rows.count, 4))
-    expected, multipliers = whole(tangent).respond(loads, gaps)
-    for factored in (None, tangent.factored):
-        found, forces = tangent.respond(loads, gaps, factored)
-        size = np.abs(expected).max()
-        assert np.abs(found - expected).max() < 10.0 * ROUNDING * size
-        assert np.abs(forces - multipliers).max() < 1e2 * ROUNDING * np.abs(multipliers).max()
+    rows = tangent.frame.layout.numbering.rows
+    loads = rng.normal(size=(len(tangent.unknowns), 4))
+    loads[:rows] *= 1e-3
+    loads[rows:].reshape(-1, 3, 4)[: len(robot.topology.joint_names), 2] = 0.0
+    expected = whole(tangent).solve(loads)[1]
+    for found in (tangent.solve(loads)[1], tangent.respond(loads)):
+        for part, share in ((slice(None, rows), 1e2), (slice(rows, None), 10.0)):
+            size = np.abs(expected[part]).max()
+            assert np.abs(found[part] - expected[part]).max() < share * ROUNDING * size
 
 
 @examples(20)
 @given(robots.robots(), generators())
 def test_negative_pivots_of_blocks_and_joints_are_those_of_one_matrix(robot, rng):
     tangent = bent_frame(robot, rng)
-    expected = whole(tangent).factored.factored.negative_pivots
-    assert tangent.factored.factored.negative_pivots == expected
+    assert tangent.factored.negative_pivots == whole(tangent).factored.negative_pivots
 
 
 def test_constraints_that_are_dependent_within_a_block_leave_the_frame_regular():
@@ -76,9 +78,9 @@ def test_constraints_that_are_dependent_within_a_block_leave_the_frame_regular()
     loads[2] = (1.0, -1.0, 0.0)
     rows = rows.reshape(2, -1)
     frame = frames.frame(points, found, held, rows)
-    assert FramePattern(found, held, frame.rows).condensed
     moved, *_ = frames.reference(np.array(points, dtype=complex), found, held, loads, rows)
-    assert np.abs(frame.solve(loads).displacements - moved).max() < ROUNDING * np.abs(moved).max()
+    state = solve(unloaded(frame), loads)
+    assert np.abs(state.displacements - moved).max() < ROUNDING * np.abs(moved).max()
 
 
 def test_blocks_of_different_sizes_agree_with_an_independent_model():
@@ -88,8 +90,8 @@ def test_blocks_of_different_sizes_agree_with_an_independent_model():
     found = frames.members(ends, 1e4, 25.0, 1e3, [(1, 1), (2, 0), (4, 1), (5, 0)])
     held = frames.supports(7, {0: 'xyr', 6: 'xyr'})
     frame = frames.frame(points, found, held)
-    blocks = FramePattern(found, held, frame.rows).matrix.blocks
-    assert sorted(each.inner.shape for each in blocks) == [(1, 3), (1, 6), (1, 6)]
+    assert sorted(each.inner.shape for each in frame.layout.groups) == [(1, 0), (1, 3), (1, 6)]
     loads = np.where(np.arange(7)[:, None] % 2, [1.0, -2.0, 0.5], [-0.5, 1.0, 0.0])
     moved, *_ = frames.reference(points, found, held, loads)
-    assert np.abs(frame.solve(loads).displacements - moved).max() < ROUNDING * np.abs(moved).max()
+    state = solve(unloaded(frame), loads)
+    assert np.abs(state.displacements - moved).max() < ROUNDING * np.abs(moved).max()

@@ -39,8 +39,8 @@ def test_least_wall_tension_counts_inside_a_piece(pushed):
     structure.config.robot.description = SimpleNamespace(tube_diameter=2.0 * RADIUS)
     structure.pressures = (WALL / (np.pi * RADIUS**2),)
     frame = tubes.robot_with_nodes(structure, np.zeros(1, dtype=int), np.array([0.1 * LENGTH]))
-    pieces = np.flatnonzero(frame.whole == 0)
-    ends, pulls = np.zeros((len(frame.whole), 6)), np.zeros(len(frame.whole))
+    pieces = np.flatnonzero(frame.layout.whole == 0)
+    ends, pulls = np.zeros((len(frame.layout.whole), 6)), np.zeros(len(frame.layout.whole))
     piece = pieces[frame.length[pieces].argmax()]
     angle = 2.5 * frame.length[piece] / LENGTH
     ends[piece] = pushed[0], 0.0, -2.0, -pushed[1], 0.0, 2.0

@@ -1,0 +1,57 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Bisection constraints (3) of a frame: the rod of a module bisects the angle of its guide arms.
+
+With the joint A, the pinch points B and C and the guide rings D and E of a module, the rod is the
+vector from A to the midpoint of BC, and the arms are BD and CE. The rod turns by the mean of the
+rotations of both arms. Each constraint has a Lagrange multiplier.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from isotruss_ros.core.numerics.arrays import Array, Indices, Points
+import numpy as np
+
+#: Rod and arms of a module as combinations of its nodes A, B, C, D, E, and the weights of their
+#: rotations in the constraint.
+VECTORS = np.array([[-1.0, 0.5, 0.5, 0, 0], [0, -1.0, 0, 1.0, 0], [0, 0, -1.0, 0, 1.0]])
+WEIGHTS = np.array([2.0, -1.0, -1.0])
+#: (3, 25) products of the coefficients of two nodes in each vector.
+PRODUCTS = (VECTORS[:, :, None] * VECTORS[:, None, :]).reshape(3, 25)
+
+
+class Bisections(NamedTuple):
+    """Bisection constraints of c modules."""
+
+    nodes: Indices  #: (c, 5) indices of the nodes A, B, C, D, E
+
+    @property
+    def places(self) -> Indices:
+        """Return the indices (c, 10) of the displacements ux, uy of the nodes among all (3 n,)."""
+        return (3 * self.nodes[:, :, None] + [0, 1]).reshape(-1, 10)
+
+    def linearize(
+        self, points: Points, displacements: Array, multipliers: Array, chosen: Indices
+    ) -> tuple[Array, Array, Array]:
+        """
+        Linearise q chosen constraints about displacements (n, 3) of nodes at points (n,).
+
+        :return: derivatives (q, 10) by the displacements at `places`; gaps (q,) [rad]; and
+            geometric stiffness (q, 10, 10) by the multipliers (c,).
+        """
+        nodes = self.nodes[chosen]
+        straight = points[nodes] @ VECTORS.T
+        moved = straight + (displacements[:, 0] + 1j * displacements[:, 1])[nodes] @ VECTORS.T
+        turned = moved * straight.conj()
+        gaps = np.arctan2(turned.imag, turned.real) @ WEIGHTS
+        slopes = (1j * WEIGHTS / moved.conj()) @ VECTORS
+        curved = (-WEIGHTS * multipliers[chosen, None] / moved**2) @ PRODUCTS
+        curved = curved.reshape(-1, 5, 5)
+        blocks = np.empty((len(nodes), 5, 2, 5, 2))
+        blocks[:, :, 0, :, 0], blocks[:, :, 1, :, 1] = curved.imag, -curved.imag
+        blocks[:, :, 0, :, 1] = blocks[:, :, 1, :, 0] = curved.real
+        return slopes.view(np.float64), gaps, blocks.reshape(-1, 10, 10)

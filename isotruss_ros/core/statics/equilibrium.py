@@ -1,0 +1,204 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Equilibria of a frame under loads on its nodes.
+
+`solve` is linear about the unloaded frame, as in the paper. `bend` finds the equilibrium of the
+bent frame by Newton's method; its first step is `solve`. `follow_loads` increases the loads up to
+the limit load, at which the stiffness is singular; at larger loads there is no stable equilibrium
+nearby. Newton's method may still converge to an unstable equilibrium, which negative pivots of the
+factorised stiffness indicate.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+from isotruss_ros.core.errors import StructureError
+from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.tolerances import COINCIDENCE, MAX_CONDITION, MAX_NEWTON_ITERATIONS
+from isotruss_ros.core.statics.beam_column import end_forces
+from isotruss_ros.core.statics.blocks import Numbering
+from isotruss_ros.core.statics.frame import Frame
+from isotruss_ros.core.statics.tangent import linearize, Tangent, TUBE_CURVATURE
+import numpy as np
+
+#: Largest admissible ratio of the displacements to those of the linear prediction [-].
+MAX_GROWTH = 1.5
+#: Largest displacement of a node in a load step, by linear prediction [m].
+MAX_DISPLACEMENT_STEP = 0.01
+#: Relative tolerance of a limit load [-].
+LIMIT_TOLERANCE = 1e-3
+#: Largest number of load steps.
+MAX_LOAD_STEPS = 400
+
+
+@dataclass(frozen=True, eq=False)
+class FrameState:
+    """Displacements, reactions and member forces of a frame under loads."""
+
+    #: (n, 3) displacements ux, uy [m], theta [rad]; theta is zero at nodes at which all members
+    #: are pinned
+    displacements: Array
+    #: (n, 3) forces fx, fy [N] and moments m [N m] of the supports on the frame; zero at nodes
+    #: without support
+    reactions: Array
+    #: (p, 6) forces of the nodes on the parts; at the start and then at the end, the force along
+    #: the chord and across it [N] and the moment [N m]
+    end_forces: Array
+    #: (p,) axial forces that amplify moments inside parts [N]; zero in the linear model
+    bowing: Array
+
+
+def unloaded(frame: Frame) -> Tangent:
+    """Return a frame linearised without loads; raise StructureError if it is a mechanism."""
+    rest = linearize(frame, np.zeros(len(frame.scale)))
+    if _is_regular(rest):
+        return rest
+    numbering = frame.layout.numbering
+    if numbering.condensed:
+        members, rows = frame.members, frame.rows
+        whole = Numbering(members, frame.held, rows.places, condensed=False)
+        rest = linearize(replace(frame, layout=whole.whole), rest.unknowns)
+        if _is_regular(rest):
+            return rest
+    raise StructureError(
+        f'the structure is a mechanism: {", ".join(_what_moves(rest))} can move '
+        'without resistance; support it or connect it'
+    )
+
+
+def _is_regular(rest: Tangent) -> bool:
+    """Return whether the matrix of (4) is regular in double precision."""
+    try:
+        return rest.factored.condition < MAX_CONDITION
+    except StructureError:
+        return False
+
+
+def _what_moves(rest: Tangent) -> list[str]:
+    """Return the names of the nodes that can move without force in a singular frame."""
+    frame, numbering = rest.frame, rest.frame.layout.numbering
+    matrix, free = np.zeros((len(frame.scale),) * 2), numbering.free
+    for group, whole in zip(frame.layout.groups, rest.matrices, strict=True):
+        for places, block in zip(np.hstack([group.outer, group.inner]), whole, strict=True):
+            matrix[np.ix_(places, places)] += block
+    values, vectors = np.linalg.eigh(matrix[np.ix_(free, free)])
+    loose = np.abs(values) < np.abs(values).max() / MAX_CONDITION**0.5
+    loose[np.abs(values).argmin()] = True
+    motion = np.zeros(len(free))
+    motion[free] = np.abs(frame.scale[free, None] * vectors[:, loose]).max(axis=1)
+    by_node = motion[numbering.rows :].reshape(-1, 3).max(axis=1)
+    return [frame.names[i] for i in np.flatnonzero(by_node > 1e-3 * by_node.max())]
+
+
+def solve(rest: Tangent, loads: Array) -> FrameState:
+    """Return displacements, reactions and member forces under loads (n, 3) by linear (4)."""
+    frame, rows = rest.frame, rest.frame.layout.numbering.rows
+    moved = rest.respond(loads.reshape(-1, 1))
+    forces, _ = rest.force_changes(moved[rows:].reshape(-1, 3, 1))
+    size, layout = len(frame.scale), frame.layout
+    pushed = rest.nodal_forces(np.arange(len(frame.length)), forces)
+    carried = np.bincount(layout.places.ravel(), pushed.ravel(), size)
+    straight = frame.rows.linearize(frame.points, rest.displacements, moved[:rows, 0], layout.rows)
+    held = straight[0] * moved[layout.rows]
+    carried += np.bincount(layout.row_places[:, 1:].ravel(), held.ravel(), size)
+    return FrameState(
+        moved[rows:].reshape(-1, 3),
+        _reactions(frame, carried[rows:] - loads.ravel()),
+        end_forces(forces[..., 0], rest.length),
+        np.zeros(len(frame.length)),
+    )
+
+
+def bend(start: Tangent, loads: Array, growth: float = MAX_GROWTH) -> Tangent | None:
+    """Return the bent frame in equilibrium under loads (n, 3), found by Newton's method."""
+    tangent, origin, reach = start, start.displacements, np.inf
+    applied = np.append(np.zeros(start.frame.layout.numbering.rows), loads)
+    for count in range(MAX_NEWTON_ITERATIONS):
+        _, step = tangent.solve((applied - tangent.carried)[:, None])
+        unknowns = tangent.unknowns + step[:, 0]
+        moved = step[-loads.size :].reshape(-1, 3)
+        size = float(np.abs(moved[:, :2]).max())
+        if count == 0:
+            reach = size
+        # An equilibrium far beyond the linear prediction is on another branch.
+        elif not np.abs(tangent.displacements + moved - origin)[:, :2].max() <= growth * reach:
+            return None
+        changes, _ = tangent.force_changes(moved[..., None])
+        pull = tangent.forces.values[:, 0] + changes[:, 0, 0]
+        with np.errstate(over='ignore', invalid='ignore', divide='ignore'):
+            tangent = linearize(tangent.frame, unknowns, pull)
+        if TUBE_CURVATURE * size**2 <= COINCIDENCE:
+            return tangent
+    return None
+
+
+def state_under(tangent: Tangent, loads: Array) -> FrameState:
+    """Return displacements, reactions and member forces of a bent frame."""
+    carried = tangent.carried[tangent.frame.layout.numbering.rows :]
+    return FrameState(
+        tangent.displacements,
+        _reactions(tangent.frame, carried - loads.ravel()),
+        tangent.end_forces,
+        tangent.forces.values[:, 0],
+    )
+
+
+def _reactions(frame: Frame, missing: Array) -> Array:
+    """Return the support reactions (n, 3) from the residual of the balance (3 n,)."""
+    reactions, count = np.zeros((len(frame.points), 3)), len(frame.held)
+    reactions[:count] = missing.reshape(-1, 3)[:count] * frame.held
+    return reactions
+
+
+class LoadPath(NamedTuple):
+    """
+    Stable equilibria of a frame under increasing loads.
+
+    :ivar factors: (s,) factors on the loads, increasing from 0.
+    :ivar tangents: (s,) frames linearised about the equilibria at these factors.
+    :ivar limit: factor at which the limit load is reached; infinite if the path ends before it.
+    """
+
+    factors: list[float]
+    tangents: list[Tangent]
+    limit: float
+
+
+def follow_loads(rest: Tangent, loads: Array, most: float, farthest: float = np.inf) -> LoadPath:
+    """
+    Compute the stable equilibria of a frame while its loads increase from zero.
+
+    :param rest: the frame without loads.
+    :param loads: (n, 3) loads fx, fy [N], m [N m] on the nodes.
+    :param farthest: the path ends if a node is displaced by more than this [m].
+    """
+    path = LoadPath([0.0], [rest], np.inf)
+    step, rows = most, rest.frame.layout.numbering.rows
+    for _ in range(MAX_LOAD_STEPS):
+        factor, tangent = path.factors[-1], path.tangents[-1]
+        if factor >= most or np.abs(tangent.displacements[:, :2]).max() > farthest:
+            return path
+        moved = tangent.respond(loads.reshape(-1, 1))[rows:].reshape(-1, 3)
+        reach = np.abs(moved[:, :2]).max()
+        step = min(
+            2.0 * step, MAX_DISPLACEMENT_STEP / reach if reach > 0.0 else np.inf, most - factor
+        )
+        bent = _step(tangent, (factor + step) * loads)
+        while bent is None and step > LIMIT_TOLERANCE * factor:
+            step *= 0.5
+            bent = _step(tangent, (factor + step) * loads)
+        if bent is None:
+            return path._replace(limit=factor + step)
+        path.factors.append(factor + step)
+        path.tangents.append(bent)
+    return path
+
+
+def _step(tangent: Tangent, loads: Array) -> Tangent | None:
+    """Return the next stable equilibrium on a load path; None if none exists nearby."""
+    bent = bend(tangent, loads)
+    return bent if bent is not None and bent.is_stable else None

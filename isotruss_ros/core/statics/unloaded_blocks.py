@@ -1,0 +1,86 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Blocks of a frame without loads, such as the tubes of an isostatic robot that touch nothing.
+
+These blocks are linear in axes that turn with their hinges, so their stiffness is computed once
+for a configuration.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from isotruss_ros.core.numerics.arrays import Array, Indices, Points
+from isotruss_ros.core.statics.blocks import Group
+from isotruss_ros.core.statics.frame import Frame
+import numpy as np
+
+
+class UnloadedBlocks(NamedTuple):
+    """Equal blocks whose hinges only are loaded, by forces that hardly deform them."""
+
+    outer: Indices  #: (b, t) unknowns of the hinges: x and y of each
+    inner: Indices  #: (b, s) unknowns of the blocks: multipliers, then ux, uy, theta of each node
+    hinges: Points  #: (b, t / 2) hinges relative to their mean [m]
+    nodes: Points  #: (b, .) nodes of the blocks relative to this mean [m]
+    stiffness: Array  #: (b, t, t) stiffness of the hinges
+    #: (b, s, t) multipliers and displacements by unit displacements of the hinges
+    spread: Array
+
+    @classmethod
+    def of(cls, frame: Frame, group: Group, schur: Array, spread: Array) -> UnloadedBlocks:
+        """Return a group of blocks from its eliminated matrix, which is scaled."""
+        first = frame.layout.numbering.rows
+        outer, inner = frame.scale[group.outer], frame.scale[group.inner]
+        hinges = frame.points[(group.outer[:, ::2] - first) // 3]
+        middles = hinges.mean(axis=1, keepdims=True)
+        nodes = frame.points[(group.inner[:, group.rows.shape[1] :: 3] - first) // 3]
+        return cls(
+            group.outer,
+            group.inner,
+            hinges - middles,
+            nodes - middles,
+            schur / (outer[:, :, None] * outer[:, None]),
+            spread * inner[:, :, None] / outer[:, None],
+        )
+
+    def take(self, blocks: Indices) -> UnloadedBlocks:
+        """Return some of these blocks."""
+        return UnloadedBlocks(*(values[blocks] for values in self))
+
+    def place(self, unknowns: Array) -> tuple[Points, Array]:
+        """Return the rotations (b,) of the blocks, and the strains (b, t) of their hinges [m]."""
+        moved = self.hinges + unknowns[self.outer].view(np.complex128)
+        moved -= moved.sum(axis=1, keepdims=True) / moved.shape[1]
+        turn = (self.hinges.conj() * moved).sum(axis=1)
+        turn /= np.abs(turn)
+        return turn, (moved * turn.conj()[:, None] - self.hinges).view(np.float64)
+
+    def linearize(self, unknowns: Array) -> tuple[Array, Array]:
+        """Return the forces (b, t) on the hinges, and their stiffness (b, t, t), turned."""
+        turn, strain = self.place(unknowns)
+        count, width = strain.shape
+        turns = np.zeros((count, width // 2, 2, width // 2, 2))
+        own = np.arange(width // 2)
+        turns[:, own, 0, own, 0] = turns[:, own, 1, own, 1] = turn.real[:, None]
+        turns[:, own, 1, own, 0], turns[:, own, 0, own, 1] = (
+            turn.imag[:, None],
+            -turn.imag[:, None],
+        )
+        turns = turns.reshape(self.stiffness.shape)
+        turned = turns @ self.stiffness
+        return (turned @ strain[:, :, None])[..., 0], turned @ turns.swapaxes(1, 2)
+
+    def complete(self, unknowns: Array) -> None:
+        """Set the unknowns (u,) of the blocks from those of their hinges."""
+        turn, strain = self.place(unknowns)
+        values, count = (self.spread @ strain[:, :, None])[..., 0], self.inner.shape[1]
+        nodes = values[:, count - 3 * self.nodes.shape[1] :].reshape(*self.nodes.shape, 3)
+        moved = (self.nodes + nodes[..., 0] + 1j * nodes[..., 1]) * turn[:, None] - self.nodes
+        middle = unknowns[self.outer].view(np.complex128).mean(axis=1)
+        moved += middle[:, None]
+        nodes[..., 0], nodes[..., 1] = moved.real, moved.imag
+        nodes[..., 2] += np.angle(turn)[:, None]
+        unknowns[self.inner] = values
