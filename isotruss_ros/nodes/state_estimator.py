@@ -84,7 +84,10 @@ class StateEstimatorNode(ManagedNode):
     def configure(self) -> None:
         """Create the publisher and the subscriptions."""
         self.inputs = Inputs(self, self.robot)
-        self.inputs.keep('rollers', take=self._take_encoders)
+        self.inputs.keep(
+            'rollers',
+            take=lambda given: self._estimator.take_encoders(given.time, given.value.positions),
+        )
         self.inputs.keep('pose', take=self._take_pose, oldest=HISTORY_DURATION)
         self.inputs.keep('markers', take=self._take_markers, oldest=HISTORY_DURATION)
         self.inputs.keep('pressures', 'held_grip')
@@ -137,9 +140,6 @@ class StateEstimatorNode(ManagedNode):
         grip = Grip(common.select_grip(self.robot, values), body)
         if grip != self._estimator.grip:
             self._estimator.grip = grip
-
-    def _take_encoders(self, given: StampedInput) -> None:
-        self._estimator.take_encoders(given.time, given.value.positions)
 
     def _take_pose(self, given: StampedInput) -> None:
         values, estimator = self.values, self._estimator

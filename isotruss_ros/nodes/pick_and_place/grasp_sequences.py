@@ -136,14 +136,10 @@ class GraspSequences:
         :return: distance and angle; NaN if a pose is unknown.
         """
         try:
-            return self._measure_error(path.poses[-1])
+            here, end = self._watch.require_pose(), read_pose('pose', path.poses[-1].pose)
         except (IsotrussError, IndexError):
             return math.nan, math.nan
-
-    def _measure_error(self, end: PoseStamped) -> tuple[float, float]:
-        """Return the distance [m] and angle [rad] between the object and a pose."""
-        here = self._watch.require_pose()
-        x, y, turned = pose_difference(read_pose('pose', end.pose), here)
+        x, y, turned = pose_difference(end, here).tolist()
         return math.hypot(x, y), abs(turned)
 
     def pick(self, goal: PickObject.Goal) -> Steps:
