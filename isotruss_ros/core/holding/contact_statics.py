@@ -259,45 +259,6 @@ class ContactStatics:
         arcs = self.body.shape.unroll(found, self.contacts.corners)
         return -self.sides * (unknowns[self.places.feet] - travel) - arcs
 
-    def solve(
-        self,
-        start: Array,
-        wrench: Array,
-        conditions: ContactConditions,
-        steps: int = MAX_NEWTON_ITERATIONS,
-        reach: float = np.inf,
-    ) -> ContactForces | None:
-        """
-        Solve the equilibrium equations by Newton's method from initial unknowns; None on failure.
-
-        If a node moves by more than `reach`, the solution is approximate.
-        """
-        places, unknowns = self.places, start.copy()
-        longest = np.full(places.size, MAX_TURN * self.body.arm)
-        longest[ANGLE] = longest[places.inclinations] = MAX_TURN
-        longest[places.normal] = longest[places.friction] = np.inf
-        least, first = np.full(places.size, LENGTH_TOLERANCE), 0.0
-        for _ in range(steps):
-            residual, state = self.equations(unknowns, wrench, conditions)
-            least[places.balance] = FORCE_TOLERANCE * np.abs(unknowns[places.normal]).sum()
-            # For NaN the comparison below is false, so NaN is not a solution.
-            left = float((np.abs(residual) / least).max())
-            first = max(first, left)
-            if left <= 1.0 or (
-                left <= 0.01 * first and self.bent.distance(state.loads, state.feet) > reach
-            ):
-                folded = np.abs(unknowns[places.inclinations]).max() > MAX_INCLINATION
-                return None if folded else state
-            _, _, step, singular = lapack.dgesv(state.jacobian, -residual)
-            size = np.abs(step)
-            # The motion of the centroid does not depend on the frame of the object.
-            turn = cmath.rect(1.0, unknowns[ANGLE]) * self.body.shape.centroid
-            size[CENTER] = abs(complex(step[0], step[1]) + 1j * turn * step[ANGLE])
-            if singular or not size.max() < np.inf:
-                return None
-            unknowns = unknowns + step / max(1.0, float((size / longest).max()))
-        return None
-
     def settle(
         self,
         start: Array,
@@ -309,14 +270,30 @@ class ContactStatics:
         """
         Solve for the equilibrium with tubes that are linearised about this equilibrium.
 
+        :param steps: largest number of steps of Newton's method for each linearisation.
+        :param reach: the tubes are linearised again if a node has moved by more than this [m].
         :return: the equations with these tubes, and the equilibrium; None if it is not found.
         """
-        statics, unknowns, close = self, start, False
+        statics, unknowns, places, close = self, start, self.places, False
+        tolerance = np.full(places.size, LENGTH_TOLERANCE)
         for _ in range(MAX_SEARCH_STEPS):
-            state = statics.solve(unknowns, wrench, conditions, steps, reach)
-            if state is None:
+            first = 0.0
+            for _ in range(steps):
+                residual, state = statics.equations(unknowns, wrench, conditions)
+                tolerance[places.balance] = FORCE_TOLERANCE * np.abs(state.normal_forces).sum()
+                # For NaN the comparisons below are false, so NaN is not a solution.
+                error = float((np.abs(residual) / tolerance).max())
+                first = max(first, error)
+                near = error <= max(1.0, 0.01 * first)
+                moved = statics.bent.distance(state.loads, state.feet) if near else 0.0
+                if error <= 1.0 or moved > reach:
+                    break
+                if (unknowns := statics._advance(state, residual)) is None:
+                    return None
+            else:
                 return None
-            moved = statics.bent.distance(state.loads, state.feet)
+            if np.abs(state.unknowns[places.inclinations]).max() > MAX_INCLINATION:
+                return None
             # Tubes are not modelled beyond the ends of their members, so these contacts converge
             # slowly.
             off = moved <= FOLLOWED_MOTION and not statics.are_on_members(state.feet)
@@ -327,6 +304,20 @@ class ContactStatics:
             bent = statics.bent.update(state.loads, state.feet)
             statics, unknowns = replace(statics, bent=bent), state.unknowns
         return None
+
+    def _advance(self, state: ContactForces, residual: Array) -> Array | None:
+        """Return the unknowns after a bounded step of Newton's method; None if singular."""
+        places, unknowns = state.places, state.unknowns
+        _, _, step, singular = lapack.dgesv(state.jacobian, -residual)
+        size, longest = np.abs(step), np.full(places.size, MAX_TURN * self.body.arm)
+        longest[ANGLE] = longest[places.inclinations] = MAX_TURN
+        longest[places.forces] = np.inf
+        # The motion of the centroid does not depend on the frame of the object.
+        turn = cmath.rect(1.0, unknowns[ANGLE]) * self.body.shape.centroid
+        size[CENTER] = abs(complex(step[0], step[1]) + 1j * turn * step[ANGLE])
+        if singular or not size.max() < np.inf:
+            return None
+        return unknowns + step / max(1.0, float((size / longest).max()))
 
 
 def unwrapped(unknowns: Array, normals: Points, angles: Array) -> Array:

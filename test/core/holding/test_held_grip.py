@@ -215,7 +215,8 @@ def changed_forces(grip, moving):
         bent = replace(bent, given_lines=lines)
         statics = replace(grip.statics, bent=bent)
         closure = stick(statics, grip.anchors, travel, grip.angles, NOTHING)
-        found.append(statics.solve(grip.state.unknowns, grip.wrench, closure).normal_forces)
+        _, state = statics.settle(grip.state.unknowns, grip.wrench, closure)
+        found.append(state.normal_forces)
     return (found[0] - found[1]) / 2e-6
 
 
