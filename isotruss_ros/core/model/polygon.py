@@ -9,7 +9,6 @@ import bisect
 import cmath
 from collections.abc import Sequence
 from dataclasses import dataclass
-import functools
 from functools import cached_property
 import math
 
@@ -248,19 +247,6 @@ class Polygon(Shape):
         begins = self.normals.conj()
         return begins, np.roll(begins, 1)
 
-    def rounded(self, length: float) -> Polygon:
-        """
-        Return the polygon with corners rounded to the resolution of contact points.
-
-        A contact point represents a segment of tube. If the segment is centred on a corner, the
-        mean height of the surface along the segment is less than the height of the corner. The
-        difference is a quarter of the segment's length times the slope of the sides; the arc
-        removes this height.
-
-        :param length: length of tube that each contact point represents [m].
-        """
-        return _rounded(self, length)
-
     def smoothed(self, length: float) -> Shape:
         """
         Return the smooth curve that the polygon approximates, or the polygon if there is none.
@@ -293,15 +279,3 @@ class Polygon(Shape):
             along = np.linspace(0.0, turn, count)
             parts.append(center + radius * normal * np.exp(1j * along))
         return np.concatenate(parts)
-
-
-@functools.lru_cache(maxsize=64)
-def _rounded(polygon: Polygon, length: float) -> Polygon:
-    """Return `Polygon.rounded`, cached."""
-    half = 0.5 * polygon.turns
-    sides = np.abs(np.roll(polygon.corners, -1) - polygon.corners)
-    room = 0.5 * np.minimum(sides, np.roll(sides, 1)) / np.tan(half)
-    blunt = np.minimum(0.25 * length / np.tan(0.5 * half), room * (1.0 - 1e-9))
-    if (blunt <= polygon.radii).all():
-        return polygon
-    return Polygon(polygon.vertices, tuple(np.maximum(polygon.radii, blunt).tolist()))

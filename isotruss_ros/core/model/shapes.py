@@ -215,14 +215,6 @@ class Shape(ABC):
         :param points: (c,) points x + iy, outside or inside [m].
         """
 
-    def rounded(self, length: float) -> Shape:
-        """
-        Return the shape with corners rounded to the resolution of contact points.
-
-        :param length: length of tube that each contact point represents [m].
-        """
-        return self
-
     def smoothed(self, length: float) -> Shape:
         """
         Return the smooth shape that this shape approximates, or this shape if there is none.

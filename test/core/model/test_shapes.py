@@ -81,25 +81,6 @@ def test_vertices_may_have_either_orientation(seed):
     assert hash(again) == hash(Polygon(again.vertices, again.corner_radius))
 
 
-@robots.examples(100)
-@given(SEEDS, strategies.floats(0.001, 0.05))
-def test_rounded_corners_match_the_resolution_of_segments(seed, length):
-    generator = np.random.default_rng(seed)
-    sharp = random_polygon(generator, rounded=False)
-    blunt = sharp.rounded(length)
-    points = 0.4 * directions(generator)
-    assert np.all(blunt.nearest(points).gaps >= sharp.nearest(points).gaps - 1e-12)
-    half = 0.5 * sharp.turns
-    taken = np.abs(sharp.corners - blunt.arc_centers) - blunt.radii
-    told = 0.25 * length * np.tan(half)
-    assert np.all(taken <= told * (1.0 + 1e-9))
-    # It is less only where the sides are short.
-    room = sharp.rounded(1e3).radii
-    free = blunt.radii < 0.99 * room
-    assert taken[free] == pytest.approx(told[free])
-    assert blunt.rounded(length) is blunt
-
-
 WRONG = {
     'no list': (3, 'must be a list'),
     'two': (((0, 0), (1, 0)), 'of 2 vertices: must have at least 3'),
