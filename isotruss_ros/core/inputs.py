@@ -419,14 +419,13 @@ class CommandHistory:
             self.clear()
         self._travel.discard_before(now - span)
 
-    def elapsed(self, now: float, default: float) -> float:
+    def elapsed(self, now: float) -> float:
         """
-        Return the time since the last command [s].
+        Return the time since the last command, 0 without commands [s].
 
         :param now: current time on the clock of the commands [s].
-        :param default: result if there are no commands [s].
         """
-        return default if self.last is None else now - self._travel.last[0]
+        return 0.0 if self.last is None else now - self._travel.last[0]
 
     def record(self, now: float, speeds: Array) -> None:
         """

@@ -77,13 +77,6 @@ class Limit(Protocol):
         """
 
 
-@functools.lru_cache(maxsize=16)
-def _speed_rows(count: int, max_speed: float) -> Rows:
-    """Return the inequality rows of `RollerSpeedLimit`, read-only."""
-    bound = np.full(count, max_speed)
-    return Rows(np.eye(count), -bound, bound)
-
-
 @dataclass(frozen=True)
 class RollerSpeedLimit:
     """Upper bound of the magnitudes of the roller speeds."""
@@ -94,7 +87,8 @@ class RollerSpeedLimit:
 
     def rows(self, config: Configuration) -> Rows:
         """Return one row for each roller; see `Limit.rows`."""
-        return _speed_rows(len(config.robot.roller_names), self.max_speed)
+        bound = np.full(len(config.robot.roller_names), self.max_speed)
+        return Rows(np.eye(len(bound)), -bound, bound)
 
     def row_names(self, config: Configuration) -> tuple[str, ...]:
         """Return the rollers' names; see `Limit.row_names`."""

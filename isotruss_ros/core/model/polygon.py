@@ -14,7 +14,7 @@ import math
 
 from isotruss_ros.core.model.outline_checks import check_outline, polygon_moments
 from isotruss_ros.core.model.shapes import Face, Shape, SurfacePoints
-from isotruss_ros.core.model.smooth_outline import SmoothOutline
+from isotruss_ros.core.model.smooth_outline import PolygonalShape, SmoothOutline
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.numerics.tolerances import COINCIDENCE
 import numpy as np
@@ -26,7 +26,7 @@ MAX_SAMPLE_TURN = 0.5
 
 
 @dataclass(frozen=True)
-class Polygon(Shape):
+class Polygon(PolygonalShape):
     """
     Convex polygon with sharp corners, or with corners rounded by arcs tangent to both sides.
 
@@ -52,11 +52,6 @@ class Polygon(Shape):
         same = not isinstance(self.corner_radius, Sequence)
         kept = float(radii[0]) if same else tuple(map(float, radii[::step]))
         object.__setattr__(self, 'corner_radius', kept)
-
-    @cached_property
-    def corners(self) -> Points:
-        """Return the polygon's vertices, (k,) counter-clockwise x + iy [m]."""
-        return np.array(self.vertices) @ np.array([1.0, 1.0j])
 
     @cached_property
     def normals(self) -> Points:
@@ -114,18 +109,6 @@ class Polygon(Shape):
         """Return the length of the polygon's outline [m]."""
         saved = self.radii * (2.0 * np.tan(0.5 * self.turns) - self.turns)
         return float(np.abs(np.roll(self.corners, -1) - self.corners).sum() - saved.sum())
-
-    @property
-    def centroid(self) -> complex:
-        """Return the centroid of the area, x + iy [m]."""
-        area, first, _ = self._moments
-        return first / area
-
-    @property
-    def gyration(self) -> float:
-        """Return the radius of gyration of the area about its centroid [m]."""
-        area, first, second = self._moments
-        return float(np.sqrt(second / area - abs(first / area) ** 2))
 
     @cached_property
     def reach(self) -> float:

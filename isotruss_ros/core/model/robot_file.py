@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -82,9 +82,8 @@ def _check_stiffness(description: RobotDescription) -> Iterator[str]:
     stiffness, pressures = description.stiffness, description.pressures
     lengths = description.min_length, description.max_length
     ring = description.module.guide_ring_distance
-    implausible = [
-        *find_implausible(stiffness, description.tube_diameter, pressures, lengths, ring)
-    ]
+    diameter = description.tube_diameter
+    implausible = list(find_implausible(stiffness, diameter, pressures, lengths, ring))
     yield from implausible
     if stiffness['model'] == 'power_law' and not implausible:
         yield from find_contradictions(read_laws(stiffness), pressures, lengths, ring)
@@ -102,9 +101,14 @@ def _check_calibration(calibration: Mapping[str, Any], tubes: tuple[Tube, ...]) 
         f'{tube.name}/{joint}' for tube in tubes for joint in tube.joints if joint != tube.passive
     ]
     for key in ('zero_deviations', 'checked_rollers'):
-        for name in calibration.get(key, ()):
-            if name not in rollers:
-                yield f'calibration.{key}: unknown roller {name!r}; known are {", ".join(rollers)}'
+        yield from _unknown(f'calibration.{key}', 'roller', calibration.get(key, ()), rollers)
+
+
+def _unknown(where: str, kind: str, names: Iterable[str], valid: Iterable[str]) -> Iterator[str]:
+    """Yield a fault for each name that is not valid."""
+    for name in names:
+        if name not in valid:
+            yield f'{where}: unknown {kind} {name!r}; known are {", ".join(valid)}'
 
 
 def _cross_check(
@@ -115,12 +119,9 @@ def _cross_check(
     content: Mapping[str, Any],
 ) -> Iterator[str]:
     """Yield faults that the schema cannot express, such as names of joints that do not exist."""
-    known = ', '.join(joints)
     used = {joint for tube in tubes for joint in tube.joints}
     for tube in tubes:
-        for joint in tube.joints:
-            if joint not in joints:
-                yield f'tubes.{tube.name}.joints: unknown joint {joint!r}; known are {known}'
+        yield from _unknown(f'tubes.{tube.name}.joints', 'joint', tube.joints, joints)
         if tube.passive not in tube.joints:
             yield (
                 f'tubes.{tube.name}.passive: {tube.passive!r} is not a joint of this tube; '
@@ -130,23 +131,21 @@ def _cross_check(
         if joint not in used:
             yield f'joints.{joint}: no tube has this joint; add it to a tube, or remove it'
     for joint in supports:
-        if joint not in joints:
-            yield f'supports.{joint}: unknown joint {joint!r}; known are {known}'
+        yield from _unknown(f'supports.{joint}', 'joint', [joint], joints)
     pressure = content['tube']['pressure']
     if isinstance(pressure, Mapping):
         names = [tube.name for tube in tubes]
-        for name in pressure:
-            if name not in names:
-                yield f'tube.pressure: unknown tube {name!r}; known are {", ".join(names)}'
+        yield from _unknown('tube.pressure', 'tube', pressure, names)
         for name in names:
             if name not in pressure:
                 yield f'tube.pressure: tube {name} is missing; give one number, or one per tube'
     yield from _check_calibration(content.get('calibration', {}), tubes)
-    places: dict[tuple[float, float], str] = {}
-    for joint, place in joints.items():
-        other = places.setdefault(place, joint)
+    occupants: dict[tuple[float, float], str] = {}
+    for joint, position in joints.items():
+        other = occupants.setdefault(position, joint)
         if other != joint:
-            yield f'joints.{joint}: {list(place)}: joint {other} is at this position; must differ'
+            where = f'joints.{joint}: {list(position)}'
+            yield f'{where}: joint {other} is at this position; must differ'
     if limits['min_length'] >= limits['max_length']:
         yield (
             f'members.min_length: {limits["min_length"]}: '

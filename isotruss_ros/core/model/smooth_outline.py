@@ -27,36 +27,41 @@ SAMPLES = 4
 
 
 @dataclass(frozen=True)
-class SmoothOutline(Shape):
-    """
-    Smooth curve through the corners of a convex polygon.
+class PolygonalShape(Shape):
+    """Shape given by the vertices of a polygon."""
 
-    Centroid and radius of gyration are those of the straight-sided polygon.
-    """
-
-    #: (x, y) of 5 or more corners, counter-clockwise [m]
+    #: (x, y) of the vertices, counter-clockwise [m]
     vertices: tuple[tuple[float, float], ...]
 
     @cached_property
     def corners(self) -> Points:
-        """Return the corners of the polygon, (n,) x + iy [m]."""
+        """Return the polygon's vertices, (k,) counter-clockwise x + iy [m]."""
         return np.array(self.vertices) @ np.array([1.0, 1.0j])
 
     @cached_property
     def _moments(self) -> tuple[float, complex, float]:
-        """Return the integrals of 1, z and |z|^2 over the area of the polygon, with z = x + iy."""
+        """Return the integrals of 1, z and |z|^2 over the area, with z = x + iy."""
         return polygon_moments(self.corners)
 
     @cached_property
     def centroid(self) -> complex:
-        """Return the centroid of the polygon, x + iy [m]."""
+        """Return the centroid of the area, x + iy [m]."""
         return self._moments[1] / self._moments[0]
 
     @property
     def gyration(self) -> float:
-        """Return the radius of gyration of the polygon about its centroid [m]."""
+        """Return the radius of gyration of the area about its centroid [m]."""
         area, _, second = self._moments
         return float(np.sqrt(second / area - abs(self.centroid) ** 2))
+
+
+@dataclass(frozen=True)
+class SmoothOutline(PolygonalShape):
+    """
+    Smooth curve through 5 or more corners of a convex polygon.
+
+    Centroid and radius of gyration are those of the straight-sided polygon.
+    """
 
     @cached_property
     def perimeter(self) -> float:

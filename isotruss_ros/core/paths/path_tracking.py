@@ -167,7 +167,10 @@ class PathTracker:
         error = pose_difference(self.path.pose(self.clock.time_then(elapsed, age)), measured)
         position_error, angle_error = math.hypot(error[0], error[1]), abs(float(error[2]))
         step = self.clock.step(elapsed)
-        self._note(position_error, angle_error, step)
+        self.max_position_error = max(self.max_position_error, position_error)
+        self.max_angle_error = max(self.max_angle_error, angle_error)
+        self._watched += step
+        self._squares += step * position_error * position_error  # ** would raise for large errors
         share = max(
             position_error / self.settings.position_tolerance,
             angle_error / self.settings.angle_tolerance,
@@ -190,12 +193,6 @@ class PathTracker:
             self.clock.time_left,
             self._words(phase, f'{1e3 * position_error:.3g} mm and {angle_error:.3g} rad'),
         )
-
-    def _note(self, position_error: float, angle_error: float, step: float) -> None:
-        self.max_position_error = max(self.max_position_error, position_error)
-        self.max_angle_error = max(self.max_angle_error, angle_error)
-        self._watched += step
-        self._squares += step * position_error * position_error  # ** would raise for large errors
 
     def _feedback(self, error: Array, age: float) -> Array:
         """Return the feedback twist (3,) of the pose error, with bounded magnitude."""

@@ -285,7 +285,7 @@ class TwistServo:
         """Return the largest change of a roller's velocity since the last command [m/s]."""
         # A cycle may be early; a late cycle may change its command by more.
         largest = self.robot.description.max_acceleration
-        return largest * max(self._history.elapsed(now, 0.0), self.settings.period)
+        return largest * max(self._history.elapsed(now), self.settings.period)
 
     def _solve_joint(
         self,
