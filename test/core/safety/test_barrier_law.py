@@ -149,6 +149,13 @@ def test_a_fifth_less_than_what_is_admissible_is_kept(speed, share):
     assert found == pytest.approx(share)
 
 
+@pytest.mark.parametrize(('room', 'share'), [(0.52, 0.8**3), (0.5, 0.0)])
+def test_a_command_that_three_reductions_do_not_make_admissible_is_zero(room, share):
+    travel = 0.1 * PERIOD
+    found = kept(0.1, lambda moved: 1.0 if moved > room * travel else None)
+    assert found == pytest.approx(share)
+
+
 @pytest.mark.parametrize('status', [Status.UNREACHABLE, Status.SLIDING, Status.OK])
 @pytest.mark.parametrize('share', [0.0, 0.01, 0.5])
 def test_that_a_twist_was_bent_counts_for_more_than_that_it_is_slowed(status, share):

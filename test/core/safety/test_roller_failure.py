@@ -205,3 +205,10 @@ def found_at(speeds, moves=lambda _time: 0.0, rate=FAST, seconds=5.0):
 def test_a_slow_roller_is_found_when_it_had_time_to_settle_after_2_mm(speed):
     found = found_at(lambda _time: speed, rate=4.0 * FAST)
     assert found == pytest.approx(0.002 / speed + 0.2, abs=0.0012)
+
+
+def test_only_time_under_a_command_counts():
+    rollers, judge = Rollers(), detector(failure_time=1.0)
+    rollers.works[1] = 0.0
+    assert not run(judge, rollers, steady([0.1] * 4, 0.9) + steady([0.0] * 4, 0.5))
+    assert set(run(judge, rollers, steady([0.1] * 4, 0.2), 101.4)) == {'b'}

@@ -52,3 +52,7 @@ def test_utilisation_beyond_its_bound_may_only_fall():
     usage.learn(grasp(0.7), 0.0, TRAVEL)
     assert limited(usage, TRAVEL, 0.6).scale == 0.0
     assert limited(usage, -TRAVEL, 0.6).scale == 1.0
+
+
+def test_a_robot_at_rest_at_its_bound_is_not_limited():
+    assert limited(UsageLimits(grasp(0.5)), 0.0 * TRAVEL, 0.5).status is Status.OK
