@@ -343,6 +343,21 @@ def test_a_browser_that_freezes_in_mid_drag_commands_nothing_more(view):
     page.mouse.up()
 
 
+@pytest.mark.nightly
+def test_the_state_of_the_grasp_stays_in_sight_while_the_wrench_is_set(view):
+    ((page, _),) = view.open_pages(1)
+    switch_control(page)
+    page.get_by_text('external wrench').click()
+    moment = page.get_by_text('moment [N m]')
+    moment.wait_for()
+    moment.scroll_into_view_if_needed()
+    box = page.locator('.isotruss-state').bounding_box()
+    find_switch(page).click(force=True)
+    assert min(box['x'], box['y']) >= 0
+    assert box['x'] + box['width'] <= VIEWPORT['width']
+    assert box['y'] + box['height'] <= VIEWPORT['height']
+
+
 def is_near(found, column):
     """Return whether there are pixels, in the mean near a column."""
     return len(found[1]) > SOME and abs(np.mean(found[1]) - column) < 20
