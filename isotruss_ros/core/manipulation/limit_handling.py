@@ -33,15 +33,13 @@ import numpy as np
 #: With 16, programs of 27 and 51 modules take 1.7 times as long; with 160, programs of 303 modules
 #: take 2.5 times as long (nested triangles).
 ROW_BATCH = 40
-#: Weight of progress along a scaled twist relative to the deviation from its least-cost speeds
-#: [-]. In control loops slower than `REFERENCE_PERIOD` [s], it decreases with the period. While
-#: the heading turns at limits and singular tasks of the nine-member robot, rollers go back and
-#: forth by more than 1 mm/s in 11 of 4872 cycles; in 15 with 5, in 125 with 100.
+#: Weight of progress along a scaled twist, and of the error of the twist while sliding, relative
+#: to the deviation from the least-cost speeds of the scaled twist [-]. In control loops slower
+#: than `REFERENCE_PERIOD` [s], the weight of progress decreases with the period. While the heading
+#: turns at limits and singular tasks of the nine-member robot, rollers go back and forth by more
+#: than 1 mm/s in 10 of 4872 cycles. With 5 for progress they do so in 15, with 100 in 125; with
+#: 100 for the error of the twist in 13, with 1000 in 332.
 PROGRESS_WEIGHT, REFERENCE_PERIOD = 20.0, 1e-2
-#: Weight of the error of the twist relative to the deviation of roller speeds while sliding [-].
-#: In the runs of `PROGRESS_WEIGHT`, rollers go back and forth in 13 cycles with 100, in 332 with
-#: 1000.
-SLIDING_WEIGHT = 30.0
 #: Value of `LimitHandling.soft_rank` in control loops [-]. While the heading turns at a singular
 #: task, rollers go back and forth by more than 1 mm/s in 155 of 721 cycles with 0, in 3 with 0.07
 #: and in 1 with 0.22, but then the object's speed changes by 6 mm/s in a cycle (nine_member).
@@ -99,7 +97,7 @@ def apply_limits(
     if handling.period > 0.0:
         slower = min(1.0, REFERENCE_PERIOD / handling.period)
         penalty = min(penalty, PROGRESS_WEIGHT * slower * max_speed / (unit * gain))
-        weight, guess = 1.0 / SLIDING_WEIGHT, free
+        weight, guess = 1.0 / PROGRESS_WEIGHT, free
 
     def progress(cost: Array, equality: Array, limited: Rows) -> tuple[Array, float]:
         return maximize_progress(cost, equality, direction, farthest, limited, least, penalty)
