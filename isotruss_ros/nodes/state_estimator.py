@@ -116,6 +116,11 @@ class StateEstimatorNode(ManagedNode):
             'joints with rejected markers': ', '.join(estimate.left_out) or 'none',
             'slipping rollers': ', '.join(estimate.slipping) or 'none',
         }
+        if estimate.is_improbable:
+            details['roller offsets'] = (
+                'unknown: they exceed their prior deviations; check home, the frame of the '
+                'markers, and whether the robot is upright'
+            )
         if estimate.pose is not None:
             words = describe_squeeze(estimate.squeeze, estimate.squeeze_deviation)
             details |= {'grip': words, 'age of poses beyond their stamps [s]': estimate.delay}

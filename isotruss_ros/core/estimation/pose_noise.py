@@ -12,8 +12,8 @@ import numpy as np
 PRIOR_DEVIATIONS = np.array([1e-3, 1e-3, 0.009])
 #: Error of the model between two poses, rotations times the characteristic radius [m].
 MODEL_ERROR = 1e-4
-#: Number of averaged poses, and number of poses to which the prior is equivalent [-].
-AVERAGED_POSES, PRIOR_POSES = 50, 4
+#: Number of averaged poses [-].
+AVERAGED_POSES = 50
 #: Largest difference of poses that counts as noise, in standard deviations [-].
 MAX_STEP_SIGMAS = 3.0
 
@@ -31,7 +31,7 @@ class PoseNoise:
     def __init__(self, deviations: Array) -> None:
         self.variances = deviations**2
         self._last: Array | None = None
-        self._count = PRIOR_POSES
+        self._count = 4  # number of poses to which the prior is equivalent
 
     def add(self, off: Array) -> None:
         """

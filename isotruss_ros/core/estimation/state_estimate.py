@@ -48,7 +48,7 @@ class EstimatorSettings:
     load_time: float = 0.3
     stiffness: float = 0.3
     joint_error: float = 5e-4
-    marker_shift: float = 3e-3
+    marker_shift: float = 5e-3
     marker_turn: float = 0.035
     pose_error: float = 5e-4
     squeeze_error: float = 0.04
@@ -91,6 +91,8 @@ class StateEstimate(Record, headline=('travel', 'pose', 'squeeze', 'left_out', '
         stiffness [N].
     :ivar used: sorted names of the joints whose last marker was accepted.
     :ivar left_out: sorted names of the joints whose last marker was rejected.
+    :ivar is_improbable: whether offsets and marker errors exceed their prior deviations, see
+        `OffsetFilter`; then the offsets are unknown.
     :ivar swapped: names of two joints whose markers are apparently swapped; empty otherwise.
     :ivar slipping: names of slipping rollers, in `Robot.roller_names` order.
     :ivar delay: time by which the measured poses are older than their stamps say [s].
@@ -108,6 +110,7 @@ class StateEstimate(Record, headline=('travel', 'pose', 'squeeze', 'left_out', '
     squeeze_deviation: float = math.nan
     used: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
+    is_improbable: bool = False
     swapped: tuple[str, ...] = ()
     slipping: tuple[str, ...] = ()
     delay: float = 0.0

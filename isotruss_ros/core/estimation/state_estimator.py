@@ -245,6 +245,7 @@ class StateEstimator:
             spread + self.settings.joint_error**2 * np.eye(len(values)),
             used=self._used,
             left_out=self._left_out,
+            is_improbable=zeros.is_improbable,
             swapped=self._swapped,
             slipping=tuple(name for name, slips in slipping if slips),
         )
@@ -257,7 +258,10 @@ class StateEstimator:
             pose=state.pose,
             pose_covariance=state.pose_covariance + np.diag(errors**2),
             squeeze=state.squeeze,
-            squeeze_deviation=state.squeeze_deviation,
+            # If errors that are not in the model move the joints, the squeeze is unknown.
+            squeeze_deviation=math.hypot(
+                state.squeeze_deviation, zeros.is_improbable * state.squeeze
+            ),
             delay=state.delay,
         )
 

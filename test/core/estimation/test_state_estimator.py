@@ -10,6 +10,7 @@ from carries import FRICTION, make_robot, place
 from isotruss_ros.core import place_between, Pose
 from isotruss_ros.core.errors import ConfigurationError, GraspError, StructureError
 from isotruss_ros.core.estimation.marker_gate import FALSE_ALARM_PROBABILITY
+from isotruss_ros.core.estimation.offset_filter import IMPROBABLE, MAX_OFFSET_DEVIATION
 from isotruss_ros.core.estimation.slip_watch import SlipWatch
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings
 from isotruss_ros.core.estimation.state_estimator import StateEstimator
@@ -129,7 +130,9 @@ class DrawnRobot:
     def surprise(self, estimate):
         """Return the square of the error of the offsets over their deviations [-]."""
         error = estimate.offsets - self.offsets
-        return error @ np.linalg.solve(estimate.offset_covariance, error)
+        unknown = MAX_OFFSET_DEVIATION**2 if estimate.is_improbable else 0.0
+        covariance = estimate.offset_covariance - unknown * np.eye(len(error))
+        return error @ np.linalg.solve(covariance, error)
 
 
 ALL = tuple(NAMES)
@@ -173,6 +176,20 @@ def test_errors_of_a_robot_without_object_agree_with_stated_deviations():
     surprises = [drawn.surprise(drawn.run(1.0)) for drawn in runs]
     low, high = scipy.stats.chi2.ppf([0.025, 0.975], 6 * len(runs)) / len(runs)
     assert low < np.mean(surprises) < high
+
+
+def test_offsets_that_are_improbable_for_their_prior_are_unknown():
+    drawn = DrawnRobot(1, settings=EstimatorSettings())
+    drawn.away = np.array([0.0, -0.03])  # the weight of an upright robot
+    found = drawn.run(1.0)
+    assert found.is_improbable
+    assert found.left_out == ()
+    assert np.diag(found.offset_covariance).min() > MAX_OFFSET_DEVIATION**2
+
+
+def test_few_offsets_as_drawn_from_their_prior_are_improbable():
+    runs = [DrawnRobot(seed).run(0.5).is_improbable for seed in range(60)]
+    assert sum(runs) <= scipy.stats.binom.ppf(0.999, len(runs), IMPROBABLE)
 
 
 @pytest.mark.nightly
