@@ -346,7 +346,7 @@ class BentTubes:
         )
 
     def _find_active(self, loads: Array, places: Array, structure: Structure) -> Indices:
-        """Return the blocks that cannot be kept undeformed under given loads."""
+        """Return the blocks that given loads deform, see `UnloadedBlocks`."""
         layout, tangent = self.frame.layout, self.tangent
         if structure is not self.structure:  # its blocks are linearised once only
             return structure.frame.layout.active
@@ -362,7 +362,7 @@ class BentTubes:
 
     def _convert(self, state: Displaced, frame: Frame, near: bool) -> Displaced:
         """
-        Return a state of this frame as one of a similar frame, which may have other cuts.
+        Convert a state of this frame to one of a similar frame, which may have other cuts.
 
         :param near: whether nodes at the same cuts are displaced alike.
         """
@@ -378,7 +378,7 @@ class BentTubes:
         return Displaced(unknowns, state.loads, pull)
 
     def activated(self) -> BentTubes:
-        """Return these tubes without tubes that are kept undeformed."""
+        """Return these tubes with all blocks deformable."""
         if not self.cuts.kept:
             return self
         active = self.structure.frame.layout.active
@@ -390,7 +390,7 @@ class BentTubes:
         return replace(self, before=before, given_cuts=cuts)
 
     def bent_to(self, values: Array) -> BentTubes:
-        """Return these tubes without kept ones, bent to a state with given `Displaced.values`."""
+        """Return these tubes with all blocks deformable, in the state of given `values`."""
         tubes = self.activated()
         return replace(tubes, before=Displaced.of_values(tubes.frame, values))
 
@@ -403,7 +403,7 @@ class BentTubes:
         return replace(tubes, before=before._replace(loads=np.zeros((len(self.members), 3))))
 
     def _complete(self, unknowns: Array) -> Array:
-        """Return unknowns (u,) with those of undeformed tubes, which turn with their hinges."""
+        """Add the unknowns of undeformed tubes, which turn with their hinges, to unknowns (u,)."""
         found = unknowns.copy()
         for blocks in self.cuts.kept:
             blocks.complete(found)

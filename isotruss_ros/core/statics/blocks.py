@@ -80,7 +80,7 @@ class Group(NamedTuple):
     slots: Indices
 
     def assemble(self, members: Array, rows: Array) -> Array:
-        """Return the matrices (b, t + s, t + s) from those of all members and constraints."""
+        """Return the blocks' matrices (b, t + s, t + s) from those of members and constraints."""
         count, width = len(self.ids), self.outer.shape[1] + self.inner.shape[1]
         entries = np.concatenate([members[self.members].ravel(), rows[self.rows].ravel()])
         size = count * width**2
@@ -151,7 +151,7 @@ class Numbering:
         return blocks, members
 
     def _number_joints(self) -> None:
-        """Set `joint`, `joint_slots`, `joint_size` and `sparse`."""
+        """Number the entries of the hinges' matrix, dense or sparse."""
         count, self.sparse = len(self.joints), None
         self.joint = np.full(len(self.free), count)
         self.joint[self.joints] = np.arange(count)
@@ -406,14 +406,14 @@ def _find_owners(numbering: Numbering, solid: Flags) -> Indices:
 
 
 def _split(values: Indices, count: int) -> list[Indices]:
-    """Return the indices of each of the values 0, 1, ..., count - 1."""
+    """Return, for each value 0, 1, ..., count - 1, the indices at which it occurs."""
     order = np.argsort(values, kind='stable')
     return np.split(order, np.searchsorted(values[order], np.arange(count + 1)))[1:-1]
 
 
 def _find_slots(places: Indices, unknowns: Indices) -> Indices:
     """
-    Return the places of the entries of matrices in the stacked matrices of b blocks.
+    Return the indices of matrix entries in the stacked matrices of b blocks.
 
     :param places: (b, e, w) unknowns of e matrices (w, w) of each block.
     :param unknowns: (b, s) unknowns of the blocks. Entries of others are behind all matrices.

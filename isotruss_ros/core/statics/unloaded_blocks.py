@@ -19,7 +19,7 @@ import numpy as np
 
 
 class UnloadedBlocks(NamedTuple):
-    """Equal blocks whose hinges only are loaded, by forces that hardly deform them."""
+    """Equal blocks that are loaded only at their hinges and hardly deform."""
 
     outer: Indices  #: (b, t) unknowns of the hinges: x and y of each
     inner: Indices  #: (b, s) unknowns of the blocks: multipliers, then ux, uy, theta of each node
@@ -47,7 +47,7 @@ class UnloadedBlocks(NamedTuple):
         )
 
     def take(self, blocks: Indices) -> UnloadedBlocks:
-        """Return some of these blocks."""
+        """Return the blocks with given indices."""
         return UnloadedBlocks(*(values[blocks] for values in self))
 
     def place(self, unknowns: Array) -> tuple[Points, Array]:
