@@ -3,6 +3,7 @@
 
 """Search for contacts: its work is bounded, and ends of faces that graze are continuous."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 from held_grips import BOX, held
@@ -90,6 +91,33 @@ def test_a_search_without_end_solves_a_bounded_number_of_sets(monkeypatch):
     solved.clear()
     assert search_contacts(lambda chosen, _: solved.append(chosen), contacts) is None
     assert 1 < len(solved) < 12
+
+
+@pytest.mark.parametrize('order', [(-0.3, 0.1, 0.2), (0.1, 0.2, -0.3)])
+def test_the_equilibrium_nearest_to_the_measured_pose_is_chosen(monkeypatch, order):
+    """Without a history, all sets that follow from the first one are solved."""
+    contacts, measured = held(BOX, 0.0).contacts, SimpleNamespace(body=SimpleNamespace(middle=0.4))
+    moved = dict(enumerate(order))
+
+    def solve(chosen, before):
+        middle = 0.4 + (9.0 if before is None else moved[int(chosen.origins[0])])
+        body = SimpleNamespace(middle=middle)
+        return SimpleNamespace(contacts=chosen.contacts, body=body, statics=measured)
+
+    def others(grip, _):
+        if grip.body.middle < 9.0:
+            return None
+        return [
+            ContactSet(
+                replace(grip.contacts, corners=grip.contacts.corners + 1 + number),
+                np.full(len(grip.contacts.corners), number),
+            )
+            for number in moved
+        ]
+
+    monkeypatch.setattr(contact_search, '_mend', others)
+    chosen = search_contacts(solve, contacts)
+    assert chosen.body.middle == pytest.approx(0.4 + 0.1)
 
 
 def grip_with_turned_face(turn):

@@ -3,11 +3,14 @@
 
 """`deform`, `analyze_grasp` and `settle_grasp` bend one structure."""
 
+from dataclasses import replace
+
 from isotruss_ros.core import deform, Disc, load_robot, place_between, Polygon
-from isotruss_ros.core.holding.attach_grip import attach_grip
+from isotruss_ros.core.holding.attach_grip import attach_grip, rest
 from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.held_shape import held_joints
 from isotruss_ros.core.manipulation.grip import members_at
+from isotruss_ros.core.statics.bent_tubes import BentTubes
 import numpy as np
 import pytest
 
@@ -65,3 +68,16 @@ def test_contact_forces_near_wrinkling_bend_a_finer_mesh_alike(shape, depth):
     expected = mesh.state.displacements[:JOINTS, :2]
     moved = held_joints(grip) - ROBOT.home.nodes[:JOINTS]
     assert np.abs(moved - expected).max() < 1e-3 * np.abs(expected).max()
+
+
+@pytest.mark.parametrize('depth', [0.003, 0.006])
+@pytest.mark.parametrize('shape', [Disc(0.3), BOX])
+def test_nonlinearity_is_the_increase_over_the_forces_of_linear_tubes(shape, depth):
+    grip = attach_grip(ROBOT.home, placed(shape, depth))
+    bent, force = grip.statics.bent, grip.state.normal_forces.sum()
+    tubes = BentTubes(bent.structure, bent.members, bent.places, linear=True)
+    statics = replace(grip.statics, bent=tubes)
+    _, linear = statics.settle(grip.state.unknowns, grip.wrench, rest(statics))
+    increase = force / linear.normal_forces.sum() - 1.0
+    assert increase > 1e-3
+    assert grip.nonlinearity == pytest.approx(increase, rel=0.05)
