@@ -135,13 +135,13 @@ def test_a_fault_of_the_grip_names_its_next_step_and_is_cleared_by_a_service(fau
 def solvers(monkeypatch):
     """Return the list of the observing nodes that solve for an equilibrium, which grows."""
     active, found = [], []
-    solve = ContactStatics.solve
+    settle = ContactStatics.settle
 
     def count(statics, *args, **options):
         found.extend(active)
-        return solve(statics, *args, **options)
+        return settle(statics, *args, **options)
 
-    monkeypatch.setattr(ContactStatics, 'solve', count)
+    monkeypatch.setattr(ContactStatics, 'settle', count)
     for kind in (GraspAnalysisNode, StateEstimatorNode):
 
         def step(node, now, advance=kind._step):
