@@ -57,7 +57,7 @@ class GripRecord(NamedTuple):
 
     def restore(self, config: Configuration, body: ConvexObject) -> HeldGrip:
         """
-        Return the recorded grip. It is evaluated, not solved for.
+        Return the recorded grip; its equations are evaluated at the recorded unknowns.
 
         :param config: a near configuration, from which that of the record is found.
         :param body: the object; its pose is not used.
