@@ -370,17 +370,17 @@ class RollerParts:
     def merged(self) -> StampedInput | RejectedInput:
         """Return the merged state of all rollers; a rejection if a roller was in no message."""
         readings = self._readings
-        missing = [n for n, known in zip(self._names, readings, strict=True) if not known]
+        missing = [n for n, timeline in zip(self._names, readings, strict=True) if not timeline]
         if missing:
             return RejectedInput(
                 f'joint states: rollers {", ".join(missing)} are missing; must name '
                 f'{", ".join(self._names)}, in one message or in parts'
             )
-        times = [known.last[0] for known in readings]
+        times = [timeline.last[0] for timeline in readings]
         time, newest = min(times), max(times)
-        for known in readings:
-            known.discard_before(time)
-        values, behind = np.array([known.at(time) for known in readings]), None
+        for timeline in readings:
+            timeline.discard_before(time)
+        values, behind = np.array([timeline.at(time) for timeline in readings]), None
         if time < newest:
             oldest = self._names[times.index(time)]
             words = (

@@ -147,9 +147,9 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
             targets = goal_targets
             if end < change:
                 targets = _targets(robot, start + (end / change) * (goal - start))
-            found = follow_branch(robot.constraints, points, targets, factor)
-            if found is not None:
-                points, factor, done, step = found, None, end, 2.0 * step
+            moved = follow_branch(robot.constraints, points, targets, factor)
+            if moved is not None:
+                points, factor, done, step = moved, None, end, 2.0 * step
             elif factor is not None:
                 # Near a singular configuration a nearby matrix predicts steps of any length badly.
                 factor = None

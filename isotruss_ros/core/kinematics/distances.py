@@ -66,8 +66,8 @@ def _middles(points: Points, nodes: Indices) -> Points:
 def _add(rows: Points, nodes: Indices, gradients: Points) -> None:
     """Add to each row the gradient with respect to a midpoint: half to each of the two nodes."""
     row = np.arange(len(rows))
-    for own in nodes:
-        rows[row, own] += 0.5 * gradients
+    for ends in nodes:
+        rows[row, ends] += 0.5 * gradients
 
 
 class CollisionModel:
@@ -150,14 +150,14 @@ class CollisionModel:
             to the object's twist vx, vy [-], omega [m] in the robot frame.
         """
         starts, ends = self.part_ends(config, parts)
-        found = segment_gaps(body, starts, ends)
-        rows = self.part_rows(config, parts, found.shares, -found.normals)
+        nearest = segment_gaps(body, starts, ends)
+        rows = self.part_rows(config, parts, nearest.shares, -nearest.normals)
         # The moment arm is that of the nearest point of the segment; the surface point is on the
         # same line of action.
-        arms = starts + found.shares * (ends - starts) - body.center
-        turning = (found.normals.conj() * 1j * arms).real
-        twist_rows = -np.column_stack([as_xy(found.normals), turning])
-        return found.gaps - self.part_radii[parts], rows.view(np.float64), twist_rows
+        arms = starts + nearest.shares * (ends - starts) - body.center
+        turning = (nearest.normals.conj() * 1j * arms).real
+        twist_rows = -np.column_stack([as_xy(nearest.normals), turning])
+        return nearest.gaps - self.part_radii[parts], rows.view(np.float64), twist_rows
 
     def _nearest(
         self, config: Configuration, pairs: Indices | slice
@@ -201,15 +201,15 @@ def _measured(robot: Mechanism) -> Array:
     m = topology.n_modules
     joint = np.concatenate([topology.joint, np.arange(len(topology.joint_names))])
     point, member = np.arange(len(joint))[:, None], np.arange(m)
-    own, ahead = topology.joint, topology.joint[topology.following]
+    corner, ahead = topology.joint, topology.joint[topology.following]
     # A member is fixed to the modules and joints at its ends, but not to other tubes there.
     of_members = np.where(
         point < m,
         (member != point) & (topology.following != point),
-        (joint[:, None] != own) & (joint[:, None] != ahead),
+        (joint[:, None] != corner) & (joint[:, None] != ahead),
     )
     of_modules = (point < m) & (point < member)
-    of_rods = joint[:, None] != own
+    of_rods = joint[:, None] != corner
     return np.hstack([of_members, of_modules, of_rods])
 
 

@@ -93,16 +93,16 @@ def _bisection(
     topology: Topology, constraints: Constraints, points: Points
 ) -> tuple[Array, csc_matrix]:
     """Return the bisection residual (m,), and its Jacobian (m, m) by the modules' angles."""
-    m, own = topology.n_modules, np.arange(topology.n_modules)
+    m, numbers = topology.n_modules, np.arange(topology.n_modules)
     targets = Targets(np.abs(constraints.spans(points)), np.zeros(len(topology.grounded)))
     bisection = np.split(constraints.residual(points, targets), [4 * m, 5 * m])[1]
     # Entries by the next C, own B and C, the joint (fixed), and the previous B.
     ahead, b, c, _, back = constraints.gradients(points).reshape(13, m)[8:]
-    modules = np.concatenate([topology.following, own, own, topology.previous])
+    modules = np.concatenate([topology.following, numbers, numbers, topology.previous])
     nodes = np.concatenate([topology.end, topology.b, topology.c, topology.b[topology.previous]])
     turning = 1j * (points[nodes] - points[topology.joint[modules]])
     slopes = (np.concatenate([ahead, b, c, back]).conj() * turning).real
-    return bisection, csc_matrix((slopes, (np.tile(own, 4), modules)), shape=(m, m))
+    return bisection, csc_matrix((slopes, (np.tile(numbers, 4), modules)), shape=(m, m))
 
 
 def _refuse_misfits(

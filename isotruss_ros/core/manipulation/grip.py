@@ -158,16 +158,16 @@ def _find_nodes(topology: Topology, names: tuple[str, ...]) -> MemberNodes:
     driven = np.flatnonzero(np.isin(members, topology.driven))
     lines = np.stack([topology.b[members], topology.c[topology.following[members]]], axis=1)
     rows = topology.n_nodes * np.arange(3 * len(members)).reshape(-1, 3)
-    found = MemberNodes(
+    nodes = MemberNodes(
         members=members,
         lines=lines,
         driven=driven,
         rollers=topology.driven.searchsorted(members[driven]),
         entries=(lines[:, [0, 0, 0, 1]] + rows[:, [0, 1, 2, 2]]).ravel(),
     )
-    for array in found:
+    for array in nodes:
         array.flags.writeable = False
-    return found
+    return nodes
 
 
 class GripContact(NamedTuple):
@@ -193,8 +193,8 @@ def find_contacts(config: Configuration, grip: Grip) -> list[GripContact]:
     tube = config.robot.description.tube_diameter
     body, shape = grip.body, grip.body.shape.smoothed(0.5 * tube)
     inside, back = body.center + body.turn * shape.centroid, body.turn.conjugate()
-    found: list[GripContact] = []
-    places: list[tuple[float, float]] = []
+    contacts: list[GripContact] = []
+    touches: list[tuple[float, float]] = []
     fits = True
     for owner, (start, end) in enumerate(config.points.take(nodes.lines).tolist()):
         span = end - start
@@ -209,25 +209,30 @@ def find_contacts(config: Configuration, grip: Grip) -> list[GripContact]:
             touched = [(k, shape.point_at(k, normal * back)) for k in corners]
         for corner, own_point in touched:
             point = body.center + body.turn * own_point
-            found.append(GripContact(owner, start, normal, point, corner, side))
+            contacts.append(GripContact(owner, start, normal, point, corner, side))
             away = start - point
             gap = (normal.conjugate() * away).real - 0.5 * tube
             share = -(span.conjugate() * away).real / abs(span) ** 2
-            places.append((gap, share))
+            touches.append((gap, share))
             fits = fits and -tube <= gap <= tube and 0.0 <= share <= 1.0
     if not fits:
-        _check_touch(grip, [contact.owner for contact in found], places, tube)
-    return found
+        _check_touch(grip, [contact.owner for contact in contacts], touches, tube)
+    return contacts
 
 
 def _check_touch(
-    grip: Grip, owners: list[int], places: list[tuple[float, float]], tube: float
+    grip: Grip, owners: list[int], touches: list[tuple[float, float]], tube: float
 ) -> None:
     """Raise GraspError if a member has no contact; a face may extend beyond a member's end."""
     for number, name in enumerate(grip.members):
-        own = [place for owner, place in zip(owners, places, strict=True) if owner == number]
-        gap = min((gap for gap, _ in own), key=abs)
-        nearest, farthest = min(share for _, share in own), max(share for _, share in own)
+        at_member = [
+            touch for owner, touch in zip(owners, touches, strict=True) if owner == number
+        ]
+        gap = min((gap for gap, _ in at_member), key=abs)
+        nearest, farthest = (
+            min(share for _, share in at_member),
+            max(share for _, share in at_member),
+        )
         if nearest <= 1.0 and farthest >= 0.0 and abs(gap) <= tube:
             continue
         what = f'the gap is {gap:.3g} m; must be within {tube:.3g} m'

@@ -50,14 +50,14 @@ def place_between(
     middle = complex((starts + 0.5 * spans).mean())
     turn = complex(math.cos(turned), math.sin(turned))
     skin = 0.5 * config.robot.description.tube_diameter - depth
-    found: list[tuple[float, Grip]] = []
+    grips: list[tuple[float, Grip]] = []
     for sides in itertools.product((1.0, -1.0), repeat=len(names)):
         normals = -1j * np.array(sides) * spans / np.abs(spans)
         reach = shape.support(normals / turn) + skin
         # Gaps between the members and an object at `middle`.
-        left = ((starts - middle) * normals.conj()).real - reach
+        gaps = ((starts - middle) * normals.conj()).real - reach
         rows = normals.view(np.float64).reshape(-1, 2)
-        x, y = np.linalg.lstsq(rows, left, rcond=ROUNDING)[0]
+        x, y = np.linalg.lstsq(rows, gaps, rcond=ROUNDING)[0]
         place = middle + complex(x, y)
         body = ConvexObject(shape, Pose(place.real, place.imag, float(turned)))
         grip = Grip(names, body)
@@ -66,13 +66,13 @@ def place_between(
         except GraspError:
             continue
         if all(contact.side == sides[contact.owner] for contact in contacts):
-            found.append((abs(place - middle), grip))
-    if not found:
+            grips.append((abs(place - middle), grip))
+    if not grips:
         raise GraspError(
             f'an object that reaches {shape.reach:g} m does not fit between the members '
             f'{", ".join(names)}; choose another shape, angle, configuration or other members'
         )
-    return min(found, key=lambda item: item[0])[1]
+    return min(grips, key=lambda item: item[0])[1]
 
 
 def tangent_center(

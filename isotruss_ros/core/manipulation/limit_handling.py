@@ -113,8 +113,8 @@ def apply_limits(
         rates, opening = bounds.matrix.dot(scaled), made * direction[rank:]
 
         def deviate(cost: Array, equality: Array, limited: Rows) -> tuple[Array, float]:
-            found = least_deviation(cost, equality, rank, opening, limited, weight)
-            return found, gain * float(task.direction.dot(equality.dot(found)))
+            change = least_deviation(cost, equality, rank, opening, limited, weight)
+            return change, gain * float(task.direction.dot(equality.dot(change)))
 
         moved = Rows(bounds.matrix, bounds.lower - rates, bounds.upper - rates)
         deviation, lost = _solve(task, deviate, moved, guess if guess is None else 0.0 * guess)
@@ -162,8 +162,8 @@ def _solve(task: Task, solve: Solver, rows: Rows, guess: Array | None) -> tuple[
         matrix = some.matrix.dot(whitening)
         basis = np.linalg.qr(np.concatenate([reached, matrix]).T)[0]
         cost, reduced = np.eye(basis.shape[1]), some._replace(matrix=matrix.dot(basis))
-        found, progress = solve(cost, reached.dot(basis), reduced)
-        speeds = whitening.dot(basis.dot(found))
+        reduced_speeds, progress = solve(cost, reached.dot(basis), reduced)
+        speeds = whitening.dot(basis.dot(reduced_speeds))
         excess = -rows.slack(speeds)
         excess[chosen] = -np.inf
         violated = int((excess > ROUNDING).sum())

@@ -109,15 +109,15 @@ class RollingGrip:
             return rolled
         # A face in contact with a member may have lifted at one of its ends.
         ends = [np.flatnonzero(self.owners == i).tolist() for i in range(len(self.sides))]
-        for chosen in itertools.product(*([own, *([k] for k in own)] for own in ends)):
-            left = [k for own in chosen for k in own]
-            if len(left) == len(self.owners):
+        for chosen in itertools.product(*([both, *([k] for k in both)] for both in ends)):
+            kept = [k for some in chosen for k in some]
+            if len(kept) == len(self.owners):
                 continue
             fewer = replace(
                 self,
-                owners=self.owners[left],
-                corners=self.corners[left],
-                invariants=self.invariants[:, left],
+                owners=self.owners[kept],
+                corners=self.corners[kept],
+                invariants=self.invariants[:, kept],
             )
             other = fewer._rolled(config)
             if other.misfit < rolled.misfit and self._clears(other):
@@ -188,8 +188,8 @@ class RollingGrip:
     def _touch(self, lines: _Lines, center: complex, angle: float, corners: Indices) -> _Touch:
         """Return the contacts' gaps and anchors (see `_Touch`) at a pose with given corners."""
         shape, turn, owners = self.shape, cmath.rect(1.0, angle), self.owners
-        own = lines.normals * turn.conjugate()
-        points = shape.surface_at(corners, own[owners])[0]
+        normals = lines.normals * turn.conjugate()
+        points = shape.surface_at(corners, normals[owners])[0]
         axes, sides = lines.axes[owners], self.sides[owners]
         arms = turn * points
         local, turned = axes.conj() * (center + arms - lines.starts[owners]), axes.conj() * arms

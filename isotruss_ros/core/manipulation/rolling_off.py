@@ -40,23 +40,23 @@ def roll_off_faces(config: Configuration, grip: Grip, reach: Reach, twist: Array
     (hand, rigid), members = contact_rows(config, grip), member_rows(config, grip.members)
     inward = as_xy(-np.array([contact.normal for contact in contacts]))
     for kept in choices:
-        found = Reach.of(rows_of_two(grip, kept, members), working, reach.weights)
-        missed, task = _missed(found, twist), find_task(found, twist)
+        fewer = Reach.of(rows_of_two(grip, kept, members), working, reach.weights)
+        missed, task = _missed(fewer, twist), find_task(fewer, twist)
         if missed >= least * (1.0 - NEGLIGIBLE_SHARE) or task.speed == 0.0:
             continue
         speeds = working.spread(task.free)
-        moved = rigid @ (found.motion @ speeds) - hand @ speeds
+        moved = rigid @ (fewer.motion @ speeds) - hand @ speeds
         lifting = (moved.reshape(-1, 2) * inward).sum(axis=1)
         if lifting.min() >= -ROUNDING * np.abs(speeds).max():
-            reach, least = found, missed
+            reach, least = fewer, missed
     return reach
 
 
 def _missed(reach: Reach, twist: Array) -> float:
     """Return the norm of a twist's unreachable part, relative to the norm of the twist."""
     unit = reach.weights * (twist / np.abs(twist).max())
-    left = unit - reach.directions.T @ (reach.directions @ unit)
-    return math.sqrt(left @ left) / math.sqrt(unit @ unit)
+    unreachable = unit - reach.directions.T @ (reach.directions @ unit)
+    return math.sqrt(unreachable @ unreachable) / math.sqrt(unit @ unit)
 
 
 def rolled_corners(
@@ -78,9 +78,9 @@ def rolled_corners(
             yield one + other
 
 
-def _choices(own: list[GripContact]) -> list[list[GripContact]]:
+def _choices(contacts: list[GripContact]) -> list[list[GripContact]]:
     """Return the sets of contacts that may remain at a member: all, or one end of a face."""
-    return [own] if len(own) == 1 else [own, own[:1], own[1:]]
+    return [contacts] if len(contacts) == 1 else [contacts, contacts[:1], contacts[1:]]
 
 
 def _balances(other: list[GripContact], one: list[GripContact], angle: float) -> bool:

@@ -37,13 +37,13 @@ class WorkingRollers:
     """Indices of the working rollers, with the cost (11) of the speeds of these rollers."""
 
     count: int  #: number of all rollers
-    places: Indices  #: (w,) indices of the working rollers
+    indices: Indices  #: (w,) indices of the working rollers
     cost: Array  #: (w, w) cost C^T C (11) of their speeds [-]
     whitening: Array  #: (w, w) matrix E such that the speeds E y have the cost |y|^2 [-]
 
     def take(self, rows: Array) -> Array:
         """Return a copy of the columns of the working rollers."""
-        return rows.take(self.places, -1)
+        return rows.take(self.indices, -1)
 
     def with_cost(self, cost: ArrayLike) -> WorkingRollers:
         """
@@ -66,10 +66,10 @@ class WorkingRollers:
                 f'the smallest eigenvalue of the cost matrix is {size * least:.4g}: must be '
                 'symmetric and positive definite; add a small multiple of the identity'
             )
-        own = matrix[np.ix_(self.places, self.places)]
-        if len(own):
-            own = own * (np.trace(self.cost) / np.trace(own))
-        return WorkingRollers(self.count, self.places, own, _whitening(own))
+        working_cost = matrix[np.ix_(self.indices, self.indices)]
+        if len(working_cost):
+            working_cost = working_cost * (np.trace(self.cost) / np.trace(working_cost))
+        return WorkingRollers(self.count, self.indices, working_cost, _whitening(working_cost))
 
     def spread(self, speeds: Array) -> Array:
         """
@@ -78,7 +78,7 @@ class WorkingRollers:
         :param speeds: (w,) speeds of the working rollers [m/s].
         """
         velocities = np.zeros(self.count)
-        velocities[self.places] = speeds
+        velocities[self.indices] = speeds
         return velocities
 
 
@@ -86,13 +86,13 @@ class WorkingRollers:
 def working_rollers(topology: Topology, failed: frozenset[str]) -> WorkingRollers:
     """Return the working rollers of a robot."""
     check_roller_names('failed rollers', failed, topology.roller_names)
-    places = np.array(
+    indices = np.array(
         [i for i, name in enumerate(topology.roller_names) if name not in failed], dtype=int
     )
     # (11): J = |Ldot|^2, and Ldot = C phidot keeps the length of each tube (13).
-    incidence = topology.incidence[:, places]
+    incidence = topology.incidence[:, indices]
     cost = incidence.T @ incidence
-    return WorkingRollers(len(topology.roller_names), places, cost, _whitening(cost))
+    return WorkingRollers(len(topology.roller_names), indices, cost, _whitening(cost))
 
 
 def _whitening(cost: Array) -> Array:
@@ -125,11 +125,11 @@ class Reach(NamedTuple):
     def contact_rows(self) -> Array:
         """Return the contact constraints (g, r) on the speeds of all rollers [-]."""
         rows, working = self.rows[len(self.directions) :], self.working  # noqa: E203
-        if len(working.places) == working.count:
+        if len(working.indices) == working.count:
             return rows
-        found = np.zeros((len(rows), working.count))
-        found[:, working.places] = rows
-        return found
+        all_rollers = np.zeros((len(rows), working.count))
+        all_rollers[:, working.indices] = rows
+        return all_rollers
 
     @classmethod
     def of(cls, jacobian: Array, working: WorkingRollers, weights: Array) -> Reach:
@@ -154,8 +154,8 @@ class Reach(NamedTuple):
         mixed, gains, basis = np.linalg.svd(grip, full_matrices=False)
         held = gains > RANK_TOLERANCE
         kept = basis[held]
-        left = task - task.dot(kept.T).dot(kept)
-        directions, sizes, _ = np.linalg.svd(left, full_matrices=False)
+        projected = task - task.dot(kept.T).dot(kept)
+        directions, sizes, _ = np.linalg.svd(projected, full_matrices=False)
         reachable = directions[:, sizes > RANK_TOLERANCE].T
         rows = np.concatenate([reachable.dot(task), kept])
         opening = mixed[:1, held].sum(axis=0) / gains[held]

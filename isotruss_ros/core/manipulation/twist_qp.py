@@ -68,9 +68,9 @@ def maximize_progress(
     # u = 0 is always admissible: the search failed at a degenerate vertex.
     for rho in [penalty, *(smaller for smaller in PENALTIES if smaller < penalty)]:
         hessian[r, r], slope[r] = rho / (2.0 * max(reach, 1.0)) - least, -rho
-        found = solve_qp(problem)
-        if found is not None:
-            return found[:r], float(min(max(found[r], 0.0), reach))
+        solution = solve_qp(problem)
+        if solution is not None:
+            return solution[:r], float(min(max(solution[r], 0.0), reach))
     raise SolverError(NO_SOLUTION)
 
 
@@ -94,7 +94,7 @@ def least_deviation(
     rows, bounds = np.vstack([inequality, -inequality]), np.concatenate([upper, -lower])
     hessian, gradient = reached.T @ reached + regularization * cost, np.zeros(len(cost))
     for right in (np.zeros(len(kept)), -opening) if opening.any() else (-opening,):
-        found = solve_qp(QuadraticProgram(hessian, gradient, rows, bounds, kept, right))
-        if found is not None:
-            return found
+        change = solve_qp(QuadraticProgram(hessian, gradient, rows, bounds, kept, right))
+        if change is not None:
+            return change
     raise SolverError(NO_SOLUTION)

@@ -151,8 +151,8 @@ class ConvexObject(Record, headline=('shape', 'pose', 'mass', 'center_of_mass', 
 
         :param points: (c,) points x + iy in the robot frame, outside or inside the object [m].
         """
-        found = self.shape.nearest((points - self.center) * self.turn.conjugate())
-        return found._replace(normals=found.normals * self.turn)
+        nearest = self.shape.nearest((points - self.center) * self.turn.conjugate())
+        return nearest._replace(normals=nearest.normals * self.turn)
 
     def outline(self, spacing: float = 0.005) -> Points:
         """
@@ -228,7 +228,7 @@ def segment_gaps(body: ConvexObject, starts: Points, ends: Points) -> SegmentGap
     beside = np.flatnonzero((shares < 0.0) | (shares > 1.0) | ~some)
     if len(beside):
         first = shares[beside] < 0.0
-        found = body.nearest(np.where(first, starts[beside], ends[beside]))
-        gaps[beside], normals[beside] = found.gaps, found.normals
+        nearest = body.nearest(np.where(first, starts[beside], ends[beside]))
+        gaps[beside], normals[beside] = nearest.gaps, nearest.normals
         shares[beside] = np.where(first, 0.0, 1.0)
     return SegmentGaps(gaps, normals, shares)

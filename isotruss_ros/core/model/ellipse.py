@@ -118,20 +118,20 @@ def _foot(u: Array, v: Array, flat: float) -> tuple[Array, Array]:
     unknown is s = t + b^2.
     """
     square = flat**2
-    rest = 1.0 - square
-    s = np.maximum(flat * v, u - rest)
+    square_eccentricity = 1.0 - square
+    s = np.maximum(flat * v, u - square_eccentricity)
     tiny = 1e-15 * square
     # Inside near the long axis no root exists: the foot is above or below the point.
     deep = s <= tiny
     s = np.where(deep, 1.0, s)
     for _ in range(MAX_NEWTON_ITERATIONS):
-        across, along = (flat * v / s) ** 2, (u / (s + rest)) ** 2
-        slope = 2.0 * (along / (s + rest) + across / s)
+        across, along = (flat * v / s) ** 2, (u / (s + square_eccentricity)) ** 2
+        slope = 2.0 * (along / (s + square_eccentricity) + across / s)
         # Both terms may vanish deep inside, where no step is needed.
         step = np.where(deep, 0.0, (along + across - 1.0) / np.where(deep, 1.0, slope))
         s = s + step
         if (np.abs(step) <= ROUNDING * s).all():
             break
-    x = np.where(deep, u / max(rest, tiny), u / (s + rest))
+    x = np.where(deep, u / max(square_eccentricity, tiny), u / (s + square_eccentricity))
     y = np.where(deep, flat * np.sqrt(np.maximum(0.0, 1.0 - x**2)), square * v / s)
     return np.minimum(x, 1.0), y

@@ -60,14 +60,14 @@ def make_object(content: Any, source: str) -> ConvexObject:
         raise ObjectFileError(
             f'{source}: {quote(repr(content))}: must be keys and values, with the key shape'
         )
-    known = ', '.join(SHAPES)
+    shapes = ', '.join(SHAPES)
     if 'shape' not in content:
-        raise ObjectFileError(f"{source}: key 'shape' is missing; it is one of {known}")
+        raise ObjectFileError(f"{source}: key 'shape' is missing; it is one of {shapes}")
     kind = content['shape']
     if not isinstance(kind, str) or kind not in SHAPES:
-        raise ObjectFileError(f'{source}: shape: {quote(str(kind))}: must be one of {known}')
-    own = fields(SHAPES[kind])
-    allowed = ('shape', *(field.name for field in own), *OPTIONAL_KEYS)
+        raise ObjectFileError(f'{source}: shape: {quote(str(kind))}: must be one of {shapes}')
+    size_fields = fields(SHAPES[kind])
+    allowed = ('shape', *(field.name for field in size_fields), *OPTIONAL_KEYS)
     for key in content:
         if key not in allowed:
             close = difflib.get_close_matches(str(key), allowed, n=1)
@@ -76,10 +76,10 @@ def make_object(content: Any, source: str) -> ConvexObject:
                 f'{source}: unknown key {quote(str(key))}; {hint}those of shape {kind} are '
                 + ', '.join(allowed)
             )
-    for field in own:
+    for field in size_fields:
         if field.default is MISSING and field.name not in content:
             raise ObjectFileError(f'{source}: key {field.name!r} is missing; a {kind} needs it')
-    sizes = {field.name: content[field.name] for field in own if field.name in content}
+    sizes = {field.name: content[field.name] for field in size_fields if field.name in content}
     about = {key: content[key] for key in OPTIONAL_KEYS if key in content}
     try:
         return ConvexObject(SHAPES[kind](**sizes), **about)

@@ -54,7 +54,7 @@ def _validate_vertices(vertices: object) -> Points:
         raise GraspError(
             f'a polygon of {count} vertices: must have at least 3 and at most {MAX_ENTRIES}'
         )
-    found = np.empty(count, dtype=np.complex128)
+    corners = np.empty(count, dtype=np.complex128)
     for i, vertex in enumerate(vertices):  # type: ignore[arg-type, var-annotated]
         x, y = finite_array(vertex, 2, f'vertex {i + 1} (x, y) [m]', GraspError)
         away = float(max(abs(x), abs(y)))
@@ -64,9 +64,9 @@ def _validate_vertices(vertices: object) -> Points:
                 f'vertex {i + 1} ({x:g}, {y:g}) m: must be within '
                 f'{MAX_SIZE:g} m of the origin{hint}'
             )
-        found[i] = complex(x, y)
+        corners[i] = complex(x, y)
     # Other programs close an outline by a repeated first vertex.
-    return found[:-1] if count > 3 and found[0] == found[-1] else found
+    return corners[:-1] if count > 3 and corners[0] == corners[-1] else corners
 
 
 def _validate_radii(radius: object, count: int) -> Array:
@@ -127,9 +127,9 @@ def _check_fit(corners: Points, radii: Array) -> None:
     sides = np.roll(corners, -1) - corners
     half = 0.5 * np.abs(np.angle(sides * np.roll(sides, 1).conj()))
     taken = radii * np.tan(half)
-    left = np.abs(sides) - taken - np.roll(taken, -1)
-    i = int(left.argmin())
-    if left[i] < -ROUNDING * abs(sides[i]):  # arcs may take all of a side, up to rounding
+    straight = np.abs(sides) - taken - np.roll(taken, -1)
+    i = int(straight.argmin())
+    if straight[i] < -ROUNDING * abs(sides[i]):  # arcs may take all of a side, up to rounding
         raise GraspError(
             f'corner_radius {radii[i]:g} m does not fit: the side of {abs(sides[i]):g} m that '
             f'begins at {_name(corners[i], i)} must be at least '

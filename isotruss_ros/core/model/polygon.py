@@ -202,14 +202,14 @@ class Polygon(PolygonalShape):
 
     def nearest(self, points: Points) -> SurfacePoints:
         """Return the nearest points of the surface; see `Shape.nearest`."""
-        own = np.arange(len(points))
+        rows = np.arange(len(points))
         away = points[:, None] - self.arc_centers
         # Projections on the side after a vertex and on the side before it.
         begins, ends = self._facing
         after, before = away * begins, (away * ends).imag
         beyond = after.real - self.radii
         side = beyond.argmax(axis=1)
-        gaps, normals = beyond[own, side], self.normals[side]
+        gaps, normals = beyond[rows, side], self.normals[side]
         radii = np.full(len(points), np.inf)
         # An arc is nearest where the direction from its centre is in its normal cone.
         beside = (after.imag < 0.0) & (before > 0.0)
@@ -217,7 +217,7 @@ class Polygon(PolygonalShape):
             return SurfacePoints(gaps, normals, radii)
         distance = np.where(beside, np.abs(away) - self.radii, -np.inf)
         corner = distance.argmax(axis=1)
-        gap = distance[own, corner]
+        gap = distance[rows, corner]
         at = np.flatnonzero(gap > gaps)
         corner, near = corner[at], away[at, corner[at]]
         gaps[at], radii[at] = gap[at], self.radii[corner]

@@ -109,8 +109,8 @@ def _validator() -> Any:
 
     base = jsonschema.Draft7Validator
     checker = base.TYPE_CHECKER.redefine('number', _is_number)
-    own = {'uniqueItems': _unique_texts}
-    return jsonschema.validators.extend(base, own, type_checker=checker)(_schema())
+    checks = {'uniqueItems': _unique_texts}
+    return jsonschema.validators.extend(base, checks, type_checker=checker)(_schema())
 
 
 def _keys_that_are_not_text(value: Any, where: str = 'top level') -> Iterator[tuple[str, Any]]:

@@ -174,14 +174,14 @@ class Shape(ABC):
         # Among corners of equal depth, the one nearest to the middle counts first.
         tie, middle = NEGLIGIBLE_SHARE * depth, (self.centroid * back).imag
         ends = near + far
-        highest = max(each.height for each in ends) - tie
+        highest = max(end.height for end in ends) - tie
         first = min(
-            (each for each in ends if each.height >= highest),
-            key=lambda each: abs((each.point * back).imag - middle),
+            (end for end in ends if end.height >= highest),
+            key=lambda end: abs((end.point * back).imag - middle),
         )
-        apart = [each for each in ends if abs(each.along - first.along) >= short]
-        other = max(apart, key=lambda each: each.height, default=None)
-        return [first] if other is None else sorted((first, other), key=lambda each: each.along)
+        apart = [end for end in ends if abs(end.along - first.along) >= short]
+        other = max(apart, key=lambda end: end.height, default=None)
+        return [first] if other is None else sorted((first, other), key=lambda end: end.along)
 
     @abstractmethod
     def surface_at(self, corners: Indices, normals: Points) -> tuple[Points, Array]:

@@ -104,8 +104,8 @@ class SmoothOutline(PolygonalShape):
         around = abs(self._angles[-1] - self._angles[0] - 2.0 * np.pi) < 1e-9
         if not around or np.diff(self._angles).min() <= 0.0:
             return False
-        found = self._around(self._sampled)
-        return bool((found[1] + found[3]).min() > 0.0)
+        values = self._around(self._sampled)
+        return bool((values[1] + values[3]).min() > 0.0)
 
     def _around(self, angles: Array) -> Array:
         """Return values (4, k) of `_functions` at given angles (k,) of the normals."""
@@ -114,8 +114,8 @@ class SmoothOutline(PolygonalShape):
 
     def support_points(self, normals: Points) -> Points:
         """Return the points where tangents touch the surface; see `Shape.support_points`."""
-        found = self._around(np.angle(np.atleast_1d(normals))).reshape(4, *np.shape(normals))
-        return self.centroid + (found[1] + 1j * found[2]) * normals
+        values = self._around(np.angle(np.atleast_1d(normals))).reshape(4, *np.shape(normals))
+        return self.centroid + (values[1] + 1j * values[2]) * normals
 
     def surface_at(self, corners: Indices, normals: Points) -> tuple[Points, Array]:
         """Return points of the surface with given normals; see `Shape.surface_at`."""
@@ -124,9 +124,9 @@ class SmoothOutline(PolygonalShape):
 
     def unroll(self, angles: Array, corners: Indices) -> Array:
         """Return the arc lengths to points with given normals; see `Shape.unroll`."""
-        found = self._around(angles)
+        values = self._around(angles)
         turns = np.floor((angles - self._angles[0]) / (2.0 * np.pi))
-        return np.asarray(found[0] + found[2] + self.perimeter * turns)
+        return np.asarray(values[0] + values[2] + self.perimeter * turns)
 
     def nearest(self, points: Points) -> SurfacePoints:
         """Return the nearest points of the surface; see `Shape.nearest`."""
@@ -136,16 +136,16 @@ class SmoothOutline(PolygonalShape):
         widest = 0.5 * np.diff(self._angles).max()
         for _ in range(MAX_NEWTON_ITERATIONS):
             # The distance from the tangent at the foot is the largest of all.
-            local, found = away * np.exp(-1j * angles), self._around(angles)
-            bend = np.maximum(local.real + found[3], COINCIDENCE)
-            step = np.clip((local.imag - found[2]) / bend, -widest, widest)
+            local, values = away * np.exp(-1j * angles), self._around(angles)
+            bend = np.maximum(local.real + values[3], COINCIDENCE)
+            step = np.clip((local.imag - values[2]) / bend, -widest, widest)
             angles = angles + step
             if (np.abs(step) <= COINCIDENCE).all():
                 break
         normals = np.exp(1j * angles)
-        found = self._around(angles)
-        gaps = (away * normals.conj()).real - found[1]
-        return SurfacePoints(gaps, normals, found[1] + found[3])
+        values = self._around(angles)
+        gaps = (away * normals.conj()).real - values[1]
+        return SurfacePoints(gaps, normals, values[1] + values[3])
 
     def outline(self, spacing: float) -> Points:
         """Return points along the surface; see `Shape.outline`."""

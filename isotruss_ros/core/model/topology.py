@@ -103,10 +103,10 @@ def make_topology(description: RobotDescription) -> Topology:
     joint_names = tuple(description.joints)
     number = {name: index for index, name in enumerate(joint_names)}
     tubes = description.tubes
-    places = [(tube, name) for tube in tubes for name in tube.joints]
+    modules = [(tube, name) for tube in tubes for name in tube.joints]
     sizes = [len(tube.joints) for tube in tubes]
     # The modules of a tube are numbered one after the other, and it is closed.
-    own = np.split(np.arange(len(places)), np.cumsum(sizes)[:-1])
+    by_tube = np.split(np.arange(len(modules)), np.cumsum(sizes)[:-1])
     grounded = [
         2 * number[name] + 'xy'.index(axis)
         for name, axes in description.supports.items()
@@ -114,12 +114,12 @@ def make_topology(description: RobotDescription) -> Topology:
     ]
     return Topology(
         joint_names=joint_names,
-        module_names=tuple(f'{tube.name}/{name}' for tube, name in places),
-        joint=np.array([number[name] for _, name in places], dtype=np.intp),
-        following=np.concatenate([np.roll(modules, -1) for modules in own]),
-        previous=np.concatenate([np.roll(modules, 1) for modules in own]),
+        module_names=tuple(f'{tube.name}/{name}' for tube, name in modules),
+        joint=np.array([number[name] for _, name in modules], dtype=np.intp),
+        following=np.concatenate([np.roll(modules, -1) for modules in by_tube]),
+        previous=np.concatenate([np.roll(modules, 1) for modules in by_tube]),
         tube=np.repeat(np.arange(len(tubes)), sizes),
-        driven=np.flatnonzero([name != tube.passive for tube, name in places]),
+        driven=np.flatnonzero([name != tube.passive for tube, name in modules]),
         grounded=np.array(grounded, dtype=np.intp),
     )
 

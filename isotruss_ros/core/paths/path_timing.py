@@ -49,9 +49,9 @@ class PathClock:
     @property
     def time_left(self) -> float:
         """Return the time to the end of the path at full rate of path time [s]."""
-        left = self._duration - self.time
-        peak = min(1.0, math.sqrt(left / self.ramp_time + 0.5 * self.rate**2))
-        cruise = left - (peak**2 - 0.5 * self.rate**2) * self.ramp_time
+        remaining = self._duration - self.time
+        peak = min(1.0, math.sqrt(remaining / self.ramp_time + 0.5 * self.rate**2))
+        cruise = remaining - (peak**2 - 0.5 * self.rate**2) * self.ramp_time
         return (2.0 * peak - self.rate) * self.ramp_time + max(cruise, 0.0)
 
     def time_then(self, elapsed: float, age: float) -> float:
@@ -89,8 +89,8 @@ class PathClock:
         wanted = 1.0 if scale >= 1.0 else max(self.rate * scale, MIN_LIMITED_RATE)
         most = step / self.ramp_time
         rate = min(max(wanted, self.rate - most), self.rate + most)
-        left = self._duration - self.time
-        self.rate = 0.0 if held else min(rate, room, math.sqrt(2.0 * left / self.ramp_time))
+        remaining = self._duration - self.time
+        self.rate = 0.0 if held else min(rate, room, math.sqrt(2.0 * remaining / self.ramp_time))
         self.time = min(self.time + self.rate * step, self._duration)
         self._known.add(self._now + self.period, self.time)
         self.waited += max(elapsed, 0.0)

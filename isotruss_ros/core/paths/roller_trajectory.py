@@ -114,13 +114,13 @@ class RollerTrajectory:
         positions = self._positions[start] + (time - times[start]) * slope
         ends = (start, min(piece, len(times) - 1))
         corner = min(ends, key=lambda end: abs(times[end] - time))
-        left = self._halves[corner] - abs(time - times[corner])
-        if left <= 0.0:
+        inside = self._halves[corner] - abs(time - times[corner])
+        if inside <= 0.0:
             return RollerState(positions, slope)
         before, after = slopes[corner : corner + 2]  # noqa: E203
         acceleration = (after - before) / (2.0 * self._halves[corner])
         return RollerState(
-            positions + 0.5 * left**2 * acceleration,
+            positions + 0.5 * inside**2 * acceleration,
             0.5 * (before + after) + (time - times[corner]) * acceleration,
         )
 
@@ -228,9 +228,9 @@ class RollerTrajectoryServo:
         state = state._replace(positions=state.positions - state.offsets + self._offsets)
         if self._tolerances.path is not None:
             then = trajectory.at(self.time - max(0.0, now - measured.time))
-            found = self._tolerances.path.find_violation(self._robot.roller_names, then, state)
-            if found:
-                return self._finish(found)
+            violation = self._tolerances.path.find_violation(self._robot.roller_names, then, state)
+            if violation:
+                return self._finish(violation)
         return self._advance(trajectory, state, measured.time, now, elapsed)
 
     def _advance(
@@ -271,8 +271,8 @@ class RollerTrajectoryServo:
         speeds = (error - behind) / (elapsed or self.timeout) + POSITION_GAIN * behind
         if at_end:
             # Rollers that have arrived stay at rest; they need no further feedback.
-            rest = TOLERANCE if goal is None else np.minimum(TOLERANCE, goal.positions)
-            speeds = np.where(np.abs(error) <= rest, 0.0, speeds)
+            tolerance = TOLERANCE if goal is None else np.minimum(TOLERANCE, goal.positions)
+            speeds = np.where(np.abs(error) <= tolerance, 0.0, speeds)
         limit = self._robot.description.max_speed
         return RollerStep(np.clip(speeds, -limit, limit), False, '')
 

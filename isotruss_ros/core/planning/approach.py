@@ -41,11 +41,11 @@ def approach(config: Configuration, closing: Closing) -> Iterator[Configuration]
         yield state.config
         gap = float((state.gaps[members] - targets).max())
         missing, turned = _find_turn(state.config, closing)
-        left = max(gap, 0.0) / diameter + missing
-        if left <= GAP_TOLERANCE:
+        shortfall = max(gap, 0.0) / diameter + missing
+        if shortfall <= GAP_TOLERANCE:
             return
-        idle = 0 if left < best - GAP_TOLERANCE else idle + 1
-        best = min(best, left)
+        idle = 0 if shortfall < best - GAP_TOLERANCE else idle + 1
+        best = min(best, shortfall)
         # `idle` counts successive steps with less progress than the tolerance.
         if idle > MAX_SEARCH_STEPS:
             far = gap > GAP_TOLERANCE * diameter
@@ -68,5 +68,5 @@ def _find_turn(config: Configuration, closing: Closing) -> tuple[float, Closing]
     if closing.facing is None:
         return math.pi, closing
     missing = float(np.abs(np.angle(closing.facing / normals)).sum())
-    found = find_facing(closing.body, normals, angle, radius)
-    return missing, closing if found is None else replace(closing, facing=found)
+    facing = find_facing(closing.body, normals, angle, radius)
+    return missing, closing if facing is None else replace(closing, facing=facing)

@@ -57,13 +57,13 @@ def press(config: Configuration, closing: Closing, depths: Array) -> Configurati
     :param depths: (s,) indentation of each grasping member by the object [m].
     """
     state = evaluate_state(config, closing.body)
-    members, share, left = list(closing.members), 1.0, np.inf
+    members, share, error = list(closing.members), 1.0, np.inf
     for _ in range(15):
-        left = float(np.abs(state.gaps[members] + depths).max())
-        if left <= ROUNDING:
+        error = float(np.abs(state.gaps[members] + depths).max())
+        if error <= ROUNDING:
             return state.config
         state, share = take_closing_step(state, closing, -depths, share)
-    raise RequirementError('reach', left, 0.0)
+    raise RequirementError('reach', error, 0.0)
 
 
 def take_closing_step(
@@ -124,7 +124,7 @@ def solve_step(state: SearchState, closing: Closing, targets: Array, share: floa
         nominal = np.clip(closing.nominal_posture - config.roller_positions, -longest, longest)
     rows, least = _bound_rows(state, closing, targets)
     unit = np.eye(len(longest))
-    found = solve_qp(
+    travel = solve_qp(
         QuadraticProgram(
             matrix.T @ matrix + MOTION_WEIGHT * unit,
             -matrix.T @ aim - MOTION_WEIGHT * nominal,
@@ -132,12 +132,12 @@ def solve_step(state: SearchState, closing: Closing, targets: Array, share: floa
             np.concatenate([-least, longest, longest]),
         )
     )
-    if found is None:
+    if travel is None:
         raise SolverError(
             'no step of the rollers fulfils the bounds; '
             'the configuration is probably close to a singular one'
         )
-    return found
+    return travel
 
 
 def _bound_rows(state: SearchState, closing: Closing, targets: Array) -> tuple[Array, Array]:
@@ -154,16 +154,16 @@ def _bound_rows(state: SearchState, closing: Closing, targets: Array) -> tuple[A
     gaps = BOUND_SHARE * (clearance - state.gaps)
     gaps[members] = targets - state.gaps[members]
     # Two singular values, because they may exchange their order during a step.
-    few = Modes(*(each[..., :2] for each in state.modes))
+    few = Modes(*(values[..., :2] for values in state.modes))
     near = np.flatnonzero(state.distances < MAX_CONSTRAINED_DISTANCE * length)
     apart = state.distances[near] - clearance
-    left = np.append(few.values - closing.min_rigidity, apart)
+    margins = np.append(few.values - closing.min_rigidity, apart)
     shape = [rigidity_index(robot).gradients(config, few), collisions.gradients(config, near)]
     matrices = [
         state.gaps_by_nodes @ config.node_jacobian,
         config.roller_rows(np.concatenate(shape)),
     ]
-    least = [np.minimum(0.0, gaps), np.minimum(0.0, -BOUND_SHARE * left)]
+    least = [np.minimum(0.0, gaps), np.minimum(0.0, -BOUND_SHARE * margins)]
     for limit in closing.limits:
         matrix, lower, upper = limit.rows(config)
         matrices += [matrix, -matrix]

@@ -38,8 +38,8 @@ def contact_ends(body: ConvexObject, normals: Points, tube_radius: float) -> tup
     :param tube_radius: radius of the members [m].
     :return: two arrays (s,), x + iy from the origin of the object's frame, in robot axes [m].
     """
-    shape, own = body.shape.smoothed(tube_radius), normals * body.turn.conjugate()
-    first, last = _patch_ends(shape, own.tobytes(), tube_radius)
+    shape, facing = body.shape.smoothed(tube_radius), normals * body.turn.conjugate()
+    first, last = _patch_ends(shape, facing.tobytes(), tube_radius)
     return body.turn * first, body.turn * last
 
 
@@ -50,8 +50,8 @@ def _patch_ends(shape: Shape, facing: bytes, tube_radius: float) -> tuple[Points
     if not shape.faces_at(0):
         points = shape.support_points(normals)
         return points, points
-    found = [shape.contact_patch(normal, tube_radius) for normal in normals.tolist()]
-    first, last = ([patch[i].point for patch in found] for i in (0, -1))
+    patches = [shape.contact_patch(normal, tube_radius) for normal in normals.tolist()]
+    first, last = ([patch[i].point for patch in patches] for i in (0, -1))
     return np.array(first), np.array(last)
 
 

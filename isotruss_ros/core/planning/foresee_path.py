@@ -66,18 +66,20 @@ def foresee_grip(
     :return: predicted motion; None if no members hold the object.
     """
     friction = check_friction(friction)
-    found = None
+    foresight = None
     if record is not None:
         held = record.restore(config, body)
         if held.hold(friction) is HoldStatus.HELD:
-            found = foresee_path(held, friction, poses)
-            if not found.why:
-                return found
+            foresight = foresee_path(held, friction, poses)
+            if not foresight.why:
+                return foresight
     try:
         held = attach_grip(config, body, tubes=tubes)
     except NotHeldError:
-        return found
-    return foresee_path(held, friction, poses) if held.hold(friction) is HoldStatus.HELD else found
+        return foresight
+    if held.hold(friction) is HoldStatus.HELD:
+        foresight = foresee_path(held, friction, poses)
+    return foresight
 
 
 @single_threaded
@@ -102,22 +104,22 @@ def foresee_path(held: HeldGrip, friction: float, poses: Array) -> Foresight:
     least, force = held.slip_margin(friction), held.squeeze
     for number, goal in enumerate(goals[1:], 1):
         try:
-            found, why = _take_step(held, friction, force, pose_difference(goal, held.pose))
+            moved, why = _take_step(held, friction, force, pose_difference(goal, held.pose))
         except (ConfigurationError, GraspError, SolverError) as error:
             if number == 1:
                 raise
-            found, why = None, str(error)
-        if found is not None:
-            margin = found.slip_margin(friction)
+            moved, why = None, str(error)
+        if moved is not None:
+            margin = moved.slip_margin(friction)
             if margin < MIN_RELATIVE_MARGIN * force:
                 bound = MIN_RELATIVE_MARGIN * force
                 why = f'the slip margin is {margin:.3g} N, and must be {bound:.3g} N'
-            off = math.hypot(goal[0] - found.pose.x, goal[1] - found.pose.y)
+            off = math.hypot(goal[0] - moved.pose.x, goal[1] - moved.pose.y)
             if off > 4.0 * STEP:
                 why = f'the robot cannot move the object along the path, {1e3 * off:.0f} mm off it'
-        if found is None or why:
+        if moved is None or why:
             return Foresight(held.pose, (number - 1) / (len(goals) - 1), least, why)
-        held, least = found, min(least, margin)
+        held, least = moved, min(least, margin)
     return Foresight(held.pose, 1.0, least, '')
 
 
@@ -136,9 +138,9 @@ def _take_step(
         why = f'a roller must move by {ratio:.0f} times the motion of the object'
         return None, f'{why}; must be at most {MAX_ROLLER_TRAVEL:g}'
     config = held.config.moved_to(held.config.roller_positions + command.roller_velocities)
-    found = roll_grip(held, config)
-    hold = HoldStatus.NO_BALANCE if found is None else found.hold(friction)
-    return (found, '') if hold is HoldStatus.HELD else (None, hold.value)
+    moved_grip = roll_grip(held, config)
+    hold = HoldStatus.NO_BALANCE if moved_grip is None else moved_grip.hold(friction)
+    return (moved_grip, '') if hold is HoldStatus.HELD else (None, hold.value)
 
 
 def _divide(poses: Array, arm: float) -> Array:
@@ -147,4 +149,4 @@ def _divide(poses: Array, arm: float) -> Array:
     lengths = np.concatenate([[0.0], np.cumsum(np.hypot.reduce(along, axis=1))])
     count = min(max(math.ceil(lengths[-1] / STEP), 1), MAX_STEPS)
     at = np.linspace(0.0, lengths[-1], count + 1)
-    return np.column_stack([np.interp(at, lengths, each) for each in poses.T])
+    return np.column_stack([np.interp(at, lengths, values) for values in poses.T])

@@ -82,9 +82,9 @@ def _check_carry(grip: ClosedGrip, needs: GraspRequirements) -> None:
     """Raise RequirementError if the object slips on the path `carry`."""
     held, poses = grip.equilibrium, np.array(needs.carry)
     body = held.body.moved_to(held.pose)
-    found = foresee_grip(held.config, body, needs.friction, poses, tubes=held.tubes)
-    share = 0.0 if found is None else found.share
-    if found is None or found.why:
+    foresight = foresee_grip(held.config, body, needs.friction, poses, tubes=held.tubes)
+    share = 0.0 if foresight is None else foresight.share
+    if foresight is None or foresight.why:
         raise RequirementError('carry', share, 1.0)
 
 

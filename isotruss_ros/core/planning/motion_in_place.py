@@ -98,9 +98,9 @@ def squeeze_in_place(grasp: HeldGrip, force: float, closing: Closing) -> HeldGri
             break
         room = room - rows @ travel
         gain = rates @ travel
-        errors = [np.linalg.norm(weights * each[1:]) for each in (missing, missing - gain)]
+        before, after = (np.linalg.norm(weights * r[1:]) for r in (missing, missing - gain))
         if abs(missing[0]) < 1.0 and (
-            np.abs(gain).max() < 1.0 or errors[1] > MAX_CONTRACTION * errors[0]
+            np.abs(gain).max() < 1.0 or after > MAX_CONTRACTION * before
         ):
             _check_place(grasp, closing)
             return grasp

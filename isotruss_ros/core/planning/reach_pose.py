@@ -80,20 +80,20 @@ def reach_pose(config: Configuration, grip: Grip, pose: ArrayLike) -> ReachedPos
         raise GraspError(f'{what}: {goal.tolist()}: {fault}')
     rolling, path = RollingGrip.attach(config, grip), [config.roller_positions]
     guard = ShapeGuard(config.robot)
-    left = pose_difference(goal, rolling.pose)
-    whole = size = math.hypot(*left[:2], grip.body.arm * left[2])
+    remaining = pose_difference(goal, rolling.pose)
+    whole = size = math.hypot(*remaining[:2], grip.body.arm * remaining[2])
     status, why = Status.OK, ''
     while size > ROUNDING:
         try:
-            moved, status, why = _take_step(rolling, min(1.0, STEP / size) * left, guard)
+            moved, status, why = _take_step(rolling, min(1.0, STEP / size) * remaining, guard)
         except (ConfigurationError, GraspError, SolverError) as error:
             moved, status, why = None, Status.HALT_KINEMATICS, str(error)
         if moved is None:
             break
         rolling = moved
         path.append(rolling.config.roller_positions)
-        left = pose_difference(goal, rolling.pose)
-        size = math.hypot(*left[:2], grip.body.arm * left[2])
+        remaining = pose_difference(goal, rolling.pose)
+        size = math.hypot(*remaining[:2], grip.body.arm * remaining[2])
     else:
         status = Status.OK
     share = 1.0 - size / whole if whole > ROUNDING else 1.0

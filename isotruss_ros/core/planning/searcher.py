@@ -149,6 +149,6 @@ class Searcher:
 
     def _take(self, progress: Progress) -> None:
         if progress.time_left is not None:
-            left = min(progress.time_left, self._stop.time_left)
-            progress = replace(progress, time_left=left)
+            time_left = min(progress.time_left, self._stop.time_left)
+            progress = replace(progress, time_left=time_left)
         self._progress = progress

@@ -56,7 +56,7 @@ def find_seeds(
     )
     gaps, length = object_distances(config, body), config.robot.home.member_lengths.mean()
     rng, radius = np.random.default_rng((seed, number)), 0.5 * file.tube_diameter
-    found: list[tuple[float, Closing]] = []
+    seeds: list[tuple[float, Closing]] = []
     for group in groups:
         turning, cone, posture = TURN_WEIGHT, math.atan(needs.friction), None
         if number > 0:
@@ -76,15 +76,15 @@ def find_seeds(
             # Distances of members from their targets.
             turns = float(np.abs(np.angle(facing / normals)).sum())
             cost = float(gaps[list(group)].sum()) / length + 0.5 * turns
-            found.append((round(cost, ROUNDED_DIGITS), closing))
-    if not found:
+            seeds.append((round(cost, ROUNDED_DIGITS), closing))
+    if not seeds:
         seen = len(wanted.intersection(around))
         short = 'members' if seen < len(wanted) else 'opposed'
         why = (short, seen, len(wanted)) if around else ('enclosed', 0.0, 1.0)
         raise RequirementError(*why)
     # Pairs first: three members of tubes with constant lengths rarely reach an object.
-    found.sort(key=lambda item: (len(item[1].members), item[0]))
-    return [closing for _, closing in found[:MAX_SEEDS]]
+    seeds.sort(key=lambda item: (len(item[1].members), item[0]))
+    return [closing for _, closing in seeds[:MAX_SEEDS]]
 
 
 def required_members(robot: Mechanism, needs: GraspRequirements) -> frozenset[int]:
