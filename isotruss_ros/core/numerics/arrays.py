@@ -51,12 +51,12 @@ def covariance_matrix(
     values: ArrayLike, count: int, what: str, error: type[IsotrussError]
 ) -> NDArray[np.float64]:
     """Return a copy of a covariance matrix (count, count)."""
-    found = _finite(values, (count, count), what, error, np.inf)
-    bound = ROUNDING * np.abs(found).max()
-    symmetric = (np.abs(found - found.T) <= bound).all()
-    if not symmetric or np.linalg.eigvalsh(found)[0] < -bound:
+    matrix = _finite(values, (count, count), what, error, np.inf)
+    bound = ROUNDING * np.abs(matrix).max()
+    symmetric = (np.abs(matrix - matrix.T) <= bound).all()
+    if not symmetric or np.linalg.eigvalsh(matrix)[0] < -bound:
         raise error(f'{what}: must be symmetric and positive semidefinite')
-    return found
+    return matrix
 
 
 def _finite(

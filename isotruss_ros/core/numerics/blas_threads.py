@@ -33,7 +33,7 @@ R = TypeVar('R')
 @functools.cache
 def _find_libraries() -> list[tuple[Callable[[], int], Callable[[int], None]]]:
     """Return getter and setter of the number of threads for each loaded OpenBLAS library."""
-    found = {}
+    libraries = {}
     for module in (np.linalg._umath_linalg, lapack._flapack):  # type: ignore[attr-defined]
         # Symbols are looked up in a library and in its dependencies. PyDLL keeps the interpreter's
         # lock, because releasing the lock takes longer than these calls.
@@ -44,8 +44,8 @@ def _find_libraries() -> list[tuple[Callable[[], int], Callable[[int], None]]]:
             if count is not None and set_count is not None:
                 set_count.restype = None
                 address = ctypes.cast(set_count, ctypes.c_void_p).value
-                found[address] = count, set_count
-    return list(found.values())
+                libraries[address] = count, set_count
+    return list(libraries.values())
 
 
 class _OneThread:

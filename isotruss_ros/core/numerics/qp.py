@@ -89,20 +89,20 @@ def solve_qp(problem: QuadraticProgram) -> Array | None:
         nearest = find_nearest(turned, room, np.sqrt(offset @ offset), relaxation)
         if nearest is None:
             continue
-        found, step, active = start, nearest.point - offset, nearest.active
+        solution, step, active = start, nearest.point - offset, nearest.active
         for _ in range(2):
-            found = found + free @ lapack.dtrtrs(factor, step, lower=1, trans=1)[0]
-            excess = (rows @ found - bounds).max(initial=0.0)
-            beyond = excess / (largest * (1.0 + np.abs(found).max()))
+            solution = solution + free @ lapack.dtrtrs(factor, step, lower=1, trans=1)[0]
+            excess = (rows @ solution - bounds).max(initial=0.0)
+            beyond = excess / (largest * (1.0 + np.abs(solution).max()))
             if beyond <= least:
-                best, least = found, beyond
+                best, least = solution, beyond
             if beyond <= ROUNDING:
-                return found
+                return solution
             if not len(active):
                 break
             # Digits lost to an offset much longer than x are restored by the active constraints.
-            left = bounds[active] - rows[active] @ found
-            step = solve_least_squares(turned[:, active].T, left)
+            shortfall = bounds[active] - rows[active] @ solution
+            step = solve_least_squares(turned[:, active].T, shortfall)
     return best
 
 
@@ -155,22 +155,25 @@ def find_nearest(columns: Array, room: Array, size: float, relaxation: float) ->
     except RuntimeError:
         return None
     active = np.flatnonzero(weights)
-    left = 1.0 + matrix[-1, active] @ weights[active]
+    sum_of_weights = 1.0 + matrix[-1, active] @ weights[active]
     # The residual vanishes if constraints contradict each other. No constraint is active if the
     # perturbed polyhedron contains the origin.
-    if not EPSILON < left <= 1.0 or not len(active):
+    if not EPSILON < sum_of_weights <= 1.0 or not len(active):
         return None
     normals, bounds = normals[:, active], bounds[active]
     # The minimum-norm y at the active bounds is accurate also for constraints of very different
     # stiffness.
     point = solve_least_squares(normals.T, bounds)
     # Duality: with nonnegative multipliers |y|^2 exceeds the minimum by at most the gap.
-    apart, multipliers = np.abs(bounds - point @ normals), weights[active] * (size / left)
+    apart, multipliers = (
+        np.abs(bounds - point @ normals),
+        weights[active] * (size / sum_of_weights),
+    )
     for _ in range(2):
-        rest = point + normals @ multipliers
-        if rest @ rest + 2.0 * multipliers @ apart <= LOOSE_TOLERANCE * size * size:
+        residual = point + normals @ multipliers
+        if residual @ residual + 2.0 * multipliers @ apart <= LOOSE_TOLERANCE * size * size:
             return Nearest(point, active)
-        multipliers = np.maximum(multipliers - solve_least_squares(normals, rest), 0.0)
+        multipliers = np.maximum(multipliers - solve_least_squares(normals, residual), 0.0)
     return None
 
 
@@ -201,8 +204,8 @@ def solve_complementarity(compliance: Array, gaps: Array, active: Flags) -> tupl
     while True:
         forces = np.zeros(len(gaps))
         forces[active] = _closing(compliance, gaps, active)
-        left = gaps + compliance @ forces
-        wrong = (active & (forces < 0.0)) | (~active & (left < -0.1 * ROUNDING))
+        open_gaps = gaps + compliance @ forces
+        wrong = (active & (forces < 0.0)) | (~active & (open_gaps < -0.1 * ROUNDING))
         count = int(wrong.sum())
         if count == 0:
             return forces, active
@@ -229,10 +232,10 @@ def _by_least_squares(compliance: Array, gaps: Array) -> tuple[Array, Flags]:
 
 def _closing(compliance: Array, gaps: Array, active: Flags) -> Array:
     """Return the forces (c,) of any sign that close the gaps at the active points [N]."""
-    places = np.flatnonzero(active)
-    if not len(places):
+    indices = np.flatnonzero(active)
+    if not len(indices):
         return np.zeros(0)
-    _, forces, failed = lapack.dposv(compliance[places[:, None], places], -gaps[places])
+    _, forces, failed = lapack.dposv(compliance[indices[:, None], indices], -gaps[indices])
     if failed:
         raise SolverError('the contact compliance is not positive definite')
     return forces

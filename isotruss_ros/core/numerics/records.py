@@ -34,10 +34,10 @@ class Record:
     __hash__: Any = None
 
     def __init_subclass__(
-        cls, headline: tuple[str, ...] = (), data: tuple[str, ...] = (), **rest: Any
+        cls, headline: tuple[str, ...] = (), data: tuple[str, ...] = (), **options: Any
     ) -> None:
         """Store the names of the data, and replace methods that a dataclass generates."""
-        super().__init_subclass__(**rest)
+        super().__init_subclass__(**options)
         cls.headline, cls.data = headline or cls.headline, data or cls.data
 
     def to_dict(self) -> dict[str, Any]:
@@ -52,17 +52,17 @@ class Record:
     def _repr_html_(self) -> str:
         """Return the headline as two tables: single values, and dictionaries in columns."""
         values = {name: getattr(self, name) for name in _shown(type(self))}
-        by_name = {name: each for name, each in values.items() if isinstance(each, Mapping)}
+        by_name = {name: value for name, value in values.items() if isinstance(value, Mapping)}
         rows = [
             f'<tr><th>{html.escape(name)}</th><td>{html.escape(_show(value))}</td></tr>'
             for name, value in values.items()
             if name not in by_name
         ]
-        keys = list(dict.fromkeys(key for each in by_name.values() for key in each))
+        keys = list(dict.fromkeys(key for value in by_name.values() for key in value))
         head = ''.join(f'<th>{html.escape(name)}</th>' for name in by_name)
         lines = [
             f'<tr><th>{html.escape(str(key))}</th>'
-            + ''.join(f'<td>{html.escape(_cell(each, key))}</td>' for each in by_name.values())
+            + ''.join(f'<td>{html.escape(_cell(value, key))}</td>' for value in by_name.values())
             + '</tr>'
             for key in keys
         ]
@@ -97,13 +97,13 @@ def as_plain(value: Any) -> Any:
     if isinstance(value, np.generic):
         return value.item()
     if isinstance(value, np.ndarray):
-        return [as_plain(each) for each in value] if value.dtype.kind == 'c' else value.tolist()
+        return [as_plain(item) for item in value] if value.dtype.kind == 'c' else value.tolist()
     if isinstance(value, Mapping):
-        return {key: as_plain(each) for key, each in value.items()}
+        return {key: as_plain(item) for key, item in value.items()}
     if hasattr(value, '_asdict'):
-        return {key: as_plain(each) for key, each in value._asdict().items()}
+        return {key: as_plain(item) for key, item in value._asdict().items()}
     if isinstance(value, (tuple, list, set, frozenset)):
-        return [as_plain(each) for each in value]
+        return [as_plain(item) for item in value]
     if dataclasses.is_dataclass(value):
         fields = [field.name for field in dataclasses.fields(value) if field.repr]
         return {name: as_plain(getattr(value, name)) for name in fields}
@@ -120,7 +120,7 @@ def is_equal(value: Any, other: Any) -> bool:
         return np.array_equal(value, other, equal_nan=True)
     if isinstance(value, Mapping) and isinstance(other, Mapping):
         return value.keys() == other.keys() and all(
-            is_equal(each, other[key]) for key, each in value.items()
+            is_equal(item, other[key]) for key, item in value.items()
         )
     if isinstance(value, (tuple, list)) and isinstance(other, (tuple, list)):
         return len(value) == len(other) and all(map(is_equal, value, other))
@@ -132,17 +132,17 @@ def _names(kind: type[Record]) -> tuple[str, ...]:
     if kind.data:
         return kind.data
     fields: Any = dataclasses.fields(kind) if dataclasses.is_dataclass(kind) else ()
-    found = [
+    names = [
         *kind.headline,
         *(field.name for field in fields if field.repr and field.name[0] != '_'),
     ]
-    for each in reversed(kind.__mro__):
-        found += [
+    for base in reversed(kind.__mro__):
+        names += [
             name
-            for name, member in vars(each).items()
+            for name, member in vars(base).items()
             if isinstance(member, (property, cached_property)) and not name.startswith('_')
         ]
-    return tuple(dict.fromkeys(found))
+    return tuple(dict.fromkeys(names))
 
 
 def _shown(kind: type[Record]) -> tuple[str, ...]:
@@ -165,7 +165,7 @@ def _show(value: Any) -> str:
     if isinstance(value, (float, np.floating)):
         return f'{value:.4g}'
     if isinstance(value, Mapping):
-        text = ', '.join(f'{key}: {_show(each)}' for key, each in value.items())
+        text = ', '.join(f'{key}: {_show(item)}' for key, item in value.items())
     elif isinstance(value, (tuple, list)):
         text = ', '.join(map(_show, value))
         text = f'({text})'

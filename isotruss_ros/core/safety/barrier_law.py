@@ -82,9 +82,9 @@ class BarrierLaw:
         :param travel: largest roller travel in this or the previous sample [m].
         """
         last = MIN_MARGIN_SHARE * self.safety_margin
-        left = np.maximum(margins, last)
-        slowly = left - 2.0 * duration * self._class_k(left)
-        kept = np.maximum(np.maximum(MIN_MARGIN_SHARE * left, slowly), last)
+        usable = np.maximum(margins, last)
+        slowly = usable - 2.0 * duration * self._class_k(usable)
+        kept = np.maximum(np.maximum(MIN_MARGIN_SHARE * usable, slowly), last)
         allowed = ROUNDING + self.band * (travel / SECOND_ORDER_LENGTH) ** 2
         # A positive margin keeps a last remainder, so that the sum of such effects does not cross
         # the bound.
@@ -92,10 +92,10 @@ class BarrierLaw:
         beyond = np.maximum(margins - allowed, floor - ROUNDING)
         return np.where(margins > last, kept, beyond)
 
-    def _class_k(self, left: Array) -> Array:
-        share = np.minimum(left / self.band, 1.0)
+    def _class_k(self, margins: Array) -> Array:
+        share = np.minimum(margins / self.band, 1.0)
         with np.errstate(divide='ignore'):
-            return self.rate * left / (1.0 - share)
+            return self.rate * margins / (1.0 - share)
 
 
 #: Indices of values; a slice for all values.
@@ -218,13 +218,13 @@ class BarrierLimit:
         """
         law = self.barrier.law
         before = self.margins - 0.5 * duration * (self.matrix @ velocities)
-        left = self.barrier.values(end, grip, self.indices) - law.bound
+        after = self.barrier.values(end, grip, self.indices) - law.bound
         longest = max(float(np.abs(travel).max()), duration * float(np.abs(velocities).max()))
         bound = law.discrete_bound(before, duration, longest)
-        below = np.flatnonzero(left < bound)
+        below = np.flatnonzero(after < bound)
         if not len(below):
             return None
-        shares = _admissible_share(before - bound, self.matrix @ travel, left - before)
+        shares = _admissible_share(before - bound, self.matrix @ travel, after - before)
         names = tuple(self.barrier.names(self.indices[below]))
         return BarrierViolation(float(shares[below].min()), self.status, names)
 

@@ -80,13 +80,13 @@ def object_distances(
 @functools.lru_cache(maxsize=64)
 def _left_out(robot: Robot, members: tuple[str, ...]) -> Array:
     """Return a mask (3m,) of the parts that `object_distances` excludes."""
-    topology, own = robot.topology, find_members(robot, members).members
+    topology, grasping = robot.topology, find_members(robot, members).members
     held = np.zeros((3, topology.n_modules), dtype=bool)
-    held[0, own] = True
+    held[0, grasping] = True
     # The next member begins at the end of a member.
-    meeting = np.intersect1d(topology.following[own], own)
+    meeting = np.intersect1d(topology.following[grasping], grasping)
     held[1, meeting] = True
     held[2] = np.isin(topology.joint, topology.joint[meeting])
-    found = held.ravel()
-    found.flags.writeable = False
-    return found
+    mask = held.ravel()
+    mask.flags.writeable = False
+    return mask

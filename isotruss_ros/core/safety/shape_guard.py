@@ -96,7 +96,9 @@ class ShapeGuard:
             ObjectBarrier(robot, BarrierLaw(bounds.min_object_clearance, clearance, rate)),
             *barriers,
         )
-        self._without_object = tuple(each for each in self._barriers if not each.needs_object)
+        self._without_object = tuple(
+            barrier for barrier in self._barriers if not barrier.needs_object
+        )
 
     def limits(self, config: Configuration, grip: Grip | None) -> tuple[Limit, ...]:
         """
@@ -119,18 +121,22 @@ class ShapeGuard:
         :raises GraspError: see `find_contacts`.
         """
         barriers = self._barriers if grip is not None else self._without_object
-        found = [(barrier, barrier.active(config, grip)) for barrier in barriers]
-        found = [(barrier, active) for barrier, active in found if len(active.indices)]
+        active_values = [(barrier, barrier.active(config, grip)) for barrier in barriers]
+        active_values = [
+            (barrier, active) for barrier, active in active_values if len(active.indices)
+        ]
         limits: list[BarrierLimit] = []
-        if found:
-            rows = config.roller_rows(np.concatenate([active.node_rows for _, active in found]))
+        if active_values:
+            rows = config.roller_rows(
+                np.concatenate([active.node_rows for _, active in active_values])
+            )
             stop = 0
-            for barrier, active in found:
+            for barrier, active in active_values:
                 start, stop = stop, stop + len(active.indices)
                 if active.roller_rows is not None:
                     rows[start:stop] += active.roller_rows
-                own = rows[start:stop]
-                own[np.abs(own) < ROUNDING] = 0.0
+                matrix = rows[start:stop]
+                matrix[np.abs(matrix) < ROUNDING] = 0.0
                 limits.append(BarrierLimit(barrier, active, rows[start:stop]))
         return Watch(config, grip, barriers, tuple(limits))
 
@@ -168,11 +174,11 @@ class Watch:
             return command
         share, violation = 1.0, None
         for _ in range(4):
-            found = self._violation(share * rollers, velocities, duration)
-            if found is None:
+            worse = self._violation(share * rollers, velocities, duration)
+            if worse is None:
                 break
             # The share is accurate to first order.
-            share, violation = 0.8 * share * found.share, found
+            share, violation = 0.8 * share * worse.share, worse
         else:
             share = 0.0
         return command if violation is None else _scaled(command, share, violation)
@@ -193,20 +199,22 @@ class Watch:
                 grip = roll_object(grip, start, end)
             except GraspError:  # a contact is lost during the motion
                 return BarrierViolation(0.5, Status.SLOWED_OBJECT, ('the contacts of the grip',))
-        found = [limit.violation(end, grip, travel, velocities, duration) for limit in self.limits]
+        violations = [
+            limit.violation(end, grip, travel, velocities, duration) for limit in self.limits
+        ]
         if long:
-            found += [self._jumped(barrier, end, grip) for barrier in self._barriers]
-        return min((one for one in found if one is not None), default=None)
+            violations += [self._jumped(barrier, end, grip) for barrier in self._barriers]
+        return min((one for one in violations if one is not None), default=None)
 
     def _jumped(
         self, barrier: Barrier, end: Configuration, grip: Grip | None
     ) -> BarrierViolation | None:
         """Return the violation by values that fell from outside of the band to below the bound."""
-        left = barrier.values(end, grip, ALL_VALUES) - barrier.law.bound
+        margins = barrier.values(end, grip, ALL_VALUES) - barrier.law.bound
         for limit in self.limits:
             if limit.barrier is barrier:
-                left[limit.indices] = np.inf
-        below = np.flatnonzero(left < 0.0)
+                margins[limit.indices] = np.inf
+        below = np.flatnonzero(margins < 0.0)
         if not len(below):
             return None
         return BarrierViolation(0.5, barrier.status, tuple(barrier.names(below)))

@@ -61,16 +61,18 @@ class UsageLimits:
         :param period: duration of the command [s].
         :param most: largest allowed utilisation of a tube [-].
         """
-        left = period * UTILISATION_RATE * (most - self._used)
-        share = self._share(0, command, left, period)
+        allowance = period * UTILISATION_RATE * (most - self._used)
+        share = self._share(0, command, allowance, period)
         if share == 1.0:
             return command
         return command.slowed(share, Status.SLOWED_UTILISATION, (self._member,))
 
-    def _share(self, quantity: int, command: RollerCommand, left: float, period: float) -> float:
+    def _share(
+        self, quantity: int, command: RollerCommand, allowance: float, period: float
+    ) -> float:
         """Return the largest factor on a command, 0 to 1, that uses at most `left` of a margin."""
         more = float(self._rates[quantity] @ (period * command.roller_velocities))
-        return 1.0 if more <= max(left, 0.0) else max(left, 0.0) / more
+        return 1.0 if more <= max(allowance, 0.0) else max(allowance, 0.0) / more
 
     def _take(self, grasp: HeldGrip) -> None:
         """Store the member with the largest utilisation, and this utilisation."""
