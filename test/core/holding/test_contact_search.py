@@ -20,6 +20,7 @@ from isotruss_ros.core.holding import contact_search
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.contact_search import ContactSet, search_contacts
 from isotruss_ros.core.holding.contact_statics import ContactStatics
+from isotruss_ros.core.holding.roll_grip import roll_contacts
 from isotruss_ros.core.statics.bent_tubes import BentTubes
 import numpy as np
 import pytest
@@ -137,6 +138,16 @@ def test_contact_patches_are_finite_with_a_contact_without_force():
         patches = grip.patches
         assert patches.areas * patches.pressures == pytest.approx(grip.normal_forces)
         assert (np.diff(patches.spans)[:, 0] >= patches.lengths - 1e-9).all()
+
+
+def test_the_response_with_a_contact_without_force_is_that_without_the_contact():
+    grip = grip_with_turned_face(-0.01)
+    (idle,) = np.flatnonzero(np.abs(grip.state.normal_forces) < 1e-9)
+    others = ContactSet.of(grip.contacts).without(int(idle))
+    alone = roll_contacts(grip, grip.config, others, grip.wrench)
+    size = np.abs(alone.response.pose).max()
+    assert grip.response.pose == pytest.approx(alone.response.pose, abs=2e-4 * size)
+    assert grip.slip_margin(0.9) == pytest.approx(alone.slip_margin(0.9), rel=1e-3)
 
 
 def test_an_end_of_a_face_that_grazes_touches_without_force():

@@ -297,6 +297,24 @@ def test_stiffness_rates_agree_with_central_differences_of_fourth_order(shape, a
     assert rates[..., 3] == pytest.approx(found, abs=1e-6 * np.abs(rates[..., :6]).max())
 
 
+def test_pose_rates_of_a_face_beside_the_origin_agree_with_central_differences():
+    """The object turns until its face is on the tube; its frame is beside its centroid."""
+    home, members = load_robot('nine_member').home, ('north/R-P', 'north/P-Z')
+    shape = Polygon(BOX * (0.15, 0.125) + (0.08, 0.05), corner_radius=0.02)
+    body = place_between(home, members, shape, np.pi / 3.0 + 0.03, 0.01).body
+    gradient = grasp_gradient(settled := settle_grasp(home, body, 5.0, members=members))
+    assert abs(settled.displacement[2]) > 5e-3
+    step, columns = 1e-5, []
+    for change in step * np.eye(3):
+        ahead, behind = (
+            settle_grasp(home, body.moved_to(body.pose + sign * change), 5.0, members=members)
+            for sign in (1.0, -1.0)
+        )
+        columns.append(np.subtract(ahead.pose, behind.pose) / (2.0 * step))
+    found = gradient.pose[:, gradient.parameters.place]
+    assert found == pytest.approx(np.array(columns).T, abs=1e-6)
+
+
 def test_slip_margin_after_a_face_has_opened_agrees_with_central_differences():
     wrench, home = np.array([6.6, 5.6, 1.0]), load_robot('nine_member').home
     grip = place_between(home, MEMBERS[0], Polygon(0.22 * BOX, corner_radius=0.02), 1.07, 0.015)

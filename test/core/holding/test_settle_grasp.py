@@ -124,3 +124,13 @@ def test_contacts_that_bend_beyond_the_ends_of_their_members_are_named():
     members = ('south/P-Q', 'north/R-P')
     grip = place_between(HOME, members, Disc(0.27), indentation=0.015)
     assert settle_grasp(HOME, grip.body, members=members).hold is HoldStatus.OFF_MEMBER
+
+
+def test_used_friction_is_the_share_of_the_cone():
+    settled = settle_grasp(CONFIG, CYLINDER, FRICTION, external_wrench=(0.3, 0.0, 0.05))
+    for name, used in settled.friction_used.items():
+        cone = FRICTION * settled.normal_forces[name]
+        assert used == pytest.approx(abs(settled.friction_forces[name]) / cone)
+    assert max(settled.friction_used.values()) == pytest.approx(
+        settled.required_friction / FRICTION
+    )
