@@ -218,7 +218,8 @@ class Configuration(Record, data=('roller_positions', 'member_lengths', 'nodes')
         topology = self.robot.topology
         by_length = self.factor.solve_transposed(node_rows.T).T
         # dL_i = dphi_i - dphi_following(i)
-        return by_length.take(topology.driven, 1) - by_length.take(topology.before_driven, 1)
+        before = topology.previous[topology.driven]
+        return by_length.take(topology.driven, 1) - by_length.take(before, 1)
 
 
 def _targets(robot: Mechanism, roller_positions: Array) -> Targets:

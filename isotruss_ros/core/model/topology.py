@@ -60,11 +60,6 @@ class Topology:
         return self.c[self.following]
 
     @cached_property
-    def before_driven(self) -> Indices:
-        """Return the index (r,) of the module before each driven module."""
-        return self.previous[self.driven]
-
-    @cached_property
     def node_names(self) -> tuple[str, ...]:
         """Return the names of the kinematic nodes: joints, then t/j/B and t/j/C of each module."""
         pinch = [f'{module}/{node}' for module in self.module_names for node in 'BC']

@@ -44,7 +44,8 @@ CLEARANCE = 0.1
 #: mean member lengths [-].
 MAX_CONSTRAINED_DISTANCE = 0.15
 #: Tolerance of the gaps of the grasping members in tube diameters [-], at the end of the approach
-#: and for an overshoot. A rotation of 1 rad counts as one tube diameter.
+#: and for an overshoot; also the gap to which a grip is opened before a retreat. A rotation of
+#: 1 rad counts as one tube diameter.
 GAP_TOLERANCE = 0.015
 
 

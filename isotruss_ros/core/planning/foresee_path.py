@@ -32,10 +32,6 @@ import numpy as np
 #: Length of a step, with rotations times the characteristic radius [m], and largest number of
 #: steps [-]; long paths have longer steps.
 STEP, MAX_STEPS = 0.005, 400
-#: Largest ratio of roller travel to the motion of the object's surface [-]. A path at 50 mm/s is
-#: then followed at a tenth of its speed by rollers of 100 mm/s, see `MIN_LIMITED_RATE`; with
-#: ratios of 29 to 55 the control loop executes 17 to 23 % of a path.
-MAX_ROLLER_TRAVEL = 20.0
 
 
 class Foresight(NamedTuple):
@@ -134,9 +130,9 @@ def _take_step(
         return None, f'limits of {", ".join(command.limiting)}'
     moved = command.achieved_twist * (1.0, 1.0, held.arm)
     ratio = np.abs(command.roller_velocities).max() / max(np.linalg.norm(moved), SMALLEST_NORMAL)
-    if ratio > MAX_ROLLER_TRAVEL:
+    if ratio > 1.0 / MIN_STEP_SCALE:
         why = f'a roller must move by {ratio:.0f} times the motion of the object'
-        return None, f'{why}; must be at most {MAX_ROLLER_TRAVEL:g}'
+        return None, f'{why}; must be at most {1.0 / MIN_STEP_SCALE:g}'
     config = held.config.moved_to(held.config.roller_positions + command.roller_velocities)
     moved_grip = roll_grip(held, config)
     hold = HoldStatus.NO_BALANCE if moved_grip is None else moved_grip.hold(friction)

@@ -27,7 +27,7 @@ from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 from isotruss_ros.core.numerics.tolerances import ROUNDING
 from isotruss_ros.core.planning.closing import BOUND_SHARE, Closing, FIRST_INDENTATION
-from isotruss_ros.core.planning.closing_step import press
+from isotruss_ros.core.planning.closing_step import GAP_TOLERANCE, press
 from isotruss_ros.core.planning.motion_in_place import hold_between, squeeze_in_place
 from isotruss_ros.core.planning.requirements import GraspRequirements
 from isotruss_ros.core.planning.violations import RequirementError, Violation
@@ -36,8 +36,6 @@ import numpy as np
 #: Squeeze at the waypoints of the unloading relative to the initial squeeze [-]. When the last
 #: contact opens, the object springs back by the last of these fractions times its deflection.
 UNLOADING_SHARES = (0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 0.04, 0.015, 0.005, 0.002)
-#: Gap to which the grip is opened before the retreat, in tube diameters [-].
-FIRST_OPENING = 0.015
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +118,7 @@ def _unload(
         path.append(grasp.config)
     # The grip is opened in place, because a retreat of members in contact would roll the object.
     grip, config = grasp.touching(closing.body.friction_or(None)), grasp.config
-    opening = FIRST_OPENING * diameter
+    opening = GAP_TOLERANCE * diameter
     command = solve_twist(config, grip, np.zeros(3), limits=closing.limits, opening_rate=opening)
     if command.scale < 1.0 - ROUNDING:
         raise RequirementError('squeeze', grasp.squeeze, 0.0)

@@ -49,7 +49,8 @@ def test_sliding_projects_the_twist_on_the_admissible_ones(robot, rng, number):
     speed = RollerSpeedLimit(10.0)
     limits = [speed, wall]
     twist = 0.1 * rng.standard_normal(3)
-    assume(solve_twist(config, grasp, twist, (), [speed]).scale == 1.0)
+    free = solve_twist(config, grasp, twist, (), [speed])
+    assume(free.scale == 1.0)
     command = solve_twist(config, grasp, twist, (), limits, handling=SLIDE)
     scaled = solve_twist(config, grasp, twist, (), limits)
     if command.scale == 1.0:
@@ -64,22 +65,25 @@ def test_sliding_projects_the_twist_on_the_admissible_ones(robot, rng, number):
     measure = surface(grasp)
     wanted, got = measure * twist, measure * command.achieved_twist
     # The variational inequality: no admissible motion lies further toward what is missing, less
-    # the little that rolling costs.
+    # the little that deviation from the free speeds costs.
     missing = wanted - got
     incidence = robot.topology.incidence
+    slid, stood = (
+        incidence @ (c.roller_velocities - free.roller_velocities) for c in (command, scaled)
+    )
     downhill = missing @ (measure[:, None] * jacobian[:3])
-    downhill -= NEGLIGIBLE_SHARE * incidence.T @ (incidence @ command.roller_velocities)
+    downhill -= NEGLIGIBLE_SHARE * incidence.T @ slid
     most = furthest_along(downhill, stack_rows(config, limits), jacobian[3:])
     assert most == pytest.approx(downhill @ command.roller_velocities, abs=1e-5)
     assert (wall.matrix @ command.roller_velocities >= -wall.bound - 1e-7).all()
-    # What is minimised is no more than for scaling, rolling included: near a singular robot, where
-    # small twists take fast rollers, rolling costs more than a hundredth of the twist.
-    rolling = NEGLIGIBLE_SHARE * np.square(incidence @ command.roller_velocities).sum()
-    allowance = NEGLIGIBLE_SHARE * np.square(incidence @ scaled.roller_velocities).sum()
+    # What is minimised is no more than for scaling, deviation included: near a singular robot,
+    # where small twists take fast rollers, it costs more than a hundredth of the twist.
+    rolling = NEGLIGIBLE_SHARE * np.square(slid).sum()
+    allowance = NEGLIGIBLE_SHARE * np.square(stood).sum()
     along = wanted / np.linalg.norm(wanted)
     stopped = measure * scaled.achieved_twist
     assert missing @ missing + rolling <= np.square(wanted - stopped).sum() + allowance + 1e-9
-    # As far along the twist as scaling, less what rolling can cost.
+    # As far along the twist as scaling, less what deviation can cost.
     assert along @ got >= along @ stopped - np.sqrt(allowance + 1e-9)
     assert command.scale == pytest.approx(along @ got / np.linalg.norm(wanted), abs=1e-6)
 
@@ -130,7 +134,7 @@ def test_regularization_keeps_the_direction_and_nearly_the_progress(robot, rng, 
     # Where the rollers move the object well, little progress is lost.
     surface_speed = np.linalg.norm(surface(grasp) * exact.achieved_twist)
     if surface_speed > 0.3 * np.linalg.norm(exact.roller_velocities):
-        assert thrifty.scale > 0.97 * exact.scale
+        assert thrifty.scale > 0.9 * exact.scale
 
 
 @pytest.mark.parametrize('slide', [False, True])
