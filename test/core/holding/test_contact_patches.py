@@ -63,10 +63,18 @@ def test_span_of_a_disc_is_about_its_contact_point():
         assert 0.4 * chord < last - first < chord
 
 
-def test_span_of_a_pressed_face_has_both_of_its_ends():
-    grasp = settled(BOX, 0.0)
+@pytest.mark.parametrize(
+    ('members', 'angle', 'descends'),
+    [(APART, 0.0, False), (('south/P-Q', 'south/Q-X'), -3.1, True)],
+)
+def test_span_of_a_pressed_face_has_both_of_its_ends(members, angle, descends):
+    """Counter-clockwise contacts descend along a member with the object on its right."""
+    shape = BOX if members is APART else Polygon(0.5 * np.array(BOX.vertices), 0.02)
+    body = place_between(HOME, members, shape, angle, 0.01).body
+    grasp = settle_grasp(HOME, body, 5.0, members=members)
     grip = grasp.equilibrium
     feet = grip.state.feet[grip.contacts.owners == 1]
+    assert (feet[0] > feet[1]) == descends
     first, last = grasp.contact_spans[grip.member_names[1]]
     assert first < feet.min() < feet.max() < last
     assert last - first == pytest.approx(np.ptp(feet), abs=0.05)
