@@ -14,8 +14,8 @@ ROOT = Path(__file__).parents[2]
 BOUNDS = {
     'twist to roller command': (17, 128),
     'tick of the node: twist': (37, 215),
-    'closure by (10)': (27, 146),
-    'flag of the node: held': (45, 642),
+    'closure by (10)': (27, 130),
+    'flag of the node: held': (44, 608),
 }
 
 

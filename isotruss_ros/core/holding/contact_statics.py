@@ -154,7 +154,7 @@ class ContactStatics:
         """Return the derivatives (3, k, 3) of the balance by loads, and the constant Jacobian."""
         places, count = self.places, len(self.sides)
         pushes, jacobian = np.zeros((3, count, 3)), np.zeros((places.size, places.size))
-        forces = -self.bent.axis[:, None] * [1.0, 1j]
+        forces = -self.bent.lines.axis[:, None] * [1.0, 1j]
         pushes[:2, :, :2] = forces.real, forces.imag
         rows = jacobian[: 3 * count].reshape(count, 3, -1)
         rows[:, :2, :2] = forces.view(np.float64).reshape(count, 2, 2)
@@ -280,12 +280,13 @@ class ContactStatics:
             first = 0.0
             for _ in range(steps):
                 residual, state = statics.equations(unknowns, wrench, conditions)
-                tolerance[places.balance] = FORCE_TOLERANCE * np.abs(state.normal_forces).sum()
+                tolerance[places.balance] = FORCE_TOLERANCE * np.abs(unknowns[places.normal]).sum()
                 # For NaN the comparisons below are false, so NaN is not a solution.
                 error = float((np.abs(residual) / tolerance).max())
                 first = max(first, error)
                 near = error <= max(1.0, 0.01 * first)
-                moved = statics.bent.distance(state.loads, state.feet) if near else 0.0
+                loads, feet = state.loads, unknowns[places.feet]
+                moved = statics.bent.distance(loads, feet) if near else 0.0
                 if error <= 1.0 or moved > reach:
                     break
                 if (unknowns := statics._advance(state, residual)) is None:
@@ -296,13 +297,12 @@ class ContactStatics:
                 return None
             # Tubes are not modelled beyond the ends of their members, so these contacts converge
             # slowly.
-            off = moved <= FOLLOWED_MOTION and not statics.are_on_members(state.feet)
+            off = moved <= FOLLOWED_MOTION and not statics.are_on_members(feet)
             if moved <= reach or close or off:
                 return statics, state
             # In soft structures and the paper's model, nodes move by rounding.
             close = moved <= ROUNDING
-            bent = statics.bent.update(state.loads, state.feet)
-            statics, unknowns = replace(statics, bent=bent), state.unknowns
+            statics = replace(statics, bent=statics.bent.update(loads, feet))
         return None
 
     def _advance(self, state: ContactForces, residual: Array) -> Array | None:
