@@ -29,9 +29,6 @@ from numpy.typing import ArrayLike
 
 #: Range of admissible spacings of contact points [m].
 SPACING_RANGE = (1e-4, 0.1)
-#: Largest overlap of an object with an undeformed member, in tube diameters [-]. Linear statics
-#: describes small deflections; the work of the contact problem grows with the overlap.
-MAX_OVERLAP = 1.0
 
 ContactSolver = Callable[[ContactPoints, Surface], ContactState]
 #: Solvers of (8) by the name of their method.
@@ -74,13 +71,12 @@ def analyze_grasp(
     """
     require_configuration(config)
     mu, wrench = check_load(body, friction, external_wrench)
-    distance, solve = _check_spacing(spacing), _find_solver(method)
-    _check_overlap(config, body)
+    distance = _check_arguments(config, body, method, spacing)
     margin = 0.5 * config.robot.description.tube_diameter
     surface = surface_of(body, margin)
     structure = structure_of(config, pressure)
     points, places, tubes = find_contact_points(structure, surface, distance)
-    contact = solve(points, surface)
+    contact = SOLVERS[method](points, surface)
     forces, member = contact.forces, points.member
     pressed, levers = _pressed(body, points, contact, margin)
     normals = contact.normals.view(np.float64).reshape(-1, 2)
@@ -113,33 +109,27 @@ def analyze_grasp(
     )
 
 
-def _check_spacing(spacing: float) -> float:
-    """Return the spacing of contact points [m]; raise GraspError if it is out of range."""
+def _check_arguments(
+    config: Configuration, body: ConvexObject, method: str, spacing: float
+) -> float:
+    """Check method, spacing and overlap, see `analyze_grasp`; return the spacing [m]."""
     (distance,) = finite_array([spacing], 1, 'spacing [m]', GraspError).tolist()
     if not SPACING_RANGE[0] <= distance <= SPACING_RANGE[1]:
         raise GraspError(
             f'spacing {spacing!r} m: must be from {SPACING_RANGE[0]} to {SPACING_RANGE[1]} m'
         )
-    return distance
-
-
-def _find_solver(method: str) -> ContactSolver:
-    """Return the solver of (8) by the name of a method."""
     if method not in SOLVERS:
         raise GraspError(f'method {method!r}: must be one of {", ".join(SOLVERS)}')
-    return SOLVERS[method]
-
-
-def _check_overlap(config: Configuration, body: ConvexObject) -> None:
-    """Raise SolverError if the object overlaps a member by more than a tube diameter."""
     depths = member_depths(config, body)
-    bound, deepest = MAX_OVERLAP * config.robot.description.tube_diameter, int(depths.argmax())
+    # Linear statics describes small deflections.
+    bound, deepest = config.robot.description.tube_diameter, int(depths.argmax())
     if depths[deepest] > bound:
         raise SolverError(
             f'member {config.robot.member_names[deepest]}: the object is '
             f'{1e3 * depths[deepest]:.3g} mm deep in it; must be at most {1e3 * bound:.3g} mm, '
             'the diameter of the tube'
         )
+    return distance
 
 
 def _pressed(

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from isotruss_ros.core.fixed_object.straight_compliance import StraightPoints
 from isotruss_ros.core.numerics.arrays import Array, Points
-from isotruss_ros.core.statics.structure import Structure
+from isotruss_ros.core.statics.beam_column import end_forces
 from isotruss_ros.core.statics.wrinkling import find_most_used
 import numpy as np
 
@@ -22,8 +22,11 @@ def find_utilisation(tubes: StraightPoints, forces: Points) -> Array:
     structure, frame = tubes.structure, tubes.structure.frame
     robot, first = structure.config.robot, structure.pieces[0, 0]
     equivalent = np.concatenate([forces.real, forces.imag]) @ tubes.shapes
-    piece = tubes.pieces - first
-    pull, shear, start, end = _end_forces(structure, tubes.response @ equivalent)
+    piece, moved = tubes.pieces - first, (tubes.response @ equivalent).reshape(-1, 3, 1)
+    changes, _ = structure.rest.force_changes(moved)
+    ends = end_forces(changes[first:, :, 0], frame.length[first:])
+    _, shear, start, tension, _, end = ends.T
+    pull = np.stack([tension, tension])
     # Forces of the nodes on a piece are those of its motion less the equivalent loads.
     axis = np.repeat(frame.axis[tubes.pieces], 2).conj()
     x, y, couple = equivalent.reshape(-1, 3).T
@@ -48,24 +51,3 @@ def find_utilisation(tubes: StraightPoints, forces: Points) -> Array:
     used = np.full(len(moment), np.inf)
     np.divide(2.0 * np.abs(moment), radius * wall, out=used, where=wall > 0.0)
     return used[find_most_used(used, member)]
-
-
-def _end_forces(structure: Structure, moved: Array) -> tuple[Array, Array, Array, Array]:
-    """
-    Return the forces on all pieces of tube due to displacements (3 n,) of the frame, by (2).
-
-    They are the tension (2, 3 m) at both ends, the force across the piece at its start (3 m,) [N],
-    and the moments (3 m,) at start and end [N m].
-    """
-    frame, tube = structure.frame, slice(structure.pieces[0, 0], None)
-    start, end, axial, flexural, shear, pinned, _ = (values[tube] for values in frame.members)
-    length, nodes = frame.length[tube], moved.reshape(-1, 3)
-    apart = (nodes[end, :2] - nodes[start, :2]) @ (1.0, 1j) * frame.axis[tube].conj()
-    chord, skew = apart.imag / length, 12.0 * flexural / (shear * length**2)
-    before, behind = nodes[start, 2] - chord, nodes[end, 2] - chord
-    before = np.where(pinned, (skew - 2.0) / (4.0 + skew) * behind, before)
-    stiff = flexural / (length * (1.0 + skew))
-    first = stiff * ((4.0 + skew) * before + (2.0 - skew) * behind)
-    last = stiff * ((2.0 - skew) * before + (4.0 + skew) * behind)
-    pull = axial / length * apart.real
-    return np.stack([pull, pull]), (first + last) / length, first, last

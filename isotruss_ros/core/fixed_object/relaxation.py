@@ -24,8 +24,6 @@ import numpy as np
 #: Largest penetration, and largest gap of a point with force [m]; three times of it changes
 #: forces by less than 1e-4 N.
 MAX_GAP = 1e-11
-#: Steps of (9) between updates of the normals [-].
-STEPS_PER_UPDATE = 2000
 
 
 def relax_contact(points: ContactPoints, surface: Surface) -> ContactState:
@@ -40,16 +38,16 @@ def relax_contact(points: ContactPoints, surface: Surface) -> ContactState:
         if (left >= -MAX_GAP).all() and (left[forces > 0.0] <= MAX_GAP).all():
             return ContactState(forces, left, normals, displacements)
     raise SolverError(
-        f'the relaxation (9) did not converge in {MAX_STEPS * STEPS_PER_UPDATE} steps; the object '
+        f'the relaxation (9) did not converge in {10 * MAX_STEPS**2} steps; the object '
         "must be pressed in less, or the method be 'exact'"
     )
 
 
 def _iterate(gaps: Array, compliance: Array, forces: Array) -> Array:
-    """Return the forces (c,) after at most `STEPS_PER_UPDATE` steps of (9) with fixed normals."""
+    """Return the forces (c,) after the steps of (9) with fixed normals."""
     gain = 1.0 / np.linalg.eigvalsh(compliance)[-1] if len(gaps) else 1.0
     ahead, momentum = forces, 1.0
-    for _ in range(STEPS_PER_UPDATE):
+    for _ in range(10 * MAX_STEPS):
         gap = gaps + compliance @ ahead
         following = np.maximum(ahead - gain * gap, 0.0)
         step = following - forces

@@ -34,14 +34,6 @@ class Surface:
     center: complex  #: the centroid of the object's area, x + iy [m]
     reach: float  #: upper bound of the distance of surface points from the centre [m]
 
-    @cached_property
-    def _inside(self) -> complex:
-        return self.body.shape.centroid
-
-    @cached_property
-    def _back(self) -> complex:
-        return self.body.turn.conjugate()
-
     def support(self, normals: Points) -> Array:
         """
         Return the distances (c,) between the centre and the tangents with given normals [m].
@@ -50,8 +42,9 @@ class Surface:
         """
         if self.shape.is_round:
             return np.full(len(normals), self.reach)
-        own = normals * self._back
-        return self.shape.support(own) - (self._inside * own.conj()).real + self.margin
+        own = normals * self.body.turn.conjugate()
+        inside = (self.shape.centroid * own.conj()).real
+        return self.shape.support(own) - inside + self.margin
 
     def nearest(self, away: Points) -> SurfacePoints:
         """
@@ -65,7 +58,8 @@ class Surface:
             upward = np.full(len(away), 1j)
             normals = np.divide(away, sizes, out=upward, where=sizes > 0.0)
             return SurfacePoints(sizes - self.reach, normals, np.full(len(away), self.reach))
-        gaps, normals, radii = self.shape.nearest(away * self._back + self._inside)
+        own = away * self.body.turn.conjugate() + self.shape.centroid
+        gaps, normals, radii = self.shape.nearest(own)
         return SurfacePoints(gaps - self.margin, normals * self.body.turn, radii + self.margin)
 
     def facing(self, away: Points, axis: Points) -> Points:

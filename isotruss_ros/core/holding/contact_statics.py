@@ -346,7 +346,7 @@ def build_statics(
     # The normals point away from the object: left of the member if the object is on its right.
     sides = np.sign((straight * axis.conj()).imag)
     feet = ((body.center + body.turn * points - starts) * axis.conj()).real
-    bent = BentTubes(
+    bent = BentTubes.straight(
         structure,
         contacts.members,
         np.clip(feet, 0.0, length),

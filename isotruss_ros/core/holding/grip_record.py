@@ -76,7 +76,7 @@ class GripRecord(NamedTuple):
             raise GraspError(
                 f'held grip: corners {self.contacts.corners}: the object has no such corners'
             ) from error
-        bent = replace(statics.bent, places=self.places).bent_to(self.bent)
+        bent = statics.bent.bent_to(self.places, self.bent)
         statics = replace(statics, bent=bent)
         residual, state = statics.equations(self.unknowns, np.zeros(3), statics.sticking)
         # The recorded dents were tabulated at other normals. `given` keeps this difference

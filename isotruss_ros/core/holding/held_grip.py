@@ -218,7 +218,7 @@ class HeldGrip:
         bent, (loads, feet) = self.statics.bent, (self.state.loads, self.state.feet)
         if bent.linear:
             return 0.0
-        straight = BentTubes(bent.structure, bent.members, feet, bent.stiffness)
+        straight = BentTubes.straight(bent.structure, bent.members, feet, bent.stiffness)
         moved = straight.respond(loads, feet) - bent.respond(loads, feet)
         # Gaps that linear tubes would leave, closed by changes of forces and pose.
         right = np.zeros(self.state.places.size)

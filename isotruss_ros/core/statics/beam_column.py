@@ -23,14 +23,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from isotruss_ros.core.numerics.arrays import Array, Flags, Points
+from isotruss_ros.core.numerics.arrays import Array, as_xy, Flags, Points
 import numpy as np
-
-#: Index of each entry of `chord_motions` in the list (0, 1/2, x, y, -x, -y, x/l, y/l, -x/l, -y/l,
-#: -1/2) of a chord with the direction (x, y) and the length l.
-MOTION = np.array(
-    [[4, 5, 0, 2, 3, 0], [9, 6, 1, 7, 8, 1], [0, 0, 1, 0, 0, 10], [7, 8, 0, 9, 6, 0]]
-)
 
 
 class EndForces(NamedTuple):
@@ -116,11 +110,13 @@ def chord_motions(axis: Points, length: Array) -> Array:
 
     The four rows are the chord's length, the rotations s and b, and the rotation of the chord.
     """
-    values, x, y = np.zeros((11, len(axis))), axis.real, axis.imag
-    values[1], values[10] = 0.5, -0.5
-    values[2:6], values[6:8] = (x, y, -x, -y), (x / length, y / length)
-    values[8:10] = -values[6:8]
-    return values.T.take(MOTION, axis=1)
+    motions = np.zeros((len(axis), 4, 6))
+    along, turned = as_xy(axis), as_xy(axis / (1j * length))
+    motions[:, 0, :2], motions[:, 0, 3:5] = -along, along
+    motions[:, 1, :2], motions[:, 1, 3:5] = -turned, turned
+    motions[:, 3, :2], motions[:, 3, 3:5] = turned, -turned
+    motions[:, 1:3, 2], motions[:, 1, 5], motions[:, 2, 5] = 0.5, 0.5, -0.5
+    return motions
 
 
 def chord_stiffness(length: Array, forces: EndForces) -> Array:

@@ -26,9 +26,8 @@ from isotruss_ros.core.numerics.tolerances import MAX_SEARCH_STEPS, NEGLIGIBLE_S
 from isotruss_ros.core.statics.beam_column import end_forces
 from isotruss_ros.core.statics.blocks import Factored
 from isotruss_ros.core.statics.frame import Frame, keep_apart
-from isotruss_ros.core.statics.structure import Structure
+from isotruss_ros.core.statics.structure import kept_blocks, Structure
 from isotruss_ros.core.statics.tangent import linearize, Slopes, Tangent
-from isotruss_ros.core.statics.unloaded_blocks import UnloadedBlocks
 import numpy as np
 
 #: Tubes are linearised again if a node has moved farther than this from the linearised state [m]:
@@ -39,10 +38,10 @@ import numpy as np
 FOLLOWED_MOTION, SETTLED_MOTION = 1e-4, 1e-11
 #: Weight of a load point's motion relative to a node's motion in `BentTubes.distance` [-].
 PLACE_SHARE = 0.2
-#: Largest force on a hinge of a tube that is kept undeformed [N]: a constant, which displaces
-#: nodes by about `SETTLED_MOTION`, and a factor on the square of the motion of nodes [N/m^2],
-#: because a linearisation leaves forces of this order.
-KEPT_FORCE, KEPT_FORCE_RATE = 1e-8, 1e4
+#: Largest force on a hinge of a tube that is kept undeformed [N]; it displaces nodes by about
+#: `SETTLED_MOTION`, and rounding errors are below 1e-10. It grows with the square of the motion of
+#: nodes in micrometres, as the forces that a linearisation leaves.
+KEPT_FORCE = 1e-8
 
 
 class Displaced(NamedTuple):
@@ -93,34 +92,22 @@ class Cuts(NamedTuple):
     frame: Frame
     ahead: Array  #: (k,) 1 for load points on pieces that run along their member, else -1
     places: Array  #: (k,) `BentTubes.places`, shifted so that no part is too short [m]
-    kept: tuple[UnloadedBlocks, ...]  #: blocks that are kept undeformed
 
     @classmethod
     def of(
-        cls,
-        structure: Structure,
-        members: Indices,
-        places: Array,
-        active: Indices | None,
-        like: Cuts | None = None,
+        cls, structure: Structure, members: Indices, places: Array, active: Indices | None
     ) -> Cuts:
         """
         Return the frame of a structure with nodes at places of members.
 
         :param active: blocks that are not kept undeformed; None: those with load points.
-        :param like: frame whose kept blocks are used if they fit.
         """
         pieces, within, ahead = structure.locate(members, places)
         inside = keep_apart(pieces, within, structure.frame.length[pieces])
         if active is None:
             active = structure.frame.layout.numbering.active_blocks(pieces)
         frame = structure.frame.cut(pieces, inside, active)
-        fits = like is not None and like.frame.uncut is structure.frame
-        if fits and like.frame.layout is frame.layout:
-            kept = like.kept
-        else:
-            kept = structure.keep(frame.layout)
-        return cls(frame, ahead, places + ahead * (inside - within), kept)
+        return cls(frame, ahead, places + ahead * (inside - within))
 
 
 class Changes(NamedTuple):
@@ -152,19 +139,26 @@ class BentTubes:
     structure: Structure  #: structural model of the robot
     members: Indices  #: (k,) index of the member of each load point in `Robot.member_names`
     places: Array  #: (k,) distances of the load points from the members' starts [m]
+    lines: Lines  #: members of the load points
+    cuts: Cuts  #: frame with nodes at the load points
     stiffness: float = 1.0  #: factor on the modelled stiffness [-]
     #: whether the model is the paper's linear one, with the equilibrium of the undeformed tubes
     linear: bool = False
     #: state about which the tubes are linearised; None: the state without loads
     before: Displaced | None = None
-    given_lines: Lines | None = None  #: members of the load points, which saves time; or None
-    #: frame with nodes at the load points, which saves time; or None
-    given_cuts: Cuts | None = None
 
-    @cached_property
-    def lines(self) -> Lines:
-        """Return the members of the load points."""
-        return self.given_lines or Lines.of(self.structure, self.members)
+    @classmethod
+    def straight(
+        cls,
+        structure: Structure,
+        members: Indices,
+        places: Array,
+        stiffness: float = 1.0,
+        linear: bool = False,
+    ) -> BentTubes:
+        """Return the tubes linearised about the state without loads."""
+        cuts, lines = Cuts.of(structure, members, places, None), Lines.of(structure, members)
+        return cls(structure, members, places, lines, cuts, stiffness, linear)
 
     @property
     def start(self) -> Points:
@@ -180,11 +174,6 @@ class BentTubes:
     def axis(self) -> Points:
         """Return the unit vector from start to end of each load point's member, (k,) x + iy."""
         return self.lines.axis
-
-    @cached_property
-    def cuts(self) -> Cuts:
-        """Return the frame with nodes at the load points."""
-        return self.given_cuts or Cuts.of(self.structure, self.members, self.places, None)
 
     @property
     def frame(self) -> Frame:
@@ -206,7 +195,9 @@ class BentTubes:
         unknowns, pull = np.zeros(len(self.frame.scale)), None
         if self.before is not None:
             unknowns, _, pull = self.before
-        return linearize(self.frame, unknowns, pull, self.cuts.kept)
+        return linearize(
+            self.frame, unknowns, pull, kept_blocks(self.structure, self.frame.layout)
+        )
 
     @cached_property
     def _changes(self) -> Changes:
@@ -327,7 +318,7 @@ class BentTubes:
         """Return the tubes linearised about the state that these predict under loads."""
         structure = self.structure if structure is None else structure
         active = self._find_active(loads, places, structure)
-        cuts = Cuts.of(structure, self.members, places, active, self.cuts)
+        cuts = Cuts.of(structure, self.members, places, active)
         # A node that moves by more than half of a part is interpolated on the bent member, because
         # the error of its extrapolation would turn the part.
         half = 0.5 * self.frame.length[self.frame.layout.beside].reshape(2, -1)
@@ -335,14 +326,10 @@ class BentTubes:
         before = self.displace(loads, cuts.places if near else self.cuts.places)
         if not near or cuts.frame.layout is not self.frame.layout:
             before = self._convert(before, cuts.frame, near)
-        lines = self.lines if structure is self.structure else None
-        return replace(
-            self,
-            structure=structure,
-            places=places,
-            before=before,
-            given_lines=lines,
-            given_cuts=cuts,
+        same = structure is self.structure
+        lines = self.lines if same else Lines.of(structure, self.members)
+        return BentTubes(
+            structure, self.members, places, lines, cuts, self.stiffness, self.linear, before
         )
 
     def _find_active(self, loads: Array, places: Array, structure: Structure) -> Indices:
@@ -354,7 +341,7 @@ class BentTubes:
             return layout.active
         changes = self._changes.unknowns @ self._ways(loads, places)
         motion = np.abs(_nodes(self.frame, changes)[:, :2]).max()
-        most, loaded = KEPT_FORCE + KEPT_FORCE_RATE * motion**2, [layout.active]
+        most, loaded = KEPT_FORCE * (1.0 + (1e6 * motion) ** 2), [layout.active]
         for blocks, push, stiff, ids in zip(*tangent.kept, layout.kept_ids, strict=True):
             force = push + (stiff @ changes[blocks.outer][:, :, None])[..., 0]
             loaded.append(ids[np.abs(force).max(axis=1) > most])
@@ -379,7 +366,7 @@ class BentTubes:
 
     def activated(self) -> BentTubes:
         """Return these tubes with all blocks deformable."""
-        if not self.cuts.kept:
+        if not self.frame.layout.kept:
             return self
         active = self.structure.frame.layout.active
         cuts, before = Cuts.of(self.structure, self.members, self.places, active), self.before
@@ -387,12 +374,14 @@ class BentTubes:
             before = self._convert(before, cuts.frame, True)
             tangent = linearize(cuts.frame, before.unknowns, before.pull)
             before = before._replace(pull=tangent.forces.values[:, 0])
-        return replace(self, before=before, given_cuts=cuts)
+        return replace(self, before=before, cuts=cuts)
 
-    def bent_to(self, values: Array) -> BentTubes:
+    def bent_to(self, places: Array, values: Array) -> BentTubes:
         """Return these tubes with all blocks deformable, in the state of given `values`."""
-        tubes = self.activated()
-        return replace(tubes, before=Displaced.of_values(tubes.frame, values))
+        active = self.structure.frame.layout.active
+        cuts = Cuts.of(self.structure, self.members, places, active)
+        before = Displaced.of_values(cuts.frame, values)
+        return replace(self, places=places, cuts=cuts, before=before)
 
     def bent_like(self, others: BentTubes) -> BentTubes:
         """Return these tubes, linearised about a state taken from the tubes of a similar robot."""
@@ -405,7 +394,7 @@ class BentTubes:
     def _complete(self, unknowns: Array) -> Array:
         """Add the unknowns of undeformed tubes, which turn with their hinges, to unknowns (u,)."""
         found = unknowns.copy()
-        for blocks in self.cuts.kept:
+        for blocks in self.tangent.kept[0]:
             blocks.complete(found)
         return found
 
@@ -434,11 +423,6 @@ class BentTubes:
         forces = self.tangent.length_rates[:, :, None] * self._longer(places)[:, None]
         nodes = _nodes(self.frame, changes.unknowns[:, :-1] @ ways)
         return nodes, changes.responses[:, 2, :-1] @ ways, forces
-
-    def inclination_changes(self, moved: Array) -> Array:
-        """Return the changes (k, p) of the tubes' inclinations due to displaced nodes [rad]."""
-        ends = moved.reshape(-1, moved.shape[2])[self.frame.layout.ends[self.frame.layout.beside]]
-        return _mean((self._changes.slopes.by_ends @ ends)[:, 0])
 
     def node_changes(self, loads: Array) -> Array:
         """Return the displacements (n, 3, p) of the nodes due to additional loads [m, rad]."""
@@ -488,11 +472,11 @@ class BentTubes:
         size = len(tangent.unknowns) * count
         carried = np.bincount(places.ravel(), pushed.ravel(), size).reshape(-1, count)
         scale = frame.scale[:, None]
-        nodes = _nodes(frame, self._changes.factored.solve(-carried * scale) * scale)
-        _, _, by_forces, by_shear = self._changes.slopes
+        moved = self._changes.factored.solve(-carried * scale) * scale
+        _, by_ends, by_forces, by_shear = self._changes.slopes
+        inclined = by_forces[:, None] @ rates[parts] + by_ends @ moved[frame.layout.places[parts]]
         shear = (by_shear / frame.members.shear[parts])[:, None] * changes[3, parts]
-        inclined = _mean((by_forces[:, None] @ rates[parts])[:, 0] + shear)
-        return nodes, inclined + self.inclination_changes(nodes), rates
+        return _nodes(frame, moved), _mean(inclined[:, 0] + shear), rates
 
 
 def _nodes(frame: Frame, unknowns: Array) -> Array:

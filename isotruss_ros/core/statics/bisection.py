@@ -16,12 +16,8 @@ from typing import NamedTuple
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 import numpy as np
 
-#: Rod and arms of a module as combinations of its nodes A, B, C, D, E, and the weights of their
-#: rotations in the constraint.
+#: Rod and arms of a module as combinations of its nodes A, B, C, D, E.
 VECTORS = np.array([[-1.0, 0.5, 0.5, 0, 0], [0, -1.0, 0, 1.0, 0], [0, 0, -1.0, 0, 1.0]])
-WEIGHTS = np.array([2.0, -1.0, -1.0])
-#: (3, 25) products of the coefficients of two nodes in each vector.
-PRODUCTS = (VECTORS[:, :, None] * VECTORS[:, None, :]).reshape(3, 25)
 
 
 class Bisections(NamedTuple):
@@ -43,14 +39,14 @@ class Bisections(NamedTuple):
         :return: derivatives (q, 10) by the displacements at `places`; gaps (q,) [rad]; and
             geometric stiffness (q, 10, 10) by the multipliers (c,).
         """
-        nodes = self.nodes[chosen]
+        nodes, weights = self.nodes[chosen], np.array([2.0, -1.0, -1.0])
         straight = points[nodes] @ VECTORS.T
         moved = straight + (displacements[:, 0] + 1j * displacements[:, 1])[nodes] @ VECTORS.T
         turned = moved * straight.conj()
-        gaps = np.arctan2(turned.imag, turned.real) @ WEIGHTS
-        slopes = (1j * WEIGHTS / moved.conj()) @ VECTORS
-        curved = (-WEIGHTS * multipliers[chosen, None] / moved**2) @ PRODUCTS
-        curved = curved.reshape(-1, 5, 5)
+        gaps = np.arctan2(turned.imag, turned.real) @ weights
+        slopes = (1j * weights / moved.conj()) @ VECTORS
+        curved = -weights * multipliers[chosen, None] / moved**2
+        curved = VECTORS.T @ (curved[:, :, None] * VECTORS)
         blocks = np.empty((len(nodes), 5, 2, 5, 2))
         blocks[:, :, 0, :, 0], blocks[:, :, 1, :, 1] = curved.imag, -curved.imag
         blocks[:, :, 0, :, 1] = blocks[:, :, 1, :, 0] = curved.real

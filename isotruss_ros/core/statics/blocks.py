@@ -24,13 +24,10 @@ from isotruss_ros.core.numerics.factorization import (
     count_negative_pivots,
     Factor,
     factorize,
-    factorize_with_condition,
 )
 import numpy as np
 from scipy.sparse import coo_matrix, csc_matrix, csr_matrix
 from scipy.sparse.csgraph import connected_components
-
-NONE = np.zeros(0, dtype=np.intp)
 
 
 class Members(NamedTuple):
@@ -91,19 +88,11 @@ class Numbering:
     """
     Numbering of the unknowns of all frames with equal connections and supports.
 
-    :ivar rows: number of constraints, whose multipliers are the first unknowns.
-    :ivar free: mask (u,) of the unknowns; displacements that supports fix, and the rotations of
-        hinges, are not free.
-    :ivar condensed: whether blocks are condensed.
-    :ivar blocks: the blocks; `owner` (k,) is the index of the block of each member.
-    :ivar joints: (j,) unknowns of the hinges.
-    :ivar multipliers: number of multipliers among them, which are the last ones.
-    :ivar joint_slots: places of the Schur complement of each block in the matrix of the hinges.
-    :ivar joint_size: number of entries of this matrix.
-    :ivar sparse: row indices and column pointers of this matrix; None if it is dense.
+    The unknowns are the multipliers of `rows` constraints, then the displacements. The matrix of
+    the hinges' unknowns `joints` is dense, or has the sparsity pattern `sparse` (row indices and
+    column pointers); `joint_slots` are the places of the Schur complement of each block among its
+    `joint_size` entries. The last `multipliers` of the joints are multipliers.
 
-    :param members: members between the nodes; only their connections are used.
-    :param held: (n, 3) mask of the displacements ux, uy, theta that supports fix.
     :param places: (c, w) displacements in each constraint, see `Constraints`.
     :param condensed: False for a matrix without blocks.
     """
@@ -182,30 +171,21 @@ class Numbering:
     @functools.cached_property
     def whole(self) -> Layout:
         """Return the layout of the frames without cuts."""
-        return Layout(self, NONE, NONE, np.arange(len(self.blocks)))
+        none = np.zeros(0, dtype=np.intp)
+        return Layout(self, none, none, np.arange(len(self.blocks)))
 
 
 class Layout:
     """
-    Connections of a frame's parts: members of chosen blocks, some of them divided at c cuts.
+    Connections of a frame's parts: members of the blocks `active`, some of them divided at c cuts.
 
-    The nodes at the cuts are the last nodes. The first part of each member is in the order of the
-    members; the other parts, which begin at the cuts, are the last ones.
-
-    :ivar whole: (p,) index of the member to which each part belongs.
-    :ivar start: (p,) indices of the start nodes, and `end` those of the end nodes.
-    :ivar pins: two masks (p,) of starts and of ends that transmit no moment.
-    :ivar ends: (p, 6) indices of the displacements of the parts' ends.
-    :ivar places: (p, 6) unknowns of the parts' ends, and `row_places` those of the constraints.
-    :ivar rows: indices of the constraints of the chosen blocks.
-    :ivar nodes: (c,) indices of the nodes at the cuts.
-    :ivar before: (c,) indices of the parts that end at the cuts, and `behind` of those that begin.
-    :ivar beside: (2 c,) both, with `signs` -1 and 1.
-    :ivar parts: indices of the parts of the divided members.
-    :ivar longer: (p, c) changes of the parts' lengths by unit motions of the cuts [-].
-    :ivar groups: the chosen blocks.
-    :ivar kept: the other blocks: index of a group of `Numbering.whole`, and indices in this group.
-    :ivar kept_ids: their indices.
+    The nodes at the cuts are the last nodes. `whole` (p,) is the member to which each part
+    belongs. The first part of each member is in the order of the members; the other parts, which
+    begin at the cuts, are the last ones. `before` (c,) are the parts that end at the cuts,
+    `behind` (c,) those that begin there, and `beside` (2 c,) both; `parts` are all parts of
+    divided members, and `longer` (p, c) the changes of the parts' lengths by unit motions of the
+    cuts. The blocks that are not active are `kept`: index of a group of `Numbering.whole`, and
+    indices in this group.
 
     :param piece: (c,) index of the member that each cut divides.
     :param order: (c,) indices that sort the cuts by member and along each member.
@@ -332,15 +312,6 @@ class Factored(NamedTuple):
         return found
 
     @property
-    def condition(self) -> float:
-        """Return the largest condition number of the blocks and of the hinges' matrix [-]."""
-        blocks = [
-            (_norms(stiff) * _norms(np.linalg.inv(stiff))).max(initial=0.0)
-            for stiff, _ in self.parts
-        ]
-        return max(factorize_with_condition(self.matrix)[1], *blocks)
-
-    @property
     def negative_pivots(self) -> int:
         """Return the number of negative eigenvalues: the sum over all blocks (Haynsworth)."""
         blocks = [block for stiff, _ in self.parts for block in stiff if block.size]
@@ -433,8 +404,3 @@ def _sum_at(joints: Indices, numbering: Numbering) -> Array | csr_matrix:
     shape, places = (len(numbering.joints), len(joints)), (joints[coupled], coupled)
     matrix = csr_matrix((np.ones(len(coupled)), places), shape=shape)
     return matrix.toarray() if numbering.sparse is None else matrix
-
-
-def _norms(matrices: Array) -> Array:
-    """Return the 1-norms (b,) of matrices (b, s, s)."""
-    return np.abs(matrices).sum(axis=1).max(axis=1, initial=0.0)

@@ -31,8 +31,6 @@ MAX_GROWTH = 1.5
 MAX_DISPLACEMENT_STEP = 0.01
 #: Relative tolerance of a limit load [-].
 LIMIT_TOLERANCE = 1e-3
-#: Largest number of load steps.
-MAX_LOAD_STEPS = 400
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,27 +53,29 @@ class FrameState:
 def unloaded(frame: Frame) -> Tangent:
     """Return a frame linearised without loads; raise StructureError if it is a mechanism."""
     rest = linearize(frame, np.zeros(len(frame.scale)))
-    if _is_regular(rest):
-        return rest
-    numbering = frame.layout.numbering
-    if numbering.condensed:
-        members, rows = frame.members, frame.rows
-        whole = Numbering(members, frame.held, rows.places, condensed=False)
+    regular = _factorize(rest)
+    if regular is None and frame.layout.numbering.condensed:
+        whole = Numbering(frame.members, frame.held, frame.rows.places, condensed=False)
         rest = linearize(replace(frame, layout=whole.whole), rest.unknowns)
-        if _is_regular(rest):
-            return rest
+        regular = _factorize(rest)
+    if regular is not None:
+        return regular
     raise StructureError(
         f'the structure is a mechanism: {", ".join(_what_moves(rest))} can move '
         'without resistance; support it or connect it'
     )
 
 
-def _is_regular(rest: Tangent) -> bool:
-    """Return whether the matrix of (4) is regular in double precision."""
+def _factorize(rest: Tangent) -> Tangent | None:
+    """Return a frame with the factorised matrix of (4); None if it is singular."""
+    # The solution for random loads is a lower bound of the condition number of the scaled matrix.
+    loads = np.random.default_rng(0).normal(size=len(rest.unknowns))
     try:
-        return rest.factored.condition < MAX_CONDITION
+        factored, moved = rest.solve((loads / rest.frame.scale)[:, None])
     except StructureError:
-        return False
+        return None
+    size = np.abs(moved[:, 0] / rest.frame.scale).max()
+    return replace(rest, given=factored) if size < MAX_CONDITION else None
 
 
 def _what_moves(rest: Tangent) -> list[str]:
@@ -178,7 +178,7 @@ def follow_loads(rest: Tangent, loads: Array, most: float, farthest: float = np.
     """
     path = LoadPath([0.0], [rest], np.inf)
     step, rows = most, rest.frame.layout.numbering.rows
-    for _ in range(MAX_LOAD_STEPS):
+    for _ in range(400):
         factor, tangent = path.factors[-1], path.tangents[-1]
         if factor >= most or np.abs(tangent.displacements[:, :2]).max() > farthest:
             return path

@@ -68,7 +68,7 @@ class Structure:
         return unloaded(self.frame)
 
     @functools.cached_property
-    def _blocks(self) -> list[UnloadedBlocks | None]:
+    def blocks(self) -> list[UnloadedBlocks | None]:
         """Return the groups of the unloaded frame; None for blocks without own unknowns."""
         rest, frame = self.rest, self.frame
         groups = zip(frame.layout.groups, rest.factored.schur, rest.factored.parts, strict=True)
@@ -76,10 +76,6 @@ class Structure:
             UnloadedBlocks.of(frame, group, schur, spread) if spread.size else None
             for group, schur, (_, spread) in groups
         ]
-
-    def keep(self, layout: Layout) -> tuple[UnloadedBlocks, ...]:
-        """Return the blocks of the unloaded frame whose parts a layout does not have."""
-        return tuple(self._blocks[number].take(rows) for number, rows in layout.kept)
 
     def tube_parts(self, frame: Frame) -> tuple[Indices, Indices]:
         """Return the indices of a frame's parts that are tubes, and the robot's member of each."""
@@ -216,6 +212,12 @@ def structure_of(config: Configuration, pressure: Pressure | None = None) -> Str
 
 #: Cache of `structure_of` by configuration and tube pressures.
 _structure = functools.lru_cache(maxsize=8)(Structure)
+
+
+@functools.lru_cache(maxsize=16)
+def kept_blocks(structure: Structure, layout: Layout) -> tuple[UnloadedBlocks, ...]:
+    """Return the unloaded blocks whose parts the frames of a layout do not have, cached."""
+    return tuple(structure.blocks[number].take(rows) for number, rows in layout.kept)
 
 
 def section_rates(structure: Structure, frame: Frame, moved: Points, inflated: Array) -> Array:

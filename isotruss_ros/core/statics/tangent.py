@@ -63,6 +63,7 @@ class Tangent:
     matrices: list[Array]  #: scaled stiffness of each group of blocks, see `eliminate`
     #: the other blocks, and the forces (b, t) on their hinges and their stiffness (b, t, t)
     kept: tuple[tuple[UnloadedBlocks, ...], list[Array], list[Array]]
+    given: Factored | None = None  #: factorised matrix; None: it is computed
 
     @property
     def displacements(self) -> Array:
@@ -72,7 +73,7 @@ class Tangent:
     @cached_property
     def factored(self) -> Factored:
         """Return the factorised matrix of (4), scaled."""
-        return self.solve(np.zeros((len(self.unknowns), 1)))[0]
+        return self.given or self.solve(np.zeros((len(self.unknowns), 1)))[0]
 
     def solve(self, right: Array) -> tuple[Factored, Array]:
         """Return the factorised matrix of (4), and its solutions (u, p)."""

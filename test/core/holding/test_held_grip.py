@@ -212,7 +212,7 @@ def changed_forces(grip, moving):
         bent = grip.statics.bent.update(grip.state.loads, grip.state.feet)
         # The tubes give as before, from where they start now.
         lines = bent.lines._replace(start=bent.start + step * moving)
-        bent = replace(bent, given_lines=lines)
+        bent = replace(bent, lines=lines)
         statics = replace(grip.statics, bent=bent)
         closure = stick(statics, grip.anchors, travel, grip.angles, NOTHING)
         _, state = statics.settle(grip.state.unknowns, grip.wrench, closure)
