@@ -63,7 +63,8 @@ def straight_points(structure: Structure, members: Indices, places: Array) -> St
         own[np.ix_([0, 1], here, [0, 1], here)] = np.einsum('in,nab,jn->iajb', turn, both, turn)
     unit = np.zeros((3 * len(frame.points), len(ends)))
     unit[ends, np.arange(len(ends))] = 1.0
-    response = structure.rest.respond(unit)[-len(unit) :]
+    rows = frame.layout.numbering.rows
+    response = structure.rest.respond(unit)[rows:]
     spread = shapes.reshape(2 * count, len(ends))
     compliance = spread @ response[ends] @ spread.T + own.reshape(2 * count, 2 * count)
     return StraightPoints(structure, pieces, number, within, spread, response, compliance)

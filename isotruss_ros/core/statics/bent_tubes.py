@@ -39,8 +39,9 @@ FOLLOWED_MOTION, SETTLED_MOTION = 1e-4, 1e-11
 #: Weight of a load point's motion relative to a node's motion in `BentTubes.distance` [-].
 PLACE_SHARE = 0.2
 #: Largest force on a hinge of a tube that is kept undeformed [N]; it displaces nodes by about
-#: `SETTLED_MOTION`, and rounding errors are below 1e-10. It grows with the square of the motion of
-#: nodes in micrometres, as the forces that a linearisation leaves.
+#: `SETTLED_MOTION`, and rounding errors are below 1e-10. It grows by 1e5 N/m^2 times the square of
+#: the motion of nodes, as the forces that a linearisation leaves. With a thirtieth of this growth,
+#: the tubes of nine_member are deformed in every grasp; with a tenth of it, in some.
 KEPT_FORCE = 1e-8
 
 
@@ -341,7 +342,7 @@ class BentTubes:
             return layout.active
         changes = self._changes.unknowns @ self._ways(loads, places)
         motion = np.abs(_nodes(self.frame, changes)[:, :2]).max()
-        most, loaded = KEPT_FORCE * (1.0 + (1e6 * motion) ** 2), [layout.active]
+        most, loaded = KEPT_FORCE * (1.0 + 1e13 * motion**2), [layout.active]
         for blocks, push, stiff, ids in zip(*tangent.kept, layout.kept_ids, strict=True):
             force = push + (stiff @ changes[blocks.outer][:, :, None])[..., 0]
             loaded.append(ids[np.abs(force).max(axis=1) > most])
@@ -481,7 +482,8 @@ class BentTubes:
 
 def _nodes(frame: Frame, unknowns: Array) -> Array:
     """Return the displacements (n, 3, ...) among unknowns (u, ...)."""
-    return unknowns[frame.layout.numbering.rows :].reshape(-1, 3, *unknowns.shape[1:])
+    rows = frame.layout.numbering.rows
+    return unknowns[rows:].reshape(-1, 3, *unknowns.shape[1:])
 
 
 def _mean(sides: Array) -> Array:

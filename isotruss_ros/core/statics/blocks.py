@@ -105,7 +105,7 @@ class Numbering:
         solid[members.start[~members.pinned_start]] = True
         solid[members.end[~members.pinned_end]] = True
         real = np.ones(self.rows + held.size, dtype=bool)
-        real[self.rows + 2 :: 3] = solid
+        real[self.rows + 3 * np.arange(len(held)) + 2] = solid
         self.free = real & ~np.append(np.zeros(self.rows, dtype=bool), held.ravel())
         #: (k, 6) and (c, 1 + w) unknowns of members and constraints
         self.places = self.rows + member_places(members.start, members.end)
@@ -140,7 +140,7 @@ class Numbering:
         return blocks, members
 
     def _number_joints(self) -> None:
-        """Number the entries of the hinges' matrix, dense or sparse."""
+        """Set the places of the blocks in the matrix of the hinges, dense or sparse."""
         count, self.sparse = len(self.joints), None
         self.joint = np.full(len(self.free), count)
         self.joint[self.joints] = np.arange(count)

@@ -190,8 +190,8 @@ def _bend(rest: Tangent, loads: Array) -> FrameState:
     """Return displacements, reactions and member forces of a bent frame in equilibrium."""
     bent = bend(rest, loads)
     if bent is not None:
-        moved, predicted = bent.displacements, bent.respond(loads.reshape(-1, 1))
-        straight = moved - predicted[-moved.size :].reshape(-1, 3)
+        moved = bent.displacements
+        straight = moved - bent.frame.displacements(bent.respond(loads.reshape(-1, 1))[:, 0])
         near = np.abs(straight[:, :2]).max() <= MAX_UNLOADED_SHARE * np.abs(moved[:, :2]).max()
         if near and bent.is_stable:
             return state_under(bent, loads)

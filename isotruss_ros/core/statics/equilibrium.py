@@ -90,7 +90,7 @@ def _what_moves(rest: Tangent) -> list[str]:
     loose[np.abs(values).argmin()] = True
     motion = np.zeros(len(free))
     motion[free] = np.abs(frame.scale[free, None] * vectors[:, loose]).max(axis=1)
-    by_node = motion[numbering.rows :].reshape(-1, 3).max(axis=1)
+    by_node = frame.displacements(motion).max(axis=1)
     return [frame.names[i] for i in np.flatnonzero(by_node > 1e-3 * by_node.max())]
 
 
@@ -98,7 +98,7 @@ def solve(rest: Tangent, loads: Array) -> FrameState:
     """Return displacements, reactions and member forces under loads (n, 3) by linear (4)."""
     frame, rows = rest.frame, rest.frame.layout.numbering.rows
     moved = rest.respond(loads.reshape(-1, 1))
-    forces, _ = rest.force_changes(moved[rows:].reshape(-1, 3, 1))
+    forces, _ = rest.force_changes(frame.displacements(moved))
     size, layout = len(frame.scale), frame.layout
     pushed = rest.nodal_forces(np.arange(len(frame.length)), forces)
     carried = np.bincount(layout.places.ravel(), pushed.ravel(), size)
@@ -106,8 +106,8 @@ def solve(rest: Tangent, loads: Array) -> FrameState:
     held = straight[0] * moved[layout.rows]
     carried += np.bincount(layout.row_places[:, 1:].ravel(), held.ravel(), size)
     return FrameState(
-        moved[rows:].reshape(-1, 3),
-        _reactions(frame, carried[rows:] - loads.ravel()),
+        frame.displacements(moved[:, 0]),
+        _reactions(frame, frame.displacements(carried) - loads),
         end_forces(forces[..., 0], rest.length),
         np.zeros(len(frame.length)),
     )
@@ -120,7 +120,7 @@ def bend(start: Tangent, loads: Array, growth: float = MAX_GROWTH) -> Tangent | 
     for count in range(MAX_NEWTON_ITERATIONS):
         _, step = tangent.solve((applied - tangent.carried)[:, None])
         unknowns = tangent.unknowns + step[:, 0]
-        moved = step[-loads.size :].reshape(-1, 3)
+        moved = tangent.frame.displacements(step[:, 0])
         size = float(np.abs(moved[:, :2]).max())
         if count == 0:
             reach = size
@@ -138,19 +138,19 @@ def bend(start: Tangent, loads: Array, growth: float = MAX_GROWTH) -> Tangent | 
 
 def state_under(tangent: Tangent, loads: Array) -> FrameState:
     """Return displacements, reactions and member forces of a bent frame."""
-    carried = tangent.carried[tangent.frame.layout.numbering.rows :]
+    carried = tangent.frame.displacements(tangent.carried)
     return FrameState(
         tangent.displacements,
-        _reactions(tangent.frame, carried - loads.ravel()),
+        _reactions(tangent.frame, carried - loads),
         tangent.end_forces,
         tangent.forces.values[:, 0],
     )
 
 
 def _reactions(frame: Frame, missing: Array) -> Array:
-    """Return the support reactions (n, 3) from the residual of the balance (3 n,)."""
+    """Return the support reactions (n, 3) from the residual (n, 3) of the balance."""
     reactions, count = np.zeros((len(frame.points), 3)), len(frame.held)
-    reactions[:count] = missing.reshape(-1, 3)[:count] * frame.held
+    reactions[:count] = missing[:count] * frame.held
     return reactions
 
 
@@ -177,12 +177,12 @@ def follow_loads(rest: Tangent, loads: Array, most: float, farthest: float = np.
     :param farthest: the path ends if a node is displaced by more than this [m].
     """
     path = LoadPath([0.0], [rest], np.inf)
-    step, rows = most, rest.frame.layout.numbering.rows
+    step = most
     for _ in range(400):
         factor, tangent = path.factors[-1], path.tangents[-1]
         if factor >= most or np.abs(tangent.displacements[:, :2]).max() > farthest:
             return path
-        moved = tangent.respond(loads.reshape(-1, 1))[rows:].reshape(-1, 3)
+        moved = rest.frame.displacements(tangent.respond(loads.reshape(-1, 1)))
         reach = np.abs(moved[:, :2]).max()
         step = min(
             2.0 * step, MAX_DISPLACEMENT_STEP / reach if reach > 0.0 else np.inf, most - factor

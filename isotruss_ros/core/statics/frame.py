@@ -112,6 +112,11 @@ class Frame:
         arrays = length, self.axis[layout.whole], begins, BeamColumns(values), scale, self
         return Frame(points, self.held, self.names, self.rows, layout, members, *arrays)
 
+    def displacements(self, unknowns: Array) -> Array:
+        """Return ux, uy and theta of the nodes, (n, 3, ...), among unknowns (u, ...)."""
+        rows = self.layout.numbering.rows
+        return unknowns[rows:].reshape(-1, 3, *unknowns.shape[1:])
+
     def locate(self, piece: Indices, within: Array) -> Indices:
         """Return the parts (q,) that contain points of members; negative for members without."""
         reached = (self.layout.whole == piece[:, None]) & (self.begins <= within[:, None])

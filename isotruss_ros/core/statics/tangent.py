@@ -67,8 +67,8 @@ class Tangent:
 
     @property
     def displacements(self) -> Array:
-        """Return the displacements (n, 3) ux, uy [m], theta [rad] of the nodes."""
-        return self.unknowns[self.frame.layout.numbering.rows :].reshape(-1, 3)
+        """Return ux, uy [m] and theta [rad] of the nodes, (n, 3)."""
+        return self.frame.displacements(self.unknowns)
 
     @cached_property
     def factored(self) -> Factored:
@@ -92,8 +92,8 @@ class Tangent:
 
     def respond(self, loads: Array) -> Array:
         """Return the changes (u, p) of the unknowns by additional loads (3 n, p) on the nodes."""
-        right = np.zeros((len(self.unknowns), loads.shape[1]))
-        right[len(right) - len(loads) :] = loads
+        rows = self.frame.layout.numbering.rows
+        right = np.concatenate([np.zeros((rows, loads.shape[1])), loads])
         return self.factored.solve(right * self.frame.scale[:, None]) * self.frame.scale[:, None]
 
     @property

@@ -36,7 +36,8 @@ class UnloadedBlocks(NamedTuple):
         outer, inner = frame.scale[group.outer], frame.scale[group.inner]
         hinges = frame.points[(group.outer[:, ::2] - first) // 3]
         middles = hinges.mean(axis=1, keepdims=True)
-        nodes = frame.points[(group.inner[:, group.rows.shape[1] :: 3] - first) // 3]
+        rows = group.rows.shape[1]
+        nodes = frame.points[(group.inner[:, rows::3] - first) // 3]
         return cls(
             group.outer,
             group.inner,
@@ -77,7 +78,8 @@ class UnloadedBlocks(NamedTuple):
         """Set the unknowns (u,) of the blocks from those of their hinges."""
         turn, strain = self.place(unknowns)
         values, count = (self.spread @ strain[:, :, None])[..., 0], self.inner.shape[1]
-        nodes = values[:, count - 3 * self.nodes.shape[1] :].reshape(*self.nodes.shape, 3)
+        rows = count - 3 * self.nodes.shape[1]
+        nodes = values[:, rows:].reshape(*self.nodes.shape, 3)
         moved = (self.nodes + nodes[..., 0] + 1j * nodes[..., 1]) * turn[:, None] - self.nodes
         middle = unknowns[self.outer].view(np.complex128).mean(axis=1)
         moved += middle[:, None]

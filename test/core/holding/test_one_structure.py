@@ -75,9 +75,31 @@ def test_contact_forces_near_wrinkling_bend_a_finer_mesh_alike(shape, depth):
 def test_nonlinearity_is_the_increase_over_the_forces_of_linear_tubes(shape, depth):
     grip = attach_grip(ROBOT.home, placed(shape, depth))
     bent, force = grip.statics.bent, grip.state.normal_forces.sum()
-    tubes = BentTubes(bent.structure, bent.members, bent.places, linear=True)
+    tubes = BentTubes.straight(bent.structure, bent.members, bent.places, linear=True)
     statics = replace(grip.statics, bent=tubes)
     _, linear = statics.settle(grip.state.unknowns, grip.wrench, rest(statics))
     increase = force / linear.normal_forces.sum() - 1.0
     assert increase > 1e-3
     assert grip.nonlinearity == pytest.approx(increase, rel=0.05)
+
+
+@on_grasps
+def test_tubes_that_are_kept_undeformed_change_no_response(shape, depth):
+    grip = attach_grip(ROBOT.home, placed(shape, depth))
+    bent, whole = grip.statics.bent, grip.statics.bent.activated()
+    assert bent.frame.layout.kept
+    assert not whole.frame.layout.kept
+    for name in ('matrix', 'rates', 'given'):
+        expected = getattr(whole, name)
+        assert getattr(bent, name) == pytest.approx(expected, abs=1e-9 * np.abs(expected).max())
+    loads, feet = grip.state.loads, grip.state.feet
+    moved = bent.displacements(loads, feet)
+    assert moved == pytest.approx(whole.displacements(loads, feet), abs=1e-11)
+
+
+def test_a_tube_is_kept_undeformed_until_its_hinges_are_loaded():
+    bent = attach_grip(ROBOT.home, placed(Disc(0.3), 0.02)).statics.bent
+    loads, places = bent.before.loads, bent.places
+    assert bent.update(loads, places).frame.layout.kept
+    pushed = loads + np.array([[0.0, 0.1, 0.0], [0.0, 0.0, 0.0]])
+    assert not bent.update(pushed, places).frame.layout.kept

@@ -51,7 +51,8 @@ def test_responses_of_robots_agree_with_those_of_one_matrix(robot, rng):
     loads[:rows] *= 1e-3
     loads[rows:].reshape(-1, 3, 4)[: len(robot.topology.joint_names), 2] = 0.0
     expected = whole(tangent).solve(loads)[1]
-    for found in (tangent.solve(loads)[1], tangent.respond(loads)):
+    factored, scale = tangent.factored, tangent.frame.scale[:, None]
+    for found in (tangent.solve(loads)[1], factored.solve(loads * scale) * scale):
         for part, share in ((slice(None, rows), 1e2), (slice(rows, None), 10.0)):
             size = np.abs(expected[part]).max()
             assert np.abs(found[part] - expected[part]).max() < share * ROUNDING * size
