@@ -153,7 +153,7 @@ class LoadedTubes:
         points, radii = body.shape.surface_at(statics.contacts.corners, state.normals / body.turn)
         # The contact points move on the surface, because the normals turn with the members.
         arms, swept = (body.turn * points)[:, None], 1j * radii[:, None] * spins * normals
-        away = self._bent.start[:, None] - state.center - arms
+        away = self._bent.start[:, None] - body.center - arms
         gap = self._starts - swept - 1j * spins * away + self.dents * normals
         gap = gap / axis + give
         forces = self._push[:, None]

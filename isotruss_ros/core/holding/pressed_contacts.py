@@ -129,11 +129,6 @@ class ContactForces:
         """Return the indices of the unknowns and of the equations."""
         return Places.of(len(self.normals))
 
-    @property
-    def center(self) -> complex:
-        """Return the origin of the object's frame, x + iy [m]."""
-        return complex(self.unknowns[0], self.unknowns[1])
-
     @functools.cached_property
     def feet(self) -> Array:
         """Return the positions of the contacts along the members, (k,) [m]."""

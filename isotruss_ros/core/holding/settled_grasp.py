@@ -18,7 +18,6 @@ from functools import cached_property
 import math
 from typing import Any
 
-from isotruss_ros.core.holding.contact_patches import ContactPatches
 from isotruss_ros.core.holding.grip_response import slip_planes
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus
 from isotruss_ros.core.kinematics.configuration import Configuration
@@ -208,32 +207,33 @@ class SettledGrasp(
         These seven properties have one value for each grasping member. They are empty without an
         equilibrium, and in the paper's model.
         """
-        return self._patched(lambda patches: patches.spans)
+        spans = self._named(lambda grip: grip.patches.spans)
+        return {name: (first, last) for name, (first, last) in spans.items()}
 
     @property
     def contact_lengths(self) -> dict[str, float]:
         """Return the length of tube in contact at each grasping member [m]."""
-        return self._patched(lambda patches: patches.lengths)
+        return self._named(lambda grip: grip.patches.lengths)
 
     @property
     def contact_widths(self) -> dict[str, float]:
         """Return the largest width of the contact around each tube [m]."""
-        return self._patched(lambda patches: patches.widths)
+        return self._named(lambda grip: grip.patches.widths)
 
     @property
     def contact_areas(self) -> dict[str, float]:
         """Return the area of contact at each grasping member [m^2]."""
-        return self._patched(lambda patches: patches.areas)
+        return self._named(lambda grip: grip.patches.areas)
 
     @property
     def contact_pressures(self) -> dict[str, float]:
         """Return the mean contact pressure at each grasping member [Pa]."""
-        return self._patched(lambda patches: patches.pressures)
+        return self._named(lambda grip: grip.patches.pressures)
 
     @property
     def peak_pressures(self) -> dict[str, float]:
         """Return the largest contact pressure at each grasping member [Pa]."""
-        return self._patched(lambda patches: patches.peaks)
+        return self._named(lambda grip: grip.patches.peaks)
 
     @property
     def flattened(self) -> tuple[str, ...]:
@@ -242,7 +242,7 @@ class SettledGrasp(
 
         Their section is flat there, and the model is not valid for depth and force.
         """
-        flat = self._patched(lambda patches: patches.flattened)
+        flat = self._named(lambda grip: grip.patches.flattened)
         return tuple(name for name, is_flat in flat.items() if is_flat)
 
     @property
@@ -261,19 +261,7 @@ class SettledGrasp(
         response = None if self.equilibrium is None else self.equilibrium.response
         return np.zeros((3, 3)) if response is None else response.stiffness
 
-    def _patched(self, find: Callable[[ContactPatches], Array]) -> dict[str, Any]:
-        """Return a mapping from names of grasping members to values of their patches."""
-        grip = self.equilibrium
-        if grip is None:
-            return {}
-        values = find(grip.patches).tolist()
-        names = grip.member_names[: len(values)]  # none in the paper's model
-        return {
-            name: tuple(value) if isinstance(value, list) else value
-            for name, value in zip(names, values, strict=True)
-        }
-
-    def _named(self, find: Callable[[HeldGrip], Array], every: bool = False) -> dict[str, float]:
+    def _named(self, find: Callable[[HeldGrip], Array], every: bool = False) -> dict[str, Any]:
         """Return a mapping from names of grasping members, or of all members, to values."""
         if self.lost is not None and every:
             return dict.fromkeys(self.lost.config.robot.member_names, 0.0)
@@ -281,4 +269,6 @@ class SettledGrasp(
         if grip is None:
             return {}
         names = grip.config.robot.member_names if every else grip.member_names
-        return dict(zip(names, find(grip).tolist(), strict=True))
+        return dict(
+            zip(names, find(grip).tolist(), strict=False)
+        )  # patches: none if tubes are round
