@@ -76,7 +76,7 @@ def _surface_share(start: Array, wanted: Array, top: float) -> float:
     """Return the largest fraction (0 to 1) of a change at which the velocity is at most `top`."""
     step = wanted - start
     square, slope = float(step.dot(step)), float(step.dot(start))
-    if wanted.dot(wanted) <= top * top or square == 0.0:
+    if square == 0.0:
         return 1.0
     root = np.sqrt(max(slope * slope + square * (top * top - start.dot(start)), 0.0))
     return min(max((root - slope) / square, 0.0), 1.0)
