@@ -30,7 +30,7 @@ from isotruss_ros.core.estimation.grip_model import (
 from isotruss_ros.core.estimation.grip_state import DELAY_DEVIATION, GripState, MAX_DEVIATIONS
 from isotruss_ros.core.estimation.input_lag import InputLag
 from isotruss_ros.core.estimation.pose_noise import PRIOR_DEVIATIONS
-from isotruss_ros.core.estimation.state_estimate import EstimatorSettings, MAX_KNOWN_DEVIATION
+from isotruss_ros.core.estimation.state_estimate import EstimatorSettings
 from isotruss_ros.core.holding.grip_record import GripEstimate
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, NotHeldError
 from isotruss_ros.core.kinematics.configuration import Configuration, MAX_FIRST_ORDER_TRAVEL
@@ -116,22 +116,17 @@ class GripBelief:
     @property
     def pose(self) -> Array:
         """Return the estimate (x, y, angle) of the object's pose [m, rad]."""
-        return self._estimate[:3]
+        state, cache = self._state, self._cache
+        moved = cache.by_offsets.pose + cache.rates.pose @ state.sensitivity
+        return self._uncorrected + moved @ state.parameters / self._even
 
     @property
     def squeeze(self) -> float:
         """Return the estimated mean normal force of the members [N]."""
-        return float(self._estimate[3])
-
-    @property
-    def _estimate(self) -> Array:
-        """Return the estimated pose [m, rad] and squeeze [N], (4,)."""
-        cache, state, response = self._cache, self._state, self.grasp.response
-        by_state = state.sensitivity @ state.parameters
-        moved = cache.by_offsets.pose @ state.parameters + cache.rates.pose @ by_state
-        pressed = cache.by_offsets.squeeze @ state.parameters + cache.rates.squeeze @ by_state
-        pressed += cache.squeeze + response.squeeze @ self.load
-        return np.append(self._uncorrected + moved / self._even, pressed)
+        state, cache = self._state, self._cache
+        pressed = cache.by_offsets.squeeze + cache.rates.squeeze @ state.sensitivity
+        change = self.grasp.response.squeeze @ self.load + pressed @ state.parameters
+        return cache.squeeze + float(change)
 
     @property
     def _uncorrected(self) -> Array:
@@ -150,20 +145,19 @@ class GripBelief:
 
         It includes the model error.
         """
-        cache = self._cache
-        variance = self._state.spread(cache.rates.squeeze, cache.by_offsets.squeeze)
-        relative = 1.0 if self.is_assumed else self.settings.squeeze_error
-        return math.sqrt(variance + (relative * self.squeeze) ** 2)
+        return self._deviation(0.0)
 
     @property
     def squeeze_deviation(self) -> float:
         """Return the standard deviation of the squeeze, with model and stiffness errors [N]."""
-        return math.hypot(self.geometric_deviation, self.settings.stiffness * self.squeeze)
+        return self._deviation(self.settings.stiffness)
 
-    @property
-    def squeeze_is_unknown(self) -> bool:
-        """Return whether the relative deviation of the squeeze exceeds `MAX_KNOWN_DEVIATION`."""
-        return self.squeeze_deviation > MAX_KNOWN_DEVIATION * self.squeeze
+    def _deviation(self, stiffness: float) -> float:
+        """Return the standard deviation of the squeeze for that of the stiffness [N]."""
+        cache, squeeze = self._cache, self.squeeze
+        variance = self._state.spread(cache.rates.squeeze, cache.by_offsets.squeeze)
+        relative = 1.0 if self.is_assumed else self.settings.squeeze_error
+        return math.hypot(math.sqrt(variance), relative * squeeze, stiffness * squeeze)
 
     @property
     def largest_friction(self) -> float:
@@ -330,10 +324,10 @@ class GripBelief:
         speed = (last - first) / DELAY_DEVIATION
         off = even * pose_difference(pose, self._uncorrected - pose_difference(lag.last, there))
         self.noise.add(even * pose_difference(pose, there))
-        before = self._estimate
+        before = np.append(self.pose, self.squeeze)
         change = self._state.correct(off, even * speed, cache, lag.time)
         cache.shift(change[SHIFTS:][self.grasp.contacts.owners])
-        lag.hold_back(self._estimate - before)
+        lag.hold_back(np.append(self.pose, self.squeeze) - before)
 
     def attach(self, config: Configuration, pressures: Pressures, restart: bool = False) -> bool:
         """

@@ -144,8 +144,10 @@ class SqueezeControl:
         if self.fault is not None:
             return f'{self._why}; next step: {NEXT_STEPS[self.fault]}'
         notes = [f'slipped by {1e3 * self._slipped:.0f} mm, held'] if self._slipped else []
-        if self.belief is not None and self.belief.squeeze_is_unknown:
-            notes.append(f'held, {describe_squeeze(*self.squeeze)}')
+        if self.belief is not None:
+            squeeze, deviation = self.squeeze
+            if deviation > MAX_KNOWN_DEVIATION * squeeze:
+                notes.append(f'held, {describe_squeeze(squeeze, deviation)}')
         return '; '.join(notes)
 
     @property

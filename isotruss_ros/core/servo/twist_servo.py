@@ -19,7 +19,7 @@ from functools import partial
 import importlib
 from typing import Any
 
-from isotruss_ros.core.errors import GraspError, IsotrussError
+from isotruss_ros.core.errors import IsotrussError
 from isotruss_ros.core.holding.held_grip import HoldStatus
 from isotruss_ros.core.inputs import (
     CommandHistory,
@@ -246,6 +246,10 @@ class TwistServo:
         error.
         """
         config, grip, last = self._predict(rollers, pose, now, failed)
+        if grip is not None and self.squeeze is not None:
+            hold = self._follow(self.squeeze, config, grip, (rollers, *pose), now, gripped=True)
+            if self.squeeze.belief is not None:
+                grip = self.squeeze.belief.grip.moved_to(self.squeeze.belief.pose)
         watch = None if self._guard is None else self._guard.watch(config, grip)
         period = self.settings.period
         limits = self._limits if watch is None else (*self._limits, *watch.limits)
@@ -259,7 +263,6 @@ class TwistServo:
         elif self.squeeze is None:
             command = solve(grip, twist)
         else:
-            hold = self._follow(self.squeeze, config, grip, (rollers, *pose), now, gripped=True)
             command = self._regulate(self.squeeze, hold, twist, solve)
         asked = command
         if command.status < Status.HALT_NO_TWIST:
@@ -274,12 +277,6 @@ class TwistServo:
             missing = asked.achieved_twist - command.achieved_twist
             self.squeeze.advance(twist, asked, missing)
         return command
-
-    @property
-    def _touching(self) -> Grip:
-        """Return the grip, with the contacts of the modelled equilibrium if available."""
-        belief = None if self.squeeze is None else self.squeeze.belief
-        return self.settings.grip if belief is None else belief.grip
 
     def _largest_change(self, now: float) -> float:
         """Return the largest change of a roller's velocity since the last command [m/s]."""
@@ -320,16 +317,11 @@ class TwistServo:
         measured, config = self._tracker.predict(rollers.value.positions, travel)
         if not pose:
             return config, None, last
+        if self.squeeze is not None and self.squeeze.belief is not None:
+            return config, self.squeeze.belief.grip, last
         # The object rolls from its measured pose, at the configuration of that time.
         start = measured.predict(before) if before.any() else measured
-        belief = None if self.squeeze is None else self.squeeze.belief
-        try:
-            grip = roll_object(self._touching.moved_to(pose[0].value), start, config)
-        except GraspError:
-            if belief is None:
-                raise
-            grip = belief.grip  # one pose without contacts is no loss: the belief decides
-        return config, grip, last
+        return config, roll_object(self.settings.grip.moved_to(pose[0].value), start, config), last
 
     def _watch(self, squeeze: SqueezeControl, status: Status, now: float) -> None:
         """Update the belief of the grip while the object rests; discard it on invalid inputs."""
