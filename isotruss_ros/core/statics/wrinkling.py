@@ -56,7 +56,29 @@ def find_utilisation(
     :param end_forces: (k, 6) forces on the frame's members, see `FrameState.end_forces`.
     :param pulls: (k,) axial forces on the frame's members, see `FrameState.bowing` [N].
     """
-    pieces, member, used, places = _use_pieces(structure, frame, end_forces, pulls)
+    config, topology = structure.config, structure.config.robot.topology
+    pieces, member = structure.tube_parts(frame)
+    radius = 0.5 * config.robot.description.tube_diameter
+    # Tension p pi R^2 of the wall without axial force, and with the force at start and end.
+    wall = np.pi * radius**2 * np.array(structure.pressures)[topology.tube[member]]
+    ends, length = end_forces[pieces], frame.length[pieces]
+    begun, ended = wall - ends[:, 0], wall + ends[:, 3]
+    used, inside = evaluate_utilisation(
+        (
+            -ends[:, 2],
+            ends[:, 5],
+            np.stack([begun, ended, np.minimum(begun, ended)]),
+            pulls[pieces],
+        ),
+        np.stack([length, frame.members.flexural[pieces], frame.members.shear[pieces]]),
+        radius,
+    )
+    start = config.points[topology.b[member]]
+    along = (config.points[topology.c[topology.following[member]]] - start).conj()
+    along /= np.abs(along)
+    origin = ((frame.points[frame.members.start[pieces]] - start) * along).real
+    ahead = (frame.axis[pieces] * along).real
+    places = origin + ahead * np.stack([np.zeros(len(pieces)), length, inside])
     last = find_most_used(used.ravel(), np.tile(member, 3))
     kind, piece = np.divmod(last, len(pieces))
     count, owner = structure.owners.shape[1], member[piece]
@@ -65,40 +87,6 @@ def find_utilisation(
     for of_members, of_present in zip(found, values, strict=True):
         of_members[owner] = of_present
     return found
-
-
-def _use_pieces(
-    structure: Structure, frame: Frame, end_forces: Array, pulls: Array
-) -> tuple[Indices, Indices, Array, Array]:
-    """
-    Return the indices of p tube pieces and of their members, and |M| / M_w with its positions.
-
-    |M| / M_w (3, p) is computed at the start, at the end and at the maximum inside each piece. The
-    positions (3, p) are the distances of these points from the start of the robot's member [m].
-    """
-    config, (pieces, member) = structure.config, structure.tube_parts(frame)
-    ends, topology = end_forces[pieces], config.robot.topology
-    begun, ended = (_wall_pull(structure, member) + pull for pull in (-ends[:, 0], ends[:, 3]))
-    least = np.minimum(begun, ended)
-    used, inside = evaluate_utilisation(
-        (-ends[:, 2], ends[:, 5], np.stack([begun, ended, least]), pulls[pieces]),
-        np.stack([frame.length[pieces], *(each[pieces] for each in frame.members[3:5])]),
-        0.5 * config.robot.description.tube_diameter,
-    )
-    start = config.points[topology.b[member]]
-    along = (config.points[topology.c[topology.following[member]]] - start).conj()
-    along /= np.abs(along)
-    origin = ((frame.points[frame.members.start[pieces]] - start) * along).real
-    ahead = (frame.axis[pieces] * along).real
-    places = origin + ahead * np.stack([np.zeros(len(pieces)), frame.length[pieces], inside])
-    return pieces, member, used, places
-
-
-def _wall_pull(structure: Structure, member: Indices) -> Array:
-    """Return the tension p pi R^2 (c,) in the walls of members at zero axial force [N]."""
-    robot = structure.config.robot
-    area = 0.25 * np.pi * robot.description.tube_diameter**2
-    return area * np.array(structure.pressures)[robot.topology.tube[member]]
 
 
 def evaluate_utilisation(
