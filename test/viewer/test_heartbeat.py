@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import pytest
 
 pytest.importorskip('viser')
-from isotruss_ros.viewer.heartbeat import Heartbeats, LONGEST_TIMEOUT  # noqa: E402
+from isotruss_ros.viewer.heartbeat import Heartbeats, LONGEST_TIMEOUT  # noqa: E402,I100
 
 BROWSER, LEAST, PERIOD = 3, 0.5, 0.1
 

@@ -65,7 +65,7 @@ class EquilibriumCache:
 
     @property
     def pose(self) -> Array:
-        """Return the predicted pose (3,) of the equilibrium without a load [m, rad]."""
+        """Return the predicted pose of the equilibrium without a load, (3,) [m, rad]."""
         return np.array(self.grasp.pose) + self.ahead[:3] + self._pending[:3]
 
     @property
