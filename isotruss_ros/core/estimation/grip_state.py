@@ -78,8 +78,8 @@ class GripState(TwoStageFilter):
         rates, by_offsets = cache.rates.pose, cache.by_offsets.pose
         shifted = rates[:, SHIFTS:] * variances[SHIFTS:] @ rates[:, SHIFTS:].T
         own = given.pose_error**2 * np.eye(3)
-        left = np.linalg.solve(shifted + own, own).T @ by_offsets
-        self.covariance[BIAS, BIAS] += left @ self.prior @ left.T
+        unexplained = np.linalg.solve(shifted + own, own).T @ by_offsets
+        self.covariance[BIAS, BIAS] += unexplained @ self.prior @ unexplained.T
         return self.condition(rates, by_offsets, np.diag(self.noise.variances), off)
 
     def explains(self, off: Array, cache: EquilibriumCache) -> bool:

@@ -26,9 +26,9 @@ def condition(covariance: Array, rates: Array, noise: Array) -> tuple[Array, Arr
     :param noise: (m, m) covariance of the measurement noise.
     """
     gain = np.linalg.solve(rates @ covariance @ rates.T + noise, rates @ covariance).T
-    left = np.eye(len(covariance)) - gain @ rates
-    found = left @ covariance @ left.T + gain @ noise @ gain.T
-    return gain, left, 0.5 * (found + found.T)
+    remaining = np.eye(len(covariance)) - gain @ rates
+    updated = remaining @ covariance @ remaining.T + gain @ noise @ gain.T
+    return gain, remaining, 0.5 * (updated + updated.T)
 
 
 class TwoStageFilter:
@@ -133,6 +133,6 @@ class TwoStageFilter:
             self._information = self._information + weighted @ whole
             self._evidence = self._evidence + weighted @ innovation
             self.set_prior(self.prior)
-        gain, left, self.covariance = condition(self.covariance, rates, noise)
-        self.sensitivity = left @ self.sensitivity - gain @ by_parameters
+        gain, remaining, self.covariance = condition(self.covariance, rates, noise)
+        self.sensitivity = remaining @ self.sensitivity - gain @ by_parameters
         return gain
