@@ -65,13 +65,13 @@ class DentTable:
         turning: ArrayLike = (0.0,),
     ) -> None:
         self._samples, self._weights, self._turning = samples, weights, turning
-        places = np.asarray(weights) @ [sample.places for sample in samples]
+        abscissae = np.asarray(weights) @ [sample.places for sample in samples]
         self._spline = scipy.interpolate.CubicSpline(
-            places, np.append(0.0, depths), bc_type='natural'
+            abscissae, np.append(0.0, depths), bc_type='natural'
         )
         # The splines are evaluated from lists, because for single numbers this is several times
         # faster than calling them.
-        self._places: list[float] = places.tolist()
+        self._places: list[float] = abscissae.tolist()
         self._pieces: list[list[float]] = self._spline.c.T.tolist()
         self._press, self._deepest = press, float(depths[-1])
 
@@ -143,8 +143,8 @@ class DentTable:
     @functools.cached_property
     def _by_angle(self) -> list[list[float]]:
         """Return the polynomials of the depth's derivative by the angle, at constant force."""
-        places = [sample.places for sample in self._samples]
-        return self._moved_pieces(np.asarray(self._turning) @ places)
+        abscissae = [sample.places for sample in self._samples]
+        return self._moved_pieces(np.asarray(self._turning) @ abscissae)
 
     def _moved_pieces(self, moved: Array) -> list[list[float]]:
         """Return the spline's derivative for given derivatives (n + 1,) of its knots."""
@@ -187,8 +187,8 @@ class Dents:
         if not self._tables:
             return np.zeros(len(forces)), np.zeros(len(forces))
         pressing = zip(self._tables, forces.tolist(), strict=True)
-        found = np.array([table(force / self._scale) for table, force in pressing])
-        return found[:, 0], found[:, 1] / self._scale
+        depths_and_slopes = np.array([table(force / self._scale) for table, force in pressing])
+        return depths_and_slopes[:, 0], depths_and_slopes[:, 1] / self._scale
 
     def press(self, forces: Array) -> list[PressedSkin]:
         """Return the skin at each contact under positive normal forces (k,) [N]; none if round."""
@@ -292,6 +292,6 @@ def _corner_press(
     kernel: Flattening, shape: Shape, angle: float, corner: int, cuts: tuple[float, float]
 ) -> Callable[[float], PressedSkin]:
     """Return the skin under a corner as a function of the depth; see `corner_dents`."""
-    places, heights = find_profile(shape, angle, corner, OUTLINE_SPACING * kernel.radius)
+    positions, heights = find_profile(shape, angle, corner, OUTLINE_SPACING * kernel.radius)
     reach = np.minimum(cuts, MAX_EXTENT * kernel.radius)
-    return functools.partial(press_corner, kernel, places, heights, reach)
+    return functools.partial(press_corner, kernel, positions, heights, reach)

@@ -119,12 +119,12 @@ def flattening(
             tension = pulled + np.pi * radius * shear * share / n**2
         slower = np.pi * (shear * share) ** 2 / (wall * radius * stiffness)
         tension_rate = (pulled + slower * tension) / pressure / (1.0 + slower)
-    rest = (1.0 / modes + 1.0 / (modes + 1)) / (2.0 * np.pi * pressure)
+    compliances = (1.0 / modes + 1.0 / (modes + 1)) / (2.0 * np.pi * pressure)
     return Flattening(
         radius,
         local_stiffness * stiffness,
         local_stiffness * tension,
-        rest / local_stiffness,
+        compliances / local_stiffness,
         pressure,
         local_stiffness * tension_rate,
     )

@@ -32,7 +32,8 @@ OUTLINE_SPACING, MAX_EXTENT = 0.02, 4.0
 class PressedSkin(NamedTuple):
     """Points of a tube's skin under an object, and the contact forces on them."""
 
-    places: Array  #: (c,) distances from the contact point along the tube, counter-clockwise [m]
+    #: (c,) distances from the contact point along the tube, counter-clockwise [m]
+    positions: Array
     spacing: float  #: distance between neighbouring points [m]
     heights: Array  #: (c,) heights of the object's surface above the contact point [m]
     forces: Array  #: (c,) contact forces, zero at points that the object does not touch [N]
@@ -71,17 +72,17 @@ class DentSamples:
 def press_disc(kernel: Flattening, radius: float, depth: float) -> PressedSkin:
     """Return the skin under a disc at a given depth."""
     half = np.sqrt(radius**2 - (radius - depth) ** 2)
-    places = half * np.linspace(-1.0, 1.0, CHORD_POINTS)
-    heights = radius - np.sqrt(radius**2 - places**2)
-    return _press(kernel, places, heights, depth)
+    positions = half * np.linspace(-1.0, 1.0, CHORD_POINTS)
+    heights = radius - np.sqrt(radius**2 - positions**2)
+    return _press(kernel, positions, heights, depth)
 
 
-def _press(kernel: Flattening, places: Array, heights: Array, depth: float) -> PressedSkin:
+def _press(kernel: Flattening, positions: Array, heights: Array, depth: float) -> PressedSkin:
     """Return the skin whose contact forces close the gaps under an object at a given depth."""
-    count, spacing = len(places), float(places[1] - places[0])
+    count, spacing = len(positions), float(positions[1] - positions[0])
     dents = kernel.compliance(np.arange(count), spacing)
     forces, _ = solve_complementarity(dents, heights - depth, np.ones(count, dtype=bool))
-    return PressedSkin(places, spacing, heights, forces)
+    return PressedSkin(positions, spacing, heights, forces)
 
 
 @functools.lru_cache(maxsize=16)
@@ -100,25 +101,25 @@ def find_profile(shape: Shape, angle: float, corner: int, spacing: float) -> tup
     first, last = int(along.argmin()), int(along.argmax())
     count = (last - first) % len(along)
     chain = (first + np.arange(count + 1)) % len(along)
-    places, found = along[chain], np.maximum(height[chain], 0.0)
+    positions, heights = along[chain], np.maximum(height[chain], 0.0)
     # The contact point may be between two points of the outline.
-    place = int(np.searchsorted(places, 0.0))
-    return np.insert(places, place, 0.0), np.insert(found, place, 0.0)
+    place = int(np.searchsorted(positions, 0.0))
+    return np.insert(positions, place, 0.0), np.insert(heights, place, 0.0)
 
 
 def press_corner(
-    kernel: Flattening, places: Array, heights: Array, reach: Array, depth: float
+    kernel: Flattening, positions: Array, heights: Array, reach: Array, depth: float
 ) -> PressedSkin:
     """Return the skin under a corner at a given depth."""
     low = np.flatnonzero(heights <= depth)
-    first, last = max(low[0] - 1, 0), min(low[-1] + 1, len(places) - 1)
+    first, last = max(low[0] - 1, 0), min(low[-1] + 1, len(positions) - 1)
     # Interpolated positions at which the height of the surface is the depth.
     begin, end = (
-        float(np.interp(depth, heights[pair], places[pair]))
+        float(np.interp(depth, heights[pair], positions[pair]))
         for pair in ([low[0], first], [low[-1], last])
     )
     begin, end = max(begin, -float(reach[0])), min(end, float(reach[1]))
     spacing = max(end - begin, 1e-6) / CHORD_POINTS
     # Each point is in the middle of a piece of tube; the outer pieces end at `begin` and `end`.
     middles = begin + (np.arange(CHORD_POINTS) + 0.5) * spacing
-    return _press(kernel, middles, np.interp(middles, places, heights), depth)
+    return _press(kernel, middles, np.interp(middles, positions, heights), depth)

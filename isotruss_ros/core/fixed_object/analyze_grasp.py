@@ -75,7 +75,7 @@ def analyze_grasp(
     margin = 0.5 * config.robot.description.tube_diameter
     surface = surface_of(body, margin)
     structure = structure_of(config, pressure)
-    points, places, tubes = find_contact_points(structure, surface, distance)
+    points, positions, tubes = find_contact_points(structure, surface, distance)
     contact = SOLVERS[method](points, surface)
     forces, member = contact.forces, points.member
     pressed, levers = _pressed(body, points, contact, margin)
@@ -91,7 +91,7 @@ def analyze_grasp(
     return GraspAnalysis(
         points=(points.points + contact.displacements).view(np.float64).reshape(-1, 2),
         members=member,
-        places=places,
+        places=positions,
         gaps=contact.gaps,
         normals=normals,
         normal_forces=forces,

@@ -62,17 +62,17 @@ def solve_contact(
         )
         for push in (ahead, pressing * normals):
             displacements = points.displacements(push)
-            left, turned, _ = surface.nearest(away + displacements)  # (5)
+            gaps_left, turned, _ = surface.nearest(away + displacements)  # (5)
             # (6), (7): no force pulls, and none is tangential.
             local, sizes = push * turned.conj(), np.abs(push)
             if (
                 (local.real >= 0.0).all()
                 and (np.abs(local.imag) <= NEGLIGIBLE_SHARE * sizes.max(initial=0.0)).all()
-                and (left >= -ROUNDING).all()
-                and (left[active] <= ROUNDING).all()
+                and (gaps_left >= -ROUNDING).all()
+                and (gaps_left[active] <= ROUNDING).all()
             ):
-                return ContactState(local.real, left, turned, displacements)
-        normals, gaps = turned, left - (displacements * turned.conj()).real
+                return ContactState(local.real, gaps_left, turned, displacements)
+        normals, gaps = turned, gaps_left - (displacements * turned.conj()).real
     raise SolverError(
         f'the contact did not converge in {MAX_STEPS} steps; the object is pressed in too deeply'
     )
@@ -90,9 +90,9 @@ def _settle_normals(
             raise SolverError('the contact compliance is not positive definite')
         forces = pressing * normals
         moved = points.displacements(forces)
-        left, turned, _ = surface.nearest(away + moved)
+        distances, turned, _ = surface.nearest(away + moved)
         change = float(np.abs(turned - normals).max())
-        normals, gaps = turned, left - (moved * turned.conj()).real
+        normals, gaps = turned, distances - (moved * turned.conj()).real
         # The change in the next step is negligible.
         if change < 0.01 * NEGLIGIBLE_SHARE:
             break

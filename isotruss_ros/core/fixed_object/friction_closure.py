@@ -75,14 +75,14 @@ def _balance(
     offs, size = normals @ load, float(np.linalg.norm(load))
     room = friction * np.tile(support, 2) + np.concatenate([offs, -offs])
     nearest = find_nearest(np.concatenate([normals, -normals]).T, room, size, 0.0)
-    left = np.zeros(3) if nearest is None else nearest.point
+    missing = np.zeros(3) if nearest is None else nearest.point
     # Friction is at its bound at each contact whose friction wrench has a component along the
     # residual. Only the ratios of the few contacts without such a component are unknown.
-    lever, reach = segments @ left, np.linalg.norm(segments, axis=1) * np.linalg.norm(left)
+    lever, reach = segments @ missing, np.linalg.norm(segments, axis=1) * np.linalg.norm(missing)
     free = np.abs(lever) <= NEGLIGIBLE_SHARE * reach
     shares = np.where(free, 0.0, -friction * np.sign(lever))
     if free.any() and friction > 0.0:
-        shares[free] = _smallest(segments[free], left - load - shares @ segments, friction)
+        shares[free] = _smallest(segments[free], missing - load - shares @ segments, friction)
     return shares, float(np.linalg.norm(segments.T @ shares + load))
 
 

@@ -37,15 +37,15 @@ def find_utilisation(tubes: StraightPoints, forces: Points) -> Array:
     start[piece] -= couple[::2]
     end[piece] -= couple[1::2]
     # Contact points, then starts and ends of all pieces.
-    own, within = piece[tubes.number], tubes.within
+    at, within = piece[tubes.number], tubes.within
     push = frame.axis[tubes.pieces][tubes.number].conj() * forces
     ahead = (tubes.number[:, None] == tubes.number) & (within[:, None] > within)
     arms = np.where(ahead, within[:, None] - within, 0.0)
-    before = pull[0][own] - ahead @ push.real
+    before = pull[0][at] - ahead @ push.real
     tension = np.concatenate([np.minimum(before, before - push.real), *pull])
-    moment = np.concatenate([shear[own] * within - start[own] + arms @ push.imag, -start, end])
+    moment = np.concatenate([shear[at] * within - start[at] + arms @ push.imag, -start, end])
     owner = structure.owners.ravel()
-    member = np.concatenate([owner[own], owner, owner])
+    member = np.concatenate([owner[at], owner, owner])
     radius = 0.5 * robot.description.tube_diameter
     wall = np.array(structure.pressures)[robot.topology.tube[member]] * np.pi * radius**2 + tension
     used = np.full(len(moment), np.inf)

@@ -34,9 +34,9 @@ def relax_contact(points: ContactPoints, surface: Surface) -> ContactState:
         gaps, compliance = open_gaps(away, normals, surface), points.normal_compliance(normals)
         forces = _iterate(gaps, compliance, forces)
         displacements = points.displacements(forces * normals)
-        left, normals, _ = surface.nearest(away + displacements)
-        if (left >= -MAX_GAP).all() and (left[forces > 0.0] <= MAX_GAP).all():
-            return ContactState(forces, left, normals, displacements)
+        distances, normals, _ = surface.nearest(away + displacements)
+        if (distances >= -MAX_GAP).all() and (distances[forces > 0.0] <= MAX_GAP).all():
+            return ContactState(forces, distances, normals, displacements)
     raise SolverError(
         f'the relaxation (9) did not converge in {10 * MAX_STEPS**2} steps; the object '
         "must be pressed in less, or the method be 'exact'"

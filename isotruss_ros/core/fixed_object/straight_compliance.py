@@ -38,15 +38,15 @@ class StraightPoints(NamedTuple):
     compliance: Array  #: (2 c, 2 c) displacements x, then y, of the points per force x, y [m/N]
 
 
-def straight_points(structure: Structure, members: Indices, places: Array) -> StraightPoints:
+def straight_points(structure: Structure, members: Indices, positions: Array) -> StraightPoints:
     """Return points (c,) at distances from the starts of members [m], with their compliance."""
     frame, count = structure.frame, len(members)
-    piece, within, _ = structure.locate(members, places)
+    piece, within, _ = structure.locate(members, positions)
     pieces, number = np.unique(piece, return_inverse=True)
     node = np.stack([frame.members.start[pieces], frame.members.end[pieces]], axis=1)
     ends = (3 * node[:, :, None] + np.arange(3)).ravel()
     shapes = np.zeros((2, count, len(pieces), 6))
-    own = np.zeros((2, count, 2, count))
+    inside = np.zeros((2, count, 2, count))
     for k, index in enumerate(pieces.tolist()):
         here = np.flatnonzero(number == k)
         section = [float(values[index]) for values in frame.members[2:5]]
@@ -60,13 +60,13 @@ def straight_points(structure: Structure, members: Indices, places: Array) -> St
         ends_turned[:2, :2] = ends_turned[3:5, 3:5] = turn.T
         shapes[:, here, k] = np.tensordot(turn, local @ ends_turned, 1)
         both = np.stack([along, across])
-        own[np.ix_([0, 1], here, [0, 1], here)] = np.einsum('in,nab,jn->iajb', turn, both, turn)
+        inside[np.ix_([0, 1], here, [0, 1], here)] = np.einsum('in,nab,jn->iajb', turn, both, turn)
     unit = np.zeros((3 * len(frame.points), len(ends)))
     unit[ends, np.arange(len(ends))] = 1.0
     rows = frame.layout.numbering.rows
     response = structure.rest.respond(unit)[rows:]
     spread = shapes.reshape(2 * count, len(ends))
-    compliance = spread @ response[ends] @ spread.T + own.reshape(2 * count, 2 * count)
+    compliance = spread @ response[ends] @ spread.T + inside.reshape(2 * count, 2 * count)
     return StraightPoints(structure, pieces, number, within, spread, response, compliance)
 
 

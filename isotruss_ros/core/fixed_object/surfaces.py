@@ -42,9 +42,9 @@ class Surface:
         """
         if self.shape.is_round:
             return np.full(len(normals), self.reach)
-        own = normals * self.body.turn.conjugate()
-        inside = (self.shape.centroid * own.conj()).real
-        return self.shape.support(own) - inside + self.margin
+        local = normals * self.body.turn.conjugate()
+        inside = (self.shape.centroid * local.conj()).real
+        return self.shape.support(local) - inside + self.margin
 
     def nearest(self, away: Points) -> SurfacePoints:
         """
@@ -58,8 +58,8 @@ class Surface:
             upward = np.full(len(away), 1j)
             normals = np.divide(away, sizes, out=upward, where=sizes > 0.0)
             return SurfacePoints(sizes - self.reach, normals, np.full(len(away), self.reach))
-        own = away * self.body.turn.conjugate() + self.shape.centroid
-        gaps, normals, radii = self.shape.nearest(own)
+        local = away * self.body.turn.conjugate() + self.shape.centroid
+        gaps, normals, radii = self.shape.nearest(local)
         return SurfacePoints(gaps - self.margin, normals * self.body.turn, radii + self.margin)
 
     def facing(self, away: Points, axis: Points) -> Points:

@@ -87,13 +87,13 @@ def attach_grip(
     if quick:
         limit, steps = QUICK_SETS, MAX_SEARCH_STEPS
     solve = _rest_solver(config, body, wrench, tubes, steps)
-    found = search_contacts(solve, find_pressed(config, body, members), limit=limit)
-    if found is None:
+    attached = search_contacts(solve, find_pressed(config, body, members), limit=limit)
+    if attached is None:
         raise NotHeldError(HoldStatus.NO_BALANCE)
-    return found
+    return attached
 
 
-def lay_faces(found: HeldGrip, friction: float, gap: float) -> HeldGrip:
+def lay_faces(grip: HeldGrip, friction: float, gap: float) -> HeldGrip:
     """
     Return the equilibrium with a whole face in contact if the object is held only by this face.
 
@@ -102,16 +102,16 @@ def lay_faces(found: HeldGrip, friction: float, gap: float) -> HeldGrip:
 
     :param gap: largest gap at the far end of the face that wrong offsets can explain [m].
     """
-    if found.required_friction <= friction:
-        return found
-    body = found.statics.body
-    solve = _rest_solver(found.config, body, found.wrench, found.tubes, MAX_SEARCH_STEPS)
-    for free in sorted(free_corners(found, gap), reverse=True):
-        sets = with_corner(found, free, rolls=False)
+    if grip.required_friction <= friction:
+        return grip
+    body = grip.statics.body
+    solve = _rest_solver(grip.config, body, grip.wrench, grip.tubes, MAX_SEARCH_STEPS)
+    for free in sorted(free_corners(grip, gap), reverse=True):
+        sets = with_corner(grip, free, rolls=False)
         laid = search_contacts(solve, sets[-1].contacts, limit=QUICK_SETS) if sets else None
         if laid is not None and laid.required_friction <= friction:
             return laid
-    return found
+    return grip
 
 
 def _rest_solver(
@@ -158,10 +158,10 @@ def rest(statics: ContactStatics, grazing: int | None = None) -> ContactConditio
 
     :param grazing: index of the end of a face that touches without force; None: no such end.
     """
-    contacts, places, count = statics.contacts, statics.places, len(statics.sides)
+    contacts, indices, count = statics.contacts, statics.places, len(statics.sides)
     body = statics.body
-    ends, owners, pressing = contacts.ends, contacts.owners, slice(places.normal.start, None)
-    pairs = [(own[:1], own[1:], -1.0) for own in ends if len(own) == 2]
+    ends, owners, pressing = contacts.ends, contacts.owners, slice(indices.normal.start, None)
+    pairs = [(pair[:1], pair[1:], -1.0) for pair in ends if len(pair) == 2]
     faces, across = bool(pairs), len(ends) == 2
     even = faces and grazing is None
     if even and across:
@@ -175,9 +175,9 @@ def rest(statics: ContactStatics, grazing: int | None = None) -> ContactConditio
     first = len(pairs) + across
     # The chord is the mean of the first member's normals minus that of the second member's.
     shares = np.where(owners == 0, 1.0, -1.0) / np.bincount(owners)[owners]
-    linear, given = np.zeros((count, places.size)), np.zeros(count)
+    linear, given = np.zeros((count, indices.size)), np.zeros(count)
     if grazing is not None:
-        linear[first, places.normal.start + grazing] = 1.0
+        linear[first, indices.normal.start + grazing] = 1.0
     elif not faces:
         linear[first, ANGLE], given[first] = body.arm, body.arm * body.pose.angle
     if not across:
@@ -185,10 +185,10 @@ def rest(statics: ContactStatics, grazing: int | None = None) -> ContactConditio
         signs = np.eye(len(ends))[: count - first - (not even)]
         signs = signs if even else signs - np.roll(signs, 1, axis=1)
         rubbing = slice(first + (not even), None)
-        linear[rubbing, places.friction] = FRICTION_COMPLIANCE * signs[:, owners]
+        linear[rubbing, indices.friction] = FRICTION_COMPLIANCE * signs[:, owners]
 
     def rows(unknowns: Array, normals: Points) -> tuple[Array, Array]:
-        left, derivative = linear @ unknowns - given, linear.copy()
+        residual, derivative = linear @ unknowns - given, linear.copy()
         if faces:
             forces = unknowns[pressing]
             slopes = (
@@ -197,7 +197,8 @@ def rest(statics: ContactStatics, grazing: int | None = None) -> ContactConditio
                 * FRICTION_COMPLIANCE
                 / max(float(np.abs(forces[:count]).sum()), 1e-3)
             )
-            left[: len(pairs)], derivative[: len(pairs), pressing] = 0.5 * slopes @ forces, slopes
+            residual[: len(pairs)] = 0.5 * slopes @ forces
+            derivative[: len(pairs), pressing] = slopes
         if across:
             # Displacement of the object's centroid across the chord, which turns with the tubes.
             row, chord = derivative[first - 1], complex(shares @ normals)
@@ -206,10 +207,10 @@ def rest(statics: ContactStatics, grazing: int | None = None) -> ContactConditio
             size = max(abs(chord), 1e-9)
             along = 1j * chord / size
             lever = (along.conjugate() * -1j * away).real / size**2
-            left[first - 1] = (along.conjugate() * away).real
+            residual[first - 1] = (along.conjugate() * away).real
             row[:POSE] = along.real, along.imag, (along.conjugate() * 1j * arm).real
             turned = (chord.conjugate() * 1j * normals).imag * lever
-            row[places.inclinations] = turned * shares
-        return left, derivative
+            row[indices.inclinations] = turned * shares
+        return residual, derivative
 
     return rows

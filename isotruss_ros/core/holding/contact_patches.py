@@ -55,7 +55,7 @@ def find_patches(
         flat = load / (np.pi * radius)
         flattened[owner] |= bool((flat >= local).any())
         local = np.maximum(local, flat)
-        along = state.feet[k] - sides[k] * skin.places[pressed]
+        along = state.feet[k] - sides[k] * skin.positions[pressed]
         spans[owner, 0] = min(spans[owner, 0], along.min() - 0.5 * skin.spacing)
         spans[owner, 1] = max(spans[owner, 1], along.max() + 0.5 * skin.spacing)
         lengths[owner] += skin.spacing * np.count_nonzero(pressed)

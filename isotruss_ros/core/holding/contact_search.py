@@ -173,8 +173,8 @@ def _nearby_corners(grip: HeldGrip, ends: list[int]) -> Iterable[FreeCorner]:
             face = shape.faces_at(begin)[side]
             along = face.step * face.length
             while face.corner not in touching and _height(grip, face.corner, normal) > least:
-                known = corners.get(face.corner)
-                if known is None or abs(along) < abs(known.along):
+                nearer = corners.get(face.corner)
+                if nearer is None or abs(along) < abs(nearer.along):
                     corners[face.corner] = FreeCorner(0.0, k, face.corner, along)
                 face = shape.faces_at(face.corner)[side]
                 along += face.step * face.length
@@ -208,11 +208,11 @@ def skin_depths(grip: HeldGrip, members: Indices, corners: Indices) -> Array:
         return (body.center + body.turn * np.array(points) - lines) / axis
 
     straight = away_from(starts, normals).real
-    places = straight.clip(0.0, length)
+    positions = straight.clip(0.0, length)
     for _ in range(2):  # the second place is at the foot on the bent line, to second order
-        lines, turned = grip.bent_lines(members, places)
+        lines, turned = grip.bent_lines(members, positions)
         away = away_from(lines, normals * turned) / turned
-        places = (places + away.real).clip(0.0, length)
+        positions = (positions + away.real).clip(0.0, length)
     depths = grip.statics.tube_radius + (away * axis / normals).real
     return np.where((straight >= 0.0) & (straight <= length), depths, -np.inf)
 

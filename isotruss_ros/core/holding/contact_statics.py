@@ -152,13 +152,13 @@ class ContactStatics:
     @functools.cached_property
     def _constant(self) -> tuple[Array, Array]:
         """Return the derivatives (3, k, 3) of the balance by loads, and the constant Jacobian."""
-        places, count = self.places, len(self.sides)
-        pushes, jacobian = np.zeros((3, count, 3)), np.zeros((places.size, places.size))
+        indices, count = self.places, len(self.sides)
+        pushes, jacobian = np.zeros((3, count, 3)), np.zeros((indices.size, indices.size))
         forces = -self.bent.lines.axis[:, None] * [1.0, 1j]
         pushes[:2, :, :2] = forces.real, forces.imag
         rows = jacobian[: 3 * count].reshape(count, 3, -1)
         rows[:, :2, :2] = forces.view(np.float64).reshape(count, 2, 2)
-        rows[:, 0, places.feet] = np.eye(count)
+        rows[:, 0, indices.feet] = np.eye(count)
         return pushes, jacobian
 
     def equations(
@@ -171,26 +171,26 @@ class ContactStatics:
         member, across it, and in inclination); then the balance of the object; then the conditions
         of friction or rolling.
         """
-        places, count, arm = self.places, len(self.sides), self.body.arm
-        (start, axis, *_), moment = self.bent.lines, places.balance.start + 2
+        indices, count, arm = self.places, len(self.sides), self.body.arm
+        (start, axis, *_), moment = self.bent.lines, indices.balance.start + 2
         center, turn = complex(unknowns[0], unknowns[1]), cmath.rect(1.0, unknowns[ANGLE])
-        feet = unknowns[places.feet]
+        feet = unknowns[indices.feet]
         local, skin, softs, force, loads, rates = self._push(unknowns)
         normals, back = axis * local, axis.conj()
-        own = normals * turn.conjugate()
-        points, radii = self.body.shape.surface_at(self.contacts.corners, own)
+        in_object = normals * turn.conjugate()
+        points, radii = self.body.shape.surface_at(self.contacts.corners, in_object)
         # In member axes. If the object turns while the tube does not, the contact point moves back
         # on the object's surface.
         arms = back * turn * points
         swung = 1j * (arms - radii * local)
 
         pushes, jacobian = self._constant
-        residual, jacobian = np.empty(places.size), jacobian.copy()
+        residual, jacobian = np.empty(indices.size), jacobian.copy()
         by_loads = np.concatenate([self.bent.matrix.reshape(3 * count, count, 3), pushes])
         by_loads[moment, :, 0], by_loads[moment, :, 1] = arms.imag / arm, -arms.real / arm
         residual[: moment + 1] = by_loads.reshape(moment + 1, -1) @ loads.ravel()
         bends = np.einsum('rkc,cnk->rnk', by_loads, rates)
-        first = places.inclinations.start
+        first = indices.inclinations.start
         jacobian[: moment + 1, first:] = bends.reshape(moment + 1, -1)
 
         gaps = back * (start - center) - arms + feet - skin * local
@@ -198,32 +198,32 @@ class ContactStatics:
         touch += self.given + self.bent.given + self.bent.rates @ feet
         touch[:, 0] += gaps.real
         touch[:, 1] += gaps.imag
-        touch[:, 2] -= unknowns[places.inclinations]
+        touch[:, 2] -= unknowns[indices.inclinations]
         rows = jacobian[: 3 * count].reshape(count, 3, -1)
         rows[:, 0, ANGLE], rows[:, 1, ANGLE] = -swung.real, -swung.imag
-        rows[:, :, places.feet] += self.bent.rates
+        rows[:, :, indices.feet] += self.bent.rates
         # Derivatives of each contact's gaps by its own inclination and normal force.
-        own = np.einsum('kank->kan', rows[:, :, POSE:].reshape(count, 3, 4, count))
+        at_same_contact = np.einsum('kank->kan', rows[:, :, POSE:].reshape(count, 3, 4, count))
         turned = np.array([-1j * (radii + skin) * local, softs * local]).T
-        own[:, 0, 1:3] += turned.real
-        own[:, 1, 1:3] += turned.imag
-        own[:, 2, 1] -= 1.0
+        at_same_contact[:, 0, 1:3] += turned.real
+        at_same_contact[:, 1, 1:3] += turned.imag
+        at_same_contact[:, 2, 1] -= 1.0
 
-        residual[places.balance] += wrench
-        jacobian[moment, places.inclinations] += radii * unknowns[places.normal] / arm
+        residual[indices.balance] += wrench
+        jacobian[moment, indices.inclinations] += radii * unknowns[indices.normal] / arm
         jacobian[moment, ANGLE] = -np.vdot(swung, force).imag / arm  # type: ignore[operator]
-        residual[places.conditions], jacobian[places.conditions] = conditions(unknowns, normals)
+        residual[indices.conditions], jacobian[indices.conditions] = conditions(unknowns, normals)
         return residual, ContactForces(unknowns, normals, loads, jacobian)
 
     def rolling_rows(self, unknowns: Array, normals: Points) -> Array:
         """Return the derivatives (k, 3 + 4k) of the rolling invariants by the unknowns."""
-        places, count = self.places, len(normals)
-        derivative, own = np.zeros((count, places.size)), np.arange(count)
+        indices, count = self.places, len(normals)
+        derivative, rows = np.zeros((count, indices.size)), np.arange(count)
         facing = normals * np.exp(-1j * unknowns[ANGLE])
         radii = self.body.shape.surface_at(self.contacts.corners, facing)[1]
         derivative[:, ANGLE] = radii
-        derivative[own, places.feet.start + own] = -self.sides
-        derivative[own, places.inclinations.start + own] = -radii
+        derivative[rows, indices.feet.start + rows] = -self.sides
+        derivative[rows, indices.inclinations.start + rows] = -radii
         return derivative
 
     def sticking(self, unknowns: Array, normals: Points) -> tuple[Array, Array]:
@@ -232,18 +232,18 @@ class ContactStatics:
 
     def start(self) -> Array:
         """Return an initial guess of the unknowns (3 + 4k,) at the object's measured pose."""
-        places, bent, body = self.places, self.bent, self.body
-        start = np.zeros(places.size)
+        indices, bent, body = self.places, self.bent, self.body
+        start = np.zeros(indices.size)
         start[:3] = body.center.real, body.center.imag, body.pose.angle
-        own = self.straight_normals * body.turn.conjugate()
-        points, _ = body.shape.surface_at(self.contacts.corners, own)
-        start[places.feet] = bent.places
+        local = self.straight_normals * body.turn.conjugate()
+        points, _ = body.shape.surface_at(self.contacts.corners, local)
+        start[indices.feet] = bent.places
         across = (bent.axis.conj() * (body.center + body.turn * points - bent.start)).imag
         depths = self.tube_radius + self.sides * across
         depths = np.maximum(depths, PLANNED_DEPTH * self.tube_radius)
         bend = np.einsum('iaia->ia', bent.matrix)[:, 1]
         _, dent = self.dents(depths / bend)
-        start[places.normal] = depths / (bend + dent)
+        start[indices.normal] = depths / (bend + dent)
         return start
 
     def anchors(self, unknowns: Array, normals: Points, travel: Array, angles: Array) -> Array:
@@ -255,8 +255,8 @@ class ContactStatics:
         the normal and theta the object's angle; kappa_i is -1 if the object is on the right of the
         member, otherwise 1.
         """
-        found = unwrapped(unknowns, normals, angles)
-        arcs = self.body.shape.unroll(found, self.contacts.corners)
+        continuous = unwrapped(unknowns, normals, angles)
+        arcs = self.body.shape.unroll(continuous, self.contacts.corners)
         return -self.sides * (unknowns[self.places.feet] - travel) - arcs
 
     def settle(
@@ -274,18 +274,19 @@ class ContactStatics:
         :param reach: the tubes are linearised again if a node has moved by more than this [m].
         :return: the equations with these tubes, and the equilibrium; None if it is not found.
         """
-        statics, unknowns, places, close = self, start, self.places, False
-        tolerance = np.full(places.size, LENGTH_TOLERANCE)
+        statics, unknowns, indices, close = self, start, self.places, False
+        tolerance = np.full(indices.size, LENGTH_TOLERANCE)
         for _ in range(MAX_SEARCH_STEPS):
             first = 0.0
             for _ in range(steps):
                 residual, state = statics.equations(unknowns, wrench, conditions)
-                tolerance[places.balance] = FORCE_TOLERANCE * np.abs(unknowns[places.normal]).sum()
+                squeeze = np.abs(unknowns[indices.normal]).sum()
+                tolerance[indices.balance] = FORCE_TOLERANCE * squeeze
                 # For NaN the comparisons below are false, so NaN is not a solution.
                 error = float((np.abs(residual) / tolerance).max())
                 first = max(first, error)
                 near = error <= max(1.0, 0.01 * first)
-                loads, feet = state.loads, unknowns[places.feet]
+                loads, feet = state.loads, unknowns[indices.feet]
                 moved = statics.bent.distance(loads, feet) if near else 0.0
                 if error <= 1.0 or moved > reach:
                     break
@@ -293,7 +294,7 @@ class ContactStatics:
                     return None
             else:
                 return None
-            if np.abs(state.unknowns[places.inclinations]).max() > MAX_INCLINATION:
+            if np.abs(state.unknowns[indices.inclinations]).max() > MAX_INCLINATION:
                 return None
             # Tubes are not modelled beyond the ends of their members, so these contacts converge
             # slowly.
@@ -307,11 +308,11 @@ class ContactStatics:
 
     def _advance(self, state: ContactForces, residual: Array) -> Array | None:
         """Return the unknowns after a bounded step of Newton's method; None if singular."""
-        places, unknowns = state.places, state.unknowns
+        indices, unknowns = state.places, state.unknowns
         _, _, step, singular = lapack.dgesv(state.jacobian, -residual)
-        size, longest = np.abs(step), np.full(places.size, MAX_TURN * self.body.arm)
-        longest[ANGLE] = longest[places.inclinations] = MAX_TURN
-        longest[places.forces] = np.inf
+        size, longest = np.abs(step), np.full(indices.size, MAX_TURN * self.body.arm)
+        longest[ANGLE] = longest[indices.inclinations] = MAX_TURN
+        longest[indices.forces] = np.inf
         # The motion of the centroid does not depend on the frame of the object.
         turn = cmath.rect(1.0, unknowns[ANGLE]) * self.body.shape.centroid
         size[CENTER] = abs(complex(step[0], step[1]) + 1j * turn * step[ANGLE])
@@ -322,8 +323,8 @@ class ContactStatics:
 
 def unwrapped(unknowns: Array, normals: Points, angles: Array) -> Array:
     """Return the angles (k,) of normals in the object's frame, continued beyond one turn [rad]."""
-    own = normals * np.exp(-1j * unknowns[ANGLE])
-    return angles + np.angle(own * np.exp(-1j * angles))
+    local = normals * np.exp(-1j * unknowns[ANGLE])
+    return angles + np.angle(local * np.exp(-1j * angles))
 
 
 def build_statics(

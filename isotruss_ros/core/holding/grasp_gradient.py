@@ -137,25 +137,25 @@ class GraspGradient(
     def _openings(self) -> Array:
         """Return the derivatives (2k, p, e) of `GripResponse.opening` by the parameters."""
         grip, (tubes, change) = self.settled.equilibrium, self._changes
-        response, places = grip.response, grip.state.places
-        left = _response_rates(grip, tubes, change, response.parted)
+        response, indices = grip.response, grip.state.places
+        opening_rates = _response_rates(grip, tubes, change, response.parted)
         # The unit gap is normal to the tube, and turns with the tube relative to the member.
-        ends, each = response.ends, np.arange(len(response.ends))
+        ends, end_numbers = response.ends, np.arange(len(response.ends))
         turned = grip.statics.bent.axis[ends].conj() * grip.state.normals[ends] * 1j
-        turning = turned[:, None] * change[places.inclinations][ends, :-3]
-        left[3 * ends, :, each] -= turning.real
-        left[3 * ends + 1, :, each] -= turning.imag
-        rates = grip.respond(left)[places.forces]
-        tension = response.parted[places.forces][ends, each]
-        ended = rates[ends, :, each].T
+        turning = turned[:, None] * change[indices.inclinations][ends, :-3]
+        opening_rates[3 * ends, :, end_numbers] -= turning.real
+        opening_rates[3 * ends + 1, :, end_numbers] -= turning.imag
+        rates = grip.respond(opening_rates)[indices.forces]
+        tension = response.parted[indices.forces][ends, end_numbers]
+        ended = rates[ends, :, end_numbers].T
         return -(rates + response.opening.T[:, None] * ended) / tension
 
     @functools.cached_property
     def _margins(self) -> tuple[Array, tuple[str, ...]]:
         if self._changes is None:
-            rates, places = np.zeros((1, self.parameters.size)), self.parameters
+            rates, columns = np.zeros((1, self.parameters.size)), self.parameters
             rolled, placed = self.settled.lost.slip_margin_rates()
-            rates[0, places.rollers], rates[0, places.place] = rolled, placed
+            rates[0, columns.rollers], rates[0, columns.place] = rolled, placed
             return rates, ()
         return self._slip_margin_rates(self._changes[1][:, :-3])
 
@@ -170,22 +170,22 @@ class GraspGradient(
         ways = planes.slope[nearest] @ turn / size[nearest, None]
         along, x, y = ways @ turn.T, turn[2, 1], -turn[2, 0]
         swung = -planes.slope[nearest, 2] * (x * ways[:, 0] + y * ways[:, 1])
-        left = rows @ change[forces]
+        distance_rates = rows @ change[forces]
         answer = np.einsum('apw,tw->atp', self._response[forces], along)
         longer = np.einsum('ta,atp->tp', rows, answer) + np.outer(swung, change[2])
-        opened, own = np.divmod(nearest, 2 * len(grip.members))
+        opened, planes_at = np.divmod(nearest, 2 * len(grip.members))
         for i in np.flatnonzero(opened).tolist():
             end = int(response.ends[opened[i] - 1])
             if np.count_nonzero(rows[i]) > 1:  # slip after this end has opened
-                more = planes.rows[own[i]] @ self._openings[..., opened[i] - 1]
-                left[i] += more * grip.state.forces[end]
+                more = planes.rows[planes_at[i]] @ self._openings[..., opened[i] - 1]
+                distance_rates[i] += more * grip.state.forces[end]
                 longer[i] += more * (response.forces[end] @ along[i])
-        places = self.parameters.friction
-        left[:, places] += presses @ grip.state.forces
-        longer[:, places] += (presses @ response.forces * along).sum(axis=1)
+        column = self.parameters.friction
+        distance_rates[:, column] += presses @ grip.state.forces
+        longer[:, column] += (presses @ response.forces * along).sum(axis=1)
         names = (len(planes.reserve) // len(grip.member_names)) * grip.member_names
         margins = planes.reserve[nearest, None] / size[nearest, None]
-        rates = (left - margins * longer) / size[nearest, None]
+        rates = (distance_rates - margins * longer) / size[nearest, None]
         return rates, tuple(dict.fromkeys(names[i] for i in nearest))
 
 
@@ -216,13 +216,13 @@ def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
     parameters = GraspParameters.of(grip.config)
     chosen = np.eye(parameters.size, parameters.size + 3)
     tubes = LoadedTubes(grip, chosen, parameters, turns=_turn_dents(grip, chosen, parameters))
-    state, places = grip.state, grip.state.places
+    state, indices = grip.state, grip.state.places
     change = -np.linalg.solve(state.jacobian, tubes.equation_rates())
     change[:, -3:] = grip.response.change
     used, utilisation = tubes.utilisation(tubes.respond(change))
     sum_by_member, by_parameters = grip.contacts.sum_by_member, change[:, :-3]
-    presses = sum_by_member(by_parameters[places.normal])
-    rubs = sum_by_member(by_parameters[places.friction])
+    presses = sum_by_member(by_parameters[indices.normal])
+    rubs = sum_by_member(by_parameters[indices.friction])
     needs = np.abs(grip.friction_forces) / grip.normal_forces
     most, names = _find_largest(needs), grip.config.robot.member_names
     normal, friction = grip.normal_forces[most[0]], grip.friction_forces[most[0]]
@@ -294,21 +294,21 @@ def _response_rates(grip: HeldGrip, tubes: LoadedTubes, change: Array, response:
     beside = near > 0.0
     fastest = np.abs(changes[beside] / (KINK_SHARE * near[beside, None])).max(axis=0)
     sizes = 1.0 / np.maximum(moved.max(axis=0) / STEP, fastest)
-    found = np.empty((len(change), change.shape[1] - 3, len(sizes)))
+    rates = np.empty((len(change), change.shape[1] - 3, len(sizes)))
     for i, size in enumerate(sizes.tolist()):
         ahead, behind, far_ahead, far_behind = (
             _equation_changes(grip, tubes, change, step * size * response[:, i])[:, :-3]
             for step in (1.0, -1.0, 2.0, -2.0)
         )
-        found[..., i] = (8.0 * (ahead - behind) - (far_ahead - far_behind)) / (12.0 * size)
-    return found
+        rates[..., i] = (8.0 * (ahead - behind) - (far_ahead - far_behind)) / (12.0 * size)
+    return rates
 
 
 def _equation_changes(grip: HeldGrip, tubes: LoadedTubes, change: Array, moved: Array) -> Array:
     """Return the derivatives of the equilibrium equations by parameters in a displaced state."""
-    dents, places = grip.statics.dents.smooth_near(grip.state.normal_forces), grip.state.places
+    dents, indices = grip.statics.dents.smooth_near(grip.state.normal_forces), grip.state.places
     statics, unknowns = replace(grip.statics, dents=dents), grip.state.unknowns + moved
-    bent = statics.bent.update(statics.loads(unknowns), unknowns[places.feet])
+    bent = statics.bent.update(statics.loads(unknowns), unknowns[indices.feet])
     statics = replace(statics, bent=bent)
     _, there = statics.equations(unknowns, grip.wrench, statics.sticking)
     body = grip.body.moved_to(unknowns[:3])

@@ -44,14 +44,14 @@ class GripRecord(NamedTuple):
     def of(cls, grip: HeldGrip, estimate: GripEstimate | None = None) -> GripRecord:
         """Return the record of a grip whose tubes are bent."""
         bent = grip.statics.bent.activated()
-        own = grip.tubes.pressure is not None
+        measured = grip.tubes.pressure is not None
         return cls(
             grip.config.roller_positions,
             grip.contacts,
             grip.state.unknowns,
             bent.places,
             bent.before.values,
-            bent.structure.pressures if own else None,
+            bent.structure.pressures if measured else None,
             estimate,
         )
 

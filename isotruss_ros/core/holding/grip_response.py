@@ -140,7 +140,7 @@ def slip_planes(response: GripResponse, friction: float) -> SlipPlanes:
     members = np.eye(response.owners[-1] + 1)[response.owners].T
     presses, rubs = np.zeros((2, 2, len(members), 2, len(response.owners)))
     presses[:, :, 0], rubs[0, :, 1], rubs[1, :, 1] = members, members, -members
-    presses, rubs = (each.reshape(-1, len(forces)) for each in (presses, rubs))
+    presses, rubs = (matrix.reshape(-1, len(forces)) for matrix in (presses, rubs))
     rows, rates = [friction * presses - rubs], [presses]
     for opening, end in zip(response.opening, response.ends.tolist(), strict=True):
         opens = np.eye(1, len(forces), end)

@@ -148,8 +148,8 @@ class LoadedTubes:
         """
         grip, spins = self._grip, self.spins
         statics, state, body = grip.statics, grip.state, grip.body
-        places, axis, normals = state.places, self._bent.axis[:, None], state.normals[:, None]
-        give, slope, *_ = self.respond(np.zeros((places.size, spins.shape[1])))
+        indices, axis, normals = state.places, self._bent.axis[:, None], state.normals[:, None]
+        give, slope, *_ = self.respond(np.zeros((indices.size, spins.shape[1])))
         points, radii = body.shape.surface_at(statics.contacts.corners, state.normals / body.turn)
         # The contact points move on the surface, because the normals turn with the members.
         arms, swept = (body.turn * points)[:, None], 1j * radii[:, None] * spins * normals
@@ -162,10 +162,10 @@ class LoadedTubes:
         total = turned.sum(axis=0)
         wrench = self._chosen[self._parameters.wrench] / np.array([[1.0], [1.0], [grip.arm]])
         # The conditions depend on the normals, which turn with the members.
-        closing = state.jacobian[places.conditions]
+        closing = state.jacobian[indices.conditions]
         if sticks:
             closing = statics.rolling_rows(state.unknowns, state.normals)
-        closure = closing[:, places.inclinations] @ spins
+        closure = closing[:, indices.inclinations] @ spins
         if not sticks:
             # Other conditions depend on the pose relative to the measured pose. They use the
             # centroid, which has turned about the origin since the measurement.
@@ -228,7 +228,7 @@ class LoadedTubes:
         radius = 0.5 * robot.description.tube_diameter
         tube, piece = robot.topology.tube, most.piece
         wall = np.pi * radius**2 * np.array(bent.structure.pressures)[tube]
-        ends, own = forces[piece], frame.members
+        ends, members = forces[piece], frame.members
         loads = np.stack([-ends[:, 2], ends[:, 5], ends[:, 3] + wall, bowing[piece]])
         scale = grip.tubes.stiffness_scale / bent.share
         # Rows: axial force and moments at both ends.
@@ -237,7 +237,7 @@ class LoadedTubes:
         pull, first, second = changes + ends.T[[3, 2, 5], :, None] * self._stiffer
         pulled = pull + np.pi * radius**2 * self._inflated[tube]
         changes = np.stack([-first, second, pulled, rates.forces[piece, 0]])
-        sections = np.stack([frame.length[piece], own.flexural[piece], own.shear[piece]])
+        sections = np.stack([frame.length[piece], members.flexural[piece], members.shear[piece]])
         others = self.sections[[0, 2, 3]][:, piece]
         # Central difference of the utilisation at the same kind of place.
         loads, sections = loads[..., None], sections[..., None]
@@ -294,7 +294,7 @@ def held_gradient(grip: HeldGrip) -> HeldGradient:
             'the equilibrium is neutral, so it has no derivatives: it must resist every motion'
         )
     config, state, statics = grip.config, grip.state, grip.statics
-    places, parameters = state.places, GraspParameters.of(config)
+    indices, parameters = state.places, GraspParameters.of(config)
     rollers, count = len(config.roller_positions), len(grip.anchors)
     stiffness, anchors = rollers + 3, slice(rollers + 4, None)
     chosen = np.zeros((parameters.size, rollers + 4 + count))
@@ -302,15 +302,15 @@ def held_gradient(grip: HeldGrip) -> HeldGradient:
     chosen[parameters.wrench, rollers:stiffness] = np.diag([1.0, 1.0, grip.arm])
     chosen[parameters.stiffness, stiffness] = 1.0
     tubes = LoadedTubes(grip, chosen, parameters, reach=FOLLOWED_MOTION)
-    left = tubes.equation_rates(sticks=True)
+    changes = tubes.equation_rates(sticks=True)
     travel = travel_rates(config, grip.contacts.members)
-    left[places.conditions, :rollers] += statics.sides[:, None] * travel
-    left[places.conditions, anchors] -= np.eye(count)
-    change = grip.respond(left)
+    changes[indices.conditions, :rollers] += statics.sides[:, None] * travel
+    changes[indices.conditions, anchors] -= np.eye(count)
+    change = grip.respond(changes)
     by_state = tubes.joints(tubes.respond(change))
     return HeldGradient(
         change[:3],
-        grip.contacts.sum_by_member(change[places.normal]),
+        grip.contacts.sum_by_member(change[indices.normal]),
         by_state,
         held_joints(grip).ravel(),
     )

@@ -185,7 +185,7 @@ class HeldGrip:
         """Return the indices (m,) of the grasping members."""
         return self.contacts.members[self.contacts.first]
 
-    def bent_lines(self, members: Indices, places: Array) -> tuple[Points, Points]:
+    def bent_lines(self, members: Indices, positions: Array) -> tuple[Points, Points]:
         """
         Return points (c,) of bent centre lines [m], and their directions relative to straight.
 
@@ -194,9 +194,9 @@ class HeldGrip:
         bent, state = self.statics.bent, self.state
         starts, ends = member_lines(self.config)[members].T
         moved = bent.displacements(state.loads, state.feet)
-        piece, within, _ = bent.structure.locate(members, places)
+        piece, within, _ = bent.structure.locate(members, positions)
         give = bent.frame.interpolate(moved, piece, within)
-        straight = starts + places * (ends - starts) / np.abs(ends - starts)
+        straight = starts + positions * (ends - starts) / np.abs(ends - starts)
         return straight + give @ (1.0, 1.0j, 0.0), np.exp(1j * give[:, 2])
 
     @functools.cached_property
@@ -242,11 +242,11 @@ class HeldGrip:
     @functools.cached_property
     def _tangent(self) -> Array:
         """Return the equations' Jacobian (3 + 4k, 3 + 4k) for sticking contacts."""
-        state, places, tangent = self.state, self.state.places, self.state.jacobian.copy()
-        tangent[places.conditions] = self.statics.rolling_rows(state.unknowns, state.normals)
+        state, indices, tangent = self.state, self.state.places, self.state.jacobian.copy()
+        tangent[indices.conditions] = self.statics.rolling_rows(state.unknowns, state.normals)
         idle, rows = self._idle
         tangent[rows] = 0.0
-        tangent[rows, np.append(places.normal.start + idle, places.friction.start + idle)] = 1.0
+        tangent[rows, np.append(indices.normal.start + idle, indices.friction.start + idle)] = 1.0
         return tangent
 
     def respond(self, changes: Array) -> Array | None:
@@ -257,19 +257,19 @@ class HeldGrip:
         """
         right = -changes.reshape(len(changes), -1)
         right[self._idle[1]] = 0.0
-        _, _, found, singular = lapack.dgesv(self._tangent, right)
-        return None if singular else found.reshape(changes.shape)
+        _, _, solution, singular = lapack.dgesv(self._tangent, right)
+        return None if singular else solution.reshape(changes.shape)
 
     @functools.cached_property
     def response(self) -> GripResponse | None:
         """Return the object's linear response to a wrench; None if the equilibrium is neutral."""
-        places, owners = self.state.places, self.contacts.owners
+        indices, owners = self.state.places, self.contacts.owners
         apart = self.statics.bent.axis.conj() * _opening(self.statics, self.state)
         pressed = np.ones(len(owners), dtype=bool)
         pressed[self._idle[0]] = False
         ends = np.flatnonzero(pressed & (np.bincount(owners, pressed)[owners] > 1))
-        right = np.zeros((places.size, 4 + len(ends)))
-        right[places.balance, :3] = np.eye(3)
+        right = np.zeros((indices.size, 4 + len(ends)))
+        right[indices.balance, :3] = np.eye(3)
         touch = right[: 3 * len(owners)].reshape(len(owners), 3, -1)
         touch[:, 0, 3], touch[:, 1, 3] = apart.real, apart.imag
         back = self.statics.bent.axis[ends].conj() * self.state.normals[ends]

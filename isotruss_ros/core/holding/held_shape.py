@@ -33,21 +33,21 @@ def deformed_lines(grip: HeldGrip) -> Points:
     config = grip.config
     length, ring = config.member_lengths, config.robot.description.module.guide_ring_distance
     between = ring + (length - 2.0 * ring)[:, None] * np.linspace(0.0, 1.0, POINTS_PER_MEMBER)
-    places = np.column_stack([np.zeros_like(length), between, length])
-    drawn = np.repeat(np.arange(len(places)), places.shape[1])
-    return grip.bent_lines(drawn, places.ravel())[0].reshape(places.shape)
+    positions = np.column_stack([np.zeros_like(length), between, length])
+    drawn = np.repeat(np.arange(len(positions)), positions.shape[1])
+    return grip.bent_lines(drawn, positions.ravel())[0].reshape(positions.shape)
 
 
 def region_lines(grip: HeldGrip) -> Points:
     """Return points (m, k) on the object's surface in the contact region of each member [m]."""
     start, end = grip.patches.spans.T[:, :, None]
-    places = start + (end - start) * np.linspace(0.0, 1.0, POINTS_PER_REGION)
-    members = np.repeat(grip.members[: len(places)], POINTS_PER_REGION)
-    centers = grip.bent_lines(members, places.ravel())[0].reshape(places.shape)
-    outward = grip.contacts.sum_by_member(grip.state.normals)[: len(places), None]
+    positions = start + (end - start) * np.linspace(0.0, 1.0, POINTS_PER_REGION)
+    members = np.repeat(grip.members[: len(positions)], POINTS_PER_REGION)
+    centers = grip.bent_lines(members, positions.ravel())[0].reshape(positions.shape)
+    outward = grip.contacts.sum_by_member(grip.state.normals)[: len(positions), None]
     skins = centers - grip.statics.tube_radius * outward / np.abs(outward)
     nearest = grip.body.moved_to(grip.pose).nearest(skins.ravel())
-    return skins - (nearest.gaps * nearest.normals).reshape(places.shape)
+    return skins - (nearest.gaps * nearest.normals).reshape(positions.shape)
 
 
 def force_lines(grip: HeldGrip, scale: float) -> Points:
@@ -71,8 +71,8 @@ def contact_resultants(grip: HeldGrip) -> tuple[Points, Points]:
 def contact_points(grip: HeldGrip) -> Points:
     """Return the points (k,) of the object's surface at the contacts [m]."""
     body = grip.body.moved_to(grip.pose)
-    own = grip.state.normals * body.turn.conjugate()
-    return body.center + body.turn * body.shape.surface_at(grip.contacts.corners, own)[0]
+    local = grip.state.normals * body.turn.conjugate()
+    return body.center + body.turn * body.shape.surface_at(grip.contacts.corners, local)[0]
 
 
 @single_threaded
@@ -103,8 +103,8 @@ def lowest_frequency(grip: HeldGrip) -> float | None:
     if grip.config.robot.description.module.mass is None or body.mass is None or response is None:
         return None
     moved = response.pose
-    own = body.shape.centroid if body.center_of_mass is None else complex(*body.center_of_mass)
-    of_middle = moved[0] + 1j * (moved[1] + body.turn * own * moved[2])
+    center = body.shape.centroid if body.center_of_mass is None else complex(*body.center_of_mass)
+    of_middle = moved[0] + 1j * (moved[1] + body.turn * center * moved[2])
     inertia = body.mass * np.outer(of_middle.conj(), of_middle).real
     inertia += body.mass * body.shape.gyration**2 * np.outer(moved[2], moved[2])
     inertia += _inertia_of_robot(grip)

@@ -66,7 +66,7 @@ class PressedContacts:
     def without(self, dropped: int) -> PressedContacts:
         """Return all contacts except a given one."""
         every = self.members, self.corners, self.cuts
-        return PressedContacts(*(np.delete(each, dropped, axis=0) for each in every))
+        return PressedContacts(*(np.delete(values, dropped, axis=0) for values in every))
 
 
 class Places(NamedTuple):
@@ -153,14 +153,14 @@ class ContactForces:
 def find_pressed(config: Configuration, body: ConvexObject, members: Indices) -> PressedContacts:
     """Return the contacts of given members with an object, see `Shape.contact_patch`."""
     starts, normals = facing_lines(config, body, members)
-    own = normals * body.turn.conjugate()
+    local = normals * body.turn.conjugate()
     radius = 0.5 * config.robot.description.tube_diameter
     skins = ((starts - body.center) * normals.conj()).real - radius
-    found: list[tuple[int, int]] = []
-    for member, normal, skin in zip(members.tolist(), own.tolist(), skins.tolist(), strict=True):
+    pairs: list[tuple[int, int]] = []
+    for member, normal, skin in zip(members.tolist(), local.tolist(), skins.tolist(), strict=True):
         patch = body.shape.contact_patch(normal, radius, skin)
-        found += [(member, end.corner) for end in patch]
-    numbers, corners = np.array(found).T
+        pairs += [(member, end.corner) for end in patch]
+    numbers, corners = np.array(pairs).T
     return contacts_at(body.shape, numbers, corners, radius)
 
 

@@ -64,11 +64,11 @@ def roll_contacts(
     New contacts have no friction yet. The result is None if no equilibrium exists.
     """
     moved, contacts = config.roller_positions - grip.config.roller_positions, chosen.contacts
-    same, known = contacts is grip.contacts, grip.state.unknowns
+    same, before = contacts is grip.contacts, grip.state.unknowns
     new = np.flatnonzero(chosen.origins < 0)
     anchors, angles = grip.anchors[chosen.origins], grip.angles[chosen.origins]
     if same:  # with the same dents
-        starts, structure = [grip.ahead(moved), known], structure_of(config, grip.tubes.pressure)
+        starts, structure = [grip.ahead(moved), before], structure_of(config, grip.tubes.pressure)
         loads, feet = grip.statics.loads(starts[0]), starts[0][grip.state.places.feet]
         bent = grip.statics.bent.update(loads, feet, structure)
         statics = replace(grip.statics, bent=bent)
@@ -102,15 +102,15 @@ def roll_contacts(
         statics=statics,
         state=state,
         wrench=wrench,
-        motion=(moved, state.unknowns - known) if same else None,
+        motion=(moved, state.unknowns - before) if same else None,
     )
 
 
 def _continued(grip: HeldGrip, statics: ContactStatics, origins: Indices) -> Array:
     """Return initial unknowns with other contacts; those that continue have their old values."""
     start, continued = statics.start(), origins >= 0
-    by_contact, known = (each[POSE:].reshape(4, -1) for each in (start, grip.state.unknowns))
-    by_contact[:, continued] = known[:, origins[continued]]
+    by_contact, before = (row[POSE:].reshape(4, -1) for row in (start, grip.state.unknowns))
+    by_contact[:, continued] = before[:, origins[continued]]
     # A new contact has almost no force: the iteration must not cross zero.
     start[statics.places.normal][~continued] = NEGLIGIBLE_SHARE * grip.squeeze
     return start
@@ -129,16 +129,16 @@ def stick(
     The symbols are explained in `ContactStatics.anchors`. For new contacts, the condition is zero
     friction.
     """
-    places = statics.places
+    indices = statics.places
 
     def rows(unknowns: Array, normals: Points) -> tuple[Array, Array]:
         derivative = statics.rolling_rows(unknowns, normals)
-        left = statics.anchors(unknowns, normals, travel, angles) - anchors
+        residual = statics.anchors(unknowns, normals, travel, angles) - anchors
         if len(free):
-            left[free] = FRICTION_COMPLIANCE * unknowns[places.friction][free]
+            residual[free] = FRICTION_COMPLIANCE * unknowns[indices.friction][free]
             derivative[free] = 0.0
-            derivative[free, places.friction.start + free] = FRICTION_COMPLIANCE
-        return left, derivative
+            derivative[free, indices.friction.start + free] = FRICTION_COMPLIANCE
+        return residual, derivative
 
     return rows
 

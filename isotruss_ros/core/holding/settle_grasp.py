@@ -69,7 +69,7 @@ def settle_grasp(
         numbers = find_members(config.robot, Grip(tuple(members), body).members).members
     tubes = TubeModel(paper_model=paper_model, pressure=pressure)
     try:
-        found = attach_grip(config, body, numbers, wrench, tubes)
+        grip = attach_grip(config, body, numbers, wrench, tubes)
     except NotHeldError as error:
         lost = LostContact.of(config, body, numbers, scaled_wrench(wrench, body.arm), pressure)
         reason, depths = str(error), member_depths(config, body)
@@ -78,36 +78,36 @@ def settle_grasp(
             name, depth = config.robot.member_names[deepest], depths[deepest]
             reason += f'; the object is {1e3 * depth:.3g} mm deep in {name}'
         return SettledGrasp(error.hold, reason, body.pose, mu, lost=lost)
-    return assess_equilibrium(body.pose, found, mu)
+    return assess_equilibrium(body.pose, grip, mu)
 
 
-def assess_equilibrium(given: Pose, found: HeldGrip, friction: float) -> SettledGrasp:
+def assess_equilibrium(given: Pose, grip: HeldGrip, friction: float) -> SettledGrasp:
     """Return the settled grasp at an equilibrium, with its hold status."""
-    hold, detail = _judge(found, given, friction)
+    hold, detail = _judge(grip, given, friction)
     reason = '' if hold is HoldStatus.HELD else ': '.join(filter(None, (hold.value, detail)))
     if hold not in (HoldStatus.NO_CONTACT, HoldStatus.OFF_MEMBER):
-        return SettledGrasp(hold, reason, given, friction, found)
-    body, pressure = found.body.moved_to(given), found.tubes.pressure
-    lost = LostContact.of(found.config, body, found.members, found.wrench, pressure)
+        return SettledGrasp(hold, reason, given, friction, grip)
+    body, pressure = grip.body.moved_to(given), grip.tubes.pressure
+    lost = LostContact.of(grip.config, body, grip.members, grip.wrench, pressure)
     return SettledGrasp(hold, reason, given, friction, lost=lost)
 
 
-def _judge(found: HeldGrip, given: Pose, friction: float) -> tuple[HoldStatus, str]:
+def _judge(grip: HeldGrip, given: Pose, friction: float) -> tuple[HoldStatus, str]:
     """Return the hold status of an equilibrium, and the value that violates its condition."""
-    robot, hold = found.config.robot, found.hold(friction)
+    robot, hold = grip.config.robot, grip.hold(friction)
     if hold in (HoldStatus.NO_CONTACT, HoldStatus.OFF_MEMBER):
         return hold, ''
-    shift = abs(found.body.middle - found.body.moved_to(given).middle)
+    shift = abs(grip.body.middle - grip.body.moved_to(given).middle)
     if shift > MAX_DISPLACEMENT * robot.description.tube_diameter:
         return HoldStatus.FAR, f'{1e3 * shift:.3g} mm'
-    others, depths = depths_in_others(found)
+    others, depths = depths_in_others(grip)
     if depths.max(initial=0.0) > SKIN_TOLERANCE:
         return HoldStatus.OTHER_CONTACT, robot.member_names[others[depths.argmax()]]
     if hold is HoldStatus.SLIPS:
-        return hold, f'coefficient {found.required_friction:.3g} against {friction:.3g}'
-    if found.response is None or not found.response.stable:
+        return hold, f'coefficient {grip.required_friction:.3g} against {friction:.3g}'
+    if grip.response is None or not grip.response.stable:
         return HoldStatus.UNSTABLE, ''
-    used = found.sections.used
+    used = grip.sections.used
     worst = int(used.argmax())
     if used[worst] > 1.0:
         times = f'{used[worst]:.3g} times its wrinkling moment'

@@ -119,11 +119,11 @@ class ElasticObject:
         first = config if before is None else self._first_touch(before, config)
         for there in (first, config):
             try:
-                found = attach_grip(there, self._body, None, self._wrench, TubeModel(self._scale))
+                grasp = attach_grip(there, self._body, None, self._wrench, TubeModel(self._scale))
             except NotHeldError:
                 continue
-            if found.hold(self._friction) is HoldStatus.HELD:
-                self._grasp, self.dropped = found, None
+            if grasp.hold(self._friction) is HoldStatus.HELD:
+                self._grasp, self.dropped = grasp, None
                 return
 
     def _first_touch(self, before: Configuration, config: Configuration) -> Configuration:
@@ -159,10 +159,10 @@ class ElasticObject:
             there = config
             if share < 1.0:
                 there = before.config.moved_to(start + share * (end - start))
-            found = roll_grip(before, there, even * (pulled + share * (wrench - pulled)))
-            hold = HoldStatus.NO_BALANCE if found is None else found.hold(self._friction)
-            if found is not None and hold is HoldStatus.HELD:
-                before, done = found, share
+            rolled = roll_grip(before, there, even * (pulled + share * (wrench - pulled)))
+            hold = HoldStatus.NO_BALANCE if rolled is None else rolled.hold(self._friction)
+            if rolled is not None and hold is HoldStatus.HELD:
+                before, done = rolled, share
                 continue
             part = 0.5 * part
             if part < 1.0 / 64.0:

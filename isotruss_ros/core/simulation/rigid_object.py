@@ -47,9 +47,9 @@ class RigidObject:
 
         :param rolling: initial grip.
         """
-        found = cls(rolling.grip.body, rolling.grip.friction)
-        found.rolling, found._looks = rolling, False
-        return found
+        held = cls(rolling.grip.body, rolling.grip.friction)
+        held.rolling, held._looks = rolling, False
+        return held
 
     @property
     def members(self) -> tuple[str, ...]:

@@ -71,14 +71,14 @@ class BeamColumns(NamedTuple):
             values[2:, bar] = 0.0
         return cls(values)
 
-    def evaluate(self, longer: Array, turns: Array, known: Array | None = None) -> EndForces:
+    def evaluate(self, longer: Array, turns: Array, given: Array | None = None) -> EndForces:
         """Return the end forces of bent members; `known` (k,) are axial forces near theirs."""
         stretch, rotary = self.values[1], self.values[2:].reshape(3, 3, -1)
         straight, first, second = by_power = rotary[:, :2] * turns[0] + rotary[:, 1:] * turns[1]
         _, bowed, hardened = (by_power * turns).sum(axis=1)
         soft = 1.0 / (stretch - hardened)
         nearest = (longer + 0.5 * bowed) * soft
-        pull = nearest if known is None else np.where(np.isnan(known), nearest, known)
+        pull = nearest if given is None else np.where(np.isnan(given), nearest, given)
         bent = pull * second
         slope = first + 2.0 * bent
         steep = slope * soft
@@ -91,7 +91,7 @@ class BeamColumns(NamedTuple):
         stressed = np.empty((3, len(pull)), dtype=soft.dtype)
         stressed[0], stressed[1:] = pull, straight + pull * (first + bent)
         values = (
-            stressed if known is None else stressed + stiffness[:, 0] * (nearest - pull) / soft
+            stressed if given is None else stressed + stiffness[:, 0] * (nearest - pull) / soft
         )
         return EndForces(values.T, stiffness.T, stressed.T)
 
@@ -146,7 +146,7 @@ def local_stiffness(
     """Return the stiffness matrices (2) in the members' own frames (x from start to end)."""
     length, fixed = np.asarray(length, dtype=float), np.zeros(np.shape(length), dtype=bool)
     columns = BeamColumns.of(length, np.stack([axial, flexural, shear]), pins or (fixed, fixed))
-    found = columns.evaluate(np.zeros_like(length), np.zeros((2, len(length))))
+    end_forces = columns.evaluate(np.zeros_like(length), np.zeros((2, len(length))))
     motions = chord_motions(np.ones_like(length, dtype=np.complex128), length)
-    core = chord_stiffness(length, found)
+    core = chord_stiffness(length, end_forces)
     return motions.swapaxes(1, 2) @ core @ motions

@@ -96,19 +96,19 @@ class Cuts(NamedTuple):
 
     @classmethod
     def of(
-        cls, structure: Structure, members: Indices, places: Array, active: Indices | None
+        cls, structure: Structure, members: Indices, positions: Array, active: Indices | None
     ) -> Cuts:
         """
         Return the frame of a structure with nodes at places of members.
 
         :param active: blocks that are not kept undeformed; None: those with load points.
         """
-        pieces, within, ahead = structure.locate(members, places)
+        pieces, within, ahead = structure.locate(members, positions)
         inside = keep_apart(pieces, within, structure.frame.length[pieces])
         if active is None:
             active = structure.frame.layout.numbering.active_blocks(pieces)
         frame = structure.frame.cut(pieces, inside, active)
-        return cls(frame, ahead, places + ahead * (inside - within))
+        return cls(frame, ahead, positions + ahead * (inside - within))
 
 
 class Changes(NamedTuple):
@@ -153,13 +153,13 @@ class BentTubes:
         cls,
         structure: Structure,
         members: Indices,
-        places: Array,
+        positions: Array,
         stiffness: float = 1.0,
         linear: bool = False,
     ) -> BentTubes:
         """Return the tubes linearised about the state without loads."""
-        cuts, lines = Cuts.of(structure, members, places, None), Lines.of(structure, members)
-        return cls(structure, members, places, lines, cuts, stiffness, linear)
+        cuts, lines = Cuts.of(structure, members, positions, None), Lines.of(structure, members)
+        return cls(structure, members, positions, lines, cuts, stiffness, linear)
 
     @property
     def start(self) -> Points:
@@ -205,7 +205,7 @@ class BentTubes:
         """Return the frame's changes by unit loads, and by unit motions of the load points."""
         tangent, layout = self.tangent, self.frame.layout
         count, size, turns = len(self.members), len(tangent.unknowns), self.lines.turns
-        own, cut, moving = np.arange(count), self._cut_unknowns, self._moving
+        load_points, cut, moving = np.arange(count), self._cut_unknowns, self._moving
         right = np.zeros((size, 4 * count + 1))
         columns = np.arange(3 * count).reshape(count, 1, 3)
         right[cut[:, :, None], columns] = turns * (self.share / self.stiffness)
@@ -216,24 +216,24 @@ class BentTubes:
             ways = layout.signs.reshape(2, -1) * self.cuts.ahead
             pushed = tangent.nodal_forces(layout.beside, by_length[..., None])[..., 0]
             pushed *= ways.reshape(-1, 1)
-            along = moving.start + own[:, None]
+            along = moving.start + load_points[:, None]
             right[layout.places[layout.before], along] = pushed[:count]
             right[layout.places[layout.behind], along] += pushed[count:]
             # The length of a part between two places of one member depends on both places.
             changed = (slopes.by_forces * by_length).sum(axis=1)[:, None]
             inclined = _mean(changed * layout.longer[layout.beside]) * self.cuts.ahead
             right[:, -1] = right[:, : 3 * count] @ self.before.loads.ravel() - tangent.carried
-        factored, found = tangent.solve(right)
+        factored, moved = tangent.solve(right)
         back = turns.swapaxes(1, 2)
-        responses = back @ found[cut]
-        responses[:, 2] = _mean((slopes.by_ends @ found[layout.places[layout.beside]])[:, 0])
+        responses = back @ moved[cut]
+        responses[:, 2] = _mean((slopes.by_ends @ moved[layout.places[layout.beside]])[:, 0])
         responses[:, 2, moving] += inclined
         if self.before is not None:
             # The displacement is relative to the place, which moves along its member.
-            responses[own, 0, moving.start + own] -= 1.0
+            responses[load_points, 0, moving.start + load_points] -= 1.0
         state = (back @ tangent.unknowns[cut][:, :, None])[..., 0]
         state[:, 2] = _mean(slopes.values)
-        return Changes(found, responses, state, slopes, factored)
+        return Changes(moved, responses, state, slopes, factored)
 
     @property
     def _cut_unknowns(self) -> Indices:
@@ -250,8 +250,8 @@ class BentTubes:
     def matrix(self) -> Array:
         """Return the compliance (k, 3, k, 3): responses at the load points to unit loads."""
         count = len(self.members)
-        found = self._changes.responses[:, :, : 3 * count] / self.share
-        return found.reshape(count, 3, count, 3)
+        responses = self._changes.responses[:, :, : 3 * count] / self.share
+        return responses.reshape(count, 3, count, 3)
 
     @cached_property
     def rates(self) -> Array:
@@ -269,23 +269,23 @@ class BentTubes:
         none = np.zeros((len(self.members), 3))
         return self.respond(none, none[:, 0])
 
-    def respond(self, loads: Array, places: Array) -> Array:
+    def respond(self, loads: Array, positions: Array) -> Array:
         """
         Return the displacements and inclinations (k, 3) at the load points, see `BentTubes`.
 
         They are affine functions of loads and places.
         """
         changes = self._changes
-        return (changes.state + changes.responses @ self._ways(loads, places)) / self.share
+        return (changes.state + changes.responses @ self._ways(loads, positions)) / self.share
 
-    def distance(self, loads: Array, places: Array) -> float:
+    def distance(self, loads: Array, positions: Array) -> float:
         """Return the largest displacement of a node from the linearised state due to loads [m]."""
         if (self.cuts.places != self.places).any():
             # The nodes stay beside a node or another load point.
-            pieces, within, ahead = self.structure.locate(self.members, places)
+            pieces, within, ahead = self.structure.locate(self.members, positions)
             inside = keep_apart(pieces, within, self.structure.frame.length[pieces])
-            places = places + ahead * (inside - within)
-        ways = self._ways(loads, places)
+            positions = positions + ahead * (inside - within)
+        ways = self._ways(loads, positions)
         moved = np.abs(_nodes(self.frame, self._displace(ways)[0])[:, :2]).max() / self.share
         # The state is less nonlinear in the places than in the displacements.
         slid = PLACE_SHARE * np.abs(ways[self._moving]).max()
@@ -303,23 +303,25 @@ class BentTubes:
         moved[self._cut_unknowns[:, 1]] -= slid.imag
         return moved, changes
 
-    def _ways(self, loads: Array, places: Array) -> Array:
+    def _ways(self, loads: Array, positions: Array) -> Array:
         """Return `ways` (p,), factors on the columns of `_changes`: loads, places, and 1."""
-        known = 0.0 if self.before is None else self.before.loads
-        return np.concatenate([(loads - known).ravel(), places - self.cuts.places, [1.0]])
+        before = 0.0 if self.before is None else self.before.loads
+        return np.concatenate([(loads - before).ravel(), positions - self.cuts.places, [1.0]])
 
-    def displace(self, loads: Array, places: Array) -> Displaced:
+    def displace(self, loads: Array, positions: Array) -> Displaced:
         """Return the linear prediction of the state of the frame."""
-        ways, tangent = self._ways(loads, places), self.tangent
+        ways, tangent = self._ways(loads, positions), self.tangent
         moved, changes = self._displace(ways)
         pull = tangent.forces.values[:, 0] + self._force_changes(ways, changes)[0][:, 0]
         return Displaced(tangent.unknowns + moved, loads, pull)
 
-    def update(self, loads: Array, places: Array, structure: Structure | None = None) -> BentTubes:
+    def update(
+        self, loads: Array, positions: Array, structure: Structure | None = None
+    ) -> BentTubes:
         """Return the tubes linearised about the state that these predict under loads."""
         structure = self.structure if structure is None else structure
-        active = self._find_active(loads, places, structure)
-        cuts = Cuts.of(structure, self.members, places, active)
+        active = self._find_active(loads, positions, structure)
+        cuts = Cuts.of(structure, self.members, positions, active)
         # A node that moves by more than half of a part is interpolated on the bent member, because
         # the error of its extrapolation would turn the part.
         half = 0.5 * self.frame.length[self.frame.layout.beside].reshape(2, -1)
@@ -330,17 +332,17 @@ class BentTubes:
         same = structure is self.structure
         lines = self.lines if same else Lines.of(structure, self.members)
         return BentTubes(
-            structure, self.members, places, lines, cuts, self.stiffness, self.linear, before
+            structure, self.members, positions, lines, cuts, self.stiffness, self.linear, before
         )
 
-    def _find_active(self, loads: Array, places: Array, structure: Structure) -> Indices:
+    def _find_active(self, loads: Array, positions: Array, structure: Structure) -> Indices:
         """Return the blocks that given loads deform, see `UnloadedBlocks`."""
         layout, tangent = self.frame.layout, self.tangent
         if structure is not self.structure:  # its blocks are linearised once only
             return structure.frame.layout.active
         if not layout.kept:
             return layout.active
-        changes = self._changes.unknowns @ self._ways(loads, places)
+        changes = self._changes.unknowns @ self._ways(loads, positions)
         motion = np.abs(_nodes(self.frame, changes)[:, :2]).max()
         most, loaded = KEPT_FORCE * (1.0 + 1e13 * motion**2), [layout.active]
         for blocks, push, stiff, ids in zip(*tangent.kept, layout.kept_ids, strict=True):
@@ -377,12 +379,12 @@ class BentTubes:
             before = before._replace(pull=tangent.forces.values[:, 0])
         return replace(self, before=before, cuts=cuts)
 
-    def bent_to(self, places: Array, values: Array) -> BentTubes:
+    def bent_to(self, positions: Array, values: Array) -> BentTubes:
         """Return these tubes with all blocks deformable, in the state of given `values`."""
         active = self.structure.frame.layout.active
-        cuts = Cuts.of(self.structure, self.members, places, active)
+        cuts = Cuts.of(self.structure, self.members, positions, active)
         before = Displaced.of_values(cuts.frame, values)
-        return replace(self, places=places, cuts=cuts, before=before)
+        return replace(self, places=positions, cuts=cuts, before=before)
 
     def bent_like(self, others: BentTubes) -> BentTubes:
         """Return these tubes, linearised about a state taken from the tubes of a similar robot."""
@@ -394,24 +396,24 @@ class BentTubes:
 
     def _complete(self, unknowns: Array) -> Array:
         """Add the unknowns of undeformed tubes, which turn with their hinges, to unknowns (u,)."""
-        found = unknowns.copy()
+        completed = unknowns.copy()
         for blocks in self.tangent.kept[0]:
-            blocks.complete(found)
-        return found
+            blocks.complete(completed)
+        return completed
 
-    def bend(self, loads: Array, places: Array) -> BentTubes:
+    def bend(self, loads: Array, positions: Array) -> BentTubes:
         """Return the tubes linearised about their equilibrium under loads."""
         bent = self
         for _ in range(MAX_SEARCH_STEPS):
-            if bent.distance(loads, places) <= ROUNDING:
+            if bent.distance(loads, positions) <= ROUNDING:
                 return bent
-            bent = bent.update(loads, places)
+            bent = bent.update(loads, positions)
         raise StructureError(
             f'no equilibrium of the bent tubes was found in {MAX_SEARCH_STEPS} steps: '
             'the loads must be smaller'
         )
 
-    def changes(self, loads: Array, places: Array) -> tuple[Array, Array, Array]:
+    def changes(self, loads: Array, positions: Array) -> tuple[Array, Array, Array]:
         """
         Return the frame's changes by additional loads (k, 3, p) and motions (k, p) of the places.
 
@@ -420,8 +422,8 @@ class BentTubes:
             nodes, see `EndForces`.
         """
         changes = self._changes
-        ways = np.concatenate([loads.reshape(-1, loads.shape[2]), places])
-        forces = self.tangent.length_rates[:, :, None] * self._longer(places)[:, None]
+        ways = np.concatenate([loads.reshape(-1, loads.shape[2]), positions])
+        forces = self.tangent.length_rates[:, :, None] * self._longer(positions)[:, None]
         nodes = _nodes(self.frame, changes.unknowns[:, :-1] @ ways)
         return nodes, changes.responses[:, 2, :-1] @ ways, forces
 
@@ -431,14 +433,14 @@ class BentTubes:
         unknowns = self.activated()._changes.unknowns[:, :count]
         return _nodes(self.frame, unknowns @ loads.reshape(count, -1) / self.share)
 
-    def displacements(self, loads: Array, places: Array) -> Array:
+    def displacements(self, loads: Array, positions: Array) -> Array:
         """Return the linear prediction of the nodes' displacements, (n, 3) [m, rad]."""
-        moved, _ = self._displace(self._ways(loads, places))
+        moved, _ = self._displace(self._ways(loads, positions))
         return _nodes(self.frame, self._complete(self.tangent.unknowns + moved)) / self.share
 
-    def end_forces(self, loads: Array, places: Array) -> tuple[Array, Array]:
+    def end_forces(self, loads: Array, positions: Array) -> tuple[Array, Array]:
         """Return the linear prediction of the parts' end forces."""
-        tangent, ways = self.tangent, self._ways(loads, places)
+        tangent, ways = self.tangent, self._ways(loads, positions)
         changes, longer = self._force_changes(ways, self._displace(ways)[1])
         forces = tangent.forces.values + changes
         ends, pull = end_forces(forces, tangent.length + longer), forces[:, 0]
@@ -452,9 +454,9 @@ class BentTubes:
             forces += self.tangent.length_rates * self._longer(ways[self._moving, None])
         return forces, longer[:, 0]
 
-    def _longer(self, places: Array) -> Array:
+    def _longer(self, positions: Array) -> Array:
         """Return the changes (p, c) of the parts' rest lengths by motions (k, c) of cuts [m]."""
-        return self.frame.layout.longer @ (self.cuts.ahead[:, None] * places)
+        return self.frame.layout.longer @ (self.cuts.ahead[:, None] * positions)
 
     def section_changes(self, changes: Array) -> tuple[Array, Array, Array]:
         """
@@ -469,9 +471,9 @@ class BentTubes:
         rates = np.zeros((len(frame.length), 3, count))
         rates[chosen] = tangent.force_rates(chosen, units) @ changes[:, chosen].swapaxes(0, 1)
         pushed = tangent.nodal_forces(chosen, rates[chosen])
-        places = frame.layout.places[chosen, :, None] * count + np.arange(count)
+        indices = frame.layout.places[chosen, :, None] * count + np.arange(count)
         size = len(tangent.unknowns) * count
-        carried = np.bincount(places.ravel(), pushed.ravel(), size).reshape(-1, count)
+        carried = np.bincount(indices.ravel(), pushed.ravel(), size).reshape(-1, count)
         scale = frame.scale[:, None]
         moved = self._changes.factored.solve(-carried * scale) * scale
         _, by_ends, by_forces, by_shear = self._changes.slopes

@@ -98,9 +98,9 @@ class Numbering:
     """
 
     def __init__(
-        self, members: Members, held: Flags, places: Indices, condensed: bool = True
+        self, members: Members, held: Flags, columns: Indices, condensed: bool = True
     ) -> None:
-        self.members, self.rows = members, len(places)
+        self.members, self.rows = members, len(columns)
         solid = np.zeros(len(held), dtype=bool)
         solid[members.start[~members.pinned_start]] = True
         solid[members.end[~members.pinned_end]] = True
@@ -109,7 +109,7 @@ class Numbering:
         self.free = real & ~np.append(np.zeros(self.rows, dtype=bool), held.ravel())
         #: (k, 6) and (c, 1 + w) unknowns of members and constraints
         self.places = self.rows + member_places(members.start, members.end)
-        self.row_places = np.column_stack([np.arange(self.rows), self.rows + places])
+        self.row_places = np.column_stack([np.arange(self.rows), self.rows + columns])
         owner = _find_owners(self, solid) if condensed else np.full(len(real), -1)
         # A frame without hinges is a block.
         self.condensed = owner.max() >= 0 and bool((self.free & (owner < 0)).any())
@@ -123,7 +123,7 @@ class Numbering:
 
     def _collect(self, owner: Indices, real: Flags) -> tuple[list[Block], Indices]:
         """Return the blocks, and the block (k,) of each member."""
-        members, rows = (owner[each].max(axis=1) for each in (self.places, self.row_places))
+        members, rows = (owner[indices].max(axis=1) for indices in (self.places, self.row_places))
         count, alone = int(owner.max()) + 1, [members < 0, rows < 0]
         members[alone[0]] = count + np.arange(np.count_nonzero(alone[0]))
         count += np.count_nonzero(alone[0])
@@ -257,8 +257,8 @@ class Layout:
             ids, members, rows, inner, outer = map(np.stack, zip(*equal, strict=True))
             unknowns = np.hstack([outer, inner])
             slots = [
-                _find_slots(places, unknowns)
-                for places in (self.places[members], self.row_places[rows])
+                _find_slots(indices, unknowns)
+                for indices in (self.places[members], self.row_places[rows])
             ]
             joints = numbering.joint[outer]
             groups.append(Group(ids, members, rows, inner, outer, joints, np.concatenate(slots)))
@@ -269,7 +269,7 @@ class Layout:
 def _lay_out(numbering: Numbering, piece: bytes, order: bytes, active: bytes) -> Layout:
     """Return a layout from the bytes of its index arrays, cached."""
     return Layout(
-        numbering, *(np.frombuffer(each, dtype=np.intp) for each in (piece, order, active))
+        numbering, *(np.frombuffer(data, dtype=np.intp) for data in (piece, order, active))
     )
 
 
@@ -301,15 +301,15 @@ class Factored(NamedTuple):
         """
         joints, columns = self.layout.numbering.joints, right.shape[1]
         push = np.concatenate(
-            [each.reshape(math.prod(each.shape[:2]), columns) for each in pushed]
+            [part.reshape(math.prod(part.shape[:2]), columns) for part in pushed]
         )
-        moved, found = np.zeros((len(joints) + 1, columns)), np.zeros(right.shape)
+        moved, completed = np.zeros((len(joints) + 1, columns)), np.zeros(right.shape)
         moved[:-1] = self.factor.solve(right[joints] + self.layout.sources @ push)
-        found[joints] = moved[:-1]
+        completed[joints] = moved[:-1]
         groups = zip(self.layout.groups, self.parts, insides, strict=True)
         for group, (_, spread), inside in groups:
-            found[group.inner] = inside + spread @ moved[group.joints]
-        return found
+            completed[group.inner] = inside + spread @ moved[group.joints]
+        return completed
 
     @property
     def negative_pivots(self) -> int:
@@ -341,7 +341,7 @@ def eliminate(
         insides.append(answer[..., width:])
         pushed.append(-carried[..., width:])
     numbering, count = layout.numbering, len(layout.numbering.joints)
-    entries = np.concatenate([each.ravel() for each in schur + kept])
+    entries = np.concatenate([block.ravel() for block in schur + kept])
     entries = np.bincount(layout.joint_slots, entries, numbering.joint_size + 1)[:-1]
     if numbering.sparse is None:
         matrix = entries.reshape(count, count)
@@ -382,7 +382,7 @@ def _split(values: Indices, count: int) -> list[Indices]:
     return np.split(order, np.searchsorted(values[order], np.arange(count + 1)))[1:-1]
 
 
-def _find_slots(places: Indices, unknowns: Indices) -> Indices:
+def _find_slots(indices: Indices, unknowns: Indices) -> Indices:
     """
     Return the indices of matrix entries in the stacked matrices of b blocks.
 
@@ -390,8 +390,8 @@ def _find_slots(places: Indices, unknowns: Indices) -> Indices:
     :param unknowns: (b, s) unknowns of the blocks. Entries of others are behind all matrices.
     """
     count, size = unknowns.shape
-    found = places.reshape(count, -1, 1) == unknowns[:, None]
-    local = np.where(found.any(axis=2), found.argmax(axis=2), -1).reshape(places.shape)
+    matches = indices.reshape(count, -1, 1) == unknowns[:, None]
+    local = np.where(matches.any(axis=2), matches.argmax(axis=2), -1).reshape(indices.shape)
     first, second = np.broadcast_arrays(local[..., :, None], local[..., None, :])
     offset = size**2 * np.arange(count)[:, None, None, None]
     slots = offset + size * first + second
@@ -401,6 +401,6 @@ def _find_slots(places: Indices, unknowns: Indices) -> Indices:
 def _sum_at(joints: Indices, numbering: Numbering) -> Array | csr_matrix:
     """Return the matrix (j, q) that sums values at the hinges' unknowns `joints` (q,)."""
     coupled = np.flatnonzero(joints < len(numbering.joints))
-    shape, places = (len(numbering.joints), len(joints)), (joints[coupled], coupled)
-    matrix = csr_matrix((np.ones(len(coupled)), places), shape=shape)
+    shape, entries = (len(numbering.joints), len(joints)), (joints[coupled], coupled)
+    matrix = csr_matrix((np.ones(len(coupled)), entries), shape=shape)
     return matrix.toarray() if numbering.sparse is None else matrix

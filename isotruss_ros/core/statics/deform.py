@@ -60,9 +60,9 @@ class Deformation(Record, headline=('reactions', 'displacements')):
     @cached_property
     def displacements(self) -> dict[str, tuple[float, float, float]]:
         """Return (ux, uy, theta) [m, rad] for the name of each node, see `displacement`."""
-        found = self.state.displacements.tolist()
+        displaced = self.state.displacements.tolist()
         return {
-            name: tuple(found[self.structure.node(name)]) for name in self.structure.node_names
+            name: tuple(displaced[self.structure.node(name)]) for name in self.structure.node_names
         }
 
     @cached_property
@@ -205,10 +205,10 @@ def _bend(rest: Tangent, loads: Array) -> FrameState:
     return state_under(path.tangents[-1], loads)
 
 
-def _check_name(kind: str, name: str, known: Iterable[str], robot: str) -> None:
+def _check_name(kind: str, name: str, names: Iterable[str], robot: str) -> None:
     """Raise StructureError if the robot has no part of this name."""
-    if name not in known:
+    if name not in names:
         raise StructureError(
             f'{kind} {name!r}: robot {robot} has no such {kind}; '
-            f'its {kind}s are {", ".join(known)}'
+            f'its {kind}s are {", ".join(names)}'
         )

@@ -83,8 +83,8 @@ def _what_moves(rest: Tangent) -> list[str]:
     frame, numbering = rest.frame, rest.frame.layout.numbering
     matrix, free = np.zeros((len(frame.scale),) * 2), numbering.free
     for group, whole in zip(frame.layout.groups, rest.matrices, strict=True):
-        for places, block in zip(np.hstack([group.outer, group.inner]), whole, strict=True):
-            matrix[np.ix_(places, places)] += block
+        for indices, block in zip(np.hstack([group.outer, group.inner]), whole, strict=True):
+            matrix[np.ix_(indices, indices)] += block
     values, vectors = np.linalg.eigh(matrix[np.ix_(free, free)])
     loose = np.abs(values) < np.abs(values).max() / MAX_CONDITION**0.5
     loose[np.abs(values).argmin()] = True

@@ -150,12 +150,12 @@ class Frame:
         return np.stack([moved.real, moved.imag, turned + slope], axis=1)
 
 
-def keep_apart(pieces: Indices, places: Array, length: Array) -> Array:
+def keep_apart(pieces: Indices, positions: Array, length: Array) -> Array:
     """Return positions (c,) of cuts [m], shifted so that no part of a member is too short."""
     ends = length.tolist()
     apart = [
         max(SHORTEST_PART, min(place, end - SHORTEST_PART))
-        for place, end in zip(places.tolist(), ends, strict=True)
+        for place, end in zip(positions.tolist(), ends, strict=True)
     ]
     order = sorted(range(len(ends)), key=lambda i: (pieces[i], apart[i]))
     pairs = [pair for pair in pairwise(order) if pieces[pair[0]] == pieces[pair[1]]]

@@ -59,6 +59,6 @@ def find_sag(config: Configuration, joints: Mapping[str, tuple[float, float]]) -
         columns.append(np.concatenate([sagged.displacement(name)[:2] for name in joints]))
     rates = np.column_stack(columns)
     weight, *_ = np.linalg.lstsq(rates, off, rcond=None)
-    left = off - rates @ weight
+    error = off - rates @ weight
     largest = float(np.hypot(*off.reshape(-1, 2).T).max())
-    return Sag(weight, 1.0 - float(left @ left) / max(float(off @ off), 1e-18), largest)
+    return Sag(weight, 1.0 - float(error @ error) / max(float(off @ off), 1e-18), largest)

@@ -140,35 +140,36 @@ def tube_pressures(
         pressure of the robot file is used.
     :return: (t,) gauge pressures [Pa].
     """
-    found = dict(description.pressures)
+    pressures = dict(description.pressures)
     if pressure is None:
-        return tuple(found.values())
+        return tuple(pressures.values())
     if isinstance(pressure, Mapping):
         for tube in pressure:
-            if tube not in found:
+            if tube not in pressures:
                 raise StructureError(
                     f'pressure of tube {tube!r}: robot {description.name} has no such tube; '
-                    f'its tubes are {", ".join(found)}'
+                    f'its tubes are {", ".join(pressures)}'
                 )
-        found |= pressure
+        pressures |= pressure
     else:
         # As an array of objects; values that are not numbers are refused below for each tube.
-        each = np.asarray(pressure, dtype=object)
-        if each.ndim > 0 and each.shape != (len(found),):
+        value = np.asarray(pressure, dtype=object)
+        if value.ndim > 0 and value.shape != (len(pressures),):
             raise StructureError(
-                f'pressure: {each.size} values: must be one for all tubes, or one for each of '
-                f'{", ".join(found)}'
+                f'pressure: {value.size} values: must be one for all tubes, or one for each of '
+                f'{", ".join(pressures)}'
             )
-        found = dict(zip(found, np.broadcast_to(each, len(found)).tolist(), strict=True))
-    for tube, value in found.items():
+        values = np.broadcast_to(value, len(pressures)).tolist()
+        pressures = dict(zip(pressures, values, strict=True))
+    for tube, value in pressures.items():
         what = f'gauge pressure of tube {tube} [Pa]'
-        (found[tube],) = finite_array([value], 1, what, StructureError).tolist()
-        if found[tube] <= 0.0:
+        (pressures[tube],) = finite_array([value], 1, what, StructureError).tolist()
+        if pressures[tube] <= 0.0:
             raise StructureError(f'{what}: {value!r}: must be a positive number')
         # The range keeps computed values finite; the pressures of tubes are well inside of it.
-        if not 1e-3 <= found[tube] <= 1e7:
+        if not 1e-3 <= pressures[tube] <= 1e7:
             raise StructureError(f'{what}: {value!r}: must be from 1e-3 to 1e7')
-    return tuple(found.values())
+    return tuple(pressures.values())
 
 
 def as_floats(block: Mapping[str, Any]) -> dict[str, float]:

@@ -92,7 +92,7 @@ class Structure:
             )
         return self._layout.places[name]
 
-    def locate(self, members: Indices, places: Array) -> tuple[Indices, Array, Array]:
+    def locate(self, members: Indices, positions: Array) -> tuple[Indices, Array, Array]:
         """
         Return the frame's tube pieces that contain given points, and the positions in the pieces.
 
@@ -103,15 +103,16 @@ class Structure:
         """
         robot, lengths = self.config.robot, self.config.member_lengths[members].tolist()
         ring, following = robot.description.module.guide_ring_distance, robot.topology.following
-        found = []  # numbers are few, so lists are faster than arrays
-        for member, place, length in zip(members.tolist(), places.tolist(), lengths, strict=True):
+        rows = []  # numbers are few, so lists are faster than arrays
+        numbers = zip(members.tolist(), positions.tolist(), lengths, strict=True)
+        for member, place, length in numbers:
             if place < ring:
-                found.append((0, member, place, 1.0))  # on BD at the start
+                rows.append((0, member, place, 1.0))  # on BD at the start
             elif length - place <= ring:
-                found.append((1, following[member], length - place, -1.0))  # on CE at the end
+                rows.append((1, following[member], length - place, -1.0))  # on CE at the end
             else:
-                found.append((2, member, place - ring, 1.0))
-        kind, owner, within, ahead = np.array(found).reshape(-1, 4).T
+                rows.append((2, member, place - ring, 1.0))
+        kind, owner, within, ahead = np.array(rows).reshape(-1, 4).T
         return self.pieces[kind.astype(int), owner.astype(int)], within, ahead
 
 
@@ -173,7 +174,7 @@ def frame_layout(robot: Mechanism) -> FrameLayout:
     free, fixed = np.ones(m, dtype=bool), np.zeros(m, dtype=bool)
     held = np.zeros((len(names), 3), dtype=bool)
     held[np.divmod(topology.grounded, 2)] = True
-    own = np.arange(m)
+    modules = np.arange(m)
     bisections = Bisections(np.stack([a, b, c, d, e], axis=1))
     none = np.zeros(6 * m)
     members = Members(
@@ -196,7 +197,7 @@ def frame_layout(robot: Mechanism) -> FrameLayout:
         bisections=bisections,
         numbering=Numbering(members, held, bisections.places),
         pieces=pieces,
-        owners=np.stack([own, topology.previous, own]),
+        owners=np.stack([modules, topology.previous, modules]),
     )
 
 

@@ -83,12 +83,12 @@ class Tangent:
             for blocks, _, stiff in zip(*self.kept, strict=True)
         ]
         try:
-            factored, found = eliminate(frame.layout, self.matrices, kept, right * scale)
+            factored, solution = eliminate(frame.layout, self.matrices, kept, right * scale)
         except np.linalg.LinAlgError as error:
             raise StructureError(
                 'the structure has no stiffness in its bent shape: the loads must be smaller'
             ) from error
-        return factored, found * scale
+        return factored, solution * scale
 
     def respond(self, loads: Array) -> Array:
         """Return the changes (u, p) of the unknowns by additional loads (3 n, p) on the nodes."""
@@ -177,21 +177,21 @@ def linearize(
     :param pull: (p,) axial forces near those of the parts [N]; None or NaN: they are computed.
     :param kept: blocks whose parts the frame does not have, for `Layout.kept`.
     """
-    layout, columns, rest = frame.layout, frame.columns, frame.length
+    layout, columns, at_rest = frame.layout, frame.columns, frame.length
     rows, start, end = layout.numbering.rows, layout.start, layout.end
     displacements = unknowns[rows:].reshape(-1, 3)
     shifts, turns = displacements[:, 0] + 1j * displacements[:, 1], displacements[:, 2]
     apart = (shifts[end] - shifts[start]) * frame.axis.conj()
-    span = rest + apart
+    span = at_rest + apart
     length = np.abs(span)
     # (l^2 - l0^2) / (l + l0), because l - l0 has large rounding errors.
-    longer = (2.0 * rest * apart.real + apart.real**2 + apart.imag**2) / (length + rest)
+    longer = (2.0 * at_rest * apart.real + apart.real**2 + apart.imag**2) / (length + at_rest)
     first, second = turns[start], turns[end]
     chords = np.array([first + second, first - second])
     chords *= 0.5
     chords[0] -= np.arctan2(span.imag, span.real)
     # The imaginary parts of columns are derivatives by rest lengths.
-    evaluated = columns.evaluate(longer + (rest - columns.values[0]), chords, pull)
+    evaluated = columns.evaluate(longer + (at_rest - columns.values[0]), chords, pull)
     core, rates = chord_stiffness(length, evaluated), evaluated.values.imag / EPSILON
     forces = EndForces(evaluated.values.real.copy(), core[:, :3, :3], evaluated.stressed.real)
     axis = frame.axis * span / length

@@ -179,7 +179,7 @@ class TubeSections:
     def section_stiffness(self, length: ArrayLike, pressure: ArrayLike) -> SectionStiffness:
         """Return the scaled stiffness of the model; see `TubeStiffness.section_stiffness`."""
         sections = self.model.section_stiffness(length, pressure)
-        return SectionStiffness(*(self.scale * each for each in sections))
+        return SectionStiffness(*(self.scale * rigidity for rigidity in sections))
 
     def flexibility_rates(self, length: Array, pressure: Array) -> tuple[Array, Array]:
         """

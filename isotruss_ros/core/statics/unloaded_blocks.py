@@ -64,9 +64,9 @@ class UnloadedBlocks(NamedTuple):
         turn, strain = self.place(unknowns)
         count, width = strain.shape
         turns = np.zeros((count, width // 2, 2, width // 2, 2))
-        own = np.arange(width // 2)
-        turns[:, own, 0, own, 0] = turns[:, own, 1, own, 1] = turn.real[:, None]
-        turns[:, own, 1, own, 0], turns[:, own, 0, own, 1] = (
+        numbers = np.arange(width // 2)
+        turns[:, numbers, 0, numbers, 0] = turns[:, numbers, 1, numbers, 1] = turn.real[:, None]
+        turns[:, numbers, 1, numbers, 0], turns[:, numbers, 0, numbers, 1] = (
             turn.imag[:, None],
             -turn.imag[:, None],
         )

@@ -78,15 +78,15 @@ def find_utilisation(
     along /= np.abs(along)
     origin = ((frame.points[frame.members.start[pieces]] - start) * along).real
     ahead = (frame.axis[pieces] * along).real
-    places = origin + ahead * np.stack([np.zeros(len(pieces)), length, inside])
+    positions = origin + ahead * np.stack([np.zeros(len(pieces)), length, inside])
     last = find_most_used(used.ravel(), np.tile(member, 3))
     kind, piece = np.divmod(last, len(pieces))
     count, owner = structure.owners.shape[1], member[piece]
-    found = Utilisation(np.zeros(count), np.zeros(count), np.full(count, -1), np.zeros(count, int))
-    values = used.ravel()[last], places.ravel()[last], pieces[piece], kind
-    for of_members, of_present in zip(found, values, strict=True):
+    usage = Utilisation(np.zeros(count), np.zeros(count), np.full(count, -1), np.zeros(count, int))
+    values = used.ravel()[last], positions.ravel()[last], pieces[piece], kind
+    for of_members, of_present in zip(usage, values, strict=True):
         of_members[owner] = of_present
-    return found
+    return usage
 
 
 def evaluate_utilisation(
@@ -103,7 +103,7 @@ def evaluate_utilisation(
     :return: |M| / M_w (3, ...) at start, end and inner maximum, where the last row is zero for
         pieces without inner maximum; and the distance (...) of this maximum from the start [m].
     """
-    begin, end, left, pull = loads
+    begin, end, moment_capacity, pull = loads
     length, flexural, shear = sections
     # M = begin cos(k x) + sine sin(k x); without compression the largest moment is at an end.
     wave = np.sqrt(np.maximum(-pull, 0.0) / flexural / (1.0 + pull / shear))
@@ -114,7 +114,7 @@ def evaluate_utilisation(
     peak = np.where(within, np.hypot(begin, sine), 0.0)
     moments = np.abs(np.stack([begin, end, peak]))
     used = np.full(moments.shape, np.inf)
-    np.divide(2.0 * moments, radius * left, out=used, where=left > 0.0)
+    np.divide(2.0 * moments, radius * moment_capacity, out=used, where=moment_capacity > 0.0)
     return used, np.where(within, crest / turned * length, 0.0)
 
 
