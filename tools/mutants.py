@@ -56,7 +56,7 @@ TESTS = [
     *(f'test/core/{name}' for name in ('safety', 'servo', 'estimation', 'holding')),
     *(f'test/core/{name}' for name in ('contact', 'manipulation', 'paths', 'simulation')),
     *(f'test/core/test_{name}.py' for name in ('command_history', 'inputs', 'symmetries')),
-    *(f'test/nodes/{name}' for name in ('inputs', 'motion', 'grasp')),
+    *(f'test/nodes/{name}' for name in ('inputs', 'motion', 'trajectories', 'grasp')),
 ]
 #: Endings of the operators of Cosmic Ray whose faults every test finds, as bits of floating point
 #: numbers, or none, as identity in place of equality.
