@@ -8,6 +8,7 @@ import closings
 from isotruss_ros.core import ConvexObject, GraspRequirements, load_robot
 from isotruss_ros.core.planning.facing import friction_angles
 from isotruss_ros.core.planning.seeds import enclosing_members, find_seeds
+from nightly import some_now
 import numpy as np
 import pytest
 
@@ -42,7 +43,7 @@ def seen_from(config, point):
     return tuple(sorted(number for number in found if number < len(begin)))
 
 
-@pytest.mark.parametrize('seed', range(6))
+@pytest.mark.parametrize('seed', some_now(range(6), now=2))
 def test_members_that_are_seen_are_those_that_lines_of_sight_meet_first(seed):
     config, body, _ = closings.scene(seed)
     nodes, rng = config.points, np.random.default_rng(seed)

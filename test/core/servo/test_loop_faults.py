@@ -22,6 +22,7 @@ from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.inputs import RollerState, StampedInput
 from isotruss_ros.core.servo import twist_servo
 from isotruss_ros.core.servo.servo_settings import ServoSettings, SqueezeSettings
+from nightly import some_now
 import numpy as np
 import pytest
 
@@ -217,7 +218,7 @@ def test_an_object_that_is_taken_away_at_rest_is_no_fault():
 
 @pytest.mark.parametrize(
     ('rollers_late', 'pose_late', 'every'),
-    [(0, 0, 1), (1, 0, 1), (5, 0, 1), (0, 5, 1), (0, 1, 2)],
+    some_now([(5, 0, 1), (0, 5, 1), (0, 1, 2), (0, 0, 1), (1, 0, 1)], now=2),
 )
 def test_a_turn_by_rollers_that_follow_late_is_no_slip(rollers_late, pose_late, every):
     config, body = gripped(35.0, squeeze=0.1)
