@@ -189,7 +189,7 @@ class HeldGrip:
         """
         Return points (c,) of bent centre lines [m], and their directions relative to straight.
 
-        :param places: (c,) distances from the members' starts [m].
+        :param positions: (c,) distances from the members' starts [m].
         """
         bent, state = self.statics.bent, self.state
         starts, ends = member_lines(self.config)[members].T

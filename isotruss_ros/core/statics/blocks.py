@@ -93,7 +93,7 @@ class Numbering:
     column pointers); `joint_slots` are the places of the Schur complement of each block among its
     `joint_size` entries. The last `multipliers` of the joints are multipliers.
 
-    :param places: (c, w) displacements in each constraint, see `Constraints`.
+    :param columns: (c, w) displacements in each constraint, see `Constraints`.
     :param condensed: False for a matrix without blocks.
     """
 
@@ -386,7 +386,7 @@ def _find_slots(indices: Indices, unknowns: Indices) -> Indices:
     """
     Return the indices of matrix entries in the stacked matrices of b blocks.
 
-    :param places: (b, e, w) unknowns of e matrices (w, w) of each block.
+    :param indices: (b, e, w) unknowns of e matrices (w, w) of each block.
     :param unknowns: (b, s) unknowns of the blocks. Entries of others are behind all matrices.
     """
     count, size = unknowns.shape

@@ -97,7 +97,7 @@ class Structure:
         Return the frame's tube pieces that contain given points, and the positions in the pieces.
 
         :param members: (c,) index of the member of each point.
-        :param places: (c,) distances from the members' starts [m].
+        :param positions: (c,) distances from the members' starts [m].
         :return: (c,) indices of the pieces in the frame; (c,) distances from the pieces' starts
             [m]; (c,) 1 for pieces that point along their member, -1 for the others.
         """
