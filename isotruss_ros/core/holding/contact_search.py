@@ -165,7 +165,7 @@ def _nearby_corners(grip: HeldGrip, ends: list[int]) -> Iterable[FreeCorner]:
     shape, statics, body = grip.body.shape, grip.statics, grip.body
     normal = complex(statics.straight_normals[ends[0]])
     touching = grip.contacts.corners[ends].tolist()
-    skin = ((complex(statics.bent.start[ends[0]]) - body.center) / normal).real
+    skin = ((complex(statics.bent.lines.start[ends[0]]) - body.center) / normal).real
     least = skin - (1.0 + 2.0 * MAX_DISPLACEMENT) * statics.tube_radius
     corners: dict[int, FreeCorner] = {}
     for k, begin in zip(ends, touching, strict=True):

@@ -118,11 +118,11 @@ class ContactStatics:
     @property
     def straight_normals(self) -> Points:
         """Return the normals of the straight tubes, away from the object, (k,) x + iy."""
-        return 1j * self.sides * self.bent.axis
+        return 1j * self.sides * self.bent.lines.axis
 
     def are_on_members(self, feet: Array) -> bool:
         """Return whether all contacts are between the ends of their members."""
-        return bool(((feet >= 0.0) & (feet <= self.bent.length)).all())
+        return bool(((feet >= 0.0) & (feet <= self.bent.lines.length)).all())
 
     def loads(self, unknowns: Array) -> Array:
         """Return the loads on the tubes (k, 3): forces along and across [N], and moments [N m]."""
@@ -238,7 +238,8 @@ class ContactStatics:
         local = self.straight_normals * body.turn.conjugate()
         points, _ = body.shape.surface_at(self.contacts.corners, local)
         start[indices.feet] = bent.places
-        across = (bent.axis.conj() * (body.center + body.turn * points - bent.start)).imag
+        away = body.center + body.turn * points - bent.lines.start
+        across = (bent.lines.axis.conj() * away).imag
         depths = self.tube_radius + self.sides * across
         depths = np.maximum(depths, PLANNED_DEPTH * self.tube_radius)
         bend = np.einsum('iaia->ia', bent.matrix)[:, 1]

@@ -141,7 +141,7 @@ class GraspGradient(
         opening_rates = _response_rates(grip, tubes, change, response.parted)
         # The unit gap is normal to the tube, and turns with the tube relative to the member.
         ends, end_numbers = response.ends, np.arange(len(response.ends))
-        turned = grip.statics.bent.axis[ends].conj() * grip.state.normals[ends] * 1j
+        turned = grip.statics.bent.lines.axis[ends].conj() * grip.state.normals[ends] * 1j
         turning = turned[:, None] * change[indices.inclinations][ends, :-3]
         opening_rates[3 * ends, :, end_numbers] -= turning.real
         opening_rates[3 * ends + 1, :, end_numbers] -= turning.imag

@@ -114,7 +114,7 @@ class LoadedTubes:
         self._starts = moved[topology.b[members]]
         ahead = moved[topology.c[topology.following[members]]] - self._starts
         bent, state = grip.statics.bent, grip.state
-        self.spins: Array = (ahead / (bent.length * bent.axis)[:, None]).imag
+        self.spins: Array = (ahead / (bent.lines.length * bent.lines.axis)[:, None]).imag
         if bent.distance(state.loads, state.feet) > reach:
             bent = bent.update(state.loads, state.feet)
         bent = bent.activated()
@@ -148,12 +148,13 @@ class LoadedTubes:
         """
         grip, spins = self._grip, self.spins
         statics, state, body = grip.statics, grip.state, grip.body
-        indices, axis, normals = state.places, self._bent.axis[:, None], state.normals[:, None]
+        indices, normals = state.places, state.normals[:, None]
+        axis = self._bent.lines.axis[:, None]
         give, slope, *_ = self.respond(np.zeros((indices.size, spins.shape[1])))
         points, radii = body.shape.surface_at(statics.contacts.corners, state.normals / body.turn)
         # The contact points move on the surface, because the normals turn with the members.
         arms, swept = (body.turn * points)[:, None], 1j * radii[:, None] * spins * normals
-        away = self._bent.start[:, None] - body.center - arms
+        away = self._bent.lines.start[:, None] - body.center - arms
         gap = self._starts - swept - 1j * spins * away + self.dents * normals
         gap = gap / axis + give
         forces = self._push[:, None]
@@ -184,7 +185,7 @@ class LoadedTubes:
         :param change: (3 + 4k, p) derivatives of the equilibrium's unknowns.
         """
         bent, state = self._bent, self._grip.state
-        nodes_at, tangent, axis = bent.frame.layout.nodes, bent.tangent, bent.axis[:, None]
+        nodes_at, tangent, axis = bent.frame.layout.nodes, bent.tangent, bent.lines.axis[:, None]
         feet, inclined, normal, rubs = change[POSE:].reshape(4, len(axis), -1)
         forces = (normal + 1j * rubs) * state.normals[:, None]
         forces += 1j * (self.spins + inclined) * self._push[:, None]
@@ -198,7 +199,7 @@ class LoadedTubes:
         moved, slope, by_places = bent.changes(loads, feet)
         nodes = by_sections + moved
         still = tangent.displacements[nodes_at]
-        there = bent.axis * state.feet + still[:, 0] + 1j * still[:, 1]
+        there = bent.lines.axis * state.feet + still[:, 0] + 1j * still[:, 1]
         give = nodes[nodes_at, 0] + 1j * nodes[nodes_at, 1]
         give -= self._starts + 1j * self.spins * there[:, None]
         # The displacement is relative to the contact, which moves along its member.

@@ -264,7 +264,7 @@ class HeldGrip:
     def response(self) -> GripResponse | None:
         """Return the object's linear response to a wrench; None if the equilibrium is neutral."""
         indices, owners = self.state.places, self.contacts.owners
-        apart = self.statics.bent.axis.conj() * _opening(self.statics, self.state)
+        apart = self.statics.bent.lines.axis.conj() * _opening(self.statics, self.state)
         pressed = np.ones(len(owners), dtype=bool)
         pressed[self._idle[0]] = False
         ends = np.flatnonzero(pressed & (np.bincount(owners, pressed)[owners] > 1))
@@ -272,7 +272,7 @@ class HeldGrip:
         right[indices.balance, :3] = np.eye(3)
         touch = right[: 3 * len(owners)].reshape(len(owners), 3, -1)
         touch[:, 0, 3], touch[:, 1, 3] = apart.real, apart.imag
-        back = self.statics.bent.axis[ends].conj() * self.state.normals[ends]
+        back = self.statics.bent.lines.axis[ends].conj() * self.state.normals[ends]
         gaps = np.arange(4, 4 + len(ends))
         touch[ends, 0, gaps], touch[ends, 1, gaps] = -back.real, -back.imag
         change = self.respond(right)
@@ -315,7 +315,7 @@ def _opening(statics: ContactStatics, state: ContactForces) -> Points:
     if owners[-1] > 1:
         return 0.5 * state.normals
     bent = statics.bent
-    touched = bent.start + bent.axis * state.feet - statics.tube_radius * state.normals
+    touched = bent.lines.start + bent.lines.axis * state.feet - statics.tube_radius * state.normals
     apart = touched[owners == 1].mean() - touched[owners == 0].mean()
     return np.where(owners == 1, 0.5, -0.5) * apart / abs(apart)
 

@@ -103,12 +103,10 @@ class Cuts(NamedTuple):
 
         :param active: blocks that are not kept undeformed; None: those with load points.
         """
-        pieces, within, ahead = structure.locate(members, positions)
-        inside = keep_apart(pieces, within, structure.frame.length[pieces])
+        pieces, inside, ahead, apart = _place_cuts(structure, members, positions)
         if active is None:
             active = structure.frame.layout.numbering.active_blocks(pieces)
-        frame = structure.frame.cut(pieces, inside, active)
-        return cls(frame, ahead, positions + ahead * (inside - within))
+        return cls(structure.frame.cut(pieces, inside, active), ahead, apart)
 
 
 class Changes(NamedTuple):
@@ -160,21 +158,6 @@ class BentTubes:
         """Return the tubes linearised about the state without loads."""
         cuts, lines = Cuts.of(structure, members, positions, None), Lines.of(structure, members)
         return cls(structure, members, positions, lines, cuts, stiffness, linear)
-
-    @property
-    def start(self) -> Points:
-        """Return the pinch point at the start of each load point's member, (k,) x + iy [m]."""
-        return self.lines.start
-
-    @property
-    def length(self) -> Array:
-        """Return the length of each load point's member, pinch to pinch, (k,) [m]."""
-        return self.lines.length
-
-    @property
-    def axis(self) -> Points:
-        """Return the unit vector from start to end of each load point's member, (k,) x + iy."""
-        return self.lines.axis
 
     @property
     def frame(self) -> Frame:
@@ -282,11 +265,9 @@ class BentTubes:
         """Return the largest displacement of a node from the linearised state due to loads [m]."""
         if (self.cuts.places != self.places).any():
             # The nodes stay beside a node or another load point.
-            pieces, within, ahead = self.structure.locate(self.members, positions)
-            inside = keep_apart(pieces, within, self.structure.frame.length[pieces])
-            positions = positions + ahead * (inside - within)
+            *_, positions = _place_cuts(self.structure, self.members, positions)
         ways = self._ways(loads, positions)
-        moved = np.abs(_nodes(self.frame, self._displace(ways)[0])[:, :2]).max() / self.share
+        moved = np.abs(self.frame.displacements(self._displace(ways)[0])[:, :2]).max() / self.share
         # The state is less nonlinear in the places than in the displacements.
         slid = PLACE_SHARE * np.abs(ways[self._moving]).max()
         return float(max(moved, slid))
@@ -298,7 +279,7 @@ class BentTubes:
             return changes, changes
         moved = changes.copy()
         # The displacement is relative to the place, which moves along its member.
-        slid = self.axis * ways[self._moving]
+        slid = self.lines.axis * ways[self._moving]
         moved[self._cut_unknowns[:, 0]] -= slid.real
         moved[self._cut_unknowns[:, 1]] -= slid.imag
         return moved, changes
@@ -343,7 +324,7 @@ class BentTubes:
         if not layout.kept:
             return layout.active
         changes = self._changes.unknowns @ self._ways(loads, positions)
-        motion = np.abs(_nodes(self.frame, changes)[:, :2]).max()
+        motion = np.abs(self.frame.displacements(changes)[:, :2]).max()
         most, loaded = KEPT_FORCE * (1.0 + 1e13 * motion**2), [layout.active]
         for blocks, push, stiff, ids in zip(*tangent.kept, layout.kept_ids, strict=True):
             force = push + (stiff @ changes[blocks.outer][:, :, None])[..., 0]
@@ -360,7 +341,7 @@ class BentTubes:
         longer = (self.structure.frame.length / frame.uncut.length)[frame.layout.whole]
         begins, middles = longer * frame.begins, longer * (frame.begins + 0.5 * frame.length)
         if not near:
-            behind, nodes = frame.layout.behind, _nodes(self.frame, unknowns)
+            behind, nodes = frame.layout.behind, self.frame.displacements(unknowns)
             cut = self.frame.interpolate(nodes, frame.layout.whole[behind], begins[behind])
             unknowns = np.append(unknowns[: self._cut_unknowns[0, 0]], cut)
         part = self.frame.locate(frame.layout.whole, middles)
@@ -424,19 +405,19 @@ class BentTubes:
         changes = self._changes
         ways = np.concatenate([loads.reshape(-1, loads.shape[2]), positions])
         forces = self.tangent.length_rates[:, :, None] * self._longer(positions)[:, None]
-        nodes = _nodes(self.frame, changes.unknowns[:, :-1] @ ways)
+        nodes = self.frame.displacements(changes.unknowns[:, :-1] @ ways)
         return nodes, changes.responses[:, 2, :-1] @ ways, forces
 
     def node_changes(self, loads: Array) -> Array:
         """Return the displacements (n, 3, p) of the nodes due to additional loads [m, rad]."""
         count = 3 * len(self.members)
         unknowns = self.activated()._changes.unknowns[:, :count]
-        return _nodes(self.frame, unknowns @ loads.reshape(count, -1) / self.share)
+        return self.frame.displacements(unknowns @ loads.reshape(count, -1) / self.share)
 
     def displacements(self, loads: Array, positions: Array) -> Array:
         """Return the linear prediction of the nodes' displacements, (n, 3) [m, rad]."""
         moved, _ = self._displace(self._ways(loads, positions))
-        return _nodes(self.frame, self._complete(self.tangent.unknowns + moved)) / self.share
+        return self.frame.displacements(self._complete(self.tangent.unknowns + moved)) / self.share
 
     def end_forces(self, loads: Array, positions: Array) -> tuple[Array, Array]:
         """Return the linear prediction of the parts' end forces."""
@@ -448,7 +429,7 @@ class BentTubes:
 
     def _force_changes(self, ways: Array, changes: Array) -> tuple[Array, Array]:
         """Return the changes of `EndForces.values` (p, 3) and chord lengths (p,) by `ways`."""
-        forces, longer = self.tangent.force_changes(_nodes(self.frame, changes)[..., None])
+        forces, longer = self.tangent.force_changes(self.frame.displacements(changes)[..., None])
         forces = forces[..., 0]
         if self.before is not None:
             forces += self.tangent.length_rates * self._longer(ways[self._moving, None])
@@ -479,13 +460,21 @@ class BentTubes:
         _, by_ends, by_forces, by_shear = self._changes.slopes
         inclined = by_forces[:, None] @ rates[parts] + by_ends @ moved[frame.layout.places[parts]]
         shear = (by_shear / frame.members.shear[parts])[:, None] * changes[3, parts]
-        return _nodes(frame, moved), _mean(inclined[:, 0] + shear), rates
+        return frame.displacements(moved), _mean(inclined[:, 0] + shear), rates
 
 
-def _nodes(frame: Frame, unknowns: Array) -> Array:
-    """Return the displacements (n, 3, ...) among unknowns (u, ...)."""
-    rows = frame.layout.numbering.rows
-    return unknowns[rows:].reshape(-1, 3, *unknowns.shape[1:])
+def _place_cuts(
+    structure: Structure, members: Indices, positions: Array
+) -> tuple[Indices, Array, Array, Array]:
+    """
+    Return the positions of load points in pieces and members, shifted if a part is too short.
+
+    :return: (k,) pieces; (k,) distances from the pieces' starts [m]; (k,) as `Cuts.ahead`; and
+        (k,) distances from the members' starts [m].
+    """
+    pieces, within, ahead = structure.locate(members, positions)
+    inside = keep_apart(pieces, within, structure.frame.length[pieces])
+    return pieces, inside, ahead, positions + ahead * (inside - within)
 
 
 def _mean(sides: Array) -> Array:

@@ -38,9 +38,7 @@ class Frame:
     length: Array  #: (p,) lengths [m]
     axis: Points  #: (p,) unit vectors from start to end, x + iy
     begins: Array  #: (p,) distances of the parts' starts from the starts of their members [m]
-    columns: (
-        BeamColumns  #: parts as beam-columns; imaginary parts are derivatives by their lengths
-    )
+    columns: BeamColumns  #: the parts; imaginary parts are derivatives by their lengths
     scale: Array  #: (u,) scale of each unknown, by which stiffnesses are about 1
     uncut: Frame | None = None  #: frame without cuts; None: this frame
 
@@ -69,11 +67,7 @@ class Frame:
         stiff = np.zeros((len(points), 3))
         turning = 0.25 * (columns.values[2] + columns.values[4])
         for ends in members[:2]:
-            stiff += np.bincount(ends, 1.0 / columns.values[1], len(points))[:, None] * [
-                1.0,
-                1.0,
-                0.0,
-            ]
+            stiff[:, :2] += np.bincount(ends, 1.0 / columns.values[1], len(points))[:, None]
             stiff[:, 2] += np.bincount(ends, turning, len(points))
         scale = 1.0 / np.sqrt(np.where(stiff > 0.0, stiff, 1.0)).ravel()
         count, none = numbering.rows, np.zeros((len(points), 3))

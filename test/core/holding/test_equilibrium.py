@@ -75,7 +75,7 @@ def with_unknowns(grip, **parts):
 )
 def test_a_grasp_holds_where_all_members_press_on_their_length_and_stick(normal, feet, hold):
     """Feet are shares of the lengths of their members."""
-    places = np.array(feet) * MODEL.statics.bent.length
+    places = np.array(feet) * MODEL.statics.bent.lines.length
     grasp = with_unknowns(MODEL, normal=normal, friction=[0.01, -0.06], feet=places)
     assert grasp.hold(0.5) is hold
 

@@ -80,13 +80,13 @@ def touched_points(grip):
     state, statics = grip.state, grip.statics
     push = (state.normal_forces + 1j * state.friction_forces) * state.normals
     bent = statics.bent
-    local = push * bent.axis.conj()
+    local = push * bent.lines.axis.conj()
     skin = statics.tube_radius - statics.dents(state.normal_forces)[0]
     loads = np.column_stack([local.real, local.imag, -skin * state.friction_forces])
     assert state.loads == pytest.approx(loads, abs=1e-9)
     give = bent.respond(loads, state.feet)
-    line = bent.start + bent.axis * (state.feet + give[:, 0] + 1j * give[:, 1])
-    inclined = bent.axis * np.exp(1j * give[:, 2])
+    line = bent.lines.start + bent.lines.axis * (state.feet + give[:, 0] + 1j * give[:, 1])
+    inclined = bent.lines.axis * np.exp(1j * give[:, 2])
     assert (inclined.conj() * state.normals).real == pytest.approx(0.0, abs=1e-9)
     return line - skin * state.normals
 
@@ -211,7 +211,7 @@ def changed_forces(grip, moving):
     for step in (1e-6, -1e-6):
         bent = grip.statics.bent.update(grip.state.loads, grip.state.feet)
         # The tubes give as before, from where they start now.
-        lines = bent.lines._replace(start=bent.start + step * moving)
+        lines = bent.lines._replace(start=bent.lines.start + step * moving)
         bent = replace(bent, lines=lines)
         statics = replace(grip.statics, bent=bent)
         closure = stick(statics, grip.anchors, travel, grip.angles, NOTHING)

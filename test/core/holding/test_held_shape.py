@@ -23,7 +23,7 @@ def grip(request):
 
 
 def test_drawn_ends_of_members_agree_with_the_deformation_under_the_contact_forces(grip):
-    loads, axis = {}, grip.statics.bent.axis
+    loads, axis = {}, grip.statics.bent.lines.axis
     for name, foot, (along, across, moment), way in zip(
         grip.member_names, grip.state.feet, grip.state.loads, axis, strict=True
     ):

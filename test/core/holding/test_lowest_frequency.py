@@ -30,7 +30,7 @@ def grip_of(module_mass, tube_mass, **options):
 def moved_parts(grip, wrench):
     """Return the pose of an object, and the displacements of pinch points, under a wrench."""
     rolled = roll_grip(grip, grip.config, wrench)
-    loads, axis = {}, rolled.statics.bent.axis
+    loads, axis = {}, rolled.statics.bent.lines.axis
     for number, foot, (along, across, moment), way in zip(
         rolled.contacts.members, rolled.state.feet, rolled.state.loads, axis, strict=True
     ):

@@ -42,7 +42,7 @@ def deform_by(members, places, plane, couples, paper_model=False):
 def test_structure_of_a_held_object_agrees_with_deform(shape, depth, paper_model):
     grip = attach_grip(ROBOT.home, placed(shape, depth), tubes=TubeModel(paper_model=paper_model))
     loads = grip.state.loads
-    plane = (loads[:, 0] + 1j * loads[:, 1]) * grip.statics.bent.axis
+    plane = (loads[:, 0] + 1j * loads[:, 1]) * grip.statics.bent.lines.axis
     bent = deform_by(grip.contacts.members, grip.state.feet, plane, loads[:, 2], paper_model)
     moved = held_joints(grip) - ROBOT.home.nodes[:JOINTS]
     expected = bent.state.displacements[:JOINTS, :2]
@@ -61,7 +61,7 @@ def test_contact_forces_near_wrinkling_bend_a_finer_mesh_alike(shape, depth):
     member = np.append(grip.contacts.members, np.repeat(np.arange(9), len(shares)))
     place = np.append(grip.state.feet, np.outer(ROBOT.home.member_lengths, shares))
     push = np.zeros(len(place), dtype=complex)
-    push[:count] = (loads[:, 0] + 1j * loads[:, 1]) * grip.statics.bent.axis
+    push[:count] = (loads[:, 0] + 1j * loads[:, 1]) * grip.statics.bent.lines.axis
     couple = np.pad(loads[:, 2], (0, len(place) - count))
     order = np.argsort(member, kind='stable')
     mesh = deform_by(member[order], place[order], push[order], couple[order])

@@ -136,7 +136,7 @@ def test_tubes_with_a_load_beside_a_guide_ring_bend_as_the_robot_does(away):
     member = np.array([TRIANGLE.robot.member_names.index(LEG)])
     tubes = BentTubes.straight(structure_of(TRIANGLE), member, place)
     load = np.array([[10.0, 40.0, 1.0]])
-    x, y = (tubes.axis * (10.0 + 40.0j)).view(float)
+    x, y = (tubes.lines.axis * (10.0 + 40.0j)).view(float)
     wanted = deform(TRIANGLE, {}, tube_loads={LEG: [(place[0], x, y, 1.0)]}).state.displacements
     moved = tubes.bend(load, place).displacements(load, place)[:-1]
     assert moved == pytest.approx(wanted[:-1], abs=1e-8)
