@@ -17,6 +17,11 @@ from isotruss_ros.core.numerics.records import Record
 MAX_KNOWN_DEVIATION = 0.5
 
 
+def is_squeeze_known(squeeze: float, deviation: float) -> bool:
+    """Return whether the standard deviation of a squeeze is small relative to it [N]."""
+    return deviation <= MAX_KNOWN_DEVIATION * squeeze
+
+
 @dataclass(frozen=True)
 class EstimatorSettings:
     """

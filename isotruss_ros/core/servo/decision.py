@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from isotruss_ros.core.errors import GraspError, IsotrussError
-from isotruss_ros.core.estimation.state_estimate import MAX_KNOWN_DEVIATION
+from isotruss_ros.core.estimation.state_estimate import is_squeeze_known
 from isotruss_ros.core.inputs import InputError, InputFault
 from isotruss_ros.core.manipulation.status import RollerCommand, Status
 from isotruss_ros.core.numerics.arrays import Array
@@ -65,15 +65,13 @@ class Decision:
 
 def describe_squeeze(squeeze: float, deviation: float) -> str:
     """
-    Return a text with the squeeze, and a remedy if the squeeze is unknown.
-
-    The squeeze is unknown if its deviation exceeds `MAX_KNOWN_DEVIATION` times the squeeze.
+    Return a text with the squeeze, and a remedy if it is unknown, see `is_squeeze_known`.
 
     :param squeeze: mean normal force of the members [N].
     :param deviation: standard deviation of the squeeze [N].
     """
     words = f'{squeeze:.1f} N, deviation {deviation:.1f} N'
-    if deviation <= MAX_KNOWN_DEVIATION * squeeze:
+    if is_squeeze_known(squeeze, deviation):
         return f'squeeze {words}'
     remedy = 'calibrate home, use markers on joints, or calibrate the stiffness of the tubes'
     return f'squeeze unknown: {words}; {remedy}'

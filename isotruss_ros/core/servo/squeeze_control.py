@@ -17,7 +17,7 @@ from dataclasses import replace
 
 from isotruss_ros.core.estimation.contact_walk import JUMP_LENGTH
 from isotruss_ros.core.estimation.grip_belief import GripBelief
-from isotruss_ros.core.estimation.state_estimate import MAX_KNOWN_DEVIATION
+from isotruss_ros.core.estimation.state_estimate import is_squeeze_known
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, MIN_RELATIVE_MARGIN
 from isotruss_ros.core.holding.held_shape import lowest_frequency
 from isotruss_ros.core.inputs import StampedInput, steady_pressures, UsedReadings
@@ -146,7 +146,7 @@ class SqueezeControl:
         notes = [f'slipped by {1e3 * self._slipped:.0f} mm, held'] if self._slipped else []
         if self.belief is not None:
             squeeze, deviation = self.squeeze
-            if deviation > MAX_KNOWN_DEVIATION * squeeze:
+            if not is_squeeze_known(squeeze, deviation):
                 notes.append(f'held, {describe_squeeze(squeeze, deviation)}')
         return '; '.join(notes)
 
@@ -248,7 +248,7 @@ class SqueezeControl:
         measured pose would not show the loss until the object is moved.
         """
         force = self.settings.force
-        known = belief.geometric_deviation <= MAX_KNOWN_DEVIATION * force
+        known = is_squeeze_known(force, belief.geometric_deviation)
         return force if known else force + self._excess
 
     def advance(self, twist: Array, command: RollerCommand, missing: Array | float = 0.0) -> None:
