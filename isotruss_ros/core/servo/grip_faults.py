@@ -1,125 +1,95 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Faults of the grip under squeeze control, and detection of oscillations."""
+"""Faults of the grip under squeeze control, with their causes and the client's next steps."""
 
 from __future__ import annotations
 
-import enum
-import math
-
-from isotruss_ros.core.estimation.grip_belief import MAX_DEVIATIONS
+from isotruss_ros.core.estimation.contact_walk import JUMP_LENGTH
+from isotruss_ros.core.estimation.grip_belief import GripBelief
+from isotruss_ros.core.estimation.state_estimate import is_squeeze_known
 from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.core.servo.loop_gains import DEFAULT_GAIN, GAIN_SHARE
+from isotruss_ros.core.servo.decision import describe_squeeze
+from isotruss_ros.core.servo.loop_gains import LoopGains
+from isotruss_ros.core.servo.swing_watch import SwingWatch
 import numpy as np
 
-#: Smallest difference between a maximum and a minimum of the pose, without the part by roller
-#: travel, that counts as an oscillation [m]; noise of the measured pose may increase it. With the
-#: part by roller travel, the object then swings by some 2 mm.
-MIN_SWING = 0.0015
-#: The same, relative to the commanded travel since the last extremum [-]. Client-driven motion
-#: with the frequency w bends the tubes by (w / omega)^2 of its amplitude, which is less for
-#: motions slower than omega / 2.
-TRAVEL_SHARE = 0.25
-#: Lowest natural frequency omega that the default gain assumes [rad/s].
-DEFAULT_FREQUENCY = DEFAULT_GAIN / GAIN_SHARE
-#: Longest half period of an oscillation, in units of pi / omega [-], and in seconds. The gain for
-#: omega makes an object swing whose true frequency is below 0.46 omega, because it is heavier than
-#: in the model; in MuJoCo, with damping, below 0.23 omega. With a third of the first bound, such
-#: swings are not detected; with three times, slow drift of the estimates could count as a swing.
-MAX_SWING_PHASE, MAX_SWING_TIME = 5.5, 2.0 * math.pi / DEFAULT_FREQUENCY
-#: Smallest number of poses in a half period [-]; with fewer poses, a swing is not resolved.
-MIN_SWING_POSES = 3
-#: Number of successive half periods after which an oscillation is detected [-], and smallest ratio
-#: of their amplitudes [-].
-SWING_COUNT, MIN_SWING_RATIO = 3, 0.95
-
-
-class GripFault(enum.Enum):
-    """Faults of the grip, with the status of the halt for each."""
-
-    SLIPPED = Status.HALT_SLIPPED
-    NOT_HELD = Status.HALT_NOT_HELD
-    OSCILLATES = Status.HALT_OSCILLATES
-
-
+#: Time at rest after an oscillation [s]; each oscillation also halves the gain.
+REST_TIME = 1.0
 #: What a client does after a fault that persists.
 NEXT_STEPS = {
-    GripFault.SLIPPED: 'resume the grip (service resume_grip)',
-    GripFault.NOT_HELD: 'pick up the object (action pick_object)',
+    Status.HALT_SLIPPED: 'resume the grip (service resume_grip)',
+    Status.HALT_NOT_HELD: 'pick up the object (action pick_object)',
 }
 
 
-class SwingWatch:
+class GripFaults:
     """
-    Detector of oscillations of a held object whose amplitude grows or stays constant.
+    Fault of the grip of a held object.
 
-    :param frequency: lowest natural frequency of the held object; None if unknown [rad/s].
+    :ivar fault: status of the halt for the fault; None without a fault. It remains until a client
+        acknowledges it; only the fault of an oscillation ends by itself.
+    :ivar belief: estimated state of the grip; None without an equilibrium.
+    :ivar gains: gains of the squeeze control.
     """
 
-    def __init__(self, frequency: float | None = None) -> None:
-        # Noise is faster than a growing oscillation, which is the lowest mode.
-        self._filter_time = 1.0 / (frequency or DEFAULT_FREQUENCY)
-        self._longest = min(MAX_SWING_PHASE * math.pi * self._filter_time, MAX_SWING_TIME)
-        self._pose = np.zeros(3)
-        self.forget()
+    belief: GripBelief | None
+    gains: LoopGains
+    _swings: SwingWatch
+    _rest: float  # remaining time at rest after an oscillation [s]
+    _slipped: float  # length of a slip after which the object is still held [m]
 
-    def forget(self) -> None:
-        """Restart the detection of oscillations without past poses."""
-        self._swings = tuple(_Swings(self._longest) for _ in range(3))
+    def acknowledge(self) -> None:
+        """Clear the fault after a client has reacted to it."""
+        self.fault: Status | None = None
+        self._softening, self._why = 1.0, ''
 
-    def update(self, pose: Array, noise: float, elapsed: float, travel: float = 0.0) -> bool:
+    def fail(self, fault: Status, why: str) -> None:
+        """Store a fault of the grip, unless there is one, and its cause."""
+        if self.fault is None:
+            self.fault, self._why = fault, why
+
+    def note(self) -> str:
+        """Return a sentence that describes the fault of the grip; empty if there is none."""
+        if self.fault is Status.HALT_OSCILLATES:
+            return f'the object oscillates: the pose gain is reduced to {self.gains.pose:.3g} 1/s'
+        if self.fault is not None:
+            return f'{self._why}; next step: {NEXT_STEPS[self.fault]}'
+        notes = [f'slipped by {1e3 * self._slipped:.0f} mm, held'] if self._slipped else []
+        if self.belief is not None:
+            squeeze, deviation = self.belief.squeeze, self.belief.squeeze_deviation
+            if not is_squeeze_known(squeeze, deviation):
+                notes.append(f'held, {describe_squeeze(squeeze, deviation)}')
+        return '; '.join(notes)
+
+    def judge(self, belief: GripBelief, elapsed: float, velocity: Array) -> None:
         """
-        Add an estimated pose; return whether there is an oscillation without decay.
+        Detect oscillation, slip and loss from the belief after a new pose.
 
-        :param pose: (3,) estimated pose minus the pose by roller travel alone, rotations times the
-            characteristic radius [m]. Missing control cycles do not change it.
-        :param noise: standard deviation of the measured pose [m].
+        An oscillation halves the gain, and is a fault until `REST_TIME` has passed.
+
         :param elapsed: time since the previous pose [s].
-        :param travel: commanded travel since the previous pose [m].
+        :param velocity: (3,) executed part of the commanded twist [m/s, rad/s].
         """
-        passed = -math.expm1(-elapsed / self._filter_time)
-        self._pose = self._pose + passed * (pose - self._pose)
-        least = max(MIN_SWING, MAX_DEVIATIONS * noise)
-        pairs = zip(self._swings, self._pose.tolist(), strict=True)
-        found = [swings.update(value, elapsed, least, travel) for swings, value in pairs]
-        return any(found)
-
-
-class _Swings:
-    """
-    Successive maxima and minima of one signal.
-
-    :param longest: longest time between a maximum and the next minimum of an oscillation [s].
-    """
-
-    def __init__(self, longest: float) -> None:
-        self._longest = longest
-        self._extreme = self._turned = math.nan
-        self._rising, self._age, self._travel, self._poses = True, 0.0, 0.0, 0
-        self._sizes: list[float] = []
-
-    def update(self, value: float, elapsed: float, least: float, travel: float) -> bool:
-        """Add a value of the signal; return whether its oscillation does not decay."""
-        if math.isnan(self._extreme):
-            self._extreme = self._turned = value
-        self._age += elapsed
-        self._travel += travel
-        self._poses += 1
-        sign = 1.0 if self._rising else -1.0
-        if sign * (value - self._extreme) >= 0.0:
-            self._extreme = value
-        elif sign * (self._extreme - value) > max(least, TRAVEL_SHARE * self._travel):
-            if self._age > self._longest or self._poses < MIN_SWING_POSES:
-                self._sizes.clear()
-            self._sizes.append(abs(self._extreme - self._turned))
-            self._turned, self._extreme = self._extreme, value
-            self._rising, self._age = not self._rising, 0.0
-            self._travel, self._poses = 0.0, 0
-            last = self._sizes[-SWING_COUNT:]
-            pairs = zip(last[1:], last, strict=False)
-            return len(last) == SWING_COUNT and all(
-                size >= MIN_SWING_RATIO * old for size, old in pairs
-            )
-        return False
+        surface = velocity * np.array([1.0, 1.0, belief.grasp.arm])
+        travel = elapsed * float(np.linalg.norm(surface))
+        if self.fault is Status.HALT_OSCILLATES:
+            self._rest -= elapsed
+            if self._rest <= 0.0:
+                self.fault = None
+                self._swings.forget()
+        swings = self._swings.update(belief.correction, belief.noise.deviation, elapsed, travel)
+        if self.fault is None and swings:
+            self.fault = Status.HALT_OSCILLATES
+            self._rest, self._softening = REST_TIME, 0.5 * self._softening
+        walked = belief.walk.length
+        if belief.jump:
+            self._slipped = walked
+        elif walked < 0.5 * self._slipped:
+            self._slipped = 0.0
+        cause = f'the object moved by {1e3 * walked:.0f} mm against the members'
+        if belief.jump > JUMP_LENGTH:
+            self.fail(Status.HALT_NOT_HELD, cause)
+        elif belief.slipped:
+            self.fail(Status.HALT_SLIPPED, cause)

@@ -15,7 +15,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-from isotruss_ros.core.estimation.contact_walk import JUMP_LENGTH
 from isotruss_ros.core.estimation.grip_belief import GripBelief
 from isotruss_ros.core.estimation.state_estimate import is_squeeze_known
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, MIN_RELATIVE_MARGIN
@@ -24,17 +23,15 @@ from isotruss_ros.core.inputs import StampedInput, steady_pressures, UsedReading
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.status import RollerCommand, Status
-from isotruss_ros.core.model.pose import Pose, pose_difference
+from isotruss_ros.core.model.pose import pose_difference
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.servo.belief_start import BeliefStart
-from isotruss_ros.core.servo.decision import describe_squeeze
-from isotruss_ros.core.servo.grip_faults import GripFault, NEXT_STEPS, SwingWatch
-from isotruss_ros.core.servo.loop_gains import choose_gain, DEFAULT_GAIN, gains_of, LoopGains
+from isotruss_ros.core.servo.grip_faults import GripFaults
+from isotruss_ros.core.servo.loop_gains import choose_gain, DEFAULT_GAIN, gains_of
 from isotruss_ros.core.servo.servo_settings import SqueezeSettings
+from isotruss_ros.core.servo.swing_watch import SwingWatch
 import numpy as np
 
-#: Time at rest after an oscillation [s]; each oscillation also halves the gain.
-REST_TIME = 1.0
 #: Largest rate of change of the squeeze [N/s].
 MAX_FORCE_RATE = 10.0
 
@@ -43,7 +40,7 @@ MAX_FORCE_RATE = 10.0
 Solve = Callable[[Array, float], RollerCommand]
 
 
-class SqueezeControl:
+class SqueezeControl(GripFaults):
     """
     Control of squeeze and pose of a held object.
 
@@ -53,49 +50,37 @@ class SqueezeControl:
     :ivar frequency: lowest natural frequency of the held object [rad/s]; None if unknown.
     :ivar gains: gains for this frequency; before the first `follow`, gains for an unknown
         frequency.
-    :ivar fault: fault of the grip. It remains until `acknowledge` is called; only the fault of an
-        oscillation ends by itself.
     """
 
     def __init__(self, settings: SqueezeSettings) -> None:
         self.settings = settings
+        self.frequency: float | None = None
+        self.gains = gains_of(DEFAULT_GAIN)
         self._pressures: tuple[float, ...] | None = None
         self._offsets: Array | float | None = None
         self._zeros: Array | None = None
-        self._estimates = UsedReadings()
+        self._readings = UsedReadings()
+        # Equilibrium for which the gains were chosen, and its natural frequency [rad/s].
+        self._tuned: tuple[HeldGrip | None, float | None] = (None, None)
         self.acknowledge()
 
     def acknowledge(self) -> None:
         """Clear the fault and the estimated grip after a client has reacted to the fault."""
-        self.fault: GripFault | None = None
-        self._softening, self._why = 1.0, ''
+        super().acknowledge()
         self.reset()
 
     def reset(self) -> None:
         """Discard the estimated grip and the desired pose; a new measured pose restarts them."""
         self.belief: GripBelief | None = None
         self._lost: HoldStatus | None = None  # why the previous belief ended
-        self.reference: Array | None = None
-        self.frequency: float | None = None
-        self._tuned: HeldGrip | None = None  # equilibrium for which the gains were chosen
-        self._natural: float | None = None  # its natural frequency [rad/s]
-        self.gains: LoopGains = gains_of(DEFAULT_GAIN)
-        self._swings, self._rest = SwingWatch(), 0.0
-        self._stamp: float | None = None  # stamp of the last pose [s]
-        self._since = 0.0  # time of the cycles since the last pose [s]
-        self._velocity, self._elapsed, self._slipped = np.zeros(3), 0.0, 0.0
-        self._poses = UsedReadings()
-        self._excess = 0.0
+        self._since = 0.0  # time since the last pose [s]
+        self._slipped = 0.0
         self._start = BeliefStart()
+        self.rest()
 
     def rest(self) -> None:
         """Discard the desired pose; it restarts from the object's pose at the next motion."""
         self.reference, self._velocity = None, np.zeros(3)
-
-    @property
-    def grasp(self) -> HeldGrip | None:
-        """Return the equilibrium of the held object; None before the first `follow`."""
-        return None if self.belief is None else self.belief.grasp
 
     def lose(self) -> None:
         """
@@ -103,9 +88,8 @@ class SqueezeControl:
 
         The desired pose is discarded too. The fault remains until `acknowledge`.
         """
-        had = self.belief is not None or self._lost is not None
-        if had and self.fault is None:
-            self._fail(GripFault.NOT_HELD, 'the object is not between the members')
+        if self.belief is not None or self._lost is not None:
+            self.fail(Status.HALT_NOT_HELD, 'the object is not between the members')
         self.reset()
 
     def take_pressures(self, pressures: tuple[float, ...] | None) -> None:
@@ -131,34 +115,11 @@ class SqueezeControl:
         self._zeros = covariance
         if belief is None:
             return
-        use = self._estimates.use
+        use = self._readings.use
         if covariance is not None and (time is None or use('estimate', time, covariance)):
             belief.set_zero_covariance(covariance)
         if before is not None and not np.array_equal(offsets, before):
             belief.correct_zeros(offsets - before)
-
-    def note(self) -> str:
-        """Return a sentence that describes the fault of the grip; empty if there is none."""
-        if self.fault is GripFault.OSCILLATES:
-            return f'the object oscillates: the pose gain is reduced to {self.gains.pose:.3g} 1/s'
-        if self.fault is not None:
-            return f'{self._why}; next step: {NEXT_STEPS[self.fault]}'
-        notes = [f'slipped by {1e3 * self._slipped:.0f} mm, held'] if self._slipped else []
-        if self.belief is not None:
-            squeeze, deviation = self.squeeze
-            if not is_squeeze_known(squeeze, deviation):
-                notes.append(f'held, {describe_squeeze(squeeze, deviation)}')
-        return '; '.join(notes)
-
-    @property
-    def squeeze(self) -> tuple[float, float] | None:
-        """
-        Return the estimated mean normal force of the members, and its standard deviation [N].
-
-        The result is None before the first `follow`.
-        """
-        belief = self.belief
-        return None if belief is None else (belief.squeeze, belief.squeeze_deviation)
 
     def follow(
         self,
@@ -192,14 +153,12 @@ class SqueezeControl:
             return hold
         self._choose_gains(belief)
         belief.pass_corrections(elapsed, self.gains.filter_time)
-        self._rest = max(self._rest - elapsed, 0.0)
         self._since += elapsed
-        if sample is None:
-            self._observe(belief, grip.body.pose, 0.0, self._since)
-        elif self._poses.use('pose', sample[0].time, sample[0].value):
-            before, self._stamp = self._stamp, sample[0].time
-            since = self._since if before is None else self._stamp - before
-            self._observe(belief, sample[0].value, sample[1], since)
+        pose, age = (grip.body.pose, 0.0) if sample is None else (sample[0].value, sample[1])
+        if sample is None or self._readings.use('pose', sample[0].time, pose):
+            belief.observe(pose, age)
+            self.judge(belief, self._since, self._velocity)
+            self._since = 0.0
         return HoldStatus.HELD
 
     def solve(self, twist: Array, period: float, solve: Solve) -> RollerCommand:
@@ -212,18 +171,15 @@ class SqueezeControl:
         :param twist: (3,) vx, vy [m/s], omega [rad/s] of the object in the robot frame.
         :param period: duration of the command, positive [s].
         """
-        if self.belief is None:
-            raise ValueError('solve was called before follow')
-        belief = self.belief
-        if self.fault is GripFault.OSCILLATES:
+        belief: GripBelief = self.belief  # type: ignore[assignment]
+        if self.fault is Status.HALT_OSCILLATES:
             still = np.zeros(len(belief.grasp.config.roller_positions))
-            return RollerCommand(still, np.zeros(3), 0.0, self.fault.value)
+            return RollerCommand(still, np.zeros(3), 0.0, self.fault)
         missing = self.gains.squeeze * (self._desired_squeeze(belief) - belief.regulated_squeeze)
         rate = max(-MAX_FORCE_RATE, min(missing - belief.drift[3], MAX_FORCE_RATE))
         opening = rate / belief.slope
         if self.fault is not None:
-            held = solve(np.zeros(3), opening)
-            return replace(held, scale=0.0, status=self.fault.value)
+            return replace(solve(np.zeros(3), opening), scale=0.0, status=self.fault)
         twist, correction = np.asarray(twist), self._correction(belief, period)
         command = _solve_within_limits(twist + correction, opening, solve)
         free = belief.slip_margin - MIN_RELATIVE_MARGIN * belief.regulated_squeeze
@@ -284,52 +240,19 @@ class SqueezeControl:
             self._excess = max(least - self.settings.force, 0.0)
             self._choose_gains(self.belief)
             self._swings = SwingWatch(self.frequency)
-        if self._lost is not None and hold is not HoldStatus.HELD and self.fault is None:
-            self._fail(GripFault.NOT_HELD, f'not held: {self._lost.value}')
+        elif self._lost is not None:
+            self.fail(Status.HALT_NOT_HELD, f'not held: {self._lost.value}')
         self._lost = None
         return hold
-
-    def _observe(self, belief: GripBelief, pose: Pose, age: float, since: float) -> None:
-        """Update the belief with a pose, `since` [s] after the last; test for slip and swings."""
-        belief.observe(pose, age)
-        self._look_for_swings(belief, since)
-        self._since = 0.0
-        walked = f'the object moved by {1e3 * belief.walk.length:.0f} mm against the members'
-        if belief.jump:
-            self._slipped = belief.walk.length
-        elif belief.walk.length < 0.5 * self._slipped:
-            self._slipped = 0.0
-        if self.fault is not None:
-            return
-        if belief.jump > JUMP_LENGTH:
-            self._fail(GripFault.NOT_HELD, walked)
-        elif belief.slipped:
-            self._fail(GripFault.SLIPPED, walked)
-
-    def _fail(self, fault: GripFault, why: str) -> None:
-        """Store a fault of the grip, which remains until it is cleared."""
-        self.fault, self._why = fault, why
 
     def _choose_gains(self, belief: GripBelief) -> None:
         """Choose the gains from the settings, or else from the natural frequency."""
         settings, differentiated = self.settings, belief.differentiated
-        if differentiated is not self._tuned:
-            self._tuned, self._natural = differentiated, lowest_frequency(differentiated)
-        self.frequency = settings.frequency or self._natural
+        if differentiated is not self._tuned[0]:
+            self._tuned = differentiated, lowest_frequency(differentiated)
+        self.frequency = settings.frequency or self._tuned[1]
         gain = settings.pose_gain or choose_gain(self.frequency)
         self.gains = gains_of(self._softening * gain)
-
-    def _look_for_swings(self, belief: GripBelief, since: float) -> None:
-        """At an oscillation, latch a fault until `REST_TIME` has passed, and halve the gain."""
-        even = np.array([1.0, 1.0, belief.grasp.arm])
-        travel = since * float(np.linalg.norm(even * self._velocity))
-        if self.fault is GripFault.OSCILLATES and self._rest == 0.0:
-            self.fault = None
-            self._swings.forget()
-        swings = self._swings.update(belief.correction, belief.noise.deviation, since, travel)
-        if self.fault is None and swings:
-            self.fault = GripFault.OSCILLATES
-            self._rest, self._softening = REST_TIME, 0.5 * self._softening
 
 
 def _solve_within_limits(wanted: Array, opening: float, solve: Solve) -> RollerCommand:
@@ -338,7 +261,7 @@ def _solve_within_limits(wanted: Array, opening: float, solve: Solve) -> RollerC
     if not Status.SLOWED_ROLLER_SPEED <= command.status <= Status.SLOWED_BARRIER:
         return command
     for scale in (command.scale, 0.0):
-        found = solve(scale * wanted, opening)
-        if found.scale >= 1.0:
+        slower = solve(scale * wanted, opening)
+        if slower.scale >= 1.0:
             break
-    return replace(found, scale=scale, status=command.status, limiting=command.limiting)
+    return replace(slower, scale=scale, status=command.status, limiting=command.limiting)

@@ -13,41 +13,31 @@ measurement have no influence, so motion can resume from any state of robot and 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
-import importlib
 from typing import Any
 
 from isotruss_ros.core.errors import IsotrussError
 from isotruss_ros.core.holding.held_grip import HoldStatus
 from isotruss_ros.core.inputs import (
-    CommandHistory,
     fresh_pressures,
     InputError,
-    LatestInputs,
     require_fresh,
     StampedInput,
-    Timeline,
 )
-from isotruss_ros.core.kinematics.configuration import Configuration, ConfigurationTracker
-from isotruss_ros.core.kinematics.robot import Robot
+from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.acceleration import limit_acceleration, limit_change
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.manipulation.limit_handling import LimitHandling, LOOP_SOFT_RANK
-from isotruss_ros.core.manipulation.limits import default_limits, Limit, stack_rows
+from isotruss_ros.core.manipulation.limits import Limit, stack_rows
 from isotruss_ros.core.manipulation.rolling_grip import roll_object
-from isotruss_ros.core.manipulation.solve_joint_velocity import check_joint, solve_joint_velocity
+from isotruss_ros.core.manipulation.solve_joint_velocity import solve_joint_velocity
 from isotruss_ros.core.manipulation.solve_twist import solve_twist
 from isotruss_ros.core.manipulation.status import RollerCommand, Status
-from isotruss_ros.core.manipulation.task import working_rollers
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
-from isotruss_ros.core.safety.roller_failure import FailureDetector
-from isotruss_ros.core.safety.shape_guard import ShapeGuard
-from isotruss_ros.core.servo.check_input import check_input
 from isotruss_ros.core.servo.decision import Decision, describe, halt_for, HaltError
-from isotruss_ros.core.servo.servo_settings import ServoSettings
+from isotruss_ros.core.servo.servo_state import ServoState
 from isotruss_ros.core.servo.squeeze_control import SqueezeControl
 import numpy as np
 
@@ -59,7 +49,7 @@ AT_REST = (Status.HALT_NO_TWIST, Status.HALT_INVALID_TWIST, Status.HALT_EMERGENC
 DETECTION_PERIOD = 0.02
 
 
-class TwistServo:
+class TwistServo(ServoState):
     """
     Control loop from twists to roller commands: settings, latest inputs and state.
 
@@ -73,75 +63,10 @@ class TwistServo:
     :raises GraspError: the robot has no such joint.
     """
 
-    def __init__(
-        self, robot: Robot, settings: ServoSettings, inputs: LatestInputs | None = None
-    ) -> None:
-        self.robot, self.inputs = robot, inputs or LatestInputs()
-        self.detector = FailureDetector(robot.roller_names, settings.failure_time)
-        self.squeeze: SqueezeControl | None = None
-        self._history = CommandHistory(len(robot.roller_names))
-        self._regulated: float | None = None  # time of the last cycle of the squeeze control
-        self._poses = Timeline()  # last pose up to the time of the rollers, and the later ones
-        self._detected: float | None = None  # time of the roller state that was compared last
-        self._tracker = ConfigurationTracker(robot.home)
-        self.settings = settings
-        self.apply(settings)
-        # SciPy loads these parts at their first use, which must not be in a cycle.
-        for part in ('scipy.interpolate', 'scipy.optimize'):
-            importlib.import_module(part)
-
     @property
     def failed(self) -> frozenset[str]:
         """Return the names of failed rollers, which the client declared or which were detected."""
         return self.inputs.failed | self.detector.failed
-
-    def apply(self, settings: ServoSettings) -> None:
-        """
-        Replace the settings of the servo from the next cycle on.
-
-        If the joint changes, the last twist is discarded. If the failure time changes, the
-        detection of failures restarts; failures detected before remain. The squeeze control goes
-        on unless it has a fault.
-
-        :param settings: new settings.
-        :raises GraspError: the robot has no such joint; then the old settings remain.
-        """
-        if settings.joint is not None:
-            check_joint(self.robot, settings.joint)
-        if settings.joint != self.settings.joint:
-            self.inputs.twist = None
-            if self.squeeze is not None:
-                self.squeeze.acknowledge()
-        if settings.failure_time != self.detector.failure_time:
-            self.detector.failure_time = settings.failure_time
-            self.detector.reset(())
-        if settings.squeeze is None:
-            self.squeeze = None
-        elif self.squeeze is None or self.squeeze.fault is not None:
-            self.squeeze = SqueezeControl(settings.squeeze)
-        else:
-            self.squeeze.settings = settings.squeeze
-        self._limits = (*default_limits(self.robot), *settings.limits)
-        self._guard: ShapeGuard | None = None
-        if settings.bounds is not None:
-            self._guard = ShapeGuard(self.robot, settings.bounds, settings.barriers)
-        self.settings = settings
-
-    def receive(self, **inputs: Any) -> None:
-        """
-        Store new values of some inputs of the servo.
-
-        Invalid numbers are replaced by a rejection, which halts the rollers; see `check_input`.
-
-        :param inputs: new values; the keywords are the fields of `LatestInputs`.
-        :raises GraspError: a roller named as failed does not exist in the robot; then no input is
-            replaced.
-        """
-        if 'failed' in inputs:
-            inputs['failed'] = frozenset(inputs['failed'])
-            working_rollers(self.robot.topology, inputs['failed'])
-        for name, value in inputs.items():
-            setattr(self.inputs, name, check_input(self.robot, name, value))
 
     @single_threaded
     def decide(self, now: float) -> Decision:
@@ -152,9 +77,9 @@ class TwistServo:
 
         :param now: current time on the clock of the inputs [s].
         """
-        settings, received = self.settings, self.inputs
-        self._prepare(now)
-        twist, failed, squeeze = np.zeros(3), self.failed, self.squeeze
+        settings, received, squeeze = self.settings, self.inputs, self.squeeze
+        self._begin_cycle(now)
+        twist, failed = np.zeros(3), self.failed
         inputs: dict[str, Any] = {'twist': received.twist, 'joint_states': received.rollers}
         if settings.joint is None:
             inputs['object_pose'] = received.pose
@@ -164,13 +89,13 @@ class TwistServo:
             given, rollers, *pose = require_fresh(now, settings.timeout, **inputs)
             twist = np.asarray(given.value)
             command = self._solve(twist, rollers, pose, now, failed)
-            told = '' if command.status is Status.OK else describe(command, settings.joint is None)
-            message = '; '.join(filter(None, (told, squeeze and squeeze.note())))
+            ok = command.status is Status.OK
+            reason = '' if ok else describe(command, settings.joint is None)
+            message = '; '.join(filter(None, (reason, squeeze and squeeze.note())))
         except IsotrussError as error:
             status, message = halt_for(error), str(error)
-            if (
-                isinstance(error, InputError) and error.name != 'twist'
-            ):  # the twist is checked first
+            # The twist is checked first.
+            if isinstance(error, InputError) and error.name != 'twist':
                 twist = np.asarray(received.twist.value)  # type: ignore[union-attr]
             if squeeze is not None and status is Status.HALT_NO_GRASP:
                 squeeze.lose()
@@ -181,14 +106,15 @@ class TwistServo:
         self._history.record(now, command.roller_velocities)
         names = tuple(name for name in self.robot.roller_names if name in failed)
         decision = Decision(command, twist, message, names)
-        if squeeze is None or squeeze.grasp is None:
+        if squeeze is None or squeeze.belief is None:
             return decision
+        belief = squeeze.belief
         return replace(
             decision,
             frequency=squeeze.frequency or 0.0,
             pose_gain=squeeze.gains.pose,
-            squeeze=squeeze.squeeze,
-            pose_delay=squeeze.belief.delay,
+            squeeze=(belief.squeeze, belief.squeeze_deviation),
+            pose_delay=belief.delay,
         )
 
     def command(self, velocities: Array, now: float) -> Array:
@@ -201,7 +127,7 @@ class TwistServo:
         :param velocities: (r,) desired velocities [m/s]; zeros stop the rollers at once.
         :param now: current time on the clock of the inputs [s].
         """
-        self._prepare(now)
+        self._begin_cycle(now)
         last = np.zeros(len(velocities)) if self._history.last is None else self._history.last
         if velocities.any():
             velocities = limit_change(velocities, last, self._largest_change(now))
@@ -210,18 +136,13 @@ class TwistServo:
             self.squeeze.acknowledge()
         return velocities
 
-    def _prepare(self, now: float) -> None:
+    def _begin_cycle(self, now: float) -> None:
         """Discard old commands, and compare the remaining commands with the measured travel."""
         self._history.discard_old(now, self.settings.timeout + 2.0 * self.settings.period)
-        self._detect()
-
-    def _detect(self) -> None:
-        """Detect failed rollers from commanded and measured travel."""
-        rollers = self.inputs.rollers
+        rollers, before = self.inputs.rollers, self._detected
         if not isinstance(rollers, StampedInput):
             return
         state, time = rollers.value, rollers.time
-        before = self._detected
         if before is not None and 0.0 <= time - before < DETECTION_PERIOD:
             return
         commanded = np.zeros(len(state.positions))
@@ -246,24 +167,31 @@ class TwistServo:
         error.
         """
         config, grip, last = self._predict(rollers, pose, now, failed)
-        if grip is not None and self.squeeze is not None:
-            hold = self._follow(self.squeeze, config, grip, (rollers, *pose), now, gripped=True)
-            if self.squeeze.belief is not None:
-                grip = self.squeeze.belief.grip.moved_to(self.squeeze.belief.pose)
+        squeeze = None if grip is None else self.squeeze
+        if squeeze is not None:
+            hold = self._follow(squeeze, config, grip, (rollers, *pose), now, gripped=True)
+            if squeeze.belief is None:
+                reasons = f'the object is not held: {hold.value}', squeeze.note()
+                raise HaltError(Status.HALT_NOT_HELD, '; '.join(filter(None, reasons)))
+            grip = squeeze.belief.grip.moved_to(squeeze.belief.pose)
         watch = None if self._guard is None else self._guard.watch(config, grip)
         period = self.settings.period
         limits = self._limits if watch is None else (*self._limits, *watch.limits)
         handling = LimitHandling(self.settings.slide_along_limits, period, LOOP_SOFT_RANK)
 
-        def solve(grip: Grip, twist: Array, opening_rate: float = 0.0) -> RollerCommand:
-            return solve_twist(config, grip, twist, failed, limits, handling, opening_rate)
-
         if grip is None:
             command = self._solve_joint(config, twist, failed, limits, handling)
-        elif self.squeeze is None:
-            command = solve(grip, twist)
+        elif squeeze is None:
+            command = solve_twist(config, grip, twist, failed, limits, handling)
         else:
-            command = self._regulate(self.squeeze, hold, twist, solve)
+            contacts = squeeze.belief.grip
+            command = squeeze.solve(
+                twist,
+                period,
+                lambda twist, opening_rate: solve_twist(
+                    config, contacts, twist, failed, limits, handling, opening_rate
+                ),
+            )
         asked = command
         if command.status < Status.HALT_NO_TWIST:
             change = self._largest_change(now)
@@ -273,16 +201,15 @@ class TwistServo:
             )
         if watch is not None:
             command = watch.keep(command, last, period)
-        if grip is not None and self.squeeze is not None:
-            missing = asked.achieved_twist - command.achieved_twist
-            self.squeeze.advance(twist, asked, missing)
+        if squeeze is not None:
+            squeeze.advance(twist, asked, asked.achieved_twist - command.achieved_twist)
         return command
 
     def _largest_change(self, now: float) -> float:
         """Return the largest change of a roller's velocity since the last command [m/s]."""
         # A cycle may be early; a late cycle may change its command by more.
-        largest = self.robot.description.max_acceleration
-        return largest * max(self._history.elapsed(now), self.settings.period)
+        elapsed = max(self._history.elapsed(now), self.settings.period)
+        return self.robot.description.max_acceleration * elapsed
 
     def _solve_joint(
         self,
@@ -299,8 +226,8 @@ class TwistServo:
                 f'twist with {twist[2]:.4g} rad/s: a joint has no orientation; must be 0',
             )
         velocities = {self.settings.joint: twist[:2]}
-        found = solve_joint_velocity(config, velocities, failed, limits, handling)
-        return replace(found, achieved_twist=np.append(found.achieved_twist, 0.0))
+        command = solve_joint_velocity(config, velocities, failed, limits, handling)
+        return replace(command, achieved_twist=np.append(command.achieved_twist, 0.0))
 
     def _predict(
         self,
@@ -325,11 +252,9 @@ class TwistServo:
 
     def _watch(self, squeeze: SqueezeControl, status: Status, now: float) -> None:
         """Update the belief of the grip while the object rests; discard it on invalid inputs."""
-        before = self._regulated
-        if before is not None and 0.0 <= now - before < WATCH_PERIOD:
-            squeeze.rest()
+        squeeze.rest()
+        if self._regulated is not None and 0.0 <= now - self._regulated < WATCH_PERIOD:
             return
-        self._regulated = now
         try:
             if status not in AT_REST or self.settings.joint is not None:
                 raise HaltError(status, 'the pose of the object is unknown')
@@ -340,13 +265,10 @@ class TwistServo:
                 object_pose=self.inputs.pose,
             )
             config, grip, _ = self._predict(rollers, [pose], now, self.failed)
-            self._regulated, known = before, squeeze.fault
+            fault = squeeze.fault
             self._follow(squeeze, config, grip, (rollers, pose), now)
-            if (
-                known is None and squeeze.fault is not None
-            ):  # the object was removed while it was at rest
+            if fault is None and squeeze.fault is not None:  # the object was removed at rest
                 squeeze.acknowledge()
-            squeeze.rest()
         except IsotrussError:
             squeeze.reset()
 
@@ -378,22 +300,5 @@ class TwistServo:
         self._poses.discard_before(rollers.time)
         time, measured = self._poses.first
         middle = now + 0.5 * settings.period
-        here = settings.grip.moved_to(grip.body.pose)
-        sample, travel = (
-            (measured, middle - time),
-            (rollers.value.positions, middle - rollers.time),
-        )
-        return squeeze.follow(config, here, elapsed, sample, gripped, travel)
-
-    def _regulate(
-        self,
-        squeeze: SqueezeControl,
-        hold: HoldStatus,
-        twist: Array,
-        solve: Callable[..., RollerCommand],
-    ) -> RollerCommand:
-        """Return the command that executes a twist and controls the squeeze."""
-        if squeeze.grasp is None or (hold is not HoldStatus.HELD and squeeze.fault is None):
-            why = f'the object is not held: {hold.value}'
-            raise HaltError(Status.HALT_NOT_HELD, '; '.join(filter(None, (why, squeeze.note()))))
-        return squeeze.solve(twist, self.settings.period, partial(solve, squeeze.belief.grip))
+        travel = rollers.value.positions, middle - rollers.time
+        return squeeze.follow(config, grip, elapsed, (measured, middle - time), gripped, travel)

@@ -168,7 +168,7 @@ class Manipulation(ManagedNode):
             return 'the grip has no fault'
         fault = squeeze.fault
         squeeze.acknowledge()
-        return f'resumed after {fault.value}'
+        return f'resumed after {fault}'
 
     def _discard_twist(self) -> None:
         """Discard the last twist and queued twists, so that only a new twist moves the object."""

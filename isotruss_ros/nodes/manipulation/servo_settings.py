@@ -15,7 +15,6 @@ from isotruss_ros.core.holding.grip_record import GripRecord
 from isotruss_ros.core.safety.roller_failure import FAILURE_TIME
 from isotruss_ros.core.safety.shape_guard import ShapeBounds
 from isotruss_ros.core.servo.decision import Decision
-from isotruss_ros.core.servo.grip_faults import GripFault
 from isotruss_ros.core.servo.servo_settings import ServoSettings, SqueezeSettings
 from isotruss_ros.core.servo.squeeze_control import SqueezeControl
 from isotruss_ros.nodes.conversions.messages import HELD_VALUES, make_header, to_twist_message
@@ -174,7 +173,7 @@ class StatusReport:
         """
         fault = None if control is None else control.fault
         belief = None if control is None or fault is not None else control.belief
-        held = False if fault is GripFault.NOT_HELD else True if belief is not None else None
+        held = False if fault is Status.HALT_NOT_HELD else True if belief is not None else None
         if not 0.0 <= now - self._told < GRIP_PERIOD:
             self._told = now
             record = None if belief is None else GripRecord.of(belief.grasp, belief.estimate)

@@ -121,7 +121,7 @@ def test_belief_of_a_held_object_is_kept_without_twists():
 def test_belief_begins_before_the_first_twist():
     made, positions, pose = held_servo()
     decide(made, positions, pose, NOW)
-    assert made.squeeze.grasp.pose == pytest.approx(pose, abs=1e-3)
+    assert made.squeeze.belief.grasp.pose == pytest.approx(pose, abs=1e-3)
 
 
 def test_repeated_readings_are_used_once():
@@ -148,7 +148,7 @@ def test_repeated_readings_are_used_once():
             assert servo.decide(now).command.status < Status.HALT_NO_TWIST
     assert 'slipped' not in often.squeeze.note()
     assert often.squeeze.belief.pose == pytest.approx(once.squeeze.belief.pose, abs=1e-7)
-    assert often.squeeze.squeeze == pytest.approx(once.squeeze.squeeze, abs=1e-5)
+    assert often.squeeze.belief.squeeze == pytest.approx(once.squeeze.belief.squeeze, abs=1e-5)
 
 
 def test_one_pose_that_keeps_no_contacts_is_no_loss(monkeypatch):

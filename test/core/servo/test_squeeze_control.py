@@ -60,7 +60,7 @@ def test_the_model_of_each_cycle_is_the_plant_in_its_configuration():
     loop.run((0.02, 0.02, -0.2), 0.2)
     last = loop.plant.config
     loop.run((0.0, 0.0, 0.0), PERIOD)
-    model = loop.control.grasp
+    model = loop.control.belief.grasp
     assert model.config is last
     there = roll_grip(loop.object.grasp, last)
     assert model.pose == pytest.approx(there.pose, abs=1e-7)
@@ -102,11 +102,12 @@ def test_deviation_of_the_squeeze_grows_with_that_of_the_zeros(deviation):
     loop = Loop()
     loop.run((0.0, 0.0, 0.0), 0.1)
     loop.control.take_offsets(np.zeros(6), deviation**2 * np.eye(6))
-    found, spread = loop.control.squeeze
+    belief = loop.control.belief
+    found, spread = belief.squeeze, belief.squeeze_deviation
     assert found == pytest.approx(loop.target, rel=0.01)
     assert (spread > 0.5 * found) == (deviation > 5e-3)
     loop.control.lose()
-    assert loop.control.squeeze is None
+    assert loop.control.belief is None
 
 
 @pytest.mark.parametrize(('zeros', 'reduced'), [(1e-3, True), (4e-2, False)])
@@ -123,7 +124,7 @@ def test_corrected_offsets_agree_with_attaching_again(size):
     loop.control.take_offsets(np.zeros(6), None)
     loop.run((0.0, 0.0, 0.0), 0.1)
     moved = size * np.array([0.3, -0.5, 0.2, -0.8, 0.4, 1.0])
-    belief, before = loop.control.belief, loop.control.grasp
+    belief, before = loop.control.belief, loop.control.belief.grasp
     loop.control.take_offsets(moved, None)
     config = before.config.moved_to(before.config.roller_positions + moved)
     grip = loop.grip.moved_to(loop.plant.object_pose)
@@ -277,10 +278,10 @@ def held_by(pressures, control=None):
 def test_model_uses_measured_pressures_from_the_start_and_in_motion():
     softer = (25e3, 30e3, 30e3)
     model = attach_grip(CONFIG, CYLINDER, tubes=TubeModel(pressure=softer), quick=True)
-    assert held_by(softer).grasp.squeeze == pytest.approx(model.squeeze, rel=1e-6)
+    assert held_by(softer).belief.grasp.squeeze == pytest.approx(model.squeeze, rel=1e-6)
     control = held_by(None)
-    assert control.grasp.squeeze > 1.01 * model.squeeze
+    assert control.belief.grasp.squeeze > 1.01 * model.squeeze
     held_by(softer, control)
-    assert control.grasp.tubes.pressure == softer
+    assert control.belief.grasp.tubes.pressure == softer
     # Softer, it presses less; its contacts stay.
-    assert control.grasp.squeeze == pytest.approx(model.squeeze, rel=2e-3)
+    assert control.belief.grasp.squeeze == pytest.approx(model.squeeze, rel=2e-3)

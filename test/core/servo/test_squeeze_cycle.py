@@ -13,7 +13,6 @@ from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.manipulation.status import RollerCommand
 from isotruss_ros.core.safety.usage_limits import UsageLimits
-from isotruss_ros.core.servo.grip_faults import GripFault
 from isotruss_ros.core.servo.squeeze_control import SqueezeControl, SqueezeSettings
 import numpy as np
 import pytest
@@ -98,7 +97,7 @@ def test_reference_moves_by_the_twist_without_the_part_that_limits_took_away():
 def test_opening_rate_follows_from_the_squeeze_error(missing, rate):
     """Five times what is missing in a second, at most 10 N/s, by the slope of the model."""
     control = controlled(missing)
-    slope = control.grasp.squeeze_stiffness()
+    slope = control.belief.grasp.squeeze_stiffness()
     _, opening_rate = asked_of(control, np.zeros(3), 0.02)
     assert opening_rate * slope == pytest.approx(rate, rel=1e-6)
 
@@ -127,7 +126,7 @@ def test_object_is_attached_again_at_the_mean_of_the_first_poses():
         grip = AT_REST.moved_to(Pose(*np.add(MODEL.pose, (0.0, 0.0, turned))))
         control.follow(CONFIG, grip, 0.01)
     assert control.fault is None
-    assert abs(control.grasp.pose.angle - MODEL.pose.angle) < 0.004
+    assert abs(control.belief.grasp.pose.angle - MODEL.pose.angle) < 0.004
 
 
 def test_the_slip_margin_does_not_rely_on_an_estimated_load():
@@ -194,11 +193,11 @@ def test_a_short_slip_is_reported_and_the_object_goes_on_as_held():
 
 
 def test_accumulated_correction_beyond_its_noise_is_a_slip():
-    assert slipped(0.04, 0.03)[0].fault is GripFault.SLIPPED
+    assert slipped(0.04, 0.03)[0].fault is Status.HALT_SLIPPED
 
 
 def test_a_long_jump_of_the_pose_is_a_loss():
-    assert slipped(0.1)[0].fault is GripFault.NOT_HELD
+    assert slipped(0.1)[0].fault is Status.HALT_NOT_HELD
 
 
 def test_a_slip_stays_until_a_client_acts():
@@ -207,7 +206,7 @@ def test_a_slip_stays_until_a_client_acts():
         control.follow(CONFIG, AT_REST, 0.02)
     control.reset()
     control.follow(CONFIG, off, 0.02)
-    assert control.fault is GripFault.SLIPPED
+    assert control.fault is Status.HALT_SLIPPED
     assert 'next step: resume the grip' in control.note()
     control.acknowledge()
     assert control.fault is None
@@ -235,7 +234,7 @@ def test_slipped_object_is_not_moved_while_the_squeeze_is_regulated():
 def test_an_object_that_is_lost_stays_not_held_until_a_client_acts():
     control = at_rest()
     control.lose()
-    assert control.fault is GripFault.NOT_HELD
+    assert control.fault is Status.HALT_NOT_HELD
     assert control.follow(CONFIG, AT_REST, 0.02) is HoldStatus.HELD
     command = control.solve(np.array([0.02, 0.0, 0.0]), 0.02, solve_at_rest)
     assert command.status is Status.HALT_NOT_HELD
@@ -297,7 +296,7 @@ def moved_part(left):
     held = Grip.at_module(CONFIG.robot, 'north/Z', MODEL.body, friction)
     assert control.follow(CONFIG, held, 0.0) is HoldStatus.HELD
     travel = 0.02 * solve_at_rest(np.array(twist), 0.0).roller_velocities
-    control.belief.usage.learn(control.grasp, -10.0, travel)
+    control.belief.usage.learn(control.belief.grasp, -10.0, travel)
     return control.solve(np.array(twist), 0.02, solve_at_rest).scale
 
 

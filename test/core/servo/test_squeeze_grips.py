@@ -68,7 +68,7 @@ def test_a_step_of_the_pose_by_new_contacts_is_not_fed_forward():
     """The box comes to lie on a face, and its pose changes by a step."""
     shape = Polygon([(-0.12, -0.1), (0.12, -0.1), (0.12, 0.1), (-0.12, 0.1)], 0.02)
     loop, drifts = loop_of(shape, 0.62, CORNER), [0.0]
-    while len(loop.control.grasp.contacts.members if loop.control.grasp else ()) < 3:
+    while len(loop.control.belief.grasp.contacts.members if loop.control.belief else ()) < 3:
         assert len(drifts) < 20
         loop.run((0.0, 0.0, -0.2), loop.period)
         drifts.append(np.abs(loop.control.belief.drift).max())

@@ -10,7 +10,6 @@ from isotruss_msgs.msg import ManipulationStatus, StateEstimate
 from isotruss_ros.core import Pose, Status
 from isotruss_ros.core.holding.contact_statics import ContactStatics
 from isotruss_ros.core.inputs import find_fresh
-from isotruss_ros.core.servo.grip_faults import GripFault
 from isotruss_ros.nodes.conversions.messages import make_header, to_pose_message
 from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
 from isotruss_ros.nodes.manipulation.node import Manipulation
@@ -114,7 +113,8 @@ def test_subscribers_drop_a_grip_that_has_ended():
 
 
 @pytest.mark.parametrize(
-    ('fault', 'step'), [(GripFault.SLIPPED, 'resume_grip'), (GripFault.NOT_HELD, 'pick_object')]
+    ('fault', 'step'),
+    [(Status.HALT_SLIPPED, 'resume_grip'), (Status.HALT_NOT_HELD, 'pick_object')],
 )
 def test_a_fault_of_the_grip_names_its_next_step_and_is_cleared_by_a_service(fault, step):
     with world(plant, squeezing()) as w:
@@ -123,8 +123,8 @@ def test_a_fault_of_the_grip_names_its_next_step_and_is_cleared_by_a_service(fau
             w.probe.send_twist((0.0, 0.0, 0.0))
 
         w.until_code(Status.OK, still)
-        w.nodes[2]._servo.squeeze._fail(fault, 'it was drawn')
-        status = w.until_code(fault.value, still)
+        w.nodes[2]._servo.squeeze.fail(fault, 'it was drawn')
+        status = w.until_code(fault, still)
         assert 'it was drawn; next step: ' in status.message
         assert step in status.message
         assert 'resumed' in w.call('resume_grip', Trigger.Request()).message
@@ -191,7 +191,7 @@ def test_pressures_from_before_a_clock_jump_are_not_used():
 
         w.until_code(ManipulationStatus.OK, still)
         w.spin(0.2, lambda: (still(), w.probe.send_pressures([30e3] * len(tubes))))
-        assert set(w.nodes[2]._servo.squeeze.grasp.tubes.pressure) == {30e3}
+        assert set(w.nodes[2]._servo.squeeze.belief.grasp.tubes.pressure) == {30e3}
         w.nodes[2]._clear_inputs()
         w.until_code(ManipulationStatus.HALT_INVALID_TUBE_PRESSURES, still)
         assert 'none since the clock jumped' in w.probe.last('status').message
@@ -221,7 +221,7 @@ def test_pressures_that_are_old_or_bad_halt_and_good_ones_go_on():
         w.until_code(ManipulationStatus.OK, still)
         w.until_code(ManipulationStatus.OK, lambda: send(30e3))
         w.spin(0.2, lambda: send(30e3))
-        assert set(w.nodes[2]._servo.squeeze.grasp.tubes.pressure) == {30e3}
+        assert set(w.nodes[2]._servo.squeeze.belief.grasp.tubes.pressure) == {30e3}
         w.until_code(ManipulationStatus.HALT_STALE_TUBE_PRESSURES, still)
         w.until_code(ManipulationStatus.OK, lambda: send(30e3))
         w.until_code(ManipulationStatus.HALT_INVALID_TUBE_PRESSURES, lambda: send(-1.0))

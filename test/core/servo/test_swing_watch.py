@@ -3,7 +3,7 @@
 
 """Oscillations of a held object: those that do not decay are detected."""
 
-from isotruss_ros.core.servo.grip_faults import SwingWatch
+from isotruss_ros.core.servo.swing_watch import SwingWatch
 import numpy as np
 import pytest
 

@@ -1,0 +1,93 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Settings, latest inputs and state of a servo from cycle to cycle."""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+from isotruss_ros.core.inputs import CommandHistory, LatestInputs, Timeline
+from isotruss_ros.core.kinematics.configuration import ConfigurationTracker
+from isotruss_ros.core.kinematics.robot import Robot
+from isotruss_ros.core.manipulation.limits import default_limits
+from isotruss_ros.core.manipulation.solve_joint_velocity import check_joint
+from isotruss_ros.core.manipulation.task import working_rollers
+from isotruss_ros.core.safety.roller_failure import FailureDetector
+from isotruss_ros.core.safety.shape_guard import ShapeGuard
+from isotruss_ros.core.servo.check_input import check_input
+from isotruss_ros.core.servo.servo_settings import ServoSettings
+from isotruss_ros.core.servo.squeeze_control import SqueezeControl
+
+
+class ServoState:
+    """
+    Settings, latest inputs and state of a servo.
+
+    The attributes and parameters are those of `TwistServo`.
+    """
+
+    def __init__(
+        self, robot: Robot, settings: ServoSettings, inputs: LatestInputs | None = None
+    ) -> None:
+        self.robot, self.settings, self.inputs = robot, settings, inputs or LatestInputs()
+        self.detector = FailureDetector(robot.roller_names, settings.failure_time)
+        self.squeeze: SqueezeControl | None = None
+        self._history = CommandHistory(len(robot.roller_names))
+        self._tracker = ConfigurationTracker(robot.home)
+        self._detected: float | None = None  # time of the roller state that was compared last
+        self._regulated: float | None = None  # time of the last cycle of the squeeze control
+        self._poses = Timeline()  # last pose up to the time of the rollers, and the later ones
+        self.apply(settings)
+        # SciPy loads these parts at their first use, which must not be in a cycle.
+        for part in ('scipy.interpolate', 'scipy.optimize'):
+            importlib.import_module(part)
+
+    def apply(self, settings: ServoSettings) -> None:
+        """
+        Replace the settings of the servo from the next cycle on.
+
+        If the joint changes, the last twist is discarded. If the failure time changes, the
+        detection of failures restarts; failures detected before remain. The squeeze control goes
+        on unless it has a fault.
+
+        :param settings: new settings.
+        :raises GraspError: the robot has no such joint; then the old settings remain.
+        """
+        if settings.joint is not None:
+            check_joint(self.robot, settings.joint)
+        if settings.joint != self.settings.joint:
+            self.inputs.twist = None
+            if self.squeeze is not None:
+                self.squeeze.acknowledge()
+        if settings.failure_time != self.detector.failure_time:
+            self.detector.failure_time = settings.failure_time
+            self.detector.reset(())
+        if settings.squeeze is None:
+            self.squeeze = None
+        elif self.squeeze is None or self.squeeze.fault is not None:
+            self.squeeze = SqueezeControl(settings.squeeze)
+        else:
+            self.squeeze.settings = settings.squeeze
+        self._limits = (*default_limits(self.robot), *settings.limits)
+        self._guard: ShapeGuard | None = None
+        if settings.bounds is not None:
+            self._guard = ShapeGuard(self.robot, settings.bounds, settings.barriers)
+        self.settings = settings
+
+    def receive(self, **inputs: Any) -> None:
+        """
+        Store new values of some inputs of the servo.
+
+        Invalid numbers are replaced by a rejection, which halts the rollers; see `check_input`.
+
+        :param inputs: new values; the keywords are the fields of `LatestInputs`.
+        :raises GraspError: a roller named as failed does not exist in the robot; then no input is
+            replaced.
+        """
+        if 'failed' in inputs:
+            inputs['failed'] = frozenset(inputs['failed'])
+            working_rollers(self.robot.topology, inputs['failed'])
+        for name, value in inputs.items():
+            setattr(self.inputs, name, check_input(self.robot, name, value))

@@ -1,0 +1,108 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Detection of oscillations of a held object."""
+
+from __future__ import annotations
+
+import math
+
+from isotruss_ros.core.estimation.grip_belief import MAX_DEVIATIONS
+from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.servo.loop_gains import DEFAULT_GAIN, GAIN_SHARE
+import numpy as np
+
+#: Smallest difference between a maximum and a minimum of the pose, without the part by roller
+#: travel, that counts as an oscillation [m]; noise of the measured pose may increase it. With the
+#: part by roller travel, the object then swings by some 2 mm.
+MIN_SWING = 0.0015
+#: The same, relative to the commanded travel since the last extremum [-]. Client-driven motion
+#: with the frequency w bends the tubes by (w / omega)^2 of its amplitude, which is less for
+#: motions slower than omega / 2.
+TRAVEL_SHARE = 0.25
+#: Lowest natural frequency omega that the default gain assumes [rad/s].
+DEFAULT_FREQUENCY = DEFAULT_GAIN / GAIN_SHARE
+#: Longest half period of an oscillation, in units of pi / omega [-], and in seconds. The gain for
+#: omega makes an object swing whose true frequency is below 0.46 omega, because it is heavier than
+#: in the model; in MuJoCo, with damping, below 0.23 omega. With a third of the first bound, such
+#: swings are not detected; with three times, slow drift of the estimates could count as a swing.
+MAX_SWING_PHASE, MAX_SWING_TIME = 5.5, 2.0 * math.pi / DEFAULT_FREQUENCY
+#: Smallest number of poses in a half period [-]; with fewer poses, a swing is not resolved.
+MIN_SWING_POSES = 3
+#: Number of successive half periods after which an oscillation is detected [-], and smallest ratio
+#: of their amplitudes [-].
+SWING_COUNT, MIN_SWING_RATIO = 3, 0.95
+
+
+class SwingWatch:
+    """
+    Detector of oscillations of a held object whose amplitude grows or stays constant.
+
+    :param frequency: lowest natural frequency of the held object; None if unknown [rad/s].
+    """
+
+    def __init__(self, frequency: float | None = None) -> None:
+        # Noise is faster than a growing oscillation, which is the lowest mode.
+        self._filter_time = 1.0 / (frequency or DEFAULT_FREQUENCY)
+        self._longest = min(MAX_SWING_PHASE * math.pi * self._filter_time, MAX_SWING_TIME)
+        self._pose = np.zeros(3)
+        self.forget()
+
+    def forget(self) -> None:
+        """Restart the detection of oscillations without past poses."""
+        self._swings = tuple(_Swings(self._longest) for _ in range(3))
+
+    def update(self, pose: Array, noise: float, elapsed: float, travel: float = 0.0) -> bool:
+        """
+        Add an estimated pose; return whether there is an oscillation without decay.
+
+        :param pose: (3,) estimated pose minus the pose by roller travel alone, rotations times the
+            characteristic radius [m]. Missing control cycles do not change it.
+        :param noise: standard deviation of the measured pose [m].
+        :param elapsed: time since the previous pose [s].
+        :param travel: commanded travel since the previous pose [m].
+        """
+        passed = -math.expm1(-elapsed / self._filter_time)
+        self._pose = self._pose + passed * (pose - self._pose)
+        least = max(MIN_SWING, MAX_DEVIATIONS * noise)
+        pairs = zip(self._swings, self._pose.tolist(), strict=True)
+        growing = [swings.update(value, elapsed, least, travel) for swings, value in pairs]
+        return any(growing)
+
+
+class _Swings:
+    """
+    Successive maxima and minima of one signal.
+
+    :param longest: longest time between a maximum and the next minimum of an oscillation [s].
+    """
+
+    def __init__(self, longest: float) -> None:
+        self._longest = longest
+        self._extreme = self._turned = math.nan
+        self._rising, self._age, self._travel, self._poses = True, 0.0, 0.0, 0
+        self._sizes: list[float] = []
+
+    def update(self, value: float, elapsed: float, least: float, travel: float) -> bool:
+        """Add a value of the signal; return whether its oscillation does not decay."""
+        if math.isnan(self._extreme):
+            self._extreme = self._turned = value
+        self._age += elapsed
+        self._travel += travel
+        self._poses += 1
+        sign = 1.0 if self._rising else -1.0
+        if sign * (value - self._extreme) >= 0.0:
+            self._extreme = value
+        elif sign * (self._extreme - value) > max(least, TRAVEL_SHARE * self._travel):
+            if self._age > self._longest or self._poses < MIN_SWING_POSES:
+                self._sizes.clear()
+            self._sizes.append(abs(self._extreme - self._turned))
+            self._turned, self._extreme = self._extreme, value
+            self._rising, self._age = not self._rising, 0.0
+            self._travel, self._poses = 0.0, 0
+            last = self._sizes[-SWING_COUNT:]
+            pairs = zip(last[1:], last, strict=False)
+            return len(last) == SWING_COUNT and all(
+                size >= MIN_SWING_RATIO * old for size, old in pairs
+            )
+        return False
