@@ -44,7 +44,7 @@ from isotruss_ros.core.kinematics.depths import member_lines
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.shapes import PLANNED_DEPTH
 from isotruss_ros.core.numerics.arrays import Array, Points
-from isotruss_ros.core.numerics.tolerances import MAX_NEWTON_ITERATIONS, MAX_SEARCH_STEPS, ROUNDING
+from isotruss_ros.core.numerics.tolerances import MAX_NEWTON_ITERATIONS, ROUNDING
 from isotruss_ros.core.statics.bent_tubes import BentTubes, FOLLOWED_MOTION, SETTLED_MOTION
 from isotruss_ros.core.statics.section import Pressure
 from isotruss_ros.core.statics.structure import Structure, structure_of
@@ -269,42 +269,38 @@ class ContactStatics:
         reach: float = SETTLED_MOTION,
     ) -> tuple[ContactStatics, ContactForces] | None:
         """
-        Solve for the equilibrium with tubes that are linearised about this equilibrium.
+        Solve for the equilibrium by Newton's method, with tubes linearised about the equilibrium.
 
-        :param steps: largest number of steps of Newton's method for each linearisation.
+        :param steps: largest number of steps of Newton's method.
         :param reach: the tubes are linearised again if a node has moved by more than this [m].
         :return: the equations with these tubes, and the equilibrium; None if it is not found.
         """
         statics, unknowns, indices, close = self, start, self.places, False
         tolerance = np.full(indices.size, LENGTH_TOLERANCE)
-        for _ in range(MAX_SEARCH_STEPS):
-            first = 0.0
-            for _ in range(steps):
-                residual, state = statics.equations(unknowns, wrench, conditions)
-                squeeze = np.abs(unknowns[indices.normal]).sum()
-                tolerance[indices.balance] = FORCE_TOLERANCE * squeeze
-                # For NaN the comparisons below are false, so NaN is not a solution.
-                error = float((np.abs(residual) / tolerance).max())
-                first = max(first, error)
-                near = error <= max(1.0, 0.01 * first)
-                loads, feet = state.loads, unknowns[indices.feet]
-                moved = statics.bent.distance(loads, feet) if near else 0.0
-                if error <= 1.0 or moved > reach:
-                    break
-                if (unknowns := statics._advance(state, residual)) is None:
+        for _ in range(steps):
+            residual, state = statics.equations(unknowns, wrench, conditions)
+            squeeze = np.abs(unknowns[indices.normal]).sum()
+            tolerance[indices.balance] = FORCE_TOLERANCE * squeeze
+            # For NaN the comparison is false, so NaN is not a solution.
+            solved, loads = bool((np.abs(residual) <= tolerance).all()), state.loads
+            if not solved:
+                if (advanced := statics._advance(state, residual)) is None:
                     return None
-            else:
-                return None
-            if np.abs(state.unknowns[indices.inclinations]).max() > MAX_INCLINATION:
-                return None
+                unknowns, loads = advanced, statics.loads(advanced)
+            feet = unknowns[indices.feet]
+            moved = statics.bent.distance(loads, feet)
             # Tubes are not modelled beyond the ends of their members, so these contacts converge
             # slowly.
             off = moved <= FOLLOWED_MOTION and not statics.are_on_members(feet)
-            if moved <= reach or close or off:
-                return statics, state
+            if off or (solved and (moved <= reach or close)):
+                inclined = np.abs(unknowns[indices.inclinations]).max()
+                return (statics, state) if inclined <= MAX_INCLINATION else None
             # In soft structures and the paper's model, nodes move by rounding.
             close = moved <= ROUNDING
-            statics = replace(statics, bent=statics.bent.update(loads, feet))
+            if not moved < statics.bent.lines.length.min():
+                return None  # the iteration diverges
+            if moved > reach:
+                statics = replace(statics, bent=statics.bent.update(loads, feet))
         return None
 
     def _advance(self, state: ContactForces, residual: Array) -> Array | None:
