@@ -96,7 +96,8 @@ class GraspGradient(
             return np.zeros((3, 3, self.parameters.size))
         grip = self.settled.equilibrium
         inverse = np.linalg.inv(grip.response.pose)
-        rates = -np.einsum('ia,apb,bj->ijp', inverse, self._response[:3], inverse)
+        response = self._changes[1][:, -3:]
+        rates = -np.einsum('ia,apb,bj->ijp', inverse, self._rates_of(response)[:3], inverse)
         rates[2] *= grip.arm
         return rates
 
@@ -125,30 +126,25 @@ class GraspGradient(
         """
         return self._margins[1]
 
-    @functools.cached_property
-    @single_threaded
-    def _response(self) -> Array:
-        """Return the derivatives (3 + 4k, p, 3) of the response to a wrench by the parameters."""
+    def _rates_of(self, response: Array) -> Array:
+        """Return the derivatives (3 + 4k, p, n) of n responses to wrenches by the parameters."""
         grip, (tubes, change) = self.settled.equilibrium, self._changes
-        return grip.respond(_response_rates(grip, tubes, change, change[:, -3:]))
+        return grip.respond(_response_rates(grip, tubes, change, response))
 
-    @functools.cached_property
-    @single_threaded
-    def _openings(self) -> Array:
-        """Return the derivatives (2k, p, e) of `GripResponse.opening` by the parameters."""
+    def _opening_rates(self, number: int) -> Array:
+        """Return the derivatives (2k, p) of one row of `GripResponse.opening`."""
         grip, (tubes, change) = self.settled.equilibrium, self._changes
         response, indices = grip.response, grip.state.places
-        opening_rates = _response_rates(grip, tubes, change, response.parted)
+        end, parted = int(response.ends[number]), response.parted[:, number]
+        right = _response_rates(grip, tubes, change, parted[:, None])[..., 0]
         # The unit gap is normal to the tube, and turns with the tube relative to the member.
-        ends, end_numbers = response.ends, np.arange(len(response.ends))
-        turned = grip.statics.bent.lines.axis[ends].conj() * grip.state.normals[ends] * 1j
-        turning = turned[:, None] * change[indices.inclinations][ends, :-3]
-        opening_rates[3 * ends, :, end_numbers] -= turning.real
-        opening_rates[3 * ends + 1, :, end_numbers] -= turning.imag
-        rates = grip.respond(opening_rates)[indices.forces]
-        tension = response.parted[indices.forces][ends, end_numbers]
-        ended = rates[ends, :, end_numbers].T
-        return -(rates + response.opening.T[:, None] * ended) / tension
+        turned = grip.statics.bent.lines.axis[end].conj() * grip.state.normals[end] * 1j
+        turning = turned * change[indices.inclinations][end, :-3]
+        right[3 * end] -= turning.real
+        right[3 * end + 1] -= turning.imag
+        rates = grip.respond(right)[indices.forces]
+        tension = parted[indices.forces][end]
+        return -(rates + np.outer(response.opening[number], rates[end])) / tension
 
     @functools.cached_property
     def _margins(self) -> tuple[Array, tuple[str, ...]]:
@@ -171,13 +167,16 @@ class GraspGradient(
         along, x, y = ways @ turn.T, turn[2, 1], -turn[2, 0]
         swung = -planes.slope[nearest, 2] * (x * ways[:, 0] + y * ways[:, 1])
         distance_rates = rows @ change[forces]
-        answer = np.einsum('apw,tw->atp', self._response[forces], along)
-        longer = np.einsum('ta,atp->tp', rows, answer) + np.outer(swung, change[2])
+        few = len(along) < 3
+        basis, shares = (along, np.eye(len(along))) if few else (np.eye(3), along)
+        response_rates = self._rates_of(self._changes[1][:, -3:] @ basis.T)[forces]
+        longer = np.einsum('ta,apn,tn->tp', rows, response_rates, shares)
+        longer += np.outer(swung, change[2])
         opened, planes_at = np.divmod(nearest, 2 * len(grip.members))
         for i in np.flatnonzero(opened).tolist():
             end = int(response.ends[opened[i] - 1])
             if np.count_nonzero(rows[i]) > 1:  # slip after this end has opened
-                more = planes.rows[planes_at[i]] @ self._openings[..., opened[i] - 1]
+                more = planes.rows[planes_at[i]] @ self._opening_rates(int(opened[i]) - 1)
                 distance_rates[i] += more * grip.state.forces[end]
                 longer[i] += more * (response.forces[end] @ along[i])
         column = self.parameters.friction
@@ -277,6 +276,7 @@ def _find_largest(values: Array) -> Indices:
     return np.flatnonzero(values >= largest - EQUALITY_TOLERANCE * abs(largest))
 
 
+@single_threaded
 def _response_rates(grip: HeldGrip, tubes: LoadedTubes, change: Array, response: Array) -> Array:
     """
     Return the products J' y (3 + 4k, p, n) of n responses y by p parameters (see this module).
