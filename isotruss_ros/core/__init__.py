@@ -11,6 +11,7 @@ Entry points: the names in `__all__`, the public API.
 Imports NumPy, SciPy, ruamel.yaml and jsonschema, no ROS.
 """
 
+from isotruss_ros.core.chance.uncertainty import Uncertainty
 from isotruss_ros.core.errors import IsotrussError
 from isotruss_ros.core.fixed_object.analyze_grasp import analyze_grasp
 from isotruss_ros.core.holding.grasp_gradient import grasp_gradient
@@ -68,6 +69,7 @@ __all__ = [
     'SimulatedRobot',
     'Status',
     'TwistServo',
+    'Uncertainty',
     'analyze_grasp',
     'deform',
     'grasp_gradient',

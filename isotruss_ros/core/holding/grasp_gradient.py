@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 import functools
+from typing import Any
 
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.grip_response import slip_planes
@@ -100,6 +101,10 @@ class GraspGradient(
         rates = -np.einsum('ia,apb,bj->ijp', inverse, self._rates_of(response)[:3], inverse)
         rates[2] *= grip.arm
         return rates
+
+    def chance(self, uncertainty: Any) -> Array:
+        """Return the derivatives (p + 1,) of the chance, see `Uncertainty.chance_gradient`."""
+        return uncertainty.chance_gradient(self)
 
     @property
     def slip_margin(self) -> Array:
@@ -214,7 +219,7 @@ def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
         )
     parameters = GraspParameters.of(grip.config)
     chosen = np.eye(parameters.size, parameters.size + 3)
-    tubes = LoadedTubes(grip, chosen, parameters, turns=_turn_dents(grip, chosen, parameters))
+    tubes = LoadedTubes(grip, chosen, parameters, turns=turn_dents(grip, chosen, parameters))
     state, indices = grip.state, grip.state.places
     change = -np.linalg.solve(state.jacobian, tubes.equation_rates())
     change[:, -3:] = grip.response.change
@@ -240,12 +245,12 @@ def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
     )
 
 
-def _turn_dents(grip: HeldGrip, chosen: Array, parameters: GraspParameters) -> Array:
+def turn_dents(grip: HeldGrip, chosen: Array, parameters: GraspParameters) -> Array:
     """Return the derivatives (k, p) of the angles in the object's frame of the dents' normals."""
     basis = grip.dent_basis
     if basis is None:  # straight tubes and the given pose
         return LoadedTubes(grip, chosen, parameters).spins - chosen[parameters.place][2]
-    tubes = LoadedTubes(basis, chosen, parameters, turns=_turn_dents(basis, chosen, parameters))
+    tubes = LoadedTubes(basis, chosen, parameters, turns=turn_dents(basis, chosen, parameters))
     change = -np.linalg.solve(basis.state.jacobian, tubes.equation_rates())
     return tubes.spins + change[basis.state.places.inclinations] - change[ANGLE]
 

@@ -168,6 +168,10 @@ class SettledGrasp(
             return self.lost.slip_margin
         return 0.0 if self.equilibrium is None else self.equilibrium.slip_margin(self.friction)
 
+    def chance(self, uncertainty: Any, **options: Any) -> Any:
+        """Return the `Chance` that the object is held, see `Uncertainty.chance`."""
+        return uncertainty.chance(self, **options)
+
     @property
     def slip_direction(self) -> Array:
         """

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import cmath
+from collections.abc import Mapping
 import copy
 from dataclasses import dataclass, field
 import math
@@ -39,6 +40,7 @@ class ConvexObject(Record, headline=('shape', 'pose', 'mass', 'center_of_mass', 
         the area.
     :ivar friction: coefficient of friction between this object and the tubes [-]; None: the
         coefficient given for the grasp is used.
+    :ivar uncertainty: standard deviations of parameters, see `Uncertainty`.
     :ivar center: origin of the object's frame in the robot frame, x + iy [m].
     :ivar turn: direction of the object's x axis in the robot frame, as cos + i sin of the angle.
     :ivar middle: centroid of the area in the robot frame, x + iy [m].
@@ -51,6 +53,7 @@ class ConvexObject(Record, headline=('shape', 'pose', 'mass', 'center_of_mass', 
     mass: float | None = None
     center_of_mass: tuple[float, float] | None = None
     friction: float | None = None
+    uncertainty: Mapping[str, float] | None = field(default=None, compare=False, repr=False)
     center: complex = field(init=False, repr=False, compare=False)
     turn: complex = field(init=False, repr=False, compare=False)
     middle: complex = field(init=False, repr=False, compare=False)

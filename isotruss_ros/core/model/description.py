@@ -57,6 +57,7 @@ class RobotDescription:
     :ivar damping_ratio: damping ratio of the vibration mode with the lowest frequency [-].
     :ivar calibration: block `calibration` of the file, with the standard deviations of roller
         offsets and stiffness.
+    :ivar uncertainty: block `uncertainty` of the file: standard deviations of parameters.
     """
 
     source: str
@@ -78,6 +79,7 @@ class RobotDescription:
     tube_mass: float = 0.1
     damping_ratio: float = 0.1
     calibration: Mapping[str, Any] = field(default_factory=dict)
+    uncertainty: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def braking_rate(self) -> float:

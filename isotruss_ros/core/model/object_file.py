@@ -10,6 +10,7 @@ Reading of objects from YAML, given as a file or as the text of a parameter.
     mass: 1.5                                 # optional, like the following keys
     center_of_mass: [0.15, 0.1]
     friction: 0.4
+    uncertainty: {friction: 0.05, size: 0.01}
 """
 
 from __future__ import annotations
@@ -24,13 +25,14 @@ from isotruss_ros.core.errors import GraspError, ObjectFileError, quote
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.ellipse import Ellipse
 from isotruss_ros.core.model.polygon import Polygon
+from isotruss_ros.core.model.robot_schema import find_faults
 from isotruss_ros.core.model.safe_yaml import parse_yaml, read_text
 from isotruss_ros.core.model.shapes import Disc
 
 #: Shape classes by name. Their fields are the keys; fields with a default are optional keys.
 SHAPES: dict[str, type] = {'disc': Disc, 'polygon': Polygon, 'ellipse': Ellipse}
 #: Optional keys of all shapes.
-OPTIONAL_KEYS = ('mass', 'center_of_mass', 'friction')
+OPTIONAL_KEYS = ('mass', 'center_of_mass', 'friction', 'uncertainty')
 
 
 def read_object(path_or_text: str | Path) -> ConvexObject:
@@ -81,6 +83,8 @@ def make_object(content: Any, source: str) -> ConvexObject:
             raise ObjectFileError(f'{source}: key {field.name!r} is missing; a {kind} needs it')
     sizes = {field.name: content[field.name] for field in size_fields if field.name in content}
     about = {key: content[key] for key in OPTIONAL_KEYS if key in content}
+    for fault in find_faults(content.get('uncertainty', {}), 'uncertainty'):
+        raise ObjectFileError(f'{source}: uncertainty: {fault}')
     try:
         return ConvexObject(SHAPES[kind](**sizes), **about)
     except GraspError as error:

@@ -66,6 +66,7 @@ def describe_robot(path: Path, content: Any) -> RobotDescription:
         # By default the rollers reach the largest speed in 0.1 s.
         max_acceleration=float(content['rollers'].get('max_acceleration', 10.0 * max_speed)),
         calibration=content.get('calibration', {}),
+        uncertainty=content.get('uncertainty', {}),
         **limits,
         **{
             name: float(content['tube'][key])

@@ -36,9 +36,14 @@ def check_form(path: Path, content: Any) -> None:
             for keys, key in _keys_that_are_not_text(content)
         ),
     )
-    errors = itertools.islice(_validator().iter_errors(content), MAX_COMPLAINTS + 1)
-    in_order = sorted(errors, key=lambda error: list(map(str, error.path)))
-    refuse_if_any(path, (line for error in in_order for line in _explain(error)))
+    refuse_if_any(path, find_faults(content))
+
+
+def find_faults(content: Any, block: str | None = None) -> Iterator[str]:
+    """Yield the faults in the form of a robot file, or of one of its blocks."""
+    errors = itertools.islice(_validator(block).iter_errors(content), MAX_COMPLAINTS + 1)
+    for error in sorted(errors, key=lambda error: list(map(str, error.path))):
+        yield from _explain(error)
 
 
 def refuse_if_any(path: Path, complaints: Iterable[str]) -> None:
@@ -58,12 +63,7 @@ def _is_number(_checker: jsonschema.TypeChecker, value: Any) -> bool:
 
 
 def _unique_texts(_validator: Any, wanted: bool, value: Any, _schema: Any) -> Iterator[Any]:
-    """
-    Yield an error for texts that occur more than once.
-
-    This replaces the check in jsonschema, whose computing time is quadratic in the length. Items
-    that are not texts are reported by another check.
-    """
+    """Yield an error for repeated texts; jsonschema's own check takes quadratic time."""
     texts = [item for item in value if isinstance(item, str)] if isinstance(value, list) else []
     if wanted and len(set(texts)) < len(texts):
         import jsonschema
@@ -103,14 +103,15 @@ def _schema() -> dict[str, Any]:
 
 
 @functools.cache
-def _validator() -> Any:
+def _validator(block: str | None) -> Any:
     # Imported on use: a seventh of the import time of the core.
     import jsonschema
 
     base = jsonschema.Draft7Validator
     checker = base.TYPE_CHECKER.redefine('number', _is_number)
     checks = {'uniqueItems': _unique_texts}
-    return jsonschema.validators.extend(base, checks, type_checker=checker)(_schema())
+    schema = _schema() if block is None else _schema()['properties'][block]
+    return jsonschema.validators.extend(base, checks, type_checker=checker)(schema)
 
 
 def _keys_that_are_not_text(value: Any, where: str = 'top level') -> Iterator[tuple[str, Any]]:

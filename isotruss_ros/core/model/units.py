@@ -36,11 +36,7 @@ def likely_unit(
     high: float,
     others: Mapping[str, tuple[float, float]] | None = None,
 ) -> str:
-    """
-    Return a clause that names the units in which a value would be within its range.
-
-    :return: clause, for example `; if it is in cm, it is 0.102 m`; empty if no unit is suitable.
-    """
+    """Return a clause such as `; if it is in cm, it is 0.102 m`, or none if no unit fits."""
     fitting = [
         f'if it is {form}, it is {float(f"{size * value + offset:.4g}"):g} {unit}'.rstrip()
         for form, (size, offset) in {**UNITS.get(unit, {}), **(others or {})}.items()

@@ -1,0 +1,9 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Probability that an object is held by a robot whose parameters are uncertain.
+
+Entry points: `uncertainty.Uncertainty`, `path_chance`.
+Imports `core.holding` and the layers below it.
+"""

@@ -1,0 +1,186 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Conditions under which an object is held, with their derivatives by the uncertain parameters.
+
+The parameters are those of `GraspParameters`, and as the last one the relative size of the object
+about its centroid. The condition of slip is mu - |T| / N > 0, whose derivatives vary much less
+with the parameters than those of the slip margin.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from isotruss_ros.core.chance.drawn_grips import scaled
+from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.holding.contact_search import depths_in_others
+from isotruss_ros.core.holding.contact_statics import find_dents
+from isotruss_ros.core.holding.grasp_gradient import turn_dents
+from isotruss_ros.core.holding.held_gradient import GraspParameters, LoadedTubes
+from isotruss_ros.core.holding.held_grip import HeldGrip, MAX_DISPLACEMENT, travel_rates
+from isotruss_ros.core.holding.pressed_contacts import ANGLE, contacts_at
+from isotruss_ros.core.kinematics.distances import collision_model
+from isotruss_ros.core.numerics.arrays import Array, Flags
+from isotruss_ros.core.numerics.tolerances import NEGLIGIBLE_SHARE
+from isotruss_ros.core.statics.bent_tubes import FOLLOWED_MOTION
+import numpy as np
+
+#: Name of the condition that contacts change while the object is held.
+OPENING = 'face opens at'
+
+
+class Criteria(NamedTuple):
+    """Values of c conditions, which are positive while the object is held."""
+
+    names: tuple[str, ...]  #: names of the violations
+    values: Array  #: (c,) values [- or N or m]
+    rates: Array  #: (c, p) derivatives by the parameters
+    #: (c,) true for the ends of faces, at which contacts may change while the object is held
+    at_ends: Flags
+
+    def chosen(self, indices: Array) -> Criteria:
+        """Return the criteria with given indices or a mask."""
+        names = tuple(np.array(self.names)[indices].tolist())
+        return Criteria(names, self.values[indices], self.rates[indices], self.at_ends[indices])
+
+    @classmethod
+    def joined(cls, criteria: list[Criteria]) -> Criteria:
+        """Return the criteria of several equilibria."""
+        names = sum((each.names for each in criteria), ())
+        arrays = zip(*(each[1:] for each in criteria), strict=True)
+        return cls(names, *map(np.concatenate, arrays))
+
+
+def rest_criteria(grip: HeldGrip, friction: float) -> tuple[Criteria, Array]:
+    """
+    Return the criteria of an equilibrium with unknown contact history.
+
+    :return: criteria, and the derivatives (k, p) of the rolling invariants.
+    """
+    if grip.tubes.paper_model:
+        raise GraspError('paper_model True: has no derivatives; must be False')
+    parameters = GraspParameters.of(grip.config)
+    chosen = np.eye(parameters.size, parameters.size + 1)
+    tubes = LoadedTubes(grip, chosen, parameters, turns=turn_dents(grip, chosen, parameters))
+    tubes.dents[:, -1] += _size_dents(grip)
+    rates = tubes.equation_rates()
+    rates[: grip.state.places.conditions.start, -1] += _size_rates(grip)
+    try:
+        change = -np.linalg.solve(grip.state.jacobian, rates)
+    except np.linalg.LinAlgError:
+        raise GraspError('the equilibrium is neutral: it must resist every motion') from None
+    rolling = grip.statics.rolling_rows(grip.state.unknowns, grip.state.normals)
+    criteria = Criteria.joined(
+        [_criteria(grip, friction, tubes, change), _near(grip, tubes, change)]
+    )
+    return criteria, rolling @ change + _rolled(grip, tubes)
+
+
+def carried_criteria(grip: HeldGrip, friction: float, anchors: Array) -> Criteria:
+    """
+    Return the criteria of an equilibrium to which the contacts have rolled.
+
+    :param anchors: (k, p) derivatives of the rolling invariants.
+    """
+    parameters = GraspParameters.of(grip.config)
+    chosen = np.eye(parameters.size, parameters.size + 1)
+    tubes = LoadedTubes(grip, chosen, parameters, reach=FOLLOWED_MOTION)
+    tubes.dents[:, -1] += _size_dents(grip)
+    rates = tubes.equation_rates(sticks=True)
+    conditions = grip.state.places.conditions
+    rates[: conditions.start, -1] += _size_rates(grip)
+    rates[conditions] = _rolled(grip, tubes) - anchors
+    change = grip.respond(rates)
+    if change is None:
+        raise GraspError('the equilibrium is neutral: it must resist every motion')
+    return _criteria(grip, friction, tubes, change)
+
+
+def _near(grip: HeldGrip, tubes: LoadedTubes, change: Array) -> Criteria:
+    """Return the conditions that the equilibrium is near the given pose."""
+    body, given, normals = grip.body, grip.statics.body, grip.state.normals
+    turned = 1j * normals[:, None] * (tubes.spins + change[grip.state.places.inclinations])
+    chord, swung = normals[0] - normals[-1], turned[0] - turned[-1]
+    axes = chord / abs(chord) * np.array([[1.0], [1.0j], [-1.0], [-1.0j]])
+    shift, moved = body.middle - given.middle, change[0] + 1j * change[1]
+    moved = moved + 1j * (body.middle - body.center) * change[ANGLE]
+    place = GraspParameters.of(grip.config).place
+    moved[place] -= 1.0, 1.0j, 1j * (given.middle - given.center)
+    # The axes turn with the chord.
+    moved = moved - 1j * (swung / chord).imag * shift
+    limit = MAX_DISPLACEMENT * grip.config.robot.description.tube_diameter
+    values = limit - (axes[:, 0].conj() * shift).real
+    rates = -(axes.conj() * moved).real
+    return Criteria(4 * ('far from the given pose',), values, rates, np.zeros(4, dtype=bool))
+
+
+def _rolled(grip: HeldGrip, tubes: LoadedTubes) -> Array:
+    """Return the derivatives (k, p) of the rolling invariants at constant unknowns."""
+    state, statics, contacts = grip.state, grip.statics, grip.contacts
+    rolling = statics.rolling_rows(state.unknowns, state.normals)
+    rates = rolling[:, state.places.inclinations] @ tubes.spins
+    travel = travel_rates(grip.config, contacts.members)
+    rates[:, : travel.shape[1]] += statics.sides[:, None] * travel
+    rates[:, -1] -= grip.body.shape.unroll(grip.angles, contacts.corners)
+    return rates
+
+
+def _size_rates(grip: HeldGrip) -> Array:
+    """Return the derivatives (3k + 3,) of touch and balance by the object's size; round tubes."""
+    state, body = grip.state, grip.body
+    points, _ = body.shape.surface_at(grip.contacts.corners, state.normals / body.turn)
+    grown = body.turn * (points - body.shape.centroid)
+    forces = (state.normal_forces + 1j * state.friction_forces) * state.normals
+    local = grown / grip.statics.bent.lines.axis
+    touch = np.column_stack([-local.real, -local.imag, np.zeros(len(local))])
+    torque = (grown.conj() * forces).imag.sum() / grip.arm
+    return np.concatenate([touch.ravel(), [0.0, 0.0, -torque]])
+
+
+def _size_dents(grip: HeldGrip) -> Array:
+    """Return the derivatives (k,) of the dents' depths by the relative size of the object [m]."""
+    statics, contacts, pressed = grip.statics, grip.contacts, grip.state.normal_forces
+    basis = grip.dent_basis
+    normals = statics.straight_normals if basis is None else basis.state.normals
+    larger = scaled(statics.body if basis is None else basis.body, 1.0 + NEGLIGIBLE_SHARE)
+    contacts = contacts_at(larger.shape, contacts.members, contacts.corners, statics.tube_radius)
+    dents = find_dents(statics.bent.structure, larger, contacts, grip.tubes, normals)
+    return (dents(pressed)[0] - statics.dents(pressed)[0]) / NEGLIGIBLE_SHARE
+
+
+def _criteria(grip: HeldGrip, friction: float, tubes: LoadedTubes, change: Array) -> Criteria:
+    """Return the criteria for changes (3 + 4k, p) of the unknowns."""
+    indices, contacts, config = grip.state.places, grip.contacts, grip.config
+    touched, count = contacts.members[contacts.first], change.shape[1]
+    normal, presses = grip.normal_forces, contacts.sum_by_member(change[indices.normal])
+    rubs = contacts.sum_by_member(change[indices.friction])
+    needed = grip.friction_forces / normal
+    needs = (rubs - needed[:, None] * presses) / normal[:, None]
+    by_friction = np.eye(1, count, GraspParameters.of(config).friction)
+    used, utilised = tubes.utilisation(tubes.respond(change))
+    feet, slid, members = grip.state.feet, change[indices.feet], contacts.members
+    room, lengthened = grip.statics.bent.lines.length - feet, -slid
+    incidence = config.robot.topology.incidence[members]
+    lengthened[:, : incidence.shape[1]] += incidence
+    others, depths = depths_in_others(grip)
+    distances = collision_model(config.robot).body_distances(config, grip.body, others)
+    receding, by_rollers = distances[2] @ change[:3], distances[1] @ config.node_jacobian
+    receding[:, : by_rollers.shape[1]] += by_rollers
+    ends = np.flatnonzero(contacts.at_faces)
+    groups = [
+        ('slip at', touched, friction - needed, by_friction - needs),
+        ('slip at', touched, friction + needed, by_friction + needs),
+        ('no contact at', touched, normal, presses),
+        ('wrinkling of', np.arange(len(used)), 1.0 - used, -utilised),
+        ('contact beyond the start of', members, feet, slid),
+        ('contact beyond the end of', members, room, lengthened),
+        (OPENING, members[ends], grip.state.normal_forces[ends], change[indices.normal][ends]),
+        ('contact with', others, -depths, receding),
+    ]
+    names = config.robot.member_names
+    labels = [f'{what} {names[i]}' for what, where, *_ in groups for i in where.tolist()]
+    at_ends = np.concatenate([np.full(len(where), what is OPENING) for what, where, *_ in groups])
+    values, rates = (np.concatenate([group[i] for group in groups]) for i in (2, 3))
+    return Criteria(tuple(labels), values, rates, at_ends)

@@ -1,0 +1,237 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Probability that an object is held, against exact equilibria and against differences."""
+
+from dataclasses import replace
+from pathlib import Path
+
+from carries import make_robot, place
+from held_grips import APART, BOX
+from isotruss_ros import core
+from isotruss_ros.core.chance.criteria import rest_criteria
+from isotruss_ros.core.chance.drawn_grips import changed_grip
+from isotruss_ros.core.chance.failure import find_failure
+from isotruss_ros.core.errors import GraspError, ObjectFileError, RobotFileError
+from isotruss_ros.core.holding.settle_grasp import assess_equilibrium
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal
+
+HOME = core.load_robot('nine_member').home
+#: The robot after calibration, with a disc whose size and pose are known well.
+CALIBRATED = core.Uncertainty(stiffness=0.1, roller_offset=0.002, friction=0.08)
+PULL = (0.5, -0.4, 0.01)
+
+
+def settle(friction=0.8, wrench=PULL, depth=0.02, diameter=0.3):
+    """Return a disc in a corner of the robot at home."""
+    x, y = core.tangent_center(HOME, 'north/Z', diameter)
+    body = core.ConvexObject.disc((x + 0.002, y + depth), diameter)
+    return core.settle_grasp(HOME, body, friction, wrench)
+
+
+def settle_again(settled, change):
+    """Return a grasp with other parameters."""
+    grip = changed_grip(settled.equilibrium, change)
+    column = core.grasp_gradient(settled).parameters.friction
+    friction = max(settled.friction + change[column], 0.0)
+    return assess_equilibrium(grip.statics.body.pose, grip, friction)
+
+
+@pytest.mark.parametrize('name', ['disc 0.2 m', 'brick', 'box', 'three members'])
+def test_rates_of_criteria_are_those_of_exact_equilibria(name):
+    body, members = place(make_robot(), name, 0.5)
+    settled = core.settle_grasp(HOME, body, 0.8, (0.3, -0.2, 0.01), members=members)
+    grip = settled.equilibrium
+    criteria, _ = rest_criteria(grip, 0.8)
+    spread = np.sqrt(np.diag(core.Uncertainty(force=0.5, moment=0.05).covariance(grip)))
+    friction = core.grasp_gradient(settled).parameters.friction
+    for k, step in enumerate(1e-3 * np.maximum(spread, 1e-3)):
+        change = step * np.eye(len(spread))[k]
+        ahead, behind = (
+            rest_criteria(changed_grip(grip, way * change), 0.8 + way * change[friction])[0].values
+            for way in (1.0, -1.0)
+        )
+        near = [not text.startswith('contact with') for text in criteria.names]
+        rates = (ahead - behind)[near] / (2.0 * step)
+        scale = np.abs(criteria.values[near]) / max(spread[k], 1e-3)
+        assert np.abs(rates - criteria.rates[near, k]) == pytest.approx(
+            0.0, abs=1e-4 * scale.max()
+        )
+
+
+@pytest.mark.parametrize('correlation', [-0.9, 0.0, 0.7])
+def test_probability_of_two_violations_is_exact(correlation):
+    criteria, _ = rest_criteria(settle().equilibrium, 0.8)
+    covariance = np.array([[1.0, 2.0 * correlation], [2.0 * correlation, 4.0]])
+    two = criteria._replace(
+        values=np.array([1.2, 1.5]), rates=np.eye(2), at_ends=np.zeros(2, bool)
+    )
+    failure = find_failure(two, covariance)
+    both = multivariate_normal(cov=covariance).cdf([1.2, 1.5])
+    assert failure.probability == pytest.approx(1.0 - both, abs=1e-9)
+
+
+@pytest.mark.parametrize('seed', range(5))
+def test_probability_is_bounded_for_many_violations(seed):
+    rng = np.random.default_rng(seed)
+    rates, values = rng.standard_normal((5, 6)), rng.uniform(0.0, 5.0, 5)
+    criteria, _ = rest_criteria(settle().equilibrium, 0.8)
+    many = criteria._replace(
+        names=tuple('abcde'), values=values, rates=rates, at_ends=np.zeros(5, bool)
+    )
+    failure = find_failure(many, np.eye(6))
+    draws = rng.standard_normal((100_000, 6)) @ rates.T + values
+    frequency = 1.0 - (draws > 0.0).all(axis=1).mean()
+    assert frequency - 0.005 <= failure.probability <= 1.0
+    assert failure.probability >= (draws <= 0.0).mean(axis=0).max() - 0.005
+
+
+@pytest.mark.parametrize(
+    ('friction', 'uncertainty'),
+    [(0.65, core.Uncertainty()), (0.62, CALIBRATED), (0.8, core.Uncertainty(stiffness=0.5))],
+)
+def test_chance_is_the_frequency_of_held_draws(friction, uncertainty):
+    settled, rng = settle(friction), np.random.default_rng(0)
+    root = np.linalg.cholesky(uncertainty.covariance(settled.equilibrium) + 1e-18 * np.eye(18))
+    held = []
+    for _ in range(100):
+        try:
+            held.append(settle_again(settled, root @ rng.standard_normal(18)).held)
+        except GraspError:
+            held.append(False)
+    noise = np.std(held) / np.sqrt(len(held))
+    chance = settled.chance(uncertainty)
+    assert 0.1 < chance.probability < 0.99
+    assert chance.probability == pytest.approx(np.mean(held), abs=0.03 + 2.0 * noise)
+
+
+def test_samples_agree_with_first_order_and_repeat():
+    settled, shares = settle(0.66), []
+    first = settled.chance(CALIBRATED, samples=0)
+    drawn = settled.chance(CALIBRATED, samples=40, seed=1, on_progress=shares.append)
+    assert drawn.probability == pytest.approx(
+        first.probability, abs=0.02 + 3 * drawn.standard_error
+    )
+    assert 0.0 < drawn.standard_error < 0.07
+    assert shares == pytest.approx(np.arange(1, 41) / 40)
+    assert settled.chance(CALIBRATED, samples=40, seed=1) == drawn
+    assert settled.chance(CALIBRATED, samples=40, seed=2) != drawn
+
+
+def test_contacts_that_may_open_are_sampled():
+    whole_face = core.place_between(HOME, APART, BOX, 0.0, 0.01).body
+    box = core.settle_grasp(HOME, whole_face, 0.9, members=APART)
+    assert box.equilibrium.contacts.at_faces.any()
+    loose = core.Uncertainty(angle=0.1, moment=1.0)
+    assert box.chance(loose).method == 'samples'
+    assert settle().chance(loose).method == 'first order'
+
+
+def test_shares_name_the_quantity_that_matters_most():
+    chance = settle().chance(core.Uncertainty(friction=0.3, stiffness=0.01, roller_offset=1e-4))
+    assert chance.limit.startswith('slip at north/')
+    assert next(iter(chance.shares)) == 'friction'
+    assert chance.shares['friction'] > 0.95
+    assert sum(chance.shares.values()) == pytest.approx(1.0)
+
+
+def test_friction_alone_decides_by_its_normal_distribution():
+    certain = {
+        name: 0.0 for name in ('stiffness', 'pressure', 'position', 'angle', 'size', 'mass')
+    }
+    known = core.Uncertainty(friction=0.1, roller_offset=0.0, **certain)
+    settled = settle()
+    sigmas = (settled.friction - settled.required_friction) / 0.1
+    assert settled.chance(known).reliability == pytest.approx(sigmas)
+
+
+def test_without_uncertainty_the_chance_is_one_or_zero():
+    names = ('friction', 'stiffness', 'pressure', 'roller_offset', 'position', 'angle', 'size')
+    certain = core.Uncertainty(mass=0.0, **dict.fromkeys(names, 0.0))
+    assert settle(0.8).chance(certain).probability == 1.0
+    assert settle(0.2).chance(certain).probability == 0.0
+
+
+def test_without_equilibrium_the_chance_is_zero():
+    chance = settle(depth=-0.2).chance(core.Uncertainty())
+    assert (chance.probability, chance.method) == (0.0, 'no equilibrium')
+
+
+def test_opposite_offsets_of_a_belief_change_the_chance():
+    settled, count = settle(0.66), len(HOME.roller_positions)
+    by_rollers = core.grasp_gradient(settled).required_friction[:count]
+    along = by_rollers / np.linalg.norm(by_rollers)
+    chances = []
+    for direction in (along, np.linalg.svd(along[None])[2][1]):
+        covariance = 0.04**2 * np.outer(direction, direction)
+        given = replace(CALIBRATED, offset_covariance=covariance)
+        chances.append(settled.chance(given).shares['roller offsets'])
+    assert chances[0] > 0.1
+    assert chances[1] < 0.1 * chances[0]
+
+
+@pytest.mark.parametrize('uncertainty', [core.Uncertainty(), CALIBRATED])
+def test_gradient_of_the_chance_is_that_of_differences(uncertainty):
+    settled = settle(0.66)
+    gradient = core.grasp_gradient(settled).chance(uncertainty)
+    spread = np.sqrt(np.diag(uncertainty.covariance(settled.equilibrium)))
+    for k, unit in enumerate(np.maximum(spread, 1e-3)):
+        changes = 3e-3 * unit * np.array([1.0, -1.0, 2.0, -2.0])
+        ahead, behind, far_ahead, far_behind = (
+            settle_again(settled, change * np.eye(18)[k])
+            .chance(uncertainty, samples=0)
+            .probability
+            for change in changes
+        )
+        rate = (8.0 * (ahead - behind) - (far_ahead - far_behind)) / (12.0 * changes[0])
+        assert unit * gradient[k] == pytest.approx(unit * rate, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ('values', 'words'),
+    [
+        ({'friction': 5.0}, 'friction: 5.0: .*, from 0 to 2; if it is in percent, it is 0.05'),
+        ({'position': 3.0}, 'position: 3.0: must be .*, from 0 to 0.05; if it is in cm'),
+        ({'size': float('nan')}, 'size: nan: must be'),
+        ({'offset_covariance': -np.eye(6)}, 'offset_covariance .* eigenvalues'),
+    ],
+)
+def test_implausible_deviations_are_refused(values, words):
+    with pytest.raises(GraspError, match=words):
+        core.Uncertainty(**values)
+
+
+def test_covariance_of_another_robot_is_refused():
+    with pytest.raises(GraspError, match='a row for each of the 6 rollers'):
+        settle().chance(core.Uncertainty(offset_covariance=np.eye(2)))
+
+
+def test_samples_that_are_no_number_are_refused():
+    with pytest.raises(GraspError, match='samples -1: must be an integer, not negative'):
+        settle().chance(core.Uncertainty(), samples=-1)
+
+
+def test_files_describe_the_uncertainty(tmp_path):
+    known = {'stiffness_deviation': 0.05, 'zero_deviations': {'south/P': 0.001}}
+    block = {'friction': 0.2, 'stiffness': 0.06}
+    file = replace(HOME.robot.description, calibration=known, uncertainty=block)
+    robot = core.Robot(file)
+    body = core.read_object('{shape: disc, diameter: 0.3, uncertainty: {friction: 0.03}}')
+    read = core.Uncertainty.of(robot, body, '{size: 0.02}')
+    assert (read.friction, read.stiffness, read.size) == (0.03, 0.06, 0.02)
+    assert read.offset_covariance[0, 0] == pytest.approx(1e-6)
+    assert core.Uncertainty.of(robot, None, {'roller_offset': 0.003}).offset_covariance is None
+
+
+def test_files_with_implausible_uncertainty_are_refused(tmp_path):
+    with pytest.raises(ObjectFileError, match='uncertainty: position: 3: must be'):
+        core.read_object('{shape: disc, diameter: 0.3, uncertainty: {position: 3}}')
+    with pytest.raises(GraspError, match="unknown key 'frction'; did you mean friction"):
+        core.Uncertainty.of(HOME.robot, None, '{frction: 0.1}')
+    text = Path(HOME.robot.description.source).read_text(encoding='utf-8')
+    file = tmp_path / 'robot.yaml'
+    file.write_text(f'{text}\nuncertainty: {{friction: 5}}\n')
+    with pytest.raises(RobotFileError, match=r'uncertainty\.friction: 5: must be'):
+        core.load_robot(file)
