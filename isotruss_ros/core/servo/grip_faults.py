@@ -32,18 +32,21 @@ class GripFaults:
         acknowledges it; only the fault of an oscillation ends by itself.
     :ivar belief: estimated state of the grip; None without an equilibrium.
     :ivar gains: gains of the squeeze control.
+    :ivar swings: detector of oscillations, replaced with each new belief.
+    :ivar softening: factor on the gains after oscillations [-].
+    :ivar slipped: length of a slip after which the object is still held, otherwise 0 [m].
     """
 
     belief: GripBelief | None
     gains: LoopGains
-    _swings: SwingWatch
+    swings: SwingWatch
     _rest: float  # remaining time at rest after an oscillation [s]
-    _slipped: float  # length of a slip after which the object is still held [m]
+    slipped: float
 
     def acknowledge(self) -> None:
         """Clear the fault after a client has reacted to it."""
         self.fault: Status | None = None
-        self._softening, self._why = 1.0, ''
+        self.softening, self._why = 1.0, ''
 
     def fail(self, fault: Status, why: str) -> None:
         """Store a fault of the grip, unless there is one, and its cause."""
@@ -56,7 +59,7 @@ class GripFaults:
             return f'the object oscillates: the pose gain is reduced to {self.gains.pose:.3g} 1/s'
         if self.fault is not None:
             return f'{self._why}; next step: {NEXT_STEPS[self.fault]}'
-        notes = [f'slipped by {1e3 * self._slipped:.0f} mm, held'] if self._slipped else []
+        notes = [f'slipped by {1e3 * self.slipped:.0f} mm, held'] if self.slipped else []
         if self.belief is not None:
             squeeze, deviation = self.belief.squeeze, self.belief.squeeze_deviation
             if not is_squeeze_known(squeeze, deviation):
@@ -78,16 +81,16 @@ class GripFaults:
             self._rest -= elapsed
             if self._rest <= 0.0:
                 self.fault = None
-                self._swings.forget()
-        swings = self._swings.update(belief.correction, belief.noise.deviation, elapsed, travel)
+                self.swings.forget()
+        swings = self.swings.update(belief.correction, belief.noise.deviation, elapsed, travel)
         if self.fault is None and swings:
             self.fault = Status.HALT_OSCILLATES
-            self._rest, self._softening = REST_TIME, 0.5 * self._softening
+            self._rest, self.softening = REST_TIME, 0.5 * self.softening
         walked = belief.walk.length
         if belief.jump:
-            self._slipped = walked
-        elif walked < 0.5 * self._slipped:
-            self._slipped = 0.0
+            self.slipped = walked
+        elif walked < 0.5 * self.slipped:
+            self.slipped = 0.0
         cause = f'the object moved by {1e3 * walked:.0f} mm against the members'
         if belief.jump > JUMP_LENGTH:
             self.fail(Status.HALT_NOT_HELD, cause)

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import importlib
+import math
 from typing import Any
 
 from isotruss_ros.core.inputs import CommandHistory, LatestInputs, Timeline
@@ -36,7 +37,7 @@ class ServoState:
         self.squeeze: SqueezeControl | None = None
         self._history = CommandHistory(len(robot.roller_names))
         self._tracker = ConfigurationTracker(robot.home)
-        self._detected: float | None = None  # time of the roller state that was compared last
+        self._detected = math.nan  # time of the roller state that was compared last [s]
         self._regulated: float | None = None  # time of the last cycle of the squeeze control
         self._poses = Timeline()  # last pose up to the time of the rollers, and the later ones
         self.apply(settings)

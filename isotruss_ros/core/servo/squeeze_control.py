@@ -74,7 +74,7 @@ class SqueezeControl(GripFaults):
         self.belief: GripBelief | None = None
         self._lost: HoldStatus | None = None  # why the previous belief ended
         self._since = 0.0  # time since the last pose [s]
-        self._slipped = 0.0
+        self.slipped = 0.0
         self._start = BeliefStart()
         self.rest()
 
@@ -182,6 +182,9 @@ class SqueezeControl(GripFaults):
             return replace(solve(np.zeros(3), opening), scale=0.0, status=self.fault)
         twist, correction = np.asarray(twist), self._correction(belief, period)
         command = _solve_within_limits(twist + correction, opening, solve)
+        if command.status is Status.UNREACHABLE and not twist.any():
+            # The contacts do not admit the correction of the pose.
+            command = replace(command, status=Status.OK)
         free = belief.slip_margin - MIN_RELATIVE_MARGIN * belief.regulated_squeeze
         share = belief.usage.margin_share(command, period, free) if twist.any() else 1.0
         if share < 1.0:
@@ -239,7 +242,7 @@ class SqueezeControl(GripFaults):
             least = (1.0 - 2.0 * self.belief.settings.squeeze_error) * self.belief.squeeze
             self._excess = max(least - self.settings.force, 0.0)
             self._choose_gains(self.belief)
-            self._swings = SwingWatch(self.frequency)
+            self.swings = SwingWatch(self.frequency)
         elif self._lost is not None:
             self.fail(Status.HALT_NOT_HELD, f'not held: {self._lost.value}')
         self._lost = None
@@ -252,7 +255,7 @@ class SqueezeControl(GripFaults):
             self._tuned = differentiated, lowest_frequency(differentiated)
         self.frequency = settings.frequency or self._tuned[1]
         gain = settings.pose_gain or choose_gain(self.frequency)
-        self.gains = gains_of(self._softening * gain)
+        self.gains = gains_of(self.softening * gain)
 
 
 def _solve_within_limits(wanted: Array, opening: float, solve: Solve) -> RollerCommand:

@@ -50,7 +50,7 @@ class SwingWatch:
 
     def forget(self) -> None:
         """Restart the detection of oscillations without past poses."""
-        self._swings = tuple(_Swings(self._longest) for _ in range(3))
+        self._swings = tuple(Swings(self._longest) for _ in range(3))
 
     def update(self, pose: Array, noise: float, elapsed: float, travel: float = 0.0) -> bool:
         """
@@ -70,7 +70,7 @@ class SwingWatch:
         return any(growing)
 
 
-class _Swings:
+class Swings:
     """
     Successive maxima and minima of one signal.
 

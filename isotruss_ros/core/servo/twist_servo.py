@@ -86,7 +86,8 @@ class TwistServo(ServoState):
         try:
             if received.halt is not None:
                 raise HaltError(*received.halt)
-            given, rollers, *pose = require_fresh(now, settings.timeout, **inputs)
+            fresh = require_fresh(now, settings.timeout, **inputs)
+            given, rollers, pose = (*fresh, None)[:3]
             twist = np.asarray(given.value)
             command = self._solve(twist, rollers, pose, now, failed)
             ok = command.status is Status.OK
@@ -139,24 +140,25 @@ class TwistServo(ServoState):
     def _begin_cycle(self, now: float) -> None:
         """Discard old commands, and compare the remaining commands with the measured travel."""
         self._history.discard_old(now, self.settings.timeout + 2.0 * self.settings.period)
-        rollers, before = self.inputs.rollers, self._detected
+        rollers = self.inputs.rollers
         if not isinstance(rollers, StampedInput):
             return
-        state, time = rollers.value, rollers.time
-        if before is not None and 0.0 <= time - before < DETECTION_PERIOD:
+        elapsed = rollers.time - self._detected
+        if 0.0 <= elapsed < DETECTION_PERIOD:
             return
-        commanded = np.zeros(len(state.positions))
-        if before is not None and time > before:
-            commanded = self._history.travel(before, time, commanded) / (time - before)
-        self._detected = time
+        state, commanded = rollers.value, np.zeros(len(self.robot.roller_names))
+        if elapsed > 0.0:
+            travel = self._history.travel(self._detected, rollers.time, commanded)
+            commanded = travel / elapsed
+        self._detected = rollers.time
         # A correction of an offset is not travel of a roller.
-        self.detector.update(state.positions - state.offsets, time, commanded)
+        self.detector.update(state.positions - state.offsets, rollers.time, commanded)
 
     def _solve(
         self,
         twist: Array,
         rollers: StampedInput,
-        pose: Sequence[StampedInput],
+        pose: StampedInput | None,
         now: float,
         failed: frozenset[str],
     ) -> RollerCommand:
@@ -169,7 +171,7 @@ class TwistServo(ServoState):
         config, grip, last = self._predict(rollers, pose, now, failed)
         squeeze = None if grip is None else self.squeeze
         if squeeze is not None:
-            hold = self._follow(squeeze, config, grip, (rollers, *pose), now, gripped=True)
+            hold = self._follow(squeeze, config, grip, (rollers, pose), now, gripped=True)
             if squeeze.belief is None:
                 reasons = f'the object is not held: {hold.value}', squeeze.note()
                 raise HaltError(Status.HALT_NOT_HELD, '; '.join(filter(None, reasons)))
@@ -232,23 +234,23 @@ class TwistServo(ServoState):
     def _predict(
         self,
         rollers: StampedInput,
-        pose: Sequence[StampedInput],
+        pose: StampedInput | None,
         now: float,
         failed: frozenset[str],
     ) -> tuple[Configuration, Grip | None, Array]:
         """Return the predicted configuration and grip at mid-cycle, and the last command."""
         still = np.array([name in failed for name in self.robot.roller_names])
         before, travel, last = self._history.expected_travel(
-            rollers, (pose or [rollers])[0].time, now, 0.5 * self.settings.period, still
+            rollers, (pose or rollers).time, now, 0.5 * self.settings.period, still
         )
         measured, config = self._tracker.predict(rollers.value.positions, travel)
-        if not pose:
+        if pose is None:
             return config, None, last
         if self.squeeze is not None and self.squeeze.belief is not None:
             return config, self.squeeze.belief.grip, last
         # The object rolls from its measured pose, at the configuration of that time.
         start = measured.predict(before) if before.any() else measured
-        return config, roll_object(self.settings.grip.moved_to(pose[0].value), start, config), last
+        return config, roll_object(self.settings.grip.moved_to(pose.value), start, config), last
 
     def _watch(self, squeeze: SqueezeControl, status: Status, now: float) -> None:
         """Update the belief of the grip while the object rests; discard it on invalid inputs."""
@@ -264,7 +266,7 @@ class TwistServo(ServoState):
                 joint_states=self.inputs.rollers,
                 object_pose=self.inputs.pose,
             )
-            config, grip, _ = self._predict(rollers, [pose], now, self.failed)
+            config, grip, _ = self._predict(rollers, pose, now, self.failed)
             fault = squeeze.fault
             self._follow(squeeze, config, grip, (rollers, pose), now)
             if fault is None and squeeze.fault is not None:  # the object was removed at rest

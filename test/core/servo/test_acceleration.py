@@ -38,7 +38,7 @@ def heading(degrees, speed=0.05):
 CASES = [
     (module, first, slide, rate)
     for slide in (True, False)
-    for rate in (0.25, 2.0)
+    for rate in (2.0, 0.25)
     for module, first in (('north/Z', 110.0), ('north/R', 30.0), ('east/Q', 200.0))
 ]
 

@@ -128,7 +128,7 @@ def test_repeated_readings_are_used_once():
     """Each reading is handed over in five cycles, by the second servo as an equal new object."""
     (once, positions, pose), (often, _, _) = held_servo(), held_servo()
     period, rng, spread = 0.01, np.random.default_rng(0), 2e-3**2 * np.eye(len(positions))
-    for number in range(300):
+    for number in range(90):
         now = NOW + period * number
         if number % 5 == 0:
             seen, stamp = pose + rng.normal(size=3) * [1e-3, 1e-3, math.radians(0.5)], now
@@ -175,39 +175,6 @@ def test_a_lost_object_without_contacts_is_reported_by_the_belief():
     assert status is Status.HALT_NOT_HELD
 
 
-def test_a_loop_starved_of_processor_time_is_no_oscillation():
-    """
-    Cycles, readings and commands of an unloaded robot are late at random, at 30 of 100 Hz.
-
-    Its client moves it to and fro. The pose follows its reference as late as its commands.
-    """
-    rng, (config, body) = np.random.default_rng(0), gripped(35.0, squeeze=0.1)
-    held, tick, due, sent = ElasticObject(body, 0.5), 0.01, 0.0, []
-    plant = SimulatedRobot(config, held, RollerFaults())
-    plant.advance(0.0)
-    squeeze = SqueezeSettings(held.grasp.squeeze, max_utilisation=math.inf)
-    grip = Grip.at_module(config.robot, 'north/Z', body, 0.5)
-    servo = TwistServo(config.robot, ServoSettings(grip, tick, 0.5, squeeze=squeeze))
-    gain = servo.squeeze.gains.pose
-    for number in range(500):
-        now = tick * number
-        while sent and sent[0][0] <= now:
-            plant.command(sent.pop(0)[1])
-        if number == 0 or rng.random() < 0.3:
-            state = RollerState(plant.roller_positions, plant.roller_velocities)
-            servo.receive(
-                rollers=StampedInput(state, now), pose=StampedInput(plant.object_pose, now)
-            )
-        if now >= due:
-            due = now + min(rng.exponential(0.033), 0.3)
-            servo.receive(twist=StampedInput((0.05 * math.sin(math.pi * now), 0.0, 0.0), now))
-            command = servo.decide(now).command
-            assert command.status < Status.HALT_NO_TWIST
-            sent.append((now + rng.uniform(0.0, 0.15), command.roller_velocities))
-        plant.advance(tick)
-    assert servo.squeeze.gains.pose == gain
-
-
 def test_an_object_that_is_taken_away_at_rest_is_no_fault():
     made, positions, pose = held_servo()
     decide(made, positions, pose, NOW)
@@ -218,7 +185,7 @@ def test_an_object_that_is_taken_away_at_rest_is_no_fault():
 
 @pytest.mark.parametrize(
     ('rollers_late', 'pose_late', 'every'),
-    some_now([(5, 0, 1), (0, 5, 1), (0, 1, 2), (0, 0, 1), (1, 0, 1)], now=2),
+    some_now([(5, 0, 1), (0, 5, 1), (0, 1, 2), (0, 0, 1), (1, 0, 1)]),
 )
 def test_a_turn_by_rollers_that_follow_late_is_no_slip(rollers_late, pose_late, every):
     config, body = gripped(35.0, squeeze=0.1)

@@ -26,3 +26,12 @@ def growth(gain, damping, frequency=1.0):
 def test_gain_is_stable_for_a_frequency_wrong_by_a_factor_of_two(damping, wrong):
     gain = choose_gain(10.0)
     assert growth(gain, damping, wrong * 10.0) < 0.0
+
+
+def test_the_gain_for_an_unknown_frequency_is_stable_from_1_2_rad_per_s_on():
+    assert growth(choose_gain(None), 0.0, 1.2) < 0.0 < growth(choose_gain(None), 0.0, 1.0)
+
+
+def test_the_squeeze_has_the_gain_of_the_pose_up_to_5_per_s():
+    assert gains_of(4.0).squeeze == 4.0
+    assert gains_of(20.0).squeeze == 5.0

@@ -9,7 +9,9 @@ import math
 from grips import gripped, MASSLESS
 from isotruss_ros.core import Grip, HoldStatus, Pose, solve_twist, Status
 from isotruss_ros.core.holding.attach_grip import attach_grip
+from isotruss_ros.core.holding.held_shape import lowest_frequency
 from isotruss_ros.core.holding.roll_grip import roll_grip
+from isotruss_ros.core.inputs import StampedInput
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.manipulation.status import RollerCommand
 from isotruss_ros.core.safety.usage_limits import UsageLimits
@@ -254,7 +256,8 @@ def test_a_start_without_a_balance_is_not_held_until_there_is_one():
     assert control.follow(CONFIG, AT_REST, 0.02) is HoldStatus.HELD
 
 
-def test_limits_slow_the_twist_before_the_squeeze():
+@pytest.mark.parametrize('status', [Status.SLOWED_ROLLER_SPEED, Status.SLOWED_BARRIER])
+def test_limits_slow_the_twist_before_the_squeeze(status):
     control, speed = at_rest(1.0), 0.03
     opening = 5.0 / MODEL.squeeze_stiffness()
 
@@ -265,16 +268,33 @@ def test_limits_slow_the_twist_before_the_squeeze():
             command,
             roller_velocities=share * command.roller_velocities,
             scale=share,
-            status=Status.OK if share == 1.0 else Status.SLOWED_ROLLER_SPEED,
+            status=Status.OK if share == 1.0 else status,
         )
 
     alone = solve(np.zeros(3), opening)
     assert alone.scale == 1.0
     command = control.solve(np.array([0.05, 0.0, 0.0]), 0.02, solve)
     rows = grip_jacobian(CONFIG, AT_REST)
-    assert command.status is Status.SLOWED_ROLLER_SPEED
+    assert command.status is status
     assert command.scale < 0.5
     assert rows[3] @ command.roller_velocities == pytest.approx(opening, rel=0.02)
+
+
+def test_a_limit_that_admits_no_twist_leaves_the_squeeze():
+    control, calls = at_rest(1.0), []
+
+    def solve(twist, opening_rate):
+        calls.append((twist.any(), opening_rate))
+        command, slowed = solve_at_rest(twist, opening_rate), bool(twist.any())
+        status = Status.SLOWED_OBJECT if slowed else Status.OK
+        return replace(command, scale=0.5 if slowed else 1.0, status=status, limiting=('a',))
+
+    command = control.solve(np.array([0.05, 0.0, 0.0]), 0.02, solve)
+    assert [moving for moving, _ in calls] == [True, True, False]
+    assert len({opening_rate for _, opening_rate in calls}) == 1
+    assert (command.scale, command.status) == (0.0, Status.SLOWED_OBJECT)
+    assert command.limiting == ('a',)
+    assert command.roller_velocities.any()
 
 
 def test_slip_margin_decays_at_most_at_two_per_second():
@@ -289,20 +309,99 @@ def test_slip_margin_decays_at_most_at_two_per_second():
     assert usage.margin_share(back, period, 1.0) == 1.0
 
 
-def moved_part(left):
-    """Return the part of a twist that is carried out where so much of the squeeze is margin."""
+def test_an_unknown_squeeze_below_the_setting_is_increased():
+    control = at_rest(1.0, zero_deviation=4e-2)
+    _, opening_rate = asked_of(control, np.zeros(3), 0.02)
+    assert opening_rate * MODEL.squeeze_stiffness() == pytest.approx(5.0, rel=1e-6)
+
+
+def moved(left, error=0.0):
+    """Return the command for a twist where so much of the squeeze is margin."""
     friction = brentq(lambda mu: MODEL.slip_margin(mu) / MODEL.squeeze - left, 0.01, 2.0)
     control, twist = SqueezeControl(SqueezeSettings(MODEL.squeeze, **MASSLESS)), (0.02, 0.0, 0.0)
     held = Grip.at_module(CONFIG.robot, 'north/Z', MODEL.body, friction)
     assert control.follow(CONFIG, held, 0.0) is HoldStatus.HELD
     travel = 0.02 * solve_at_rest(np.array(twist), 0.0).roller_velocities
     control.belief.usage.learn(control.belief.grasp, -10.0, travel)
-    return control.solve(np.array(twist), 0.02, solve_at_rest).scale
+    control.reference = control.belief.regulated_pose + np.array([0.0, error, 0.0])
+    return control.solve(np.array(twist), 0.02, solve_at_rest)
 
 
 def test_slip_margin_stays_above_a_hundredth_of_the_squeeze():
-    assert moved_part(0.005) == 0.0
-    one, two = moved_part(0.02), moved_part(0.03)
+    assert moved(0.005).scale == 0.0
+    one, two = moved(0.02).scale, moved(0.03).scale
     assert 0.0 < one < 0.5
     # Twice as much is free then.
     assert two == pytest.approx(2.0 * one, rel=0.01)
+
+
+def test_a_low_slip_margin_slows_the_twist_and_not_the_correction_of_the_pose():
+    for left in (0.005, 0.02):
+        command = moved(left, error=1e-4)
+        assert command.status is Status.SLOWED_SLIP_MARGIN
+        assert command.limiting == ('the slip margin',)
+        expected = [0.02 * command.scale, 20.0 * 1e-4, 0.0]
+        assert command.achieved_twist == pytest.approx(expected, abs=1e-6)
+
+
+def test_faults_are_judged_by_the_time_between_poses_and_the_executed_twist(monkeypatch):
+    control, judged = at_rest(), []
+    monkeypatch.setattr(control, 'judge', lambda _, *given: judged.append(given))
+    control.advance((0.02, 0.0, 0.1), RollerCommand(None, None, 0.5, Status.OK))
+    for stamp in (0.0, 0.0, 0.0, 1.0, 1.0):
+        sample = StampedInput(MODEL.pose, stamp), 0.01
+        assert control.follow(CONFIG, AT_REST, 0.01, sample) is HoldStatus.HELD
+    assert [elapsed for elapsed, _ in judged] == pytest.approx([0.01, 0.03])
+    assert judged[0][1] == pytest.approx([0.01, 0.0, 0.05])
+
+
+def test_an_oscillating_object_stops_the_rollers_and_halves_the_gain():
+    control = at_rest(pose_gain=4.0, frequency=12.0)
+    for number in range(80):
+        away = 0.006 * math.sin(8.0 * 0.02 * number)
+        pose = Pose(*np.add(MODEL.pose, (0.0, away, 0.0)))
+        control.follow(CONFIG, AT_REST.moved_to(pose), 0.02)
+        if control.fault is not None:
+            break
+    command = control.solve(np.array([0.02, 0.0, 0.0]), 0.02, solve_at_rest)
+    assert (command.status, command.scale) == (Status.HALT_OSCILLATES, 0.0)
+    assert not command.roller_velocities.any()
+    control.follow(CONFIG, AT_REST, 0.02)
+    assert control.gains.pose == 2.0
+    assert control.note().endswith('reduced to 2 1/s')
+
+
+def test_gains_follow_from_the_settings_before_the_model():
+    heavy = AT_REST.moved_to(MODEL.pose)
+    heavy = replace(heavy, body=replace(heavy.body, mass=2.0))
+    gains = []
+    for settings in ({}, {'frequency': 8.0}, {'frequency': 8.0, 'pose_gain': 3.0}):
+        control = SqueezeControl(SqueezeSettings(MODEL.squeeze, **settings))
+        assert control.follow(CONFIG, heavy, 0.0) is HoldStatus.HELD
+        gains.append(control.gains.pose)
+    assert gains[1:] == [2.0, 3.0]
+    assert gains[0] == pytest.approx(0.25 * lowest_frequency(control.belief.grasp))
+
+
+def test_a_lost_balance_is_a_fault_unless_the_next_search_finds_another():
+    for grip, fault in (
+        (AT_REST, None),
+        (AT_REST.moved_to((5.0, 5.0, 0.0)), Status.HALT_NOT_HELD),
+    ):
+        control = at_rest()
+        assert control.follow(opened(), AT_REST, 0.02) is not HoldStatus.HELD
+        assert control.fault is control.belief is None
+        control.follow(CONFIG, grip, 0.02)
+        assert control.fault is fault
+        assert (control.belief is None) is (fault is not None)
+
+
+def test_a_loss_is_a_fault_of_an_object_that_was_held():
+    new = SqueezeControl(SqueezeSettings(20.0))
+    new.lose()
+    assert new.fault is None
+    lost = at_rest()
+    lost.follow(opened(), AT_REST, 0.02)
+    lost.lose()
+    assert lost.fault is Status.HALT_NOT_HELD
+    assert lost.note().startswith('the object is not between the members; next step: pick up')

@@ -6,7 +6,7 @@
 import math
 
 from held_grips import APART, BOX, HOME, numbers
-from isotruss_ros.core import Disc, Ellipse, Grip, place_between, Polygon, Pose
+from isotruss_ros.core import Disc, Ellipse, Grip, place_between, Polygon, Pose, Status
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.servo.squeeze_control import SqueezeControl, SqueezeSettings
 from nightly import some_now
@@ -62,6 +62,13 @@ def test_a_rising_target_closes_in_place(shape, angle, members, config):
     loop.run((0.0, 0.0, 0.0), 1.5)
     assert loop.object.grasp.squeeze == pytest.approx(loop.target, rel=5e-3)
     assert loop.errors[-1] < 2e-4
+
+
+def test_an_object_at_rest_on_a_face_is_not_told_as_unreachable():
+    shape = Polygon([(-0.08, -0.06), (0.08, -0.06), (0.08, 0.06), (-0.08, 0.06)], 0.02)
+    loop = loop_of(shape, 0.5, CORNER)
+    loop.run((0.0, 0.0, 0.0), 5 * loop.period)
+    assert set(loop.statuses) == {Status.OK}
 
 
 def test_a_step_of_the_pose_by_new_contacts_is_not_fed_forward():

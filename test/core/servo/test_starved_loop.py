@@ -1,0 +1,103 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A loop that is starved of processor time states no fault of the grip."""
+
+import math
+
+from held_grips import HOME, numbers
+from isotruss_ros.core import (
+    Disc,
+    ElasticObject,
+    Ellipse,
+    Grip,
+    place_between,
+    Polygon,
+    Pose,
+    RollerFaults,
+    SimulatedRobot,
+    Status,
+    TwistServo,
+)
+from isotruss_ros.core.holding.attach_grip import attach_grip
+from isotruss_ros.core.inputs import RollerState, StampedInput
+from isotruss_ros.core.servo.servo_settings import ServoSettings, SqueezeSettings
+from nightly import some_now
+import numpy as np
+import pytest
+
+MEMBERS = ('north/Z-R', 'north/P-Z')
+BOX = Polygon([(-0.08, -0.06), (0.08, -0.06), (0.08, 0.06), (-0.08, 0.06)], 0.02)
+TRIANGLE = Polygon([(0.13, 0.0), (-0.065, 0.113), (-0.065, -0.113)], 0.02)
+DISC, ELLIPSE = (Disc(0.3), 0.0, 0.02), (Ellipse((0.28, 0.22)), 1.0, 0.02)
+FACE, CORNERS, TURNED = (
+    (BOX, 0.5, 0.015),
+    (BOX, 0.0, 0.015),
+    (TRIANGLE, 1.0 + math.pi / 2.0, 0.015),
+)
+#: Time between two steps of the plant [s], and the period of the servo that it misses [s].
+TICK = PERIOD = 0.01
+RUNNING = {Status.OK, Status.IDLE, Status.ACCELERATING}
+
+
+def rest(_):
+    return 0.0, 0.0, 0.0
+
+
+def sway(now):
+    return 0.03 * math.sin(math.pi * now), 0.0, 0.0
+
+
+def turn(now):
+    return 0.0, 0.01, 0.1 * math.sin(2.0 * now)
+
+
+def starve(held, twist, duration=2.5, mean=0.033, noise=0.0, seed=0):
+    """
+    Run a servo whose cycles, readings and commands are late at random; return it and its notes.
+
+    :param held: shape, angle and indentation of the object.
+    :param mean: mean time between two cycles, at least 20 ms and at most 0.2 s [s].
+    """
+    rng, (shape, angle, depth) = np.random.default_rng(seed), held
+    grip = place_between(HOME, MEMBERS, shape, angle=angle, indentation=depth)
+    body = attach_grip(HOME, grip.body, numbers(MEMBERS)).body
+    plant_object = ElasticObject(body, 1.2)
+    plant = SimulatedRobot(HOME, plant_object, RollerFaults())
+    plant.advance(0.0)
+    force = plant_object.grasp.squeeze
+    squeeze = SqueezeSettings(force, max_utilisation=math.inf, zero_deviation=1e-3)
+    settings = ServoSettings(Grip(MEMBERS, body, 1.2), PERIOD, 0.5, squeeze=squeeze)
+    servo, sent, notes, due = TwistServo(HOME.robot, settings), [], set(), 0.0
+    for number in range(round(duration / TICK)):
+        now = TICK * number
+        while sent and sent[0][0] <= now:
+            plant.command(sent.pop(0)[1])
+        if number == 0 or rng.random() < 0.3:
+            state = RollerState(plant.roller_positions, plant.roller_velocities)
+            pose = Pose(*plant.object_pose + noise * rng.standard_normal(3) * (1.0, 1.0, 6.0))
+            servo.receive(rollers=StampedInput(state, now), pose=StampedInput(pose, now))
+        if now >= due:
+            due = now + min(0.02 + rng.exponential(mean - 0.02), 0.2)
+            servo.receive(twist=StampedInput(twist(now), now))
+            command = servo.decide(now).command
+            assert command.status in RUNNING, (now, str(command.status), servo.squeeze.note())
+            sent.append((now + rng.uniform(0.0, 0.15), command.roller_velocities))
+            notes.add(servo.squeeze.note())
+        plant.advance(TICK)
+    assert plant_object.dropped is None, plant_object.dropped
+    return servo, notes
+
+
+CASES = [(FACE, rest), (DISC, sway), (TURNED, turn), (ELLIPSE, sway), (CORNERS, turn)]
+MORE = [(held, twist) for held in (DISC, ELLIPSE, CORNERS, TURNED) for twist in (rest, sway, turn)]
+
+
+@pytest.mark.parametrize(('held', 'twist'), some_now([*CASES, *MORE], 3))
+@pytest.mark.parametrize(
+    ('mean', 'noise'), some_now([(0.033, 0.0), (0.1, 0.0), (0.033, 1e-3), (0.1, 1e-3)])
+)
+def test_a_loop_starved_of_processor_time_states_no_fault_of_the_grip(held, twist, mean, noise):
+    servo, notes = starve(held, twist, mean=mean, noise=noise)
+    assert notes == {''}
+    assert servo.squeeze.softening == 1.0
