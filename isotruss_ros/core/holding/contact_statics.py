@@ -289,17 +289,18 @@ class ContactStatics:
                 unknowns, loads = advanced, statics.loads(advanced)
             feet = unknowns[indices.feet]
             moved = statics.bent.distance(loads, feet)
+            near = moved <= reach or close
             # Tubes are not modelled beyond the ends of their members, so these contacts converge
             # slowly.
             off = moved <= FOLLOWED_MOTION and not statics.are_on_members(feet)
-            if off or (solved and (moved <= reach or close)):
+            if off or (solved and near):
                 inclined = np.abs(unknowns[indices.inclinations]).max()
                 return (statics, state) if inclined <= MAX_INCLINATION else None
-            # In soft structures and the paper's model, nodes move by rounding.
-            close = moved <= ROUNDING
             if not moved < statics.bent.lines.length.min():
                 return None  # the iteration diverges
-            if moved > reach:
+            if not near:
+                # In soft structures and the paper's model, nodes move by rounding.
+                close = moved <= ROUNDING
                 statics = replace(statics, bent=statics.bent.update(loads, feet))
         return None
 

@@ -42,7 +42,7 @@ def test_rolling_conditions_hold_at_rest_and_follow_the_tube(statics):
     anchors = statics.anchors(state.unknowns, state.normals, travel, angles)
     closure = stick(statics, anchors, travel, angles, NOTHING)
     _, same = statics.settle(statics.start(), UNLOADED, closure)
-    assert same.unknowns == pytest.approx(state.unknowns, abs=1e-9)
+    assert same.unknowns == pytest.approx(state.unknowns, abs=1e-8)
     # Both tubes run past the object alike: it turns in place (17), as far as 2 travel / d.
     along = 0.02
     closure = stick(statics, anchors, travel - along * statics.sides, angles, NOTHING)

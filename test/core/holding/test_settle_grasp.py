@@ -14,6 +14,7 @@ from isotruss_ros.core import (
     load_robot,
     place_between,
     settle_grasp,
+    tangent_center,
 )
 from isotruss_ros.core.holding import attach_grip as attach_grip_module
 from isotruss_ros.core.holding.attach_grip import attach_grip
@@ -67,6 +68,17 @@ def test_settled_grasp_without_friction_agrees_with_analyze_grasp(degrees, squee
     assert state.normal_forces == pytest.approx(expected, abs=3e-3 * pressing)
     assert np.abs(state.friction_forces).max() < 3e-3 * pressing
     assert abs(complex(*state.unknowns[:2]) - cylinder.center) < 5e-4
+
+
+@pytest.mark.parametrize('module', ['south/S', 'west/K'])
+@pytest.mark.parametrize('depth', [0.004, 0.012, 0.02])
+def test_rounding_in_a_soft_robot_does_not_hide_the_equilibrium(module, depth):
+    home = load_robot('ring_of_four').home
+    cylinder = ConvexObject.disc(tangent_center(home, module, 0.3, depth), 0.3)
+    round_tubes = settle_grasp(home, cylinder, paper_model=True).normal_forces
+    flattened = settle_grasp(home, cylinder).normal_forces
+    assert flattened
+    assert all(round_tubes[name] > force for name, force in flattened.items())
 
 
 @pytest.mark.parametrize('center', [(9.0, 9.0), (0.5, 0.2)])
