@@ -59,8 +59,10 @@ TESTS = [
     *(f'test/nodes/{name}' for name in ('inputs', 'motion', 'trajectories', 'grasp')),
 ]
 #: Endings of the operators of Cosmic Ray whose faults every test finds, as bits of floating point
-#: numbers, or none, as identity in place of equality.
+#: numbers, or none, as equality and identity of enumerations and None.
 NO_FAULTS = (
+    '_Is_Eq',
+    '_IsNot_NotEq',
     'RemoveDecorator',
     'VariableReplacer',
     'VariableInserter',
@@ -167,7 +169,7 @@ def measure(tree: Path) -> tuple[dict[str, float], coverage.CoverageData]:
 
 
 def all_mutants(tree: Path, folder: str) -> Iterator[Mutant]:
-    """Yield the mutants of a folder; annotations and decorators are not changed."""
+    """Yield the mutants of a folder; see `unchanged_spans`."""
     provider = OperatorProvider()
     operators = [provider[name]() for name in provider if not name.endswith(NO_FAULTS)]
     for path in sorted(path for pattern in FOLDERS[folder][0] for path in tree.glob(pattern)):
@@ -181,9 +183,10 @@ def all_mutants(tree: Path, folder: str) -> Iterator[Mutant]:
 
 
 def unchanged_spans(source: str) -> Iterator[tuple[tuple[int, int], tuple[int, int]]]:
-    """Yield begin and end (line, column) of annotations and decorators."""
+    """Yield begin and end (line, column) of annotations, decorators and the flags `strict`."""
     for node in ast.walk(ast.parse(source)):
         kept = [getattr(node, 'annotation', None), getattr(node, 'returns', None)]
+        kept += [word.value for word in getattr(node, 'keywords', []) if word.arg == 'strict']
         for part in [*kept, *getattr(node, 'decorator_list', [])]:
             if part is not None:
                 yield (part.lineno, part.col_offset), (part.end_lineno, part.end_col_offset)
