@@ -119,7 +119,8 @@ def _inertia_of_robot(grip: HeldGrip) -> Array:
     """Return the generalised mass (3, 3) of modules and tubes for unit wrenches."""
     description, topology = grip.config.robot.description, grip.config.robot.topology
     loads = grip.statics.load_rates(grip.state.unknowns, grip.response.change)
-    moved = grip.statics.bent.node_changes(loads)
+    bent = grip.statics.bent.activated()
+    moved = bent.changes(loads, np.zeros((len(loads), 3)))[0] / bent.share
     nodes, first = moved[:, 0] + 1j * moved[:, 1], frame_layout(grip.config.robot).b
     b, c = nodes[first], nodes[first + 1]
     half = 0.5 * description.tube_mass * grip.config.member_lengths

@@ -92,29 +92,26 @@ class Cuts(NamedTuple):
 
     frame: Frame
     ahead: Array  #: (k,) 1 for load points on pieces that run along their member, else -1
+    longer: Array  #: (p, k) changes of the parts' rest lengths by unit motions of the load points
     places: Array  #: (k,) `BentTubes.places`, shifted so that no part is too short [m]
 
     @classmethod
     def of(
         cls, structure: Structure, members: Indices, positions: Array, active: Indices | None
     ) -> Cuts:
-        """
-        Return the frame of a structure with nodes at places of members.
-
-        :param active: blocks that are not kept undeformed; None: those with load points.
-        """
+        """Return a frame with deformable blocks `active`; None: those with load points."""
         pieces, inside, ahead, apart = _place_cuts(structure, members, positions)
         if active is None:
             active = structure.frame.layout.numbering.active_blocks(pieces)
-        return cls(structure.frame.cut(pieces, inside, active), ahead, apart)
+        frame = structure.frame.cut(pieces, inside, active)
+        return cls(frame, ahead, frame.layout.longer * ahead, apart)
 
 
 class Changes(NamedTuple):
     """
-    Changes of a linearised frame with k load points by p unit loads or motions.
+    Changes of a linearised frame by p causes.
 
-    The causes are 3 k unit loads at the load points, k unit motions of the load points, and in the
-    last column the step to equilibrium.
+    These are 3 k unit loads at k load points, k unit motions of them, and the step to balance.
     """
 
     unknowns: Array  #: (u, p) multipliers, and displacements of the nodes [m, rad]
@@ -166,11 +163,7 @@ class BentTubes:
 
     @property
     def share(self) -> float:
-        """
-        Return the factor on the loads of the frame: 1, or almost 0 for the paper's model.
-
-        Under loads scaled by almost 0 the frame is linear. Results are divided by the factor.
-        """
+        """Return the factor on the loads: 1, or almost 0 for the paper's linear model."""
         return NEGLIGIBLE_SHARE if self.linear else 1.0
 
     @cached_property
@@ -194,17 +187,12 @@ class BentTubes:
         right[cut[:, :, None], columns] = turns * (self.share / self.stiffness)
         slopes, inclined = tangent.slopes(), np.zeros((count, count))
         if self.before is not None:
-            by_length = tangent.length_rates[layout.beside]
-            # If a place moves, the part before it becomes longer and the part behind it shorter.
-            ways = layout.signs.reshape(2, -1) * self.cuts.ahead
-            pushed = tangent.nodal_forces(layout.beside, by_length[..., None])[..., 0]
-            pushed *= ways.reshape(-1, 1)
-            along = moving.start + load_points[:, None]
-            right[layout.places[layout.before], along] = pushed[:count]
-            right[layout.places[layout.behind], along] += pushed[count:]
+            longer, by_length = self.cuts.longer, tangent.length_rates
+            rates = by_length[layout.parts, :, None] * longer[layout.parts, None]
+            right[:, moving] = -tangent.sum_forces(layout.parts, rates)
             # The length of a part between two places of one member depends on both places.
-            changed = (slopes.by_forces * by_length).sum(axis=1)[:, None]
-            inclined = _mean(changed * layout.longer[layout.beside]) * self.cuts.ahead
+            changed = (slopes.by_forces * by_length[layout.beside]).sum(axis=1)
+            inclined = _mean(changed[:, None] * longer[layout.beside])
             right[:, -1] = right[:, : 3 * count] @ self.before.loads.ravel() - tangent.carried
         factored, moved = tangent.solve(right)
         back = turns.swapaxes(1, 2)
@@ -238,12 +226,7 @@ class BentTubes:
 
     @cached_property
     def rates(self) -> Array:
-        """
-        Return the derivatives (k, 3, k) of the responses with respect to the places.
-
-        The responses are the displacements [m] and inclinations [rad] at the load points; `places`
-        are in metres.
-        """
+        """Return the derivatives (k, 3, k) of the responses by `places` [-, -, rad/m]."""
         return self._changes.responses[..., self._moving] / self.share
 
     @cached_property
@@ -253,11 +236,7 @@ class BentTubes:
         return self.respond(none, none[:, 0])
 
     def respond(self, loads: Array, positions: Array) -> Array:
-        """
-        Return the displacements and inclinations (k, 3) at the load points, see `BentTubes`.
-
-        They are affine functions of loads and places.
-        """
+        """Return the responses (k, 3), which are affine functions of loads and places."""
         changes = self._changes
         return (changes.state + changes.responses @ self._ways(loads, positions)) / self.share
 
@@ -332,11 +311,7 @@ class BentTubes:
         return np.sort(np.concatenate(loaded)) if sum(map(len, loaded[1:])) else layout.active
 
     def _convert(self, state: Displaced, frame: Frame, near: bool) -> Displaced:
-        """
-        Convert a state of this frame to one of a similar frame, which may have other cuts.
-
-        :param near: whether nodes at the same cuts are displaced alike.
-        """
+        """Convert a state to one of a similar frame; `near`: its cuts are displaced alike."""
         unknowns = self._complete(state.unknowns)
         longer = (self.structure.frame.length / frame.uncut.length)[frame.layout.whole]
         begins, middles = longer * frame.begins, longer * (frame.begins + 0.5 * frame.length)
@@ -398,21 +373,14 @@ class BentTubes:
         """
         Return the frame's changes by additional loads (k, 3, p) and motions (k, p) of the places.
 
-        :return: (n, 3, p) displacements of joints and of nodes of deformed tubes [m, rad]; (k, p)
-            changes of the inclinations [rad]; and (c, 3, p) those of the parts' forces with fixed
-            nodes, see `EndForces`.
+        These are displacements (n, 3, p) of joints and of nodes of deformed tubes, inclinations
+        (k, p), and `EndForces` (c, 3, p) of the parts with fixed nodes.
         """
         changes = self._changes
         ways = np.concatenate([loads.reshape(-1, loads.shape[2]), positions])
-        forces = self.tangent.length_rates[:, :, None] * self._longer(positions)[:, None]
+        forces = self.tangent.length_rates[:, :, None] * (self.cuts.longer @ positions)[:, None]
         nodes = self.frame.displacements(changes.unknowns[:, :-1] @ ways)
         return nodes, changes.responses[:, 2, :-1] @ ways, forces
-
-    def node_changes(self, loads: Array) -> Array:
-        """Return the displacements (n, 3, p) of the nodes due to additional loads [m, rad]."""
-        count = 3 * len(self.members)
-        unknowns = self.activated()._changes.unknowns[:, :count]
-        return self.frame.displacements(unknowns @ loads.reshape(count, -1) / self.share)
 
     def displacements(self, loads: Array, positions: Array) -> Array:
         """Return the linear prediction of the nodes' displacements, (n, 3) [m, rad]."""
@@ -432,29 +400,17 @@ class BentTubes:
         forces, longer = self.tangent.force_changes(self.frame.displacements(changes)[..., None])
         forces = forces[..., 0]
         if self.before is not None:
-            forces += self.tangent.length_rates * self._longer(ways[self._moving, None])
+            forces += self.tangent.length_rates * (self.cuts.longer @ ways[self._moving])[:, None]
         return forces, longer[:, 0]
 
-    def _longer(self, positions: Array) -> Array:
-        """Return the changes (p, c) of the parts' rest lengths by motions (k, c) of cuts [m]."""
-        return self.frame.layout.longer @ (self.cuts.ahead[:, None] * positions)
-
     def section_changes(self, changes: Array) -> tuple[Array, Array, Array]:
-        """
-        Return the frame's changes for p changes of sections; loads and load points are constant.
-
-        No tubes must be kept. In the paper's model, the results are those under loads times
-        `NEGLIGIBLE_SHARE`.
-        """
+        """Return `changes` by p changes of sections, times `share`; no tubes must be kept."""
         frame, tangent, parts = self.frame, self.tangent, self.frame.layout.beside
         count, chosen = changes.shape[2], np.flatnonzero(changes.any(axis=(0, 2)))
         units = np.broadcast_to(np.eye(4)[:, None], (4, len(chosen), 4))
         rates = np.zeros((len(frame.length), 3, count))
         rates[chosen] = tangent.force_rates(chosen, units) @ changes[:, chosen].swapaxes(0, 1)
-        pushed = tangent.nodal_forces(chosen, rates[chosen])
-        indices = frame.layout.places[chosen, :, None] * count + np.arange(count)
-        size = len(tangent.unknowns) * count
-        carried = np.bincount(indices.ravel(), pushed.ravel(), size).reshape(-1, count)
+        carried = tangent.sum_forces(chosen, rates[chosen])
         scale = frame.scale[:, None]
         moved = self._changes.factored.solve(-carried * scale) * scale
         _, by_ends, by_forces, by_shear = self._changes.slopes
@@ -466,12 +422,7 @@ class BentTubes:
 def _place_cuts(
     structure: Structure, members: Indices, positions: Array
 ) -> tuple[Indices, Array, Array, Array]:
-    """
-    Return the positions of load points in pieces and members, shifted if a part is too short.
-
-    :return: (k,) pieces; (k,) distances from the pieces' starts [m]; (k,) as `Cuts.ahead`; and
-        (k,) distances from the members' starts [m].
-    """
+    """Return pieces, distances from their starts, `Cuts.ahead` and `Cuts.places`, all (k,)."""
     pieces, within, ahead = structure.locate(members, positions)
     inside = keep_apart(pieces, within, structure.frame.length[pieces])
     return pieces, inside, ahead, positions + ahead * (inside - within)

@@ -16,10 +16,10 @@ from __future__ import annotations
 from collections import defaultdict
 import functools
 import math
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 from isotruss_ros.core.kinematics.constraints import MAX_DENSE_COORDINATES
-from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
+from isotruss_ros.core.numerics.arrays import Array, Flags, Indices
 from isotruss_ros.core.numerics.factorization import (
     count_negative_pivots,
     Factor,
@@ -40,19 +40,6 @@ class Members(NamedTuple):
     shear: Array  #: (k,) GA [N]; infinite for members without shear deformation
     pinned_start: Flags  #: (k,) whether the start transmits no moment
     pinned_end: Flags  #: (k,) whether the end transmits no moment
-
-
-class Constraints(Protocol):
-    """Protocol of c constraints on the displacements of nodes, see `Bisections`."""
-
-    @property
-    def places(self) -> Indices:
-        """Return the indices (c, w) of the displacements in each constraint."""
-
-    def linearize(
-        self, points: Points, displacements: Array, multipliers: Array, chosen: Indices
-    ) -> tuple[Array, Array, Array]:
-        """Return derivatives (q, w), gaps (q,) and geometric stiffness (q, w, w)."""
 
 
 class Block(NamedTuple):
@@ -88,13 +75,10 @@ class Numbering:
     """
     Numbering of the unknowns of all frames with equal connections and supports.
 
-    The unknowns are the multipliers of `rows` constraints, then the displacements. The matrix of
-    the hinges' unknowns `joints` is dense, or has the sparsity pattern `sparse` (row indices and
-    column pointers); `joint_slots` are the places of the Schur complement of each block among its
-    `joint_size` entries. The last `multipliers` of the joints are multipliers.
-
-    :param columns: (c, w) displacements in each constraint, see `Constraints`.
-    :param condensed: False for a matrix without blocks.
+    The matrix of the hinges' unknowns `joints`, the last `multipliers` of which are multipliers,
+    is dense, or has the sparsity pattern `sparse` (row indices and column pointers).
+    `joint_slots` are the places of the Schur complement of each block among its `joint_size`
+    entries. `columns` (c, w) are the displacements in each constraint.
     """
 
     def __init__(
@@ -159,10 +143,6 @@ class Numbering:
         key[key < 0] = self.joint_size
         self.joint_slots = np.split(key, np.cumsum(sizes)[:-1])
 
-    def lay_out(self, piece: Indices, order: Indices, active: Indices) -> Layout:
-        """Return the layout of frames with cuts, see `Layout`, cached."""
-        return _lay_out(self, piece.tobytes(), order.tobytes(), active.tobytes())
-
     def active_blocks(self, pieces: Indices) -> Indices:
         """Return the blocks that contain members, and those without unknowns of their own."""
         hinged = [i for i, block in enumerate(self.blocks) if not len(block.inner)]
@@ -179,17 +159,13 @@ class Layout:
     """
     Connections of a frame's parts: members of the blocks `active`, some of them divided at c cuts.
 
+    Cut i divides the member `piece[i]`; `order` sorts the cuts by member and along each member.
     The nodes at the cuts are the last nodes. `whole` (p,) is the member to which each part
-    belongs. The first part of each member is in the order of the members; the other parts, which
-    begin at the cuts, are the last ones. `before` (c,) are the parts that end at the cuts,
-    `behind` (c,) those that begin there, and `beside` (2 c,) both; `parts` are all parts of
-    divided members, and `longer` (p, c) the changes of the parts' lengths by unit motions of the
-    cuts. The blocks that are not active are `kept`: index of a group of `Numbering.whole`, and
-    indices in this group.
-
-    :param piece: (c,) index of the member that each cut divides.
-    :param order: (c,) indices that sort the cuts by member and along each member.
-    :param active: indices of the chosen blocks, ascending.
+    belongs. The first parts are in the order of the members; the last ones begin at the cuts.
+    `before` (c,) are the parts that end at the cuts, `behind` (c,) those that begin there, and
+    `beside` (2 c,) both; `parts` are all parts of divided members, and `longer` (p, c) the changes
+    of the parts' lengths by unit motions of the cuts. The blocks that are not active are `kept`:
+    index of a group of `Numbering.whole`, and indices in this group.
     """
 
     def __init__(
@@ -214,7 +190,11 @@ class Layout:
         ids = np.concatenate([group.ids for group in self.groups] + self.kept_ids).tolist()
         self.joint_slots = np.concatenate([numbering.joint_slots[i] for i in ids])
         joints = np.concatenate([group.joints.ravel() for group in self.groups])
-        self.sources = _sum_at(joints, numbering)
+        #: matrix (j, q) that sums values at the hinges of the groups' blocks
+        coupled = np.flatnonzero(joints < len(numbering.joints))
+        shape, entries = (len(numbering.joints), len(joints)), (joints[coupled], coupled)
+        sources = csr_matrix((np.ones(len(coupled)), entries), shape=shape)
+        self.sources = sources.toarray() if numbering.sparse is None else sources
 
     def _cut(self, piece: Indices, order: Indices, chosen: Indices) -> dict[int, list[int]]:
         """Divide members at the cuts, and return the cuts in each block."""
@@ -266,7 +246,7 @@ class Layout:
 
 
 @functools.lru_cache(maxsize=64)
-def _lay_out(numbering: Numbering, piece: bytes, order: bytes, active: bytes) -> Layout:
+def lay_out(numbering: Numbering, piece: bytes, order: bytes, active: bytes) -> Layout:
     """Return a layout from the bytes of its index arrays, cached."""
     return Layout(
         numbering, *(np.frombuffer(data, dtype=np.intp) for data in (piece, order, active))
@@ -294,11 +274,7 @@ class Factored(NamedTuple):
         return self.complete(right, insides, pushed)
 
     def complete(self, right: Array, insides: list[Array], pushed: list[Array]) -> Array:
-        """
-        Return the unknowns (u, p) from those of the blocks with fixed hinges, `insides` (b, s, p).
-
-        The blocks exert the forces `pushed` (b, t, p) on the fixed hinges.
-        """
+        """Return the unknowns (u, p) from those (b, s, p) and forces (b, t, p) at fixed hinges."""
         joints, columns = self.layout.numbering.joints, right.shape[1]
         push = np.concatenate(
             [part.reshape(math.prod(part.shape[:2]), columns) for part in pushed]
@@ -326,8 +302,7 @@ def eliminate(
     """
     Eliminate the blocks of a matrix, and solve for right-hand sides (u, p).
 
-    :param matrices: for each group, matrices (b, t + s, t + s) of hinges and blocks.
-    :param kept: for each group of kept blocks, stiffness (b, t, t) of the hinges.
+    The groups have the matrices (b, t + s, t + s), and those of kept blocks (b, t, t).
     """
     parts, schur, insides, pushed = [], [], [], []
     for group, whole in zip(layout.groups, matrices, strict=True):
@@ -384,10 +359,10 @@ def _split(values: Indices, count: int) -> list[Indices]:
 
 def _find_slots(indices: Indices, unknowns: Indices) -> Indices:
     """
-    Return the indices of matrix entries in the stacked matrices of b blocks.
+    Return where the entries of e matrices (w, w) are in the stacked matrices of b blocks.
 
-    :param indices: (b, e, w) unknowns of e matrices (w, w) of each block.
-    :param unknowns: (b, s) unknowns of the blocks. Entries of others are behind all matrices.
+    The matrices have the unknowns `indices` (b, e, w), and the blocks `unknowns` (b, s). Entries
+    of others are behind all matrices.
     """
     count, size = unknowns.shape
     matches = indices.reshape(count, -1, 1) == unknowns[:, None]
@@ -396,11 +371,3 @@ def _find_slots(indices: Indices, unknowns: Indices) -> Indices:
     offset = size**2 * np.arange(count)[:, None, None, None]
     slots = offset + size * first + second
     return np.where((first < 0) | (second < 0), count * size**2, slots).ravel()
-
-
-def _sum_at(joints: Indices, numbering: Numbering) -> Array | csr_matrix:
-    """Return the matrix (j, q) that sums values at the hinges' unknowns `joints` (q,)."""
-    coupled = np.flatnonzero(joints < len(numbering.joints))
-    shape, entries = (len(numbering.joints), len(joints)), (joints[coupled], coupled)
-    matrix = csr_matrix((np.ones(len(coupled)), entries), shape=shape)
-    return matrix.toarray() if numbering.sparse is None else matrix

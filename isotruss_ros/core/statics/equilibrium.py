@@ -96,15 +96,13 @@ def _what_moves(rest: Tangent) -> list[str]:
 
 def solve(rest: Tangent, loads: Array) -> FrameState:
     """Return displacements, reactions and member forces under loads (n, 3) by linear (4)."""
-    frame, rows = rest.frame, rest.frame.layout.numbering.rows
+    frame, layout, rows = rest.frame, rest.frame.layout, rest.frame.layout.numbering.rows
     moved = rest.respond(loads.reshape(-1, 1))
     forces, _ = rest.force_changes(frame.displacements(moved))
-    size, layout = len(frame.scale), frame.layout
-    pushed = rest.nodal_forces(np.arange(len(frame.length)), forces)
-    carried = np.bincount(layout.places.ravel(), pushed.ravel(), size)
+    carried = rest.sum_forces(np.arange(len(frame.length)), forces)[:, 0]
     straight = frame.rows.linearize(frame.points, rest.displacements, moved[:rows, 0], layout.rows)
     held = straight[0] * moved[layout.rows]
-    carried += np.bincount(layout.row_places[:, 1:].ravel(), held.ravel(), size)
+    carried += np.bincount(layout.row_places[:, 1:].ravel(), held.ravel(), len(carried))
     return FrameState(
         frame.displacements(moved[:, 0]),
         _reactions(frame, frame.displacements(carried) - loads),
@@ -155,26 +153,18 @@ def _reactions(frame: Frame, missing: Array) -> Array:
 
 
 class LoadPath(NamedTuple):
-    """
-    Stable equilibria of a frame under increasing loads.
+    """Stable equilibria of a frame under increasing loads."""
 
-    :ivar factors: (s,) factors on the loads, increasing from 0.
-    :ivar tangents: (s,) frames linearised about the equilibria at these factors.
-    :ivar limit: factor at which the limit load is reached; infinite if the path ends before it.
-    """
-
-    factors: list[float]
-    tangents: list[Tangent]
-    limit: float
+    factors: list[float]  #: (s,) factors on the loads, increasing from 0
+    tangents: list[Tangent]  #: (s,) frames linearised about the equilibria at these factors
+    limit: float  #: factor of the limit load; infinite if the path ends before it
 
 
 def follow_loads(rest: Tangent, loads: Array, most: float, farthest: float = np.inf) -> LoadPath:
     """
-    Compute the stable equilibria of a frame while its loads increase from zero.
+    Compute the stable equilibria of a frame while its loads (n, 3) increase from zero.
 
-    :param rest: the frame without loads.
-    :param loads: (n, 3) loads fx, fy [N], m [N m] on the nodes.
-    :param farthest: the path ends if a node is displaced by more than this [m].
+    The path ends at the factor `most`, or if a node is displaced by more than `farthest` [m].
     """
     path = LoadPath([0.0], [rest], np.inf)
     step = most

@@ -12,7 +12,8 @@ from itertools import pairwise
 from isotruss_ros.core.numerics.arrays import Array, Flags, Indices, Points
 from isotruss_ros.core.numerics.tolerances import EPSILON
 from isotruss_ros.core.statics.beam_column import BeamColumns
-from isotruss_ros.core.statics.blocks import Constraints, Layout, Members, Numbering
+from isotruss_ros.core.statics.bisection import Bisections
+from isotruss_ros.core.statics.blocks import lay_out, Layout, Members, Numbering
 import numpy as np
 
 #: Minimum length of the parts into which cuts divide the members [m]. Loads and contacts nearer to
@@ -32,7 +33,7 @@ class Frame:
     points: Points  #: (n,) nodes x + iy [m]
     held: Flags  #: mask (., 3) of the displacements that supports fix, without the nodes at cuts
     names: Sequence[str]  #: names of the nodes for error messages, without those at cuts
-    rows: Constraints  #: constraints
+    rows: Bisections  #: constraints
     layout: Layout  #: connections of the parts
     members: Members  #: the parts
     length: Array  #: (p,) lengths [m]
@@ -49,15 +50,10 @@ class Frame:
         members: Members,
         held: Flags,
         names: Sequence[str],
-        rows: Constraints,
+        rows: Bisections,
         numbering: Numbering | None = None,
     ) -> Frame:
-        """
-        Return a frame without cuts.
-
-        :param numbering: that of a frame with the same connections and supports; None: it is
-            computed.
-        """
+        """Return a frame without cuts; `numbering` is that of frames with equal connections."""
         numbering = numbering or Numbering(members, held, rows.places)
         span = points[members.end] - points[members.start]
         length = np.abs(span)
@@ -79,14 +75,13 @@ class Frame:
 
     def cut(self, piece: Indices, within: Array, active: Indices | None = None) -> Frame:
         """
-        Return this frame with nodes at c points inside its members.
+        Return this frame with nodes inside members `piece` (c,), at distances `within` (c,) [m].
 
-        :param piece: (c,) index of the member that contains each point.
-        :param within: (c,) distances of the points from the members' starts [m].
-        :param active: blocks whose parts the frame has, ascending; None: all blocks.
+        It has the parts of `active` blocks, in ascending order; None: of all blocks.
         """
         numbering, active = self.layout.numbering, self.layout.active if active is None else active
-        layout = numbering.lay_out(piece, np.lexsort((within, piece)), active)
+        order = np.lexsort((within, piece))
+        layout = lay_out(numbering, piece.tobytes(), order.tobytes(), active.tobytes())
         start = self.members.start[piece]
         points = np.append(self.points, self.points[start] + within * self.axis[piece])
         begins = np.append(np.zeros(len(layout.whole) - len(piece)), within)

@@ -36,16 +36,8 @@ class Structure:
 
     The first nodes are the joints, followed by B, C, D, E of each module. For m modules the frame
     has 6 m members, m of each kind in this order: sides AB, AC and BC, tube pieces BD and CE, and
-    long tube pieces DE' to the ring E' of the following module.
-
-    :param config: configuration of the robot.
-    :param pressures: gauge pressures [Pa], see `tube_pressures`.
-    :ivar tube: stiffness of the tube.
-    :ivar pressures: (t,) gauge pressure of each tube, in the order of the robot file [Pa].
-    :ivar pieces: (3, m) indices of the tube pieces among the frame's members; the rows are BD and
-        CE of each module, and DE' of each member of the robot.
-    :ivar owners: (3, m) index of the robot's member to which each piece belongs.
-    :raises StructureError: no stiffness exists at a member's length and pressure.
+    long tube pieces DE' to the ring E' of the following module. `pressures` (t,) are the gauge
+    pressures of the tubes [Pa]; for `pieces` and `owners` see `FrameLayout`.
     """
 
     def __init__(self, config: Configuration, pressures: tuple[float, ...]) -> None:
@@ -94,12 +86,10 @@ class Structure:
 
     def locate(self, members: Indices, positions: Array) -> tuple[Indices, Array, Array]:
         """
-        Return the frame's tube pieces that contain given points, and the positions in the pieces.
+        Locate points (c,) of members, at distances from the members' starts [m].
 
-        :param members: (c,) index of the member of each point.
-        :param positions: (c,) distances from the members' starts [m].
-        :return: (c,) indices of the pieces in the frame; (c,) distances from the pieces' starts
-            [m]; (c,) 1 for pieces that point along their member, -1 for the others.
+        The result is the frame's tube pieces that contain them, the distances from the pieces'
+        starts [m], and 1 for pieces that point along their member, -1 for the others.
         """
         robot, lengths = self.config.robot, self.config.member_lengths[members].tolist()
         ring, following = robot.description.module.guide_ring_distance, robot.topology.following
@@ -158,7 +148,8 @@ class FrameLayout(NamedTuple):
     held: Flags  #: (n, 3) mask of ux, uy, theta fixed by supports
     bisections: Bisections  #: bisection constraints (3)
     numbering: Numbering  #: numbering of the unknowns
-    pieces: Indices  #: (3, m) indices of the tube pieces, see `Structure`
+    #: (3, m) tube pieces among the members: BD and CE of each module, and DE' of each member
+    pieces: Indices
     owners: Indices  #: (3, m) index of the robot's member to which each piece belongs
 
 
@@ -202,12 +193,7 @@ def frame_layout(robot: Mechanism) -> FrameLayout:
 
 
 def structure_of(config: Configuration, pressure: Pressure | None = None) -> Structure:
-    """
-    Return the structural model of a robot in one configuration, cached.
-
-    :param pressure: gauge pressure [Pa], see `tube_pressures`; None: the pressure of the robot
-        file.
-    """
+    """Return the structural model, cached; for `pressure` see `tube_pressures`."""
     return _structure(config, tube_pressures(config.robot.description, pressure))
 
 
@@ -223,14 +209,10 @@ def kept_blocks(structure: Structure, layout: Layout) -> tuple[UnloadedBlocks, .
 
 def section_rates(structure: Structure, frame: Frame, moved: Points, inflated: Array) -> Array:
     """
-    Return the changes (4, c, p) of the sections of a frame's parts for p changes of parameters.
+    Return the changes (4, c, p) of rest length, EA, EI and GA of a frame's parts.
 
-    The four rows are rest length [m], EA [N], EI [N m^2] and GA [N]. The displaced positions of
-    the nodes, the constraints (3), the supports, the sections of modules and the positions of cuts
-    along the members are constant.
-
-    :param moved: (N, p) changes of the positions of the configuration's nodes, x + iy [m].
-    :param inflated: (t, p) changes of the gauge pressures of the tubes [Pa].
+    The p causes are motions `moved` (N, p) of the configuration's nodes, x + iy [m], and changes
+    `inflated` (t, p) of the tubes' pressures [Pa]. Displaced nodes and cuts in members are fixed.
     """
     config, topology = structure.config, structure.config.robot.topology
     start, end = topology.b, topology.c[topology.following]

@@ -102,11 +102,7 @@ class Tangent:
         return end_forces(self.forces.values, self.length)
 
     def force_rates(self, parts: Indices, changes: Array) -> Array:
-        """
-        Return the changes (q, 3, c) of the forces of q parts due to changes of their sections.
-
-        For the forces see `EndForces`. The nodes are fixed. Each of the c columns is one change.
-        """
+        """Return the changes (q, 3, c) of q parts' `EndForces` due to c changes of sections."""
         frame, count = self.frame, changes.shape[2]
         repeated = parts.repeat(count)
         # Derivatives by complex steps have no rounding error of differences.
@@ -120,17 +116,19 @@ class Tangent:
         rates = changed.values.imag / EPSILON
         return rates.reshape(len(parts), count, 3).swapaxes(1, 2)
 
-    def nodal_forces(self, parts: Indices, rates: Array) -> Array:
-        """Convert changes (q, 3, c) of parts' forces to those (q, 6, c) of (fx, fy, m)."""
-        return self.motions[parts, :3].swapaxes(1, 2) @ rates
+    def sum_forces(self, parts: Indices, forces: Array) -> Array:
+        """Return the sums (u, c) at the unknowns of the nodes' forces on q parts (q, 3, c)."""
+        pushed, count = self.motions[parts, :3].swapaxes(1, 2) @ forces, forces.shape[2]
+        indices = self.frame.layout.places[parts, :, None] * count + np.arange(count)
+        size = len(self.unknowns) * count
+        return np.bincount(indices.ravel(), pushed.ravel(), size).reshape(-1, count)
 
     def slopes(self) -> Slopes:
         """
         Return the inclinations of the bent centre lines before, then behind the cuts.
 
-        The inclination is the rotation of the section minus the shear angle. Relative to the chord
-        it is (t - Q/GA) / (1 + N/GA) with the section's rotation t relative to the chord and the
-        transverse force Q.
+        Relative to the chord they are (t - Q/GA) / (1 + N/GA), with the section's rotation t
+        relative to the chord and the transverse force Q.
         """
         frame, layout = self.frame, self.frame.layout
         parts, signs = layout.beside, layout.signs
@@ -172,10 +170,9 @@ def linearize(
     kept: tuple[UnloadedBlocks, ...] = (),
 ) -> Tangent:
     """
-    Linearise a frame about given unknowns (u,).
+    Linearise a frame about given unknowns (u,), with the blocks `Layout.kept`.
 
-    :param pull: (p,) axial forces near those of the parts [N]; None or NaN: they are computed.
-    :param kept: blocks whose parts the frame does not have, for `Layout.kept`.
+    The axial forces `pull` (p,) are near those of the parts [N]; None or NaN: they are computed.
     """
     layout, columns, at_rest = frame.layout, frame.columns, frame.length
     rows, start, end = layout.numbering.rows, layout.start, layout.end
