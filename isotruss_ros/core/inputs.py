@@ -46,42 +46,26 @@ class InputFault(enum.Enum):
 
 
 class RejectedInput(NamedTuple):
-    """
-    Input that was received but is invalid.
+    """Input that was received but is invalid."""
 
-    :ivar reason: sentence that describes the fault.
-    :ivar fault: INVALID or STALE.
-    """
-
-    reason: str
-    fault: InputFault = InputFault.INVALID
+    reason: str  #: sentence that describes the fault
+    fault: InputFault = InputFault.INVALID  #: INVALID or STALE
 
 
 class StampedInput(NamedTuple):
-    """
-    Measured or commanded value with the time of its stamp.
-
-    :ivar value: the value.
-    :ivar time: time at which the value is valid [s].
-    :ivar rejected: last message rejected after `time`, with the reason; None if none was rejected.
-    """
+    """Measured or commanded value with the time of its stamp."""
 
     value: Any
-    time: float
-    rejected: RejectedInput | None = None
+    time: float  #: time at which the value is valid [s]
+    rejected: RejectedInput | None = None  #: last message rejected after `time`
 
 
 class RollerState(NamedTuple):
-    """
-    Measured state of the rollers.
+    """Measured state of the rollers."""
 
-    :ivar positions: (r,) roller travel since home [m].
-    :ivar velocities: (r,) roller speeds [m/s]; zero for rollers without measured speed.
-    :ivar offsets: (r,) estimated roller offsets, which were added to the encoder readings [m].
-    """
-
-    positions: Array
-    velocities: Array
+    positions: Array  #: (r,) roller travel since home [m]
+    velocities: Array  #: (r,) roller speeds [m/s]; zero for rollers without measured speed
+    #: (r,) estimated roller offsets, which were added to the encoder readings [m]
     offsets: Array | float = 0.0
 
 
@@ -111,12 +95,7 @@ class LatestInputs:
 
 
 class InputError(IsotrussError):
-    """
-    An input is missing, stale or invalid.
-
-    :ivar fault: kind of the fault.
-    :ivar name: name of the input, with underscores in place of spaces.
-    """
+    """An input is missing, stale or invalid; its name has underscores in place of spaces."""
 
     def __init__(self, fault: InputFault, name: str, message: str) -> None:
         super().__init__(message)
@@ -135,14 +114,10 @@ def check_stamp(
     Check a stamp; return it, or the current time if the stamp is slightly in the future.
 
     This rule applies to all stamps in all nodes (docs/safety.md). The age of an input that is
-    stamped in the future counts from its reception.
+    stamped in the future counts from its reception. Times are in s.
 
-    :param stamp: time of the input [s].
-    :param now: current time on the same clock [s].
-    :param timeout: largest age of the input [s].
     :param setting: name of the parameter that contains the timeout, used in the error; empty if
         there is none.
-    :param skew: largest time by which the stamp may be in the future [s].
     """
     words, age = name.replace('_', ' '), now - stamp
     if age > timeout:
@@ -165,10 +140,8 @@ def keep_latest(kept: Input, received: StampedInput | RejectedInput, now: float)
 
     Messages may arrive in the wrong order; an earlier message is dropped. A rejected message does
     not replace a measurement, which stays valid until its timeout; the rejection is stored with
-    the measurement.
-
-    :param now: current time on the clock of the stamps [s]. If the previous input has a later
-        stamp, the clock was set back, and the previous input is dropped.
+    the measurement. If the previous input has a later stamp than `now` [s], the clock was set
+    back, and the previous input is dropped.
     """
     if not isinstance(kept, StampedInput) or kept.time > now + CLOCK_SKEW:
         return received
@@ -183,10 +156,7 @@ def require_fresh(
     """
     Return the given inputs; raise InputError unless all are valid and fresh.
 
-    :param now: current time on the clock of the inputs [s].
-    :param timeout: largest age of an input [s].
-    :param setting: name of the parameter that contains the timeout, see `check_stamp`.
-    :param inputs: the inputs; the keywords are their names, with underscores in place of spaces.
+    The keywords are the names of the inputs. Times are in s; `setting` is as in `check_stamp`.
     """
     for name, given in inputs.items():
         if given is None:
@@ -204,12 +174,7 @@ def require_fresh(
 
 
 def find_fresh(now: float, timeout: float, given: Input) -> Any:
-    """
-    Return the value of an input; None if it is missing, rejected or stale.
-
-    :param now: current time on the clock of the input [s].
-    :param timeout: largest age of the input [s].
-    """
+    """Return the value of an input; None if it is missing, rejected or stale. Times are in s."""
     try:
         (fresh,) = require_fresh(now, timeout, given=given)
         return fresh.value
@@ -218,12 +183,7 @@ def find_fresh(now: float, timeout: float, given: Input) -> Any:
 
 
 def fresh_pressures(now: float, timeout: float, pressures: Input) -> tuple[float, ...] | None:
-    """
-    Return the measured gauge pressures (t,) of the tubes [Pa]; None before the first input.
-
-    :param now: current time on the clock of the input [s].
-    :param timeout: largest age of the pressures [s].
-    """
+    """Return the measured gauge pressures (t,) of the tubes [Pa]; None before the first input."""
     if pressures is None:
         return None
     (fresh,) = require_fresh(now, timeout, 'pressure_timeout', tube_pressures=pressures)
@@ -236,21 +196,18 @@ def steady_pressures(
     """
     Return the measured pressures, or `kept` if all differ from it by noise only.
 
-    Noise is a relative change by at most `PRESSURE_CHANGE`.
-
-    :param kept: (t,) gauge pressure of each tube in the model so far [Pa]; None: as in the robot
-        file.
-    :param pressures: (t,) measured gauge pressures [Pa]; None: as in the robot file.
+    Noise is a relative change by at most `PRESSURE_CHANGE`. Pressures (t,) are gauge pressures
+    [Pa]; None: as in the robot file.
     """
     if kept is None or pressures is None:
         return pressures
-    near = np.allclose(pressures, kept, rtol=PRESSURE_CHANGE, atol=0.0)
-    return kept if near else pressures
+    change = np.abs(np.subtract(pressures, kept))
+    return kept if (change <= np.multiply(PRESSURE_CHANGE, kept)).all() else pressures
 
 
 class Timeline:
     """
-    Piecewise linear function of time, with numbers or arrays as values.
+    Piecewise linear function of time [s], with numbers or arrays as values.
 
     Values of other kinds can be stored as well, but not interpolated.
     """
@@ -264,12 +221,12 @@ class Timeline:
 
     @property
     def first(self) -> tuple[float, Any]:
-        """Return the first time [s] and the function's value at this time."""
+        """Return the first time and the function's value at this time."""
         return self._known[0]
 
     @property
     def last(self) -> tuple[float, Any]:
-        """Return the last time [s] and the function's value at this time."""
+        """Return the last time and the function's value at this time."""
         return self._known[-1]
 
     @property
@@ -278,11 +235,7 @@ class Timeline:
         return [value for _, value in self._known]
 
     def add(self, time: float, value: Any) -> None:
-        """
-        Add a value at a time; remove earlier added values at this time or later.
-
-        :param time: time of the value [s].
-        """
+        """Add a value at a time; remove earlier added values at this time or later."""
         while self._known and self._known[-1][0] >= time:
             self._known.pop()
         self._known.append((time, value))
@@ -292,20 +245,12 @@ class Timeline:
         self._known.clear()
 
     def discard_before(self, time: float) -> None:
-        """
-        Remove old values that are not needed to interpolate at the given time or later.
-
-        :param time: the time [s].
-        """
+        """Remove old values that are not needed to interpolate at the given time or later."""
         while len(self._known) > 1 and self._known[1][0] <= time:
             self._known.popleft()
 
     def at(self, time: float) -> Any:
-        """
-        Return the interpolated value at a time; the function is constant beyond its end points.
-
-        :param time: the time [s].
-        """
+        """Return the interpolated value; the function is constant beyond its end points."""
         after = bisect_right(self._known, time, key=itemgetter(0))
         if after in (0, len(self._known)):
             return self._known[min(after, len(self._known) - 1)][1]
@@ -314,17 +259,13 @@ class Timeline:
 
 
 class UsedReadings:
-    """Stamps and values of used readings, by which repeated readings are recognised."""
+    """Used readings of the last `HISTORY_DURATION`, by which repeated ones are recognised."""
 
     def __init__(self) -> None:
         self._used: dict[str, set[tuple[float, bytes]]] = {}
 
     def use(self, name: str, time: float, value: ArrayLike) -> bool:
-        """
-        Record a reading; return whether it is new: of another stamp or value than those before.
-
-        :param time: stamp of the reading [s]; readings of `HISTORY_DURATION` are stored.
-        """
+        """Record a reading; return whether its stamp [s] or its value is new."""
         reading, used = (time, np.asarray(value).tobytes()), self._used.get(name, set())
         if reading in used:
             return False
@@ -357,8 +298,8 @@ class RollerParts:
 
         :param part: position [m] and speed [m/s] for the index of each roller in the message.
         :param time: time of the readings, not later than `now` [s].
-        :param now: current time on the same clock [s]. If the clock was set back, stored readings
-            later than `now` are discarded.
+        :param now: current time [s]; stored readings from later, before the clock was set back,
+            are discarded.
         """
         for number, reading in part.items():
             readings = self._readings[number]
@@ -370,7 +311,7 @@ class RollerParts:
     def merged(self) -> StampedInput | RejectedInput:
         """Return the merged state of all rollers; a rejection if a roller was in no message."""
         readings = self._readings
-        missing = [n for n, timeline in zip(self._names, readings, strict=True) if not timeline]
+        missing = [self._names[i] for i, timeline in enumerate(readings) if not timeline]
         if missing:
             return RejectedInput(
                 f'joint states: rollers {", ".join(missing)} are missing; must name '
@@ -408,32 +349,20 @@ class CommandHistory:
 
     def discard_old(self, now: float, span: float) -> None:
         """
-        Remove the commands before a time span that ends now.
+        Remove the commands before a time span [s] that ends now.
 
         If the clock was set back, or if no command is within the span, all commands are removed.
-
-        :param now: current time on the clock of the commands [s].
-        :param span: length of the time span, which ends now [s].
         """
         if self.last is not None and not 0.0 <= now - self._travel.last[0] <= span:
             self.clear()
         self._travel.discard_before(now - span)
 
     def elapsed(self, now: float) -> float:
-        """
-        Return the time since the last command, 0 without commands [s].
-
-        :param now: current time on the clock of the commands [s].
-        """
+        """Return the time since the last command, 0 without commands [s]."""
         return 0.0 if self.last is None else now - self._travel.last[0]
 
     def record(self, now: float, speeds: Array) -> None:
-        """
-        Record a command that is valid from the time `now`.
-
-        :param now: time of the command, not before the previous one [s].
-        :param speeds: (r,) commanded roller speeds [m/s].
-        """
+        """Record commanded roller speeds (r,) [m/s] that are valid from the time `now`."""
         none = np.zeros(self._count)
         self._travel.add(now, none if self.last is None else self._until(now, none))
         self.last = speeds
@@ -446,7 +375,7 @@ class CommandHistory:
         :param end: end of the interval [s]; if it is before the start, the travel is negated.
         :param before: (r,) speeds before the first command of the history [m/s].
         """
-        if self.last is None or begin == end:
+        if self.last is None:
             return (end - begin) * before
         return self._until(end, before) - self._until(begin, before)
 

@@ -5,7 +5,7 @@
 
 from hypothesis import given
 from hypothesis import strategies as st
-from isotruss_ros.core.inputs import CommandHistory, Timeline
+from isotruss_ros.core.inputs import CommandHistory, RollerState, StampedInput, Timeline
 import numpy as np
 import pytest
 import robots
@@ -56,6 +56,54 @@ def test_is_forgotten_where_the_clock_ran_back_or_nothing_came_for_long(now):
     sent.discard_old(now, 0.5)
     assert sent.last is None
     assert not sent.travel(9.0, 11.0, np.zeros(COUNT)).any()
+
+
+@robots.examples(20)
+@given(robots.generators())
+def test_expected_travel_is_the_integral_of_commands_of_rollers_that_follow_them(rng):
+    times = 100.0 + STEP * np.sort(rng.integers(0, 5000, 20))
+    speeds, measured = rng.uniform(-0.1, 0.1, (20, COUNT)), rng.uniform(-0.1, 0.1, COUNT)
+    still = np.array([False, True, False])
+    history = CommandHistory(COUNT)
+    for time, speed in zip(times, speeds, strict=True):
+        history.record(time, speed)
+    begin, then, now = np.sort(99.9 + STEP * rng.integers(0, 8000, 3))
+    rollers = StampedInput(RollerState(np.zeros(COUNT), measured), begin)
+    travels = history.expected_travel(rollers, then, now, 0.03, still)
+    following = np.where(still, 0.0, 1.0)
+    before, travel = (following * by_steps(times, speeds, measured, begin, t) for t in (then, now))
+    last = following * speeds[-1]
+    for travelled, expected in zip(travels, (before, travel + 0.03 * last, last), strict=True):
+        assert travelled == pytest.approx(expected, abs=1e-4)
+
+
+def test_without_commands_the_measured_speeds_are_expected():
+    measured, still = np.array([0.1, 0.2, -0.1]), np.array([False, True, False])
+    rollers = StampedInput(RollerState(np.zeros(COUNT), measured), 1.0)
+    before, travel, last = CommandHistory(COUNT).expected_travel(rollers, 1.5, 2.0, 0.1, still)
+    assert last == pytest.approx([0.1, 0.0, -0.1])
+    assert before == pytest.approx(0.5 * last)
+    assert travel == pytest.approx(1.1 * last)
+
+
+def test_a_history_of_many_commands_keeps_the_travel_of_its_span_and_no_more():
+    history, period, span = CommandHistory(COUNT), 0.01, 0.5
+    for step in range(300):
+        history.record(step * period, np.full(COUNT, float(step)))
+        history.discard_old(step * period, span)
+    now = 299 * period
+    expected = period * sum(range(249, 299))
+    none = np.zeros(COUNT)
+    assert history.travel(now - span, now, none) == pytest.approx(np.full(COUNT, expected))
+    assert not history.travel(0.0, now - span - 2.0 * period, none).any()
+
+
+def test_elapsed_time_begins_with_the_last_command():
+    history = CommandHistory(COUNT)
+    assert history.elapsed(3.0) == 0.0
+    for time in (1.0, 2.0):
+        history.record(time, np.ones(COUNT))
+    assert history.elapsed(2.5) == 0.5
 
 
 def test_a_timeline_is_even_between_its_times_and_a_later_word_counts():

@@ -39,11 +39,22 @@ def test_a_stamp_counts_from_the_largest_age_to_the_skew(ahead):
     with pytest.raises(InputError, match='object pose: ') as caught:
         check_stamp('object_pose', stamp, NOW, TIMEOUT)
     assert caught.value.fault is (InputFault.STALE if age > 0.0 else InputFault.INVALID)
+    assert f' {abs(age):.3f} s ' in str(caught.value)
+
+
+def test_largest_age_and_skew_are_admissible():
+    assert check_stamp('object_pose', -TIMEOUT, 0.0, TIMEOUT) == -TIMEOUT
+    assert check_stamp('object_pose', CLOCK_SKEW, 0.0, TIMEOUT) == 0.0
 
 
 def test_an_earlier_input_does_not_replace_a_later_one():
     assert keep_latest(NEW, LATE, NOW) is NEW
     assert keep_latest(LATE, NEW, NOW) is NEW
+
+
+def test_an_input_replaces_one_with_the_same_stamp():
+    again = StampedInput('again', NOW)
+    assert keep_latest(NEW, again, NOW) is again
 
 
 def test_an_input_replaces_none_and_a_rejected_one():
@@ -92,6 +103,7 @@ def test_parts_in_any_order_make_the_state_of_one_time(messages, speed):
         found = parts.merged()
         assert found.time == min(last.values())
         assert found.value.positions == pytest.approx(np.multiply(speed, found.time), abs=1e-9)
+        assert found.value.offsets == 0.0
 
 
 def test_rollers_that_were_never_read_are_named():
@@ -131,12 +143,20 @@ def test_rollers_without_readings_since_the_clearing_are_missing():
     assert 'rollers a, b, c are missing' in parts.merged().reason
 
 
-@pytest.mark.parametrize('age', [0.9, 1.1])
+@pytest.mark.parametrize('age', [0.9, 1.0, 1.1])
 def test_a_repeated_reading_is_recognised_for_one_second(age):
     used = UsedReadings()
     assert used.use('pose', NOW, (1.0, 2.0))
     assert used.use('pose', NOW + age, (1.0, 2.0))
-    assert used.use('pose', NOW, (1.0, 2.0)) == (age > 1.0)
+    assert used.use('pose', NOW, (1.0, 2.0)) == (age >= 1.0)
+
+
+def test_a_reading_of_another_value_with_the_same_stamp_is_new():
+    used = UsedReadings()
+    assert used.use('pose', NOW, (1.0, 2.0))
+    assert used.use('pose', NOW, (1.0, 3.0))
+    assert used.use('markers', NOW, (1.0, 2.0))
+    assert not used.use('pose', NOW, (1.0, 3.0))
 
 
 @pytest.mark.parametrize('change', [-0.019, 0.019, -0.021, 0.021])

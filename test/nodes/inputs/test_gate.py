@@ -6,9 +6,11 @@
 from types import SimpleNamespace
 
 from geometry_msgs.msg import TwistStamped
-from isotruss_ros.core.inputs import RejectedInput
-from isotruss_ros.nodes.conversions.messages import make_header
+from isotruss_ros.core.inputs import check_stamp, InputError, RejectedInput
+from isotruss_ros.nodes.conversions.messages import make_header, read_stamp
 from isotruss_ros.nodes.framework import gate
+from isotruss_ros.nodes.framework.common_parameters import COMMAND_TIMEOUT
+from isotruss_ros.nodes.framework.robot_frame import NoTransformError
 import pytest
 
 NOW = 100.0
@@ -53,3 +55,34 @@ def test_a_repeated_stamp_from_ahead_keeps_the_time_of_its_first_reception(recei
     assert receive(NOW + 0.004, NOW + 0.008).time == NOW
     assert receive(NOW + 0.012, NOW + 0.008).time == NOW
     assert receive(NOW + 0.02, NOW + 0.015).time == pytest.approx(NOW + 0.015, abs=1e-6)
+
+
+def test_another_stamp_from_ahead_counts_from_its_own_reception(receive):
+    assert receive(NOW, NOW + 0.008).time == NOW
+    assert receive(NOW + 0.004, NOW + 0.006).time == NOW + 0.004
+
+
+def test_inputs_of_more_than_ten_seconds_are_always_too_old():
+    timeout = COMMAND_TIMEOUT.bounds[1]
+    assert check_stamp('twist', 0.0, 10.0, timeout) == 0.0
+    with pytest.raises(InputError):
+        check_stamp('twist', 0.0, 10.1, timeout)
+
+
+def test_at_most_100_messages_wait_for_their_transform(monkeypatch):
+    def read(_message):
+        raise NoTransformError('no transform')
+
+    monkeypatch.setattr(gate, 'subscribe_newest', lambda *_: None)
+    node = SimpleNamespace(
+        values=SimpleNamespace(command_timeout=0.2),
+        now=lambda: NOW,
+        get_parameter=lambda _: SimpleNamespace(value=False),
+    )
+    topic = gate.Topic(TwistStamped, 'cmd_vel', read)
+    queue = gate.Gate(node, topic, lambda *_: None, None, False)
+    for number in range(102):
+        stamp = NOW - 1e-3 * (102 - number)
+        queue.receive(TwistStamped(header=make_header(stamp, 'truss')))
+    assert len(queue.waiting) == 100
+    assert read_stamp(queue.waiting[0][0].header) == pytest.approx(NOW - 0.1)
