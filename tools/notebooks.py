@@ -22,11 +22,7 @@ import matplotlib as mpl
 
 
 def run(path: str | Path) -> dict[str, Any]:
-    """
-    Return a notebook with the outputs of its cells.
-
-    :param path: path of the notebook.
-    """
+    """Return a notebook with the outputs of its cells."""
     mpl.use('Agg')
     notebook, names = json.loads(Path(path).read_text(encoding='utf-8')), {}
     count = 0

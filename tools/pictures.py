@@ -135,11 +135,7 @@ PICTURES = {
 
 
 def hash_inputs(inputs: Sequence[str]) -> str:
-    """
-    Return a hash of the content of files, without comments and docstrings.
-
-    :param inputs: files and folders, relative to the top of the sources.
-    """
+    """Return a hash of the content of files, without comments and docstrings."""
     digest = hashlib.sha256()
     for name in sorted(inputs):
         path = TOP / name
@@ -196,11 +192,7 @@ def _is_close(old: str, new: str) -> bool:
 
 
 def make(name: str) -> None:
-    """
-    Make a picture, and store the hash of its inputs.
-
-    :param name: name of the picture, a key of `PICTURES`.
-    """
+    """Make a picture, and store the hash of its inputs."""
     picture = PICTURES[name]
     subprocess.run([sys.executable, *picture.command], cwd=TOP, check=True)
     for file, made in zip(picture.files, picture.made or picture.files, strict=True):
@@ -210,11 +202,7 @@ def make(name: str) -> None:
 
 
 def note(name: str) -> None:
-    """
-    Store the hash of the inputs of a picture, and its words.
-
-    :param name: name of the picture, a key of `PICTURES`.
-    """
+    """Store the hash of the inputs of a picture, and its words."""
     known, picture = _read_known(), PICTURES[name]
     known[name] = {'inputs': hash_inputs(picture.inputs)}
     if picture.words is not None:
@@ -230,7 +218,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     Make, check or keep the pictures.
 
-    :param arguments: arguments of the command line; None: those of the process.
     :return: 1 if `--check` finds an outdated picture, else 0.
     """
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[1])

@@ -28,7 +28,6 @@ def home(arguments: Sequence[str] | None = None) -> int:
     """
     Fit and print the roller offsets, and write the robot file with the corrected home.
 
-    :param arguments: arguments of the command line; None: the arguments of the process.
     :return: exit code, 1 if the joints do not determine the result.
     """
     parser = _parser('calibrate_home', 'Fit the roller offsets to measured joints.')
@@ -40,7 +39,6 @@ def stiffness(arguments: Sequence[str] | None = None) -> int:
     """
     Fit and print the factor on the tube stiffness, and write it to the robot file.
 
-    :param arguments: arguments of the command line; None: the arguments of the process.
     :return: exit code, 1 if the joints do not determine the result.
     """
     parser = _parser('calibrate_stiffness', 'Find how stiff the tubes are, from a known pull.')

@@ -19,11 +19,7 @@ WRITTEN, BAD_ARGUMENTS = 0, 2
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """
-    Write the model to a file, and return the exit code.
-
-    :param arguments: arguments of the command line; None: the arguments of the process.
-    """
+    """Write the model to a file, and return the exit code."""
     options = _parser().parse_args(arguments)
     try:
         objects = [ConvexObject.disc((x, y), diameter) for x, y, diameter in options.object]

@@ -36,7 +36,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     Fit a tube's stiffness to measured points; print tables and a block for the robot file.
 
-    :param arguments: arguments of the command line; None: the arguments of the process.
     :return: exit code, 1 if no block for the robot file could be computed.
     """
     options = _parser().parse_args(arguments)

@@ -48,7 +48,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     Send one goal or service call, and print its result.
 
-    :param arguments: arguments of the command line; None: the arguments of the process.
     :return: 0 on success, 1 on failure, 130 after Ctrl-C, which cancels the goal.
     """
     options = _parser().parse_args(arguments)

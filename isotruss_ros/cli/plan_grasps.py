@@ -38,11 +38,7 @@ FOUND, NONE_FOUND, BAD_ARGUMENTS, FAILED, INTERRUPTED = 0, 1, 2, 3, 130
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """
-    Search for grasps and print them; return the exit code.
-
-    :param arguments: arguments of the command line; None: the arguments of the process.
-    """
+    """Search for grasps and print them; return the exit code."""
     options = _parser().parse_args(arguments)
     try:
         return _run(options)

@@ -46,11 +46,7 @@ OPTIONS = {
 
 
 def add_requirements(parser: argparse.ArgumentParser) -> None:
-    """
-    Add a command-line option for each requirement.
-
-    :param parser: parser of the options.
-    """
+    """Add a command-line option for each requirement."""
     group = parser.add_argument_group('requirements')
     for field in fields(GraspRequirements):
         if field.name not in OPTIONS:
@@ -70,11 +66,7 @@ def add_requirements(parser: argparse.ArgumentParser) -> None:
 
 
 def add_search(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:
-    """
-    Add the options of a search (random seed, number of processes), and return their group.
-
-    :param parser: parser of the options.
-    """
+    """Add the options of a search (random seed, number of processes), and return their group."""
     group = parser.add_argument_group('search')
     group.add_argument('--seed', type=_seed, default=0, help='random seed of the search')
     group.add_argument(
@@ -88,12 +80,7 @@ def add_search(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:
 
 
 def requirements(options: argparse.Namespace) -> GraspRequirements:
-    """
-    Return the requirements of a grasp that the options specify.
-
-    :param options: parsed command line.
-    :raises GraspError: a value is invalid; the message names it and its valid range.
-    """
+    """Return the requirements of a grasp that the options specify."""
     return GraspRequirements(**{name: getattr(options, name) for name in OPTIONS})
 
 

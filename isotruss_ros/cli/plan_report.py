@@ -27,12 +27,7 @@ COLUMNS = {
 
 
 def table(plan: GraspPlan, requirements: GraspRequirements) -> Table:
-    """
-    Return a table with one row for each grasp, best first.
-
-    :param plan: the plan.
-    :param requirements: requirements, which name the criterion by which grasps are ranked.
-    """
+    """Return a table with one row for each grasp, best first."""
     found = Table(title=f'grasps, best first by {requirements.measure.value}')
     found.add_column('module')
     found.add_column('members in contact')
@@ -50,12 +45,7 @@ def table(plan: GraspPlan, requirements: GraspRequirements) -> Table:
 
 
 def as_json(plan: GraspPlan, robot: Robot) -> dict[str, Any]:
-    """
-    Return a plan as data for JSON; values that are not finite become null.
-
-    :param plan: the plan.
-    :param robot: the robot.
-    """
+    """Return a plan as data for JSON; values that are not finite become null."""
     miss = plan.closest_violation
     return {
         'robot': robot.name,

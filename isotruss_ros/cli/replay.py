@@ -32,12 +32,9 @@ def replay(view: View, path: Path, speed: float, wait: Callable[[float], None]) 
     """
     Show a recording once; return a sentence about damage that ended it early, or ''.
 
-    :param view: view for the playback.
-    :param path: path of the MCAP file.
     :param speed: speed of the playback relative to the recording [-].
     :param wait: function called after each frame with the time from the start at which the next
         frame is due [s].
-    :raises RecordingError: the file cannot be read, or has no complete message.
     """
     from isotruss_ros.viewer.recording import BrokenRecordingError, read_recording, show_message
 
@@ -106,7 +103,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     Show a recording repeatedly until Ctrl-C, or write a page that plays it.
 
-    :param arguments: arguments of the command line; None: the arguments of the process.
     :return: 0 after Ctrl-C or after the page was written, 1 if the recording cannot be shown.
     """
     parser = argparse.ArgumentParser(prog='isotruss replay', description=__doc__)

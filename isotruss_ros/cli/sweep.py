@@ -43,13 +43,7 @@ Pair: TypeAlias = tuple[tuple[int, int], RobotDescription, ConvexObject]
 
 
 def evaluate(pair: Pair, needs: GraspRequirements, seed: int) -> dict[str, Any]:
-    """
-    Return a row of the table with the best grasp of one object by one robot.
-
-    :param pair: robot and object with their indices.
-    :param needs: requirements of a grasp.
-    :param seed: random seed of the search.
-    """
+    """Return a row of the table with the best grasp of one object by one robot."""
     (robot, item), description, body = pair
     row = {'robot': robot, 'object': item, 'name': description.name, 'diameter': 2.0 * body.arm}
     row |= dict(zip('xy', body.pose[:2], strict=True)) | {'found': 0, 'error': ''}
@@ -69,15 +63,7 @@ def sweep(
     needs: GraspRequirements,
     seed: int = 0,
 ) -> Iterator[dict[str, Any]]:
-    """
-    Yield a row of the table for each pair of robot and object, as soon as it is computed.
-
-    :param client: client of the cluster, in which each worker has this package and one thread.
-    :param robots: descriptions of the robots.
-    :param objects: the objects.
-    :param needs: requirements of a grasp.
-    :param seed: random seed of every search.
-    """
+    """Yield a row of the table for each pair of robot and object, as soon as it is computed."""
     pairs = [
         ((i, j), robots[i], objects[j])
         for i, j in itertools.product(range(len(robots)), range(len(objects)))
@@ -91,13 +77,7 @@ def sweep(
 
 
 def read_objects(path: Path) -> list[ConvexObject]:
-    """
-    Read discs from a CSV file with the columns x, y and diameter [m], one disc in each row.
-
-    :param path: path of the CSV file.
-    :raises IsotrussError: a value is invalid; the message names the file, the row and the valid
-        value.
-    """
+    """Read discs from a CSV file with the columns x, y and diameter [m], one disc in each row."""
     with path.open(encoding='utf-8', newline='') as file:
         rows = list(csv.DictReader(file))
     found = []
@@ -115,12 +95,7 @@ def read_objects(path: Path) -> list[ConvexObject]:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """
-    Plan grasps for all pairs, and write each row as soon as it is computed.
-
-    :param arguments: arguments of the command line; None: the arguments of the process.
-    :return: exit code.
-    """
+    """Plan grasps for all pairs, and write each row as soon as it is computed."""
     parser = argparse.ArgumentParser(prog='isotruss sweep', description=__doc__)
     parser.add_argument('robots', nargs='+', help='names of presets, or paths of robot files')
     parser.add_argument('--objects', type=Path, required=True, help='CSV file: x,y,diameter [m]')

@@ -16,7 +16,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     Run the demonstration; Ctrl-C ends it and its nodes at any time.
 
-    :param arguments: arguments of the command line; None: the arguments of the process.
     :return: 0 if the object was held and reached its targets, 1 if not, 130 after Ctrl-C.
     """
     try:

@@ -79,8 +79,6 @@ class DemoClient(Node):
     :ivar measured: last measured pose of the object.
     :ivar pose: last recorded pose of the object.
     :ivar rollers: (r,) last roller positions, including the estimated offsets if available [m].
-    :param roller_names: names of the rollers, in the order of the robot.
-    :param sim_time: whether the node uses the time of `/clock`, which plants with masses require.
     :param truth: True to record the true states of robot and object in place of measured states,
         and in addition the state estimates.
     """
@@ -189,11 +187,7 @@ class DemoClient(Node):
         super().destroy_node()
 
     def begin(self, name: str) -> PhaseRecord:
-        """
-        Start a phase of the demonstration, in whose record messages are stored from now on.
-
-        :param name: name of the phase.
-        """
+        """Start a phase of the demonstration, in whose record messages are stored from now on."""
         self._record = PhaseRecord(name)
         self._status_times.clear()
         return self._record
@@ -206,16 +200,7 @@ class DemoClient(Node):
         deadline: float = DEADLINE,
         meanwhile: Callable[[], None] | None = None,
     ) -> None:
-        """
-        Wait until a condition holds, while messages are received.
-
-        :param ready: function that returns whether the condition holds.
-        :param check: function that raises an error if the condition can no longer become true.
-        :param what: text that names the condition, for the error message.
-        :param deadline: longest waiting time, in simulated time if it is used [s].
-        :param meanwhile: function that is called every `PERIOD`.
-        :raises DemoError: the condition did not hold in time, or the manipulation node halted.
-        """
+        """Wait until a condition holds, while messages are received."""
         before, changed = self._seconds(), time.monotonic()
         end = before + deadline
         while not ready():
@@ -261,11 +246,7 @@ class DemoClient(Node):
         )
 
     def require_alone(self) -> None:
-        """
-        Raise DemoError if there is another robot in this ROS domain.
-
-        :raises DemoError: a topic of `SINGLE_PUBLISHER_TOPICS` has two publishers.
-        """
+        """Raise DemoError if there is another robot in this ROS domain."""
         for topic in SINGLE_PUBLISHER_TOPICS:
             if (count := self.count_publishers(topic)) > 1:
                 raise DemoError(
@@ -281,14 +262,7 @@ class DemoClient(Node):
     def play(
         self, phase: Phase, check: Callable[[], None], progress: Callable[[float], None]
     ) -> PhaseRecord:
-        """
-        Publish the twists of a phase, then wait until the object is at rest.
-
-        :param phase: phase with twists as a function of time.
-        :param check: function that raises an error if a node has ended.
-        :param progress: callback that receives the completed fraction of the phase, 0 to 1.
-        :raises DemoError: the object did not come to rest, or the manipulation node halted.
-        """
+        """Publish the twists of a phase, then wait until the object is at rest."""
         record = self.begin(phase.name)
         begin, turned = np.array(self.pose[:2]), self._turned
         start = now = self._seconds()
@@ -334,13 +308,7 @@ class DemoClient(Node):
         self._wrenches.publish(message)
 
     def wait_for_rest(self, check: Callable[[], None], what: str) -> None:
-        """
-        Publish zero twists until the manipulation node executes them and the object rests.
-
-        :param check: function that raises an error if a node has ended.
-        :param what: text that names the awaited event, for the error message.
-        :raises DemoError: the object is not at rest in time.
-        """
+        """Publish zero twists until the manipulation node executes them and the object rests."""
         self._ended = self._stamp
 
         def stand() -> None:

@@ -35,13 +35,7 @@ class DomainLock:
 
 
 def lock_domain(first: int) -> DomainLock:
-    """
-    Lock the first ROS domain of this machine that is free.
-
-    :param first: domain at which the search begins. After the last of `DOMAINS` it continues with
-        the first.
-    :raises DomainError: all domains are locked.
-    """
+    """Lock the first ROS domain of this machine that is free."""
     for turn in range(len(DOMAINS)):
         number = DOMAINS[(first - DOMAINS[0] + turn) % len(DOMAINS)]
         lock = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)

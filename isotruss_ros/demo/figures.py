@@ -53,11 +53,7 @@ def draw_panels(
     The file's metadata contain a text about the state in each panel; `tools/pictures.py` compares
     these texts.
 
-    :param robot: the robot.
     :param diameter: diameter of the object [m].
-    :param records: records of the phases, one for each panel.
-    :param path: path of the picture.
-    :param paper_model: whether tubes are linear, straight and round.
     """
     stops: list[tuple[str, Snapshot, Wrench | None]] = []
     for record in records:
@@ -109,7 +105,6 @@ def settle(
     Return the equilibrium of the object, and a text that describes how the object is held.
 
     :param pull: external wrench on the object [N, N, N m]; None: zero.
-    :param paper_model: whether tubes are linear, straight and round.
     """
     wrench = pull or (0.0, 0.0, 0.0)
     settled = settle_grasp(config, body, external_wrench=wrench, paper_model=paper_model)
@@ -138,10 +133,7 @@ def animate(robot: Robot, diameter: float, records: Sequence[PhaseRecord], path:
     """
     Write the whole motion as an animated GIF, drawn with Matplotlib.
 
-    :param robot: the robot.
     :param diameter: diameter of the object [m].
-    :param records: records of the phases.
-    :param path: path of the animation.
     """
     snapshots = [snap for record in records for snap in record.snapshots]
     times = np.array([snap.time for snap in snapshots])

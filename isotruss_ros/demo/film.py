@@ -27,14 +27,7 @@ MIN_PATH_SPACING = 0.005
 
 
 def film(recording: Path, records: Sequence[PhaseRecord], path: Path) -> None:
-    """
-    Write the whole motion as an animated GIF, rendered by MuJoCo.
-
-    :param recording: file with the recorded states of the plant.
-    :param records: records of the phases, in their order.
-    :param path: path of the animation.
-    :raises PlantError: the recording cannot be read, or the machine cannot render.
-    """
+    """Write the whole motion as an animated GIF, rendered by MuJoCo."""
     states = read_recording(recording)
     frames: list[Image.Image] = []
     passed: list[tuple[float, float]] = []

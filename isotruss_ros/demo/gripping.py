@@ -40,7 +40,6 @@ def slow_down(grasp: PlannedGrasp, factor: float) -> None:
     """
     Multiply all times of the path to a grasp by a factor.
 
-    :param grasp: planned grasp, which is changed in place.
     :param factor: factor on all times of the path [-].
     """
     for point in grasp.path.points:
@@ -49,11 +48,7 @@ def slow_down(grasp: PlannedGrasp, factor: float) -> None:
 
 
 def offsets_are_known(estimates: Sequence[StateEstimate]) -> bool:
-    """
-    Return whether the deviations of all roller offsets are below `MAX_OFFSET_DEVIATION`.
-
-    :param estimates: estimates of the state, in time order.
-    """
+    """Return whether the deviations of all roller offsets are below `MAX_OFFSET_DEVIATION`."""
     if not estimates:
         return False
     covariance = np.reshape(estimates[-1].offset_covariance, 2 * [len(estimates[-1].offsets)])
@@ -61,12 +56,7 @@ def offsets_are_known(estimates: Sequence[StateEstimate]) -> bool:
 
 
 class Gripping:
-    """
-    Client of the nodes that plan a grasp and follow the path to it.
-
-    :param client: node of the demonstration.
-    :param check: function that raises an error if a node has ended.
-    """
+    """Client of the nodes that plan a grasp and follow the path to it."""
 
     def __init__(self, client: DemoClient, check: Check) -> None:
         self._client, self._check = client, check
@@ -76,12 +66,7 @@ class Gripping:
         )
 
     def wait_until_ready(self, estimated: bool = False) -> PhaseRecord:
-        """
-        Wait until all nodes publish and the robot is at rest.
-
-        :param estimated: whether a node estimates the state.
-        :raises DemoError: the nodes are not ready in time.
-        """
+        """Wait until all nodes publish and the robot is at rest."""
         client = self._client
         record = client.begin('start')
         client.wait(
@@ -105,10 +90,7 @@ class Gripping:
         """
         Request a grasp of the object at its measured pose.
 
-        :param goal: goal of the planner without the object's pose.
-        :param progress: callback that receives the completed fraction, 0 to 1.
         :return: best grasp, and the whole result of the planner.
-        :raises DemoError: no grasp was found.
         """
         pose = self._client.measured
         goal.object_pose = PoseStamped(pose=to_pose_message(pose))
@@ -148,11 +130,8 @@ class Gripping:
         """
         Follow the path to a grasp, and wait until the analysis reports the object as held.
 
-        :param grasp: planned grasp.
-        :param progress: callback that receives the completed fraction, 0 to 1.
         :return: record of the motion until the members touch the object, and record of the motion
             after that.
-        :raises DemoError: the rollers did not arrive, or the object is not held.
         """
         client = self._client
         record = client.begin('approach')

@@ -29,13 +29,7 @@ class NodeError(IsotrussError, RuntimeError):
 
 
 class NodeProcess:
-    """
-    Process of one running node.
-
-    :param name: name of a module of `isotruss_ros.nodes`.
-    :param parameters: value for the name of each ROS parameter.
-    :param log: file for the output of the node.
-    """
+    """Process of one running node."""
 
     def __init__(self, name: str, parameters: Mapping[str, object], log: Path) -> None:
         self.name = name
@@ -59,11 +53,7 @@ class NodeProcess:
             )
 
     def require_running(self) -> None:
-        """
-        Raise NodeError if the node is not running.
-
-        :raises NodeError: the node has ended; the message contains the last lines of its output.
-        """
+        """Raise NodeError if the node is not running."""
         if self.process.poll() is not None:
             printed = self.log.read_text(errors='replace').strip().splitlines()[-5:]
             raise NodeError(
@@ -110,13 +100,7 @@ def _held_signals() -> Iterator[list[int]]:
 def running_nodes(
     nodes: Sequence[tuple[str, Mapping[str, object]]], logs: Path
 ) -> Iterator[list[NodeProcess]]:
-    """
-    Run nodes as processes while a `with` block is executed.
-
-    :param nodes: name and parameters of each node.
-    :param logs: folder for the output of the nodes.
-    :raises KeyboardInterrupt: a signal arrived while the nodes were started.
-    """
+    """Run nodes as processes while a `with` block is executed."""
     processes = []
     try:
         with _held_signals() as received:
@@ -139,7 +123,6 @@ def keep_to_this_machine() -> int:
 
     :return: ROS domain id, taken from the environment if set there, otherwise one that is locked
         until this process ends.
-    :raises DomainError: all domains are locked.
     """
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     if not os.environ.get('ROS_DOMAIN_ID'):

@@ -103,7 +103,6 @@ class PhaseRecord:
         """
         Return the parts of the record before and after given roller positions were reached.
 
-        :param name: name of the second part.
         :param rollers: (r,) roller positions [m].
         """
         distances = [

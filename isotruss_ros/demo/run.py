@@ -77,7 +77,6 @@ def run(arguments: Sequence[str] | None = None) -> int:
     """
     Run the demonstration, print tables and draw figures.
 
-    :param arguments: arguments of the command line; None: the arguments of the process.
     :return: 0 if the object was held and reached its targets, else 1.
     """
     parser = argparse.ArgumentParser(prog='isotruss demo', description=__doc__)

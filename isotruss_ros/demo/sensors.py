@@ -35,8 +35,6 @@ def truth_table(records: Sequence[PhaseRecord], robot: Robot, squeeze: float) ->
     """
     Return a table of the errors of estimated squeeze, joints and pose.
 
-    :param records: records of the phases, which contain true values.
-    :param robot: robot of the robot file.
     :param squeeze: desired squeeze [N].
     """
     table = make_table(

@@ -17,14 +17,7 @@ from rich.table import Table
 def make_table(
     title: str, names: Sequence[str], figures: Sequence[str], wrap: bool = False
 ) -> Table:
-    """
-    Return a table with headings and without rows.
-
-    :param title: title of the table.
-    :param names: headings of the first columns, which contain names.
-    :param figures: headings, with units, of the other columns, which contain numbers.
-    :param wrap: whether names may take several lines.
-    """
+    """Return a table with headings and without rows."""
     table = Table(title=title, box=None, pad_edge=False, collapse_padding=True)
     for heading in names:
         table.add_column(heading, no_wrap=not wrap)
@@ -82,11 +75,7 @@ def _numbers(values: np.ndarray) -> str:
 
 
 def grasp_table(records: Sequence[PhaseRecord]) -> Table:
-    """
-    Return a table with the quality of the grasp in each phase, as ranges over all analyses.
-
-    :param records: records of the phases.
-    """
+    """Return a table with the quality of the grasp in each phase, as ranges over all analyses."""
     table = make_table(
         'Grasp: fraction of analyses with a held object; mean normal\n'
         'force of a member; slip margin with its direction; largest\n'
@@ -125,11 +114,7 @@ def grasp_table(records: Sequence[PhaseRecord]) -> Table:
 
 
 def contact_table(records: Sequence[PhaseRecord]) -> Table:
-    """
-    Return a table of the contact regions at the end of each phase.
-
-    :param records: records of the phases.
-    """
+    """Return a table of the contact regions at the end of each phase."""
     table = make_table(
         'Contact regions of the held object at\nthe end of each phase: length, largest\n'
         'width, area, mean and largest pressure',

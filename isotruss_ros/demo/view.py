@@ -33,7 +33,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     Run a simulated robot and a viewer until Ctrl-C.
 
-    :param arguments: arguments of the command line; None: the arguments of the process.
     :return: 0 after Ctrl-C, 1 if a node has ended.
     """
     parser = argparse.ArgumentParser(prog='isotruss view', description=__doc__)

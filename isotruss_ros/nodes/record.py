@@ -74,12 +74,7 @@ class Record(StoppableNode):
         self.create_steady_timer(WRITING_PERIOD, self._flush)
 
     def begin(self) -> None:
-        """
-        Create the file of the recording, and print its path.
-
-        :raises ParameterError: the file exists or cannot be created.
-        :raises MissingPackageError: mcap is not installed.
-        """
+        """Create the file of the recording, and print its path."""
         try:
             from mcap.writer import Writer
         except ModuleNotFoundError as error:
@@ -96,11 +91,7 @@ class Record(StoppableNode):
         print(f'record: {name}', flush=True)
 
     def stop(self) -> None:
-        """
-        Complete and close the file of the recording.
-
-        :raises RecordError: the disk is full.
-        """
+        """Complete and close the file of the recording."""
         if self._writer is not None:
             with self._writing():
                 self._writer.finish()

@@ -17,14 +17,7 @@ PANEL_ORDER = -9.0
 
 
 class BrowserPanel:
-    """
-    Switch to request control, and commands that only the browser in control has.
-
-    :param client: the browser.
-    :param choices: list of admissible values of each request, by its name.
-    :param leave: callback that receives the name and the value of a request, in a thread of the
-        server.
-    """
+    """Switch to request control, and commands that only the browser in control has."""
 
     def __init__(
         self,
@@ -46,13 +39,7 @@ class BrowserPanel:
         return self._switch.value is True
 
     def show(self, control: Control, wish: bool, values: Mapping[str, float | str]) -> None:
-        """
-        Show which browser is in control, and the values of the settings.
-
-        :param control: state of the control.
-        :param wish: whether this browser requests control.
-        :param values: value of each setting, for the name of its request.
-        """
+        """Show which browser is in control, and the values of the settings."""
         mine = control.browser == self._number
         # Only for a refused request: a new one may have arrived since.
         if wish and not mine:

@@ -48,7 +48,6 @@ def place_camera(points: Points, aspect: float) -> tuple[Place, Place]:
     Return position and target of a camera above a robot that shows the whole robot [m].
 
     :param points: (k,) points of the robot in its plane, x + iy [m].
-    :param aspect: width of the picture divided by its height.
     """
     x, y = (0.5 * (float(part.max()) + float(part.min())) for part in (points.real, points.imag))
     width, height = (

@@ -27,8 +27,6 @@ class Control:
         Give control to a browser that requests it, if no other browser is in control.
 
         A browser that has left or no longer requests control loses it.
-
-        :param wishes: for the index of each connected browser, whether it requests control.
         """
         if self.browser is not None and not wishes.get(self.browser, False):
             self.release()
@@ -42,8 +40,6 @@ class Control:
     def latch(self, stopped: bool) -> None:
         """
         At an emergency stop, discard the drag, and refuse new drags until the stop is released.
-
-        :param stopped: whether an emergency stop is set.
         """
         self.stopped = stopped
         if stopped:
@@ -56,9 +52,6 @@ class Control:
         Move the target of the active drag; if the handle was just grabbed, start a drag.
 
         :param target: (x, y) of the handle [m].
-        :param begins: whether the handle was just grabbed.
-        :param now: current time [s].
-        :param turns: whether the handle rotates the object.
         """
         if self.stopped:
             return
@@ -68,11 +61,7 @@ class Control:
             self.drag.target = target
 
     def describe(self, browser: int) -> str:
-        """
-        Return a sentence, addressed to one browser, that names the browser in control.
-
-        :param browser: index of the browser.
-        """
+        """Return a sentence, addressed to one browser, that names the browser in control."""
         if self.browser is None:
             return f'browser {browser}: nobody has control'
         if self.browser == browser:

@@ -62,12 +62,8 @@ class Controls:
     Controls that accept a stop from any browser, other requests from the browser in control.
 
     :ivar control: browser in control and its commands.
-    :param server: server of the view.
-    :param picture: initial picture.
-    :param friction: initial value of the friction slider.
     :param timeout: longest time without a heartbeat of the browser in control [s]; it is longer
         for a page that draws slowly, see `Heartbeats.timeout`.
-    :param report: callback that receives a sentence for each refused request.
     """
 
     def __init__(
@@ -120,8 +116,6 @@ class Controls:
         """
         Update which browser is in control, and return the requests since the last call in order.
 
-        :param now: current time on the robot's clock, which may run slower than the browsers'
-            clocks [s].
         :return: name and value of each request.
         """
         clients = self._server.get_clients()

@@ -25,8 +25,6 @@ class Drag:
     :ivar turns: whether the drag rotates the object. Then the target and all positions are arc
         lengths along a circle, see `place_on_circle`.
     :param target: initial target (x, y) [m].
-    :param now: current time, on the same clock as in `follow` and `is_stuck` [s].
-    :param turns: whether the drag rotates the object.
     """
 
     def __init__(self, target: tuple[float, float], now: float, turns: bool = False) -> None:
@@ -41,8 +39,6 @@ class Drag:
         Return the velocity (vx, vy) toward the target [m/s]; it is zero at the target.
 
         :param position: position (x, y) of the dragged part [m].
-        :param max_speed: largest speed [m/s].
-        :param now: current time [s].
         """
         # Along the commanded direction: the target may move faster than the dragged part.
         (x, y), (vx, vy) = self._position, self._velocity
@@ -59,11 +55,7 @@ class Drag:
         return velocity
 
     def is_stuck(self, now: float) -> bool:
-        """
-        Return whether the part has not approached the target for `PROGRESS_TIME` seconds.
-
-        :param now: current time [s].
-        """
+        """Return whether the part has not approached the target for `PROGRESS_TIME` seconds."""
         return abs(now - self._since) >= PROGRESS_TIME
 
 

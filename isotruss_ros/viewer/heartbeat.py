@@ -57,11 +57,7 @@ PAUSE_DURATION = 5.0
 
 
 class Heartbeats:
-    """
-    Times of the heartbeats of all pages.
-
-    :param server: server whose pages contain `SCRIPT`.
-    """
+    """Times of the heartbeats of all pages."""
 
     def __init__(self, server: viser.ViserServer) -> None:
         self._last: dict[int, float] = {}
@@ -73,11 +69,7 @@ class Heartbeats:
         )
 
     def note(self, browser: int) -> None:
-        """
-        Record the time of a heartbeat from a browser.
-
-        :param browser: index of the browser.
-        """
+        """Record the time of a heartbeat from a browser."""
         now = time.monotonic()
         pauses = self._pauses.setdefault(browser, deque())
         pauses.append((now, now - self._last.get(browser, now)))

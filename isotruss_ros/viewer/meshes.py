@@ -24,7 +24,6 @@ def tube_vertices(line: Points, diameter: float, samples: int) -> Array:
 
     :param line: (s,) points of the centre line, x + iy [m].
     :param diameter: diameter of the tube [m].
-    :param samples: number of cross sections.
     """
     along = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(line)))])
     length = along[-1]
@@ -46,11 +45,7 @@ def tube_vertices(line: Points, diameter: float, samples: int) -> Array:
 
 
 def tube_faces(samples: int) -> Indices:
-    """
-    Return the triangles (f, 3) of a tube, as indices of the vertices of `tube_vertices`.
-
-    :param samples: number of cross sections.
-    """
+    """Return the triangles (f, 3) of a tube, as indices of the vertices of `tube_vertices`."""
     ring, corner = np.meshgrid(np.arange(samples - 1), np.arange(CORNERS), indexing='ij')
     first, after = ring * CORNERS + corner, ring * CORNERS + (corner + 1) % CORNERS
     quads = np.stack([first, after, after + CORNERS, first + CORNERS], axis=-1).reshape(-1, 4)

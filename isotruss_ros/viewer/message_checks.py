@@ -30,13 +30,7 @@ class PictureError(IsotrussError, ValueError):
 
 
 def read_travel(message: Any, names: tuple[str, ...]) -> dict[str, float]:
-    """
-    Return the travel for the name of each roller in a message [m].
-
-    :param message: sensor_msgs/JointState with all rollers, some or none.
-    :param names: names of the rollers.
-    :raises PictureError: a position is invalid, or the numbers of positions and names differ.
-    """
+    """Return the travel for the name of each roller in a message [m]."""
     if len(message.name) != len(message.position):
         raise PictureError(
             f'joint states: {len(message.position)} positions for {len(message.name)} names; '
@@ -53,11 +47,7 @@ def read_travel(message: Any, names: tuple[str, ...]) -> dict[str, float]:
 
 
 def read_pose(message: Any) -> Pose:
-    """
-    Return the pose of a message in the robot frame.
-
-    :param message: geometry_msgs/PoseStamped.
-    """
+    """Return the pose of a message in the robot frame."""
     position, q = message.pose.position, message.pose.orientation
     return Pose(float(position.x), float(position.y), 2.0 * math.atan2(q.z, q.w))
 
@@ -67,7 +57,6 @@ def check_pose(pose: Pose) -> None:
     Raise PictureError if a pose is invalid.
 
     :param pose: pose in the robot frame.
-    :raises PictureError: a number is not finite or out of range.
     """
     if not all(abs(value) <= MAX_DISTANCE for value in pose):  # excludes NaN
         raise PictureError(
@@ -80,9 +69,6 @@ def check_state(message: Any, members: int) -> None:
     Raise PictureError if a grasp analysis belongs to another robot.
 
     :param message: isotruss_msgs/GraspState; an unknown utilisation is None.
-    :param members: number of members of the robot.
-    :raises PictureError: the numbers of utilisations and members differ, or there is no slip
-        direction.
     """
     if message.code < MIN_CODE_WITHOUT_RESULT and message.utilisation is not None:
         used = np.asarray(message.utilisation, dtype=float)
@@ -97,12 +83,7 @@ def check_state(message: Any, members: int) -> None:
 
 
 def check_status(message: Any) -> None:
-    """
-    Raise PictureError if a status code is unknown.
-
-    :param message: isotruss_msgs/ManipulationStatus.
-    :raises PictureError: the status code is unknown.
-    """
+    """Raise PictureError if a status code is unknown."""
     if message.code not in tuple(Status):
         raise PictureError(
             f'manipulation status: code {message.code}: must be one of ManipulationStatus'
@@ -110,13 +91,7 @@ def check_status(message: Any) -> None:
 
 
 def read_line(marker: Any) -> Array:
-    """
-    Return the points (k, 3) of a marker [m].
-
-    :param marker: visualization_msgs/Marker of one of the namespaces of `GROUPS`.
-    :raises PictureError: a point is invalid, the number of points is not a multiple of the number
-        in `GROUPS`, or a line has no length.
-    """
+    """Return the points (k, 3) of a marker [m]."""
     points = np.array([(p.x, p.y, p.z) for p in marker.points], dtype=float).reshape(-1, 3)
     what = f'markers: {marker.ns} {marker.id}'
     if not (np.abs(points) <= MAX_DISTANCE).all():

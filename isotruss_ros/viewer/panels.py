@@ -34,11 +34,7 @@ A truss robot of inflated tubes, seen from above; roller modules at its corners 
 
 
 class Panels:
-    """
-    Panels with status texts and plots beside the scene.
-
-    :param server: server of the view.
-    """
+    """Panels with status texts and plots beside the scene."""
 
     def __init__(self, server: viser.ViserServer) -> None:
         self._state = server.gui.add_html('')
@@ -50,12 +46,7 @@ class Panels:
         self._shown, self._count = ('', ''), 0
 
     def update(self, picture: Picture, now: float) -> None:
-        """
-        Show the status texts and plots of a displayed state.
-
-        :param picture: displayed state.
-        :param now: time on the clock of the picture's messages [s].
-        """
+        """Show the status texts and plots of a displayed state."""
         shown = describe_state(picture, now), describe(picture, now)
         if shown != self._shown:
             self._state.content, self._words.content = self._shown = shown
@@ -82,12 +73,7 @@ class Panels:
 
 
 def describe_state(picture: Picture, now: float) -> str:
-    """
-    Return a text in HTML with hold, slip margin and squeeze, and the next step after a halt.
-
-    :param picture: displayed state.
-    :param now: time on the clock of the picture's messages [s].
-    """
+    """Return a text in HTML with hold, slip margin and squeeze, and the next step after a halt."""
     step = html.escape(picture.describe_next_step(now))
     parts = [_describe_hold(picture, now), html.escape(picture.describe_squeeze(now))]
     lines = [', '.join(filter(None, parts)), step and f'<strong>{step}</strong>']
@@ -107,12 +93,7 @@ def _describe_hold(picture: Picture, now: float) -> str:
 
 
 def describe(picture: Picture, now: float) -> str:
-    """
-    Return a text in Markdown with details of grasp and manipulation.
-
-    :param picture: displayed state.
-    :param now: time on the clock of the picture's messages [s].
-    """
+    """Return a text in Markdown with details of grasp and manipulation."""
     parts = [*_describe_grasp(picture, now), escape(picture.describe_manipulation(now))]
     parts.append(escape(picture.goal_report))
     if picture.is_fresh('object_pose', now):
@@ -136,9 +117,5 @@ def _describe_grasp(picture: Picture, now: float) -> list[str]:
 
 
 def escape(text: str) -> str:
-    """
-    Return a text escaped for Markdown and HTML.
-
-    :param text: text of another node or of a recording.
-    """
+    """Return a text escaped for Markdown and HTML."""
     return re.sub(r'([!-/:-@\[-`{-~])', r'\\\1', text)

@@ -64,6 +64,8 @@ class Picture:
     """
     State of robot and object that a view displays, from the latest messages.
 
+    Times `now` are on the clock of the messages' arrival [s].
+
     :ivar config: configuration at the last measured roller positions.
     """
 
@@ -95,23 +97,11 @@ class Picture:
         self._travel: dict[str, tuple[float, float]] = {}
 
     def is_fresh(self, name: str, now: float) -> bool:
-        """
-        Return whether the last message of a topic is at most `MESSAGE_TIMEOUT` old.
-
-        :param name: `joint_states`, `object_pose`, `state`, `status` or `markers`.
-        :param now: current time on the clock of the messages' arrival [s].
-        """
+        """Return whether the last message of a topic is at most `MESSAGE_TIMEOUT` old."""
         return now - self._received.get(name, -math.inf) < MESSAGE_TIMEOUT
 
     def receive_joint_states(self, message: Any, now: float) -> None:
-        """
-        Update the configuration from measured roller positions.
-
-        :param message: sensor_msgs/JointState of some or all rollers, or of other joints.
-        :param now: time of arrival [s].
-        :raises PictureError: the message is invalid.
-        :raises ConfigurationError: no configuration exists at these positions.
-        """
+        """Update the configuration from measured roller positions."""
         names = self.robot.roller_names
         travel = read_travel(message, names)
         self._travel |= {name: (value, now) for name, value in travel.items()}
@@ -125,8 +115,6 @@ class Picture:
         Update the pose of the object from a message.
 
         :param message: geometry_msgs/PoseStamped in the robot frame.
-        :param now: time of arrival [s].
-        :raises PictureError: the pose is invalid.
         """
         self.take_pose(read_pose(message), now)
 
@@ -135,46 +123,26 @@ class Picture:
         Update the pose of the object.
 
         :param pose: pose in the robot frame.
-        :param now: time of arrival [s].
-        :raises PictureError: the pose is invalid.
         """
         check_pose(pose)
         self.pose = pose
         self._received['object_pose'] = now
 
     def receive_state(self, message: Any, now: float) -> None:
-        """
-        Update the analysis of the grasp.
-
-        :param message: isotruss_msgs/GraspState.
-        :param now: time of arrival [s].
-        :raises PictureError: the message is invalid.
-        """
+        """Update the analysis of the grasp."""
         check_state(message, len(self.robot.member_names))
         self.state = message
         self._received['state'] = now
 
     def receive_status(self, message: Any, now: float) -> None:
-        """
-        Update the status of the manipulation node.
-
-        :param message: isotruss_msgs/ManipulationStatus.
-        :param now: time of arrival [s].
-        :raises PictureError: the message is invalid.
-        """
+        """Update the status of the manipulation node."""
         check_status(message)
         self.status = message
         self._statuses.append((now, message))
         self._received['status'] = now
 
     def receive_markers(self, message: Any, now: float) -> None:
-        """
-        Update the lines of the deformed tubes, the contact regions and the forces.
-
-        :param message: visualization_msgs/MarkerArray of grasp_analysis.
-        :param now: time of arrival [s].
-        :raises PictureError: a marker is invalid; the markers before it are applied.
-        """
+        """Update the lines of the deformed tubes, the contact regions and the forces."""
         for marker in message.markers:
             key = (marker.ns, marker.id)
             if marker.action == DELETEALL:
@@ -187,48 +155,27 @@ class Picture:
                     self._received['markers'] = now
 
     def select_lines(self, name: str, now: float) -> list[Array]:
-        """
-        Return the points of all markers of a namespace, ordered by id; empty if too old.
-
-        :param name: namespace of the markers.
-        :param now: current time on the clock of the messages' arrival [s].
-        """
+        """Return the points of all markers of a namespace, ordered by id; empty if too old."""
         if not self.is_fresh('markers', now):
             return []
         return [self.lines[key] for key in sorted(self.lines) if key[0] == name]
 
     def is_analyzed(self, now: float) -> bool:
-        """
-        Return whether the last grasp analysis has a result.
-
-        :param now: current time on the clock of the messages' arrival [s].
-        """
+        """Return whether the last grasp analysis has a result."""
         return self.is_fresh('state', now) and self.state.code < MIN_CODE_WITHOUT_RESULT
 
     def is_held(self, now: float) -> bool | None:
-        """
-        Return whether the object is held; None if unknown.
-
-        :param now: current time on the clock of the messages' arrival [s].
-        """
+        """Return whether the object is held; None if unknown."""
         if not self.is_analyzed(now) or self.state.held == HELD_UNKNOWN:
             return None
         return bool(self.state.held)
 
     def is_stopped(self, now: float) -> bool:
-        """
-        Return whether the manipulation node reports that an emergency stop is set.
-
-        :param now: current time on the clock of the messages' arrival [s].
-        """
+        """Return whether the manipulation node reports that an emergency stop is set."""
         return self.is_fresh('status', now) and self.status.code == Status.HALT_EMERGENCY_STOP
 
     def describe_manipulation(self, now: float) -> str:
-        """
-        Return a text with the status of the manipulation node.
-
-        :param now: current time on the clock of the messages' arrival [s].
-        """
+        """Return a text with the status of the manipulation node."""
         if not self.is_fresh('status', now):
             return 'manipulation: no status'
         if self.status.code == Status.HALT_NO_TWIST and self.goal is None:
@@ -236,19 +183,11 @@ class Picture:
         return _describe_status(self.status)
 
     def describe_next_step(self, now: float) -> str:
-        """
-        Return the next step after a halt that persists; empty without such a halt.
-
-        :param now: current time on the clock of the messages' arrival [s].
-        """
+        """Return the next step after a halt that persists; empty without such a halt."""
         return NEXT_STEPS.get(self.status.code, '') if self.is_fresh('status', now) else ''
 
     def describe_squeeze(self, now: float) -> str:
-        """
-        Return a text with the estimated squeeze; empty without squeeze control.
-
-        :param now: current time on the clock of the messages' arrival [s].
-        """
+        """Return a text with the estimated squeeze; empty without squeeze control."""
         if not self.is_fresh('status', now) or math.isnan(self.status.squeeze):
             return ''
         return describe_squeeze(self.status.squeeze, self.status.squeeze_deviation)
@@ -257,7 +196,6 @@ class Picture:
         """
         Return a text with the limit that reduced the motion most often in an interval.
 
-        :param now: current time on the clock of the messages' arrival [s].
         :param span: length of the interval, which ends now [s].
         """
         lately = [status for time, status in self._statuses if now - time <= span]
@@ -269,11 +207,7 @@ class Picture:
         return _describe_status(slowest)
 
     def sample(self, now: float) -> None:
-        """
-        Add a sample of squeeze and pose error to the plots.
-
-        :param now: current time on the clock of the messages' arrival [s].
-        """
+        """Add a sample of squeeze and pose error to the plots."""
         squeeze = error = math.nan
         if self.is_analyzed(now) and len(self.state.squeeze):
             squeeze = float(np.mean(self.state.squeeze))

@@ -66,11 +66,6 @@ def read_recording(path: str | Path) -> Iterator[tuple[float, str, Any]]:
 
     A truncated or damaged file is read up to the damage. The index at the end of the file is not
     used.
-
-    :param path: path of the file.
-    :raises RecordingError: the file is not MCAP, or has no message of these topics.
-    :raises BrokenRecordingError: the rest of the file is damaged; raised after the last complete
-        message.
     """
     count, first, last = 0, 0.0, 0.0
     fault = None
@@ -132,13 +127,6 @@ def show_message(picture: Picture, topic: str, message: Any, now: float) -> tupl
     Update a picture from a message; return the names of fields that its version lacks.
 
     The values of these fields are unknown. Fields that a picture does not use are ignored.
-
-    :param picture: the picture.
-    :param topic: name of the topic, with or without namespace.
-    :param message: message with the fields of the ROS message.
-    :param now: time of the message [s].
-    :raises PictureError: the message is invalid.
-    :raises ConfigurationError: no configuration exists at the roller positions of the message.
     """
     kind, receive = RECEIVERS[_find_name(topic)]
     unknown = UNKNOWN_VALUES.get(kind, {})

@@ -64,15 +64,7 @@ BOUNDS = {setting.name: setting.bounds for setting in (*SETTINGS, *WRENCH)}
 
 
 def check_request(name: str, value: object, choices: Mapping[str, Sequence[str]]) -> None:
-    """
-    Raise RequestError if a request has a value that its slider or list cannot send.
-
-    :param name: name of the request.
-    :param value: received value.
-    :param choices: list of admissible values of each request with choices, by its name.
-    :raises RequestError: the value is out of bounds, or not among the choices, or not a valid
-        drag.
-    """
+    """Raise RequestError if a request has a value that its slider or list cannot send."""
     if name in BOUNDS:
         low, high = BOUNDS[name]
         if not (_is_finite(value) and low <= value <= high):  # type: ignore[operator]
@@ -92,11 +84,7 @@ def check_request(name: str, value: object, choices: Mapping[str, Sequence[str]]
 
 
 def list_choices(joints: Sequence[str]) -> dict[str, Sequence[str]]:
-    """
-    Return the list of admissible values of each request with choices, by the request's name.
-
-    :param joints: names of the joints that can be dragged.
-    """
+    """Return the list of admissible values of each request with choices, by the request's name."""
     return {
         DRAGGED: (OBJECT, *joints),
         SHAPE: (INITIAL_CHOICE, *OBJECTS),

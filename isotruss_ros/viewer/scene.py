@@ -29,12 +29,7 @@ ROD, STRIPE = 0.03, 0.02
 
 
 class Scene:
-    """
-    Scene that shows a `Picture`; only changed parts are sent to browsers.
-
-    :param server: server of the view.
-    :param picture: initial picture.
-    """
+    """Scene that shows a `Picture`; only changed parts are sent to browsers."""
 
     def __init__(self, server: viser.ViserServer, picture: Picture) -> None:
         scene = server.scene
@@ -88,12 +83,7 @@ class Scene:
         self._make_object(picture)
 
     def update(self, picture: Picture, now: float) -> None:
-        """
-        Draw the current state of a picture.
-
-        :param picture: displayed state.
-        :param now: time on the clock of the picture's messages [s].
-        """
+        """Draw the current state of a picture."""
         self._fit_cameras(picture)
         if (picture.diameter, picture.shape) != self._drawn:
             self._frame.remove()

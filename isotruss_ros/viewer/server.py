@@ -65,7 +65,6 @@ class Gate:
 
     :ivar local: whether only this machine can reach the server.
     :ivar address: address to open in a browser, with the token.
-    :param bound: bound socket of the server.
     """
 
     def __init__(self, bound: socket.socket) -> None:
@@ -152,7 +151,6 @@ def open_server(host: str, port: int) -> tuple[viser.ViserServer, Gate]:
 
     :param host: address of this machine to bind; 0.0.0.0: all addresses.
     :param port: port of the server; 0: any free port.
-    :raises ViewError: the address cannot be bound, or viser fails.
     """
     bound = _bind(host, port)
     gate = Gate(bound)

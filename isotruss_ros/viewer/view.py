@@ -18,14 +18,9 @@ class View:
     """
     Live view with scene and panels; `Controls` are added by nodes that move a robot.
 
-    :ivar server: server of the view.
-    :ivar picture: displayed state.
     :ivar address: address to open in a browser, with its token.
     :ivar local: whether only this machine can reach the server.
-    :param picture: displayed state.
-    :param host: address to which the server is bound.
     :param port: port of the server; 0: any free port.
-    :raises ViewError: the server cannot be started at this address.
     """
 
     def __init__(self, picture: Picture, host: str, port: int) -> None:
@@ -39,11 +34,7 @@ class View:
         self._panels = Panels(self.server)
 
     def update(self, now: float) -> None:
-        """
-        Show the current state of the picture.
-
-        :param now: current time on the clock of the picture's messages [s].
-        """
+        """Show the current state of the picture."""
         with self.server.atomic():
             self._scene.update(self.picture, now)
             self._panels.update(self.picture, now)

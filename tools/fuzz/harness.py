@@ -25,7 +25,6 @@ def fuzz_file(read: Callable[[Path], None], suffix: str, mutate: Mutator | None 
     Let libFuzzer call a reader, with libFuzzer's options from the command line.
 
     :param read: function that reads a file; each exception and each warning is a finding.
-    :param suffix: suffix of the file's name.
     :param mutate: function that changes an input, given the largest size and a seed; None:
         libFuzzer's.
     """

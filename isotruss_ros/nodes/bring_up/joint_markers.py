@@ -42,13 +42,7 @@ class MeasuredJoints(NamedTuple):
 
 
 class JointMarkers:
-    """
-    Recent messages of `joint_markers` and `joint_states`.
-
-    :ivar inputs: subscriptions of both topics.
-    :param node: subscribing node.
-    :param robot: the robot.
-    """
+    """Recent messages of `joint_markers` and `joint_states`."""
 
     def __init__(self, node: StoppableNode, robot: Robot) -> None:
         self._rollers, self._markers = Timeline(), Timeline()
@@ -57,12 +51,7 @@ class JointMarkers:
         self.inputs.keep('markers', take=partial(self._take, self._markers))
 
     def measure(self, now: float) -> MeasuredJoints:
-        """
-        Return the mean joint positions over the averaging time.
-
-        :param now: time on the clock of the stamps [s].
-        :raises MeasurementError: no message of a topic arrives, or the rollers move.
-        """
+        """Return the mean joint positions over the averaging time."""
         self.inputs.settle()
         try:
             rollers, markers = self.inputs.rollers, self.inputs.markers

@@ -48,10 +48,7 @@ def read_external_wrench(
 
     :param message: wrench about the object's origin, in the aligned frame (see `ALIGNED_OBJECT`)
         or in the object's frame.
-    :param frame: name of the robot frame.
     :param angle: angle of the object in the robot frame [rad]; None if unknown.
-    :raises MessageError: the message has another frame, or a component is not finite or exceeds
-        `MAX_LOAD`.
     """
     wrench = _planar(message.wrench)
     what = 'external wrench (force.x, force.y [N], torque.z [N m])'
@@ -81,9 +78,6 @@ def to_contact_wrench(
     """
     Return a message with a member's force on the object, in the member's contact frame.
 
-    :param frame: name of the robot frame.
-    :param member: name of the member.
-    :param when: time of the force [s].
     :param normal: normal force, the component `force.x` [N].
     :param friction: friction force on the object, counter-clockwise positive; `force.y` has the
         opposite sign [N].
@@ -99,10 +93,7 @@ def read_query(
     """
     Convert the request of a grasp analysis; here only its object is checked.
 
-    :param request: request of the service `analyze_grasp`.
     :param spacing: spacing of the contact points along the tubes [m].
-    :param paper_model: whether tubes that hold the object are linear, straight and round.
-    :raises MessageError: the request describes no object, two objects, or an invalid object.
     """
     body = _read_body(request)
     wrench = _planar(request.external_wrench)
@@ -141,12 +132,7 @@ def _planar(wrench: Wrench) -> tuple[float, float, float]:
 
 
 def to_state_message(report: GraspReport, frame: str) -> GraspState:
-    """
-    Convert a grasp report to a message; for a report without result, with the worst values.
-
-    :param report: report of the grasp monitor.
-    :param frame: name of the robot frame.
-    """
+    """Convert a grasp report to a message; for a report without result, with the worst values."""
     state = GraspState(code=int(report.code), message=report.message)
     state.held = HELD_VALUES[report.held]
     state.header = make_header(report.time, frame)

@@ -45,8 +45,6 @@ def to_marker_array(report: GraspReport, frame: str, time: float) -> MarkerArray
     """
     Return RViz markers for a grasp report; the first marker deletes all earlier markers.
 
-    :param report: report of the grasp monitor.
-    :param frame: name of the robot frame.
     :param time: stamp of the markers [s].
     """
     markers = [Marker(action=Marker.DELETEALL)]

@@ -16,21 +16,13 @@ TYPE_NAMES = {'double': 'float64', 'float': 'float32', 'boolean': 'bool', 'octet
 
 
 def type_name(kind: Any) -> str:
-    """
-    Return the name of a message type, as `package/msg/Name`.
-
-    :param kind: class of the message.
-    """
+    """Return the name of a message type, as `package/msg/Name`."""
     package, folder, *_ = kind.__module__.split('.')
     return f'{package}/{folder}/{kind.__name__}'
 
 
 def schema_text(kind: Any) -> str:
-    """
-    Return the text that defines a message type and all types nested in it.
-
-    :param kind: class of the message.
-    """
+    """Return the text that defines a message type and all types nested in it."""
     found: dict[str, str] = {}
     _collect(kind, found)
     first, *others = found.items()

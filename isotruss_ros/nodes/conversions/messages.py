@@ -42,11 +42,7 @@ class MessageError(IsotrussError, ValueError):
 
 
 def read_stamp(header: Header) -> float:
-    """
-    Return the time stamp of a message header [s].
-
-    :param header: header of a message.
-    """
+    """Return the time stamp of a message header [s]."""
     return header.stamp.sec + 1e-9 * header.stamp.nanosec
 
 
@@ -55,7 +51,6 @@ def make_header(when: float, frame: str = '') -> Header:
     Return a message header with a time stamp and a frame.
 
     :param when: time of the stamp [s]; a negative time is replaced by zero.
-    :param frame: name of the frame.
     """
     seconds, nanoseconds = divmod(max(0, round(1e9 * when)), 1_000_000_000)
     return Header(stamp=Time(sec=seconds, nanosec=nanoseconds), frame_id=frame)
@@ -67,12 +62,7 @@ def read_held(message: Any) -> bool | None:
 
 
 def read_twist(twist: Twist) -> tuple[float, float, float]:
-    """
-    Return the planar twist (vx, vy, omega) of a message [m/s, rad/s].
-
-    :param twist: twist of the object.
-    :raises MessageError: a component is not finite, or a component out of the plane is not zero.
-    """
+    """Return the planar twist (vx, vy, omega) of a message [m/s, rad/s]."""
     linear, angular = twist.linear, twist.angular
     planar = (linear.x, linear.y, angular.z)
     if not all(map(math.isfinite, planar)):
@@ -90,11 +80,6 @@ def check_frame(what: str, header: Header, frame: str) -> None:
     Raise MessageError if a header names another frame than the robot frame.
 
     An empty name is accepted.
-
-    :param what: name of the message, for the error message.
-    :param header: header of the message.
-    :param frame: name of the robot frame.
-    :raises MessageError: the header names another frame; the text names both frames.
     """
     if header.frame_id not in ('', frame):
         raise MessageError(
@@ -103,11 +88,7 @@ def check_frame(what: str, header: Header, frame: str) -> None:
 
 
 def request_parameters(values: Mapping[str, Any]) -> SetParameters.Request:
-    """
-    Return the service request that sets parameters of another node.
-
-    :param values: value for the name of each parameter.
-    """
+    """Return the service request that sets parameters of another node."""
     messages = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
     return SetParameters.Request(parameters=messages)
 
@@ -117,7 +98,6 @@ def name_frame(frame: str, part: str) -> str:
     Return the name of the frame of the object, of a module or of a contact.
 
     :param frame: name of the robot frame; if it is empty, the result is empty.
-    :param part: `OBJECT`, `ALIGNED_OBJECT`, a module `t/j`, or a member `t/j-k` with `CONTACT`.
     """
     return f'{frame}_{part.replace("/", "_")}' if frame else ''
 
@@ -126,10 +106,8 @@ def check_place(what: str, x: float, y: float) -> None:
     """
     Raise MessageError if a position in a message is invalid.
 
-    :param what: name of the position, for the error message.
     :param x: x of the position [m].
     :param y: y of the position [m].
-    :raises MessageError: a coordinate is not finite, or too large.
     """
     if fault := pose_fault(x, y):
         raise MessageError(f'{what} at ({x}, {y}): {fault}')
@@ -139,9 +117,7 @@ def read_pose(what: str, message: PoseMessage) -> Pose:
     """
     Return the planar pose in a message; height and tilt are ignored.
 
-    :param what: name of the pose, for the error message.
     :param message: pose in any frame.
-    :raises MessageError: a value is not finite or too large, or the quaternion is not a rotation.
     """
     position, q = message.position, message.orientation
     check_place(what, position.x, position.y)

@@ -31,13 +31,8 @@ def read_described(
     """
     Return the object that a request describes, at a pose; None if it describes no object.
 
-    :param message: description of the object.
     :param pose: pose of the object in the robot frame.
-    :param name: name of the request's field with the diameter of a disc.
     :param diameter: diameter of a disc [m].
-    :raises MessageError: the description is invalid or has a field that belongs to another shape,
-        the pose is invalid, or a diameter is given as well. The text names the faulty field by its
-        key in object files, and the faulty vertex or side of a polygon.
     """
     if message == ObjectMessage():
         return None
@@ -71,12 +66,7 @@ def read_described(
 
 
 def to_object_message(body: ConvexObject) -> ObjectMessage:
-    """
-    Convert an object without its pose to a message.
-
-    :param body: the object at any pose.
-    :raises GraspError: messages cannot describe the shape of the object.
-    """
+    """Convert an object without its pose to a message."""
     shape: Any = body.shape
     numbers = {SHAPES[name]: number for number, name in SHAPE_NAMES.items()}
     if type(shape) not in numbers:

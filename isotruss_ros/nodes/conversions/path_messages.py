@@ -28,15 +28,11 @@ def read_object_path(
     """
     Return the object path in a goal; None if the object is already at the only pose.
 
-    :param message: poses of the object.
+    A path with fewer than two poses starts at the current pose of the object, `start`.
+
     :param speed: speed of the object's centre along the path [m/s].
     :param turn_rate: largest angular velocity [rad/s].
-    :param robot: the robot. Poses farther away than the length of its tubes are rejected.
     :param smooth: True for a spline through the poses in place of straight segments.
-    :param start: current pose of the object, at which a path with fewer than two poses starts.
-    :raises MessageError: the message has another frame, a value that is not finite, a pose out of
-        reach, or a rotation out of the plane.
-    :raises PathError: see `ObjectPath`.
     """
     frame, home = robot.frame, robot.home
     check_frame('path', message.header, frame)
@@ -76,7 +72,6 @@ def to_trajectory_message(
     """
     Convert a roller trajectory to a message.
 
-    :param robot: the robot.
     :param positions: (k, r) roller positions of the waypoints [m].
     :param times: (k,) times of the waypoints, from 0 [s].
     """
@@ -100,9 +95,5 @@ def to_duration(seconds: float) -> Duration:
 
 
 def read_duration(duration: Duration) -> float:
-    """
-    Return the value of a Duration message in seconds.
-
-    :param duration: the message.
-    """
+    """Return the value of a Duration message in seconds."""
     return duration.sec + 1e-9 * duration.nanosec

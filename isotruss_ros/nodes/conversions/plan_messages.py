@@ -41,13 +41,8 @@ def read_goal(
     """
     Convert the goal of a grasp search to the arguments of the search.
 
-    :param goal: goal of the action.
-    :param robot: the robot.
     :param described: object for goals that describe none, its pose is not used; None: the goal
         must describe an object.
-    :raises MessageError: the goal has no pose, another frame, no object, two objects, or a number
-        out of range.
-    :raises GraspError: an object or requirement is invalid.
     """
     if goal.object_pose == PoseStamped():
         raise MessageError(
@@ -111,12 +106,7 @@ def _read_body(goal: PlanGrasp.Goal, described: ConvexObject | None) -> ConvexOb
 
 
 def to_result_message(answer: Answer, robot: Robot) -> PlanGrasp.Result:
-    """
-    Convert the result of a grasp search to a message.
-
-    :param answer: result of the search.
-    :param robot: the robot.
-    """
+    """Convert the result of a grasp search to a message."""
     plan = answer.plan
     if plan is None:
         return PlanGrasp.Result(code=int(answer.outcome), message=answer.message)

@@ -23,14 +23,7 @@ MAX_SPEED = 10.0
 def read_joint_markers(
     message: MultiDOFJointState, robot: Robot
 ) -> dict[str, tuple[float, float, float]]:
-    """
-    Return the position (x, y, z) in the message's frame for each joint name [m].
-
-    :param message: message of the topic `joint_markers`.
-    :param robot: the robot.
-    :raises MessageError: the numbers of names and transforms differ, a joint is unknown or
-        repeated, or a position is not finite.
-    """
+    """Return the position (x, y, z) in the message's frame for each joint name [m]."""
     if len(message.joint_names) != len(message.transforms):
         raise MessageError(
             f'joint markers: {len(message.joint_names)} names and {len(message.transforms)} '
@@ -68,11 +61,6 @@ def read_roller_part(message: JointState, names: Sequence[str]) -> dict[int, tup
 
     Joints that are no rollers are ignored, so the result may be empty. A speed that is missing or
     NaN is replaced by zero; some broadcasters send NaN if the speed is not measured.
-
-    :param message: joint states, in any order.
-    :param names: names of the rollers.
-    :raises MessageError: a roller is named twice; the numbers of names, positions and velocities
-        differ; or a number is not finite or out of range.
     """
     numbers = {name: number for number, name in enumerate(names)}
     places = [place for place, name in enumerate(message.name) if name in numbers]
@@ -116,10 +104,8 @@ def read_tube_pressure(message: FluidPressure, robot: Robot, ambient: float) -> 
 
     :param message: message of the topic `tube_pressures`, with the name of the tube in
         `header.frame_id`.
-    :param robot: the robot.
     :param ambient: ambient pressure that is subtracted [Pa]; 0 if the message contains a gauge
         pressure.
-    :raises MessageError: the tube is unknown, or the pressure is not positive.
     """
     known, tube = tuple(robot.description.pressures), message.header.frame_id
     if tube not in known:

@@ -30,12 +30,7 @@ MAX_OFFSET = 1.0
 
 
 def to_estimate_message(estimate: StateEstimate, robot: Robot) -> StateEstimateMessage:
-    """
-    Convert a state estimate to a message.
-
-    :param estimate: estimate of the state.
-    :param robot: the robot.
-    """
+    """Convert a state estimate to a message."""
     message = StateEstimateMessage(
         roller_names=list(robot.roller_names),
         travel=estimate.travel.tolist(),
@@ -63,14 +58,7 @@ def to_estimate_message(estimate: StateEstimate, robot: Robot) -> StateEstimateM
 
 
 def read_estimate(message: StateEstimateMessage, robot: Robot) -> EstimatedTravel:
-    """
-    Return the roller offsets and their covariance in a message of the estimator.
-
-    :param message: message of the topic `state_estimate`.
-    :param robot: the robot.
-    :raises MessageError: the message has another frame or other rollers, an offset is not
-        finite, or the covariance is none.
-    """
+    """Return the roller offsets and their covariance in a message of the estimator."""
     check_frame('state estimate', message.header, robot.frame)
     names, offsets = tuple(message.roller_names), np.array(message.offsets)
     if names != robot.roller_names or len(offsets) != len(names):
@@ -98,7 +86,6 @@ def to_grip_message(record: GripRecord | None, robot: Robot, when: float) -> Hel
     Convert the record of a held grip to a message.
 
     :param record: record of the grip; None if no object is held, for an empty message.
-    :param robot: robot that holds the object.
     :param when: time at which the grip was computed [s].
     """
     if record is None:
@@ -126,15 +113,7 @@ def to_grip_message(record: GripRecord | None, robot: Robot, when: float) -> Hel
 
 
 def read_grip(message: HeldGripMessage, robot: Robot) -> GripRecord:
-    """
-    Return the record of a held grip in a message.
-
-    :param message: message of the topic `manipulation/grip`.
-    :param robot: robot that holds the object.
-    :raises MessageError: the message is empty, because no object is held; or it has another frame,
-        contacts that the robot cannot have, lists of different lengths, or values that are not
-        finite.
-    """
+    """Return the record of a held grip in a message."""
     check_frame('held grip', message.header, robot.frame)
     if not message.members:
         raise MessageError('held grip: no object is held')

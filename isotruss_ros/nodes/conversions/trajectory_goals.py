@@ -30,13 +30,7 @@ Result = FollowRollerTrajectory.Result
 
 
 class TrajectoryGoalError(MessageError):
-    """
-    Error: a trajectory goal is invalid; the error has a code of `FollowJointTrajectory`.
-
-    :ivar code: error code of the result.
-    :param code: error code of the result.
-    :param message: sentence with the reason.
-    """
+    """Error: a trajectory goal is invalid; the error has a code of `FollowJointTrajectory`."""
 
     def __init__(self, code: int, message: str) -> None:
         super().__init__(message)
@@ -57,15 +51,8 @@ def read_roller_goal(
     """
     Return the content of an action goal with a roller trajectory.
 
-    :param goal: goal of FollowRollerTrajectory or FollowJointTrajectory.
-    :param robot: the robot.
     :param here: (r,) measured roller positions [m].
-    :param now: time on the clock of the node [s].
     :param timeout: largest age of the stamp [s].
-    :raises TrajectoryGoalError: a joint is unknown or missing, or the stamp is too old.
-    :raises MessageError: tolerances are invalid, fields are set that have no meaning for rollers,
-        or `read_roller_trajectory` raises this error.
-    :raises ConfigurationError: see `RollerTrajectory`.
     """
     names = robot.roller_names
     multi = getattr(goal, 'multi_dof_trajectory', None)
@@ -99,14 +86,8 @@ def read_roller_trajectory(
     """
     Return the roller trajectory in a message, from its positions and times.
 
-    :param message: trajectory of all rollers in any order. If the time of its first point is later
-        than zero, the trajectory begins at the measured positions.
-    :param robot: the robot.
-    :param here: (r,) measured roller positions [m].
-    :raises TrajectoryGoalError: a roller is missing, unknown or repeated.
-    :raises MessageError: the number of points, or of the positions of a point, is wrong; or a
-        number is not finite or out of range.
-    :raises ConfigurationError: see `RollerTrajectory`.
+    :param here: (r,) measured roller positions [m], at which the trajectory begins if the time of
+        its first point is later than zero.
     """
     names, points, rollers = list(message.joint_names), message.points, robot.roller_names
     _check_joints('joint_names', names, rollers)

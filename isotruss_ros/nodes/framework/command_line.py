@@ -29,14 +29,7 @@ class StartError(IsotrussError, RuntimeError):
 
 
 def refuse_arguments(kind: Any, arguments: Sequence[str] | None) -> None:
-    """
-    Print the help of a node if requested, and refuse arguments that ROS does not process.
-
-    :param kind: class of the node.
-    :param arguments: command line; None: the command line of the process.
-    :raises SystemExit: the help was printed (exit code 0), or an argument is invalid.
-    :raises StartError: ROS refuses an argument.
-    """
+    """Print the help of a node if requested, and refuse arguments that ROS does not process."""
     parser = argparse.ArgumentParser(
         prog=f'isotruss {kind.node_name}',
         usage='%(prog)s [-h] [--ros-args -p PARAMETER:=VALUE ...]',
@@ -52,13 +45,7 @@ def refuse_arguments(kind: Any, arguments: Sequence[str] | None) -> None:
 def start_ros(
     arguments: Sequence[str] | None, handlers: SignalHandlerOptions = SignalHandlerOptions.ALL
 ) -> None:
-    """
-    Initialise rclpy, without messages of rcl, which do not name an invalid argument.
-
-    :param arguments: arguments for ROS; None: the command line of the process.
-    :param handlers: signal handlers that rclpy installs.
-    :raises StartError: ROS refuses an argument, or has no folder for its log.
-    """
+    """Initialise rclpy, without messages of rcl, which do not name an invalid argument."""
     if not any(map(os.environ.get, LOG_FOLDER_VARIABLES)):
         raise StartError(
             'HOME is not set, so that ROS has no folder for its log: set HOME, or ROS_LOG_DIR to '
@@ -80,11 +67,7 @@ def _explained_refusals() -> Iterator[None]:
 
 
 def _explain_refusal(error: RuntimeError | UnicodeEncodeError) -> str:
-    """
-    Return a text that explains why ROS refuses its arguments, and what to correct.
-
-    :param error: error raised by `rclpy.init`.
-    """
+    """Return a text that explains why ROS refuses its arguments, and what to correct."""
     if isinstance(error, UnicodeEncodeError):
         return (
             f'argument {error.object!a}: no text in the encoding of this locale, '

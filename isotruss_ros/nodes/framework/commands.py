@@ -32,7 +32,6 @@ class RollerCommands:
     Cyclone DDS, other nodes are not detected.
 
     :param node: publishing node; a managed node publishes only while it is active.
-    :param count: number of rollers.
     """
 
     def __init__(self, node: StoppableNode, count: int) -> None:
@@ -78,11 +77,7 @@ class RollerCommands:
         return f'another node publishes on {TOPIC}: end or deactivate one of the two nodes'
 
     def note(self, _message: bytes, info: dict[str, Any]) -> None:
-        """
-        Record a received command of this node or of another node.
-
-        :param info: metadata of the message.
-        """
+        """Record a received command of this node or of another node."""
         number = info['publication_sequence_number']
         if number is None:
             return
@@ -99,7 +94,6 @@ def create_twist_publisher(
     Return a function that publishes a twist (vx, vy, omega) [m/s, rad/s] on `cmd_vel`.
 
     :param node: publishing node; a managed node publishes only while it is active.
-    :param stamped: whether TwistStamped is published instead of Twist.
     :param frame: name of the frame of a TwistStamped.
     """
     publisher = node.advertise(TwistStamped if stamped else Twist, 'cmd_vel')

@@ -71,9 +71,6 @@ def read_described(values: Parameters) -> ConvexObject | None:
     Return the object that the parameter `object` describes; None if the parameter is empty.
 
     For None, nodes use a disc with the diameter `object_diameter`, see `make_body`.
-
-    :param values: parameters of a node.
-    :raises IsotrussError: the description is invalid.
     """
     return read_object(values.object) if values.object else None
 
@@ -82,7 +79,6 @@ def make_body(values: Parameters, described: ConvexObject | None) -> ConvexObjec
     """
     Return the described object, or else a disc; an object without friction gets the parameter's.
 
-    :param values: parameters of `OBJECT_SPECS`.
     :param described: object of the parameter `object`; None for a disc with the parameter
         `object_diameter`.
     """
@@ -94,11 +90,8 @@ def check_grip(robot: Robot, values: Mapping[str, Value]) -> None:
     """
     Raise IsotrussError if the robot lacks the module or members of the grip parameters.
 
-    :param robot: the robot.
     :param values: new values for the names of parameters; other parameters than `grip` and
         `grip_module` are ignored.
-    :raises IsotrussError: a module or member does not exist, or the number of different members is
-        not two or three.
     """
     if values.get('grip_module'):
         members_at(robot, values['grip_module'])  # type: ignore[arg-type]
@@ -107,20 +100,11 @@ def check_grip(robot: Robot, values: Mapping[str, Value]) -> None:
 
 
 def named_members(value: Value) -> tuple[str, ...]:
-    """
-    Return the members that the parameter `grip` names; [''] means none.
-
-    :param value: value of the parameter `grip`.
-    """
+    """Return the members that the parameter `grip` names; [''] means none."""
     return tuple(name for name in value if name)  # type: ignore[union-attr]
 
 
 def select_grip(robot: Robot, values: Parameters) -> tuple[str, ...]:
-    """
-    Return the members named by the parameter `grip`, or else those at `grip_module`.
-
-    :param robot: the robot. If both parameters are empty, its last module is used.
-    :param values: parameters of a node.
-    """
+    """Return the members of `grip`, else those at `grip_module`, else at the last module."""
     module = values.grip_module or robot.module_names[-1]
     return named_members(values.grip) or members_at(robot, module)

@@ -32,8 +32,6 @@ class Cycle:
     :param node: node with the parameters `rate` [Hz] and `command_timeout` [s]. The clock is
         regarded as stopped if it does not advance for `command_timeout`.
     :param step: callback that is called in each cycle with the current time [s].
-    :param jumped_back: callback that is called before the next step if the clock was set back.
-    :param stopped: callback that is called repeatedly while simulated time does not advance.
     """
 
     def __init__(
@@ -149,7 +147,6 @@ class PacedExecutor(SingleThreadedExecutor):
         Wait for the next control cycle and run it; without a cycle on the steady clock, as rclpy.
 
         :param timeout_sec: longest wait if the node has no steady cycle [s].
-        :raises Exception: a callback raised this exception.
         """
         cycle = self._node.cycle
         if cycle is None or not cycle.is_steady:

@@ -40,8 +40,6 @@ class ReasonLog:
     Log of the reasons for a node's stops and warnings, without repetitions.
 
     Two texts of one kind that differ only in numbers are the same reason, which is logged once.
-
-    :param log: function that writes a line to the node's log.
     """
 
     def __init__(self, log: Callable[[str], object]) -> None:
@@ -49,12 +47,7 @@ class ReasonLog:
         self._reasons: dict[str, Reason] = {}
 
     def note(self, kind: str, text: str) -> None:
-        """
-        Log the reason for a stop or a warning; only count it if it is a repetition.
-
-        :param kind: kind of the reason. There is one current reason of each kind.
-        :param text: sentence with the reason.
-        """
+        """Log the reason for a stop or a warning; only count it if it is a repetition."""
         now, known = time.monotonic(), self._reasons.get(kind)
         if known is not None and now - known.given < QUIET_TIME:
             same = NUMBERS.sub('', text) == NUMBERS.sub('', known.text)
@@ -88,8 +81,6 @@ class Diagnostics:
 
     :ivar hardware_id: name of the robot after it is loaded. It is reported with the node's
         namespace, because several robots may have the same name.
-    :param node: `StoppableNode` that publishes until it is destroyed.
-    :param details: function that returns the values of a report as a dictionary.
     """
 
     def __init__(self, node: Any, details: Callable[[], Mapping[str, object]]) -> None:
@@ -101,12 +92,7 @@ class Diagnostics:
         node.create_steady_timer(REPORT_PERIOD, self.report)
 
     def set_status(self, message: str, level: bytes = DiagnosticStatus.OK) -> None:
-        """
-        Set the status; if the level has changed, publish it at once.
-
-        :param message: text of the status.
-        :param level: constant of `DiagnosticStatus`.
-        """
+        """Set the status; if the level has changed, publish it at once."""
         self._level, self._message = level, message
         if level != self._sent_level and (
             level > self._sent_level or time.monotonic() - self._sent >= MIN_REPORT_PERIOD

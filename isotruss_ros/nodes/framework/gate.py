@@ -56,12 +56,8 @@ class Gate:
 
     A message whose transform has not arrived yet is queued until it exceeds the largest age.
 
-    :ivar subscription: subscription of the topic.
     :ivar waiting: queued messages, each with the reason for waiting.
     :ivar words: name of the input in texts for users.
-    :param node: subscribing node, whose clock is compared with the stamps. A message without a
-        header is stamped at reception.
-    :param topic: relative name of the topic.
     :param take: callback that receives a `StampedInput`, whose time is not in the future, or a
         `RejectedInput`, and the current time [s].
     :param oldest: largest age of a message [s]; None: the value of the topic's parameter.
@@ -91,8 +87,6 @@ class Gate:
     def receive(self, message: Any) -> None:
         """
         Check a message; pass on its value or the reason of the rejection, or queue the message.
-
-        :param message: message of the topic.
         """
         self.waiting.append((message, ''))
         self.settle()

@@ -59,11 +59,6 @@ def describe_launch(
 
     If one node ends, all nodes are shut down, because with the remaining nodes the robot would
     seem to work. If a parameter file is missing, the launch ends before a node starts.
-
-    :param folder: folder of the launch file, next to the folder `config`.
-    :param simulated: whether the node `simulator` replaces the robot.
-    :param required: names of the arguments that have no default.
-    :param defaults: default values of arguments, where they differ from those of the nodes.
     """
     file = folder.parent / 'config' / 'nodes' / 'parameters.yaml'
     arguments = {

@@ -51,7 +51,6 @@ class ManagedNode(StoppableNode, LifecycleNode):
     :ivar permanent: entities that remain at the end of the state in which they were created.
     :ivar active: whether publishers are enabled, which they also are in transitions to and from
         the state `active`.
-    :ivar diagnostics: diagnostic status of the node.
     :ivar cycle: control cycle of the active node; None while the node is not active or if it has
         no cycle.
     """
@@ -98,11 +97,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
     # -- Public interface --
 
     def start(self) -> None:
-        """
-        Configure and activate the node if `autostart` is set.
-
-        :raises IsotrussError: a step failed.
-        """
+        """Configure and activate the node if `autostart` is set."""
         self.diagnostics = Diagnostics(self, self.describe)
         self.permanent: set[object] = set()
         #: Entities that existed at the start of each life-cycle state, by state.
@@ -127,11 +122,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
                 self.deactivate()
 
     def fail(self, error: Exception) -> None:
-        """
-        Deactivate the node after an uncaught error in a callback; it is then unconfigured.
-
-        :param error: error, which is logged and reported.
-        """
+        """Deactivate the node after an uncaught error in a callback; it is then unconfigured."""
         traceback.print_exception(error)
         self._record_failure('run', error)
         if self.active:
@@ -285,11 +276,7 @@ class ManagedNode(StoppableNode, LifecycleNode):
 
 
 def log_refusals(node: Node) -> None:
-    """
-    Make rclpy log errors about negative times and invalid transitions, not raise them.
-
-    :param node: node whose rclpy methods are wrapped.
-    """
+    """Make rclpy log errors about negative times and invalid transitions, not raise them."""
     for entity in (*node.subscriptions, *node.services):
         name = getattr(entity, 'topic_name', '') or getattr(entity, 'service_name', '')
         # The callbacks of rclpy itself are methods, until they are replaced here.

@@ -64,10 +64,6 @@ class Parameters:
     Values of the parameters of one node, as attributes.
 
     :ivar fixed: names of the parameters that a managed node reads only when it is configured.
-    :param node: node created with `automatically_declare_parameters_from_overrides`, without which
-        rclpy does not pass on overrides (values given at start).
-    :param specs: declarations of the parameters.
-    :raises ParameterError: an override has another type, is out of range, or is invalid.
     """
 
     def __init__(self, node: Node, specs: Sequence[Spec]) -> None:

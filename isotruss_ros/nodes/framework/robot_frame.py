@@ -53,12 +53,7 @@ class RobotFrame:
 
     @classmethod
     def heard_by(cls, node: Node, robot: Robot) -> RobotFrame:
-        """
-        Return a transformation that uses transforms received by a node, if tf2 is installed.
-
-        :param node: node that subscribes to `/tf` and `/tf_static`.
-        :param robot: the robot.
-        """
+        """Return a transformation that uses transforms received by a node, if tf2 is installed."""
         if Buffer is None:
             return cls(robot)
         heard = cls(robot, Buffer())
@@ -70,8 +65,6 @@ class RobotFrame:
         Return the measured pose of an object in the robot frame.
 
         :param message: pose in any frame.
-        :raises MessageError: a value is not finite, the quaternion is not a rotation, no transform
-            from the frame exists, or the pose is out of the robot's plane.
         """
         what, place = 'object pose', message.pose.position
         pose = read_pose(what, message.pose)
@@ -90,8 +83,6 @@ class RobotFrame:
 
         :param message: joint positions in any frame. If heights are not measured, the x-y plane of
             this frame must be the robot's plane.
-        :raises MessageError: `read_joint_markers` raises this error, no transform from the frame
-            exists, or points are out of the robot's plane.
         """
         joints = read_joint_markers(message, self._robot)
         if message.header.frame_id == self._robot.frame:

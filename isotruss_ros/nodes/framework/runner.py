@@ -47,9 +47,6 @@ class StoppableNode(Node):
     :cvar base_specs: parameters that a base class adds to those of all its subclasses.
     :cvar done: whether the node has finished its task, after which the process ends.
     :ivar values: values of the parameters, as attributes.
-    :ivar reasons: log of the node's warnings.
-    :param parameter_overrides: values of parameters that differ from the defaults.
-    :raises IsotrussError: a parameter is invalid; the message names it and its valid range.
     """
 
     node_name: ClassVar[str]
@@ -76,11 +73,7 @@ class StoppableNode(Node):
         """Start the task of the node, as the last step of the constructor."""
 
     def begin(self) -> None:
-        """
-        Open resources of the process, such as a file or a server.
-
-        :raises IsotrussError: a resource cannot be opened.
-        """
+        """Open resources of the process, such as a file or a server."""
 
     def now(self) -> float:
         """Return the time of the node's clock [s]."""
@@ -90,7 +83,6 @@ class StoppableNode(Node):
         """
         Offer a service that takes no arguments (std_srvs/Trigger).
 
-        :param name: name of the service of type std_srvs/Trigger.
         :param carry_out: function that executes the request and returns a sentence with the
             result; it raises IsotrussError on failure.
         """
@@ -107,10 +99,6 @@ class StoppableNode(Node):
     def advertise(self, kind: type, topic: str, profile: QoSProfile = RELIABLE) -> Publisher:
         """
         Return a publisher; the publisher of a managed node is silent while the node is inactive.
-
-        :param kind: type of the messages.
-        :param topic: relative name of the topic.
-        :param profile: quality of service.
         """
         create = getattr(self, 'create_lifecycle_publisher', self.create_publisher)
         return create(kind, topic, profile, event_callbacks=NO_PUBLISHER_EVENTS)
@@ -120,7 +108,6 @@ class StoppableNode(Node):
         Return a timer of the steady clock, unaffected by simulated time and clock changes.
 
         :param period: period of the callbacks [s].
-        :param callback: function without arguments.
         """
         return self.create_timer(period, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
@@ -156,11 +143,7 @@ def catch_signals() -> list[int]:
 
 
 def find_node(name: str) -> type[StoppableNode]:
-    """
-    Return the class of a node by its name.
-
-    :param name: name of the node, which is also the name of its executable.
-    """
+    """Return the class of a node by its name."""
     module = importlib.import_module(f'isotruss_ros.nodes.{MODULES.get(name, name)}')
     return next(kind for kind in vars(module).values() if getattr(kind, 'node_name', '') == name)
 
@@ -169,10 +152,7 @@ def run(kind: Callable[[], StoppableNode], args: Sequence[str] | None = None) ->
     """
     Execute a node until it is interrupted or finished.
 
-    :param kind: class of the node.
-    :param args: command line; None: the command line of the process.
     :return: exit code, 0 if the node was interrupted or finished, 1 after an error.
-    :raises SystemExit: the help was printed, or an argument is invalid.
     """
     try:
         refuse_arguments(kind, args)

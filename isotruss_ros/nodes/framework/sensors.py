@@ -52,7 +52,6 @@ class Inputs(LatestInputs):
     - `pressures` from `tube_pressures`, available once a message for each tube has arrived. The
       stamp is the oldest one of these messages.
 
-    :param node: subscribing node.
     :param robot: robot with the rollers, tubes and frame of the messages.
     :param oldest: largest age of an input [s]; None: the value of a parameter of the node.
     """
@@ -68,12 +67,7 @@ class Inputs(LatestInputs):
         self._shapes, self._tracked = ConfigurationTracker(robot.home), self.rollers
 
     def keep(self, *names: str, **options: Any) -> None:
-        """
-        Subscribe to the topics of the named inputs.
-
-        :param names: names of the inputs.
-        :param options: options of `keep_topic`.
-        """
+        """Subscribe to the topics of the named inputs."""
         for name in names:
             self.keep_topic(name, self._find_topic(name), **options)
 
@@ -87,8 +81,6 @@ class Inputs(LatestInputs):
         """
         Subscribe to a topic, and store the value of the newest message as an input.
 
-        :param name: name of the input.
-        :param topic: topic with the type and the reader of its messages.
         :param take: callback that receives every value, even if its stamp is older than that of
             the stored value; None: no callback.
         :param oldest: largest age of this input [s]; None: the value for all inputs.
@@ -119,10 +111,6 @@ class Inputs(LatestInputs):
         read_part = partial(read_roller_part, names=robot.roller_names)
         read_offsets = partial(read_estimate, robot=robot)
         read_held_grip = partial(read_grip, robot=robot)
-
-        def read_pressure(message: FluidPressure) -> tuple[str, float]:
-            return read_tube_pressure(message, robot, node.values.ambient_pressure)
-
         topics = {
             'rollers': Topic(JointState, 'joint_states', read_part, stops=True, merge=self._merge),
             'estimate': Topic(StateEstimate, 'state_estimate', read_offsets),
@@ -133,7 +121,7 @@ class Inputs(LatestInputs):
             'pressures': Topic(
                 FluidPressure,
                 'tube_pressures',
-                read_pressure,
+                lambda message: read_tube_pressure(message, robot, node.values.ambient_pressure),
                 timeout='pressure_timeout',
                 merge=self._merge_pressures,
             ),
@@ -210,13 +198,7 @@ class Inputs(LatestInputs):
                 self._shapes.configuration(self.rollers.value.positions)
 
     def configuration(self, now: float) -> Configuration:
-        """
-        Return the robot's configuration at the latest joint states.
-
-        :param now: time on the clock of the inputs [s].
-        :raises InputError: the joint states are missing, stale or invalid.
-        :raises ConfigurationError: no configuration exists at these roller positions.
-        """
+        """Return the robot's configuration at the latest joint states."""
         timeout = self._node.values.command_timeout
         (given,) = require_fresh(now, timeout, joint_states=self.rollers)
         return self._shapes.configuration(given.value.positions)

@@ -46,11 +46,7 @@ class SingleGoal:
     The coroutine of the action does nothing but wait for the result. If the result message has a
     stamp, it is set to the time at which the goal ended.
 
-    :ivar kind: type of the action.
     :ivar client: detector for the loss of the goal's client; None if goals are not supervised.
-    :param node: node that offers the action until it is destroyed.
-    :param kind: type of the action.
-    :param name: relative name of the action.
     :param read: function that checks a goal and converts it before it is accepted. It raises
         IsotrussError if the goal is invalid or the node is not ready; then the active goal
         continues.
@@ -58,11 +54,9 @@ class SingleGoal:
         returns None, the goal is rejected, and the reason is only in the log.
     :param begin: callback that receives the converted goal and starts it; it may also end the goal
         at once.
-    :param cancelled: callback that is called when a client cancels the goal, and must end the goal
-        soon.
-    :param preempted: callback that is called before `begin` if another goal is active, and must
-        end that goal. It is not needed if `read` refuses a second goal.
-    :param supervised: whether a goal ends if its client stops sending heartbeats.
+    :param cancelled: callback after a client's cancel; it must end the goal soon.
+    :param preempted: callback that ends the active goal before `begin` of another one; not needed
+        if `read` refuses a second goal.
     """
 
     def __init__(
@@ -112,33 +106,18 @@ class SingleGoal:
         return self._handle.request
 
     def publish_feedback(self, make: Callable[[], Any]) -> None:
-        """
-        Publish feedback on the active goal at a limited rate.
-
-        :param make: function that returns the feedback message.
-        """
+        """Publish feedback on the active goal at a limited rate."""
         if time.monotonic() - self._feedback_time >= FEEDBACK_PERIOD:
             self._feedback_time = time.monotonic()
             self._handle.publish_feedback(make())
 
     def end(self, ending: Ending, result: Any) -> None:
-        """
-        End the active goal; the client receives the result when the executor spins next.
-
-        :param ending: final state of the goal.
-        :param result: message of the result.
-        """
+        """End the active goal; the client receives the result when the executor spins next."""
         self._ended[_key(self._handle)].set_result((ending, self._stamp(result)))
         self._set_active(None)
 
     def report_end(self, outcome: enum.IntEnum, result: Any, prefix: str = '') -> None:
-        """
-        End the active goal, and report its result in the diagnostics and the log.
-
-        :param outcome: final code.
-        :param result: message of the result.
-        :param prefix: text that precedes the result in the report.
-        """
+        """End the active goal, and report its result in the diagnostics and the log."""
         good, logger = outcome == 0 or outcome.name in ENDINGS, self._node.get_logger()
         ending = ENDINGS.get(outcome.name, Ending.ABORTED)
         self.end(Ending.SUCCEEDED if outcome == 0 else ending, result)

@@ -29,11 +29,7 @@ START_TIMEOUT = 1.0
 
 
 class ClientWatch:
-    """
-    Detector for the loss of a goal's client, from the time of the client's last heartbeat.
-
-    :param node: node that subscribes until it is destroyed.
-    """
+    """Detector for the loss of a goal's client, from the time of the client's last heartbeat."""
 
     def __init__(self, node: LifecycleNode) -> None:
         self.goal: bytes | None = None
@@ -46,7 +42,6 @@ class ClientWatch:
 
         :param timeout: longest accepted time between the client's heartbeats, by the steady clock
             [s].
-        :return: error text; None if the client is alive.
         """
         goal, heard = self._heard
         if self.goal is None or goal != self.goal or time.monotonic() - heard <= timeout:
@@ -66,7 +61,6 @@ class ServerWatch:
     """
     Detector for the loss of a goal's server, from the time of the server's last feedback.
 
-    :param name: name of the action.
     :param silence: longest accepted time without feedback [s].
     """
 

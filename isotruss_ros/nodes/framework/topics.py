@@ -57,9 +57,6 @@ def subscribe_newest(
     Subscribe to the newest messages of a topic.
 
     :param node: subscribing node; its subscription is best-effort.
-    :param kind: type of the messages.
-    :param topic: relative name of the topic.
-    :param callback: function that receives each message.
     :param every: True if the callback is to receive all queued messages in their order; the oldest
         may be lost if too many arrive at once. If false, it receives only the last message.
     """
@@ -76,13 +73,7 @@ def subscribe_newest(
 
 
 def take_waiting(taken: list[Any], subscription: Subscription, most: int) -> list[Any]:
-    """
-    Return a received message, followed by the messages queued behind it, in their order.
-
-    :param taken: list with the received message, possibly empty.
-    :param subscription: subscription with the queue.
-    :param most: largest number of returned messages.
-    """
+    """Return a received message, followed by the messages queued behind it, in their order."""
     messages = list(taken)
     while len(messages) < most:
         taken = subscription.handle.take_message(subscription.msg_type, subscription.raw)

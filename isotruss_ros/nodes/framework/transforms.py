@@ -41,9 +41,6 @@ class TransformBroadcaster:
     a contact frame is normal to the member and points into the object. A module frame has its
     origin at the joint and its x axis along the connection rod. If `tf2_msgs` is not installed,
     nothing is broadcast and a warning is logged.
-
-    :param node: publishing node.
-    :param robot: the robot.
     """
 
     def __init__(self, node: ManagedNode, robot: Robot) -> None:
@@ -68,7 +65,6 @@ class TransformBroadcaster:
         """
         Publish the transforms from the robot frame to object, contacts and modules.
 
-        :param config: measured configuration of the robot.
         :param pose: pose of the object, robot frame.
         :param contacts: contact frame of each member in contact, see `find_contact_frames`.
         :param time: time of the measurements [s].

@@ -65,9 +65,7 @@ class GraspMonitor:
 
     :ivar query: settings of the analysis; its roller positions, pose, wrench and pressures are
         replaced by the inputs.
-    :param robot: the robot.
     :param timeout: largest age of inputs [s].
-    :param inputs: latest inputs, which the client replaces.
     """
 
     def __init__(
@@ -86,8 +84,6 @@ class GraspMonitor:
         Return the current analysis, which is recomputed only if inputs or settings have changed.
 
         Invalid inputs raise no error; the report then has a code and a message.
-
-        :param now: time on the clock of the inputs [s].
         """
         latest = self.inputs
         inputs: dict[str, Any] = {'joint_states': latest.rollers, 'object_pose': latest.pose}
@@ -119,10 +115,8 @@ class GraspMonitor:
         """
         Return the grasp analysis for a request, independently of `report`.
 
-        :param query: arguments of the request. If it has no roller positions, the measured
-            positions are used and must be fresh. If pressures have ever been received, they must
-            be fresh too.
-        :param now: time on the clock of the inputs [s].
+        Without roller positions in the request, the measured ones are used and must be fresh, as
+        must be pressures after their first message.
         """
         try:
             pressures = fresh_pressures(now, self.pressure_timeout, self.inputs.pressures)
@@ -144,7 +138,6 @@ def _analyze(
     """
     Return the report of an analysis; its time is set by the caller.
 
-    :param find: function that returns the configuration at given roller positions.
     :param record: equilibrium reported by the control loop that holds the object, which is solved
         for only under a wrench; None without such a loop.
     """

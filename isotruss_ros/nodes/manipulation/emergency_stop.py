@@ -20,11 +20,6 @@ RELEASE = 'release_emergency_stop'
 class EmergencyStop:
     """
     Emergency stop, which can be set in any state of the node and stays set until its release.
-
-    :param node: node that has the subscription and the services until it is destroyed.
-    :param changed: callback that is called when `reason` changes.
-    :param wait_for_zero: function that waits briefly until the drives acknowledge zero velocity,
-        and returns whether they did.
     """
 
     def __init__(

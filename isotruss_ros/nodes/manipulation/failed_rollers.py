@@ -25,8 +25,6 @@ class FailedRollers:
     Record of the named and of the detected failed rollers, in any state of the node.
 
     :ivar named: rollers that the last message names as failed, known to the robot or not.
-    :param node: node that has the subscription and the service until it is destroyed.
-    :param changed: callback that is called when the named rollers change.
     """
 
     def __init__(self, node: ManagedNode, changed: Callable[[], None]) -> None:
@@ -42,11 +40,7 @@ class FailedRollers:
         node.offer(SERVICE, self._reset)
 
     def find_fault(self, robot: Robot) -> str | None:
-        """
-        Return the reason why rollers named by the topic are unknown; None if all are known.
-
-        :param robot: the robot.
-        """
+        """Return the reason why rollers named by the topic are unknown; None if all are known."""
         if self._unknown is not None:
             return self._unknown
         try:
@@ -58,9 +52,6 @@ class FailedRollers:
     def follow(self, detector: FailureDetector, robot: Robot) -> None:
         """
         Copy detected failures from the previous servo's detector to the new servo's detector.
-
-        :param detector: failure detector of the new servo.
-        :param robot: robot of the new servo.
         """
         if self._detector is not None:
             detector.failed = self._detector.failed & frozenset(robot.roller_names)
@@ -87,11 +78,7 @@ class FailedRollers:
 
 
 def describe_reachable_twists(servo: TwistServo) -> str:
-    """
-    Return a text about the twists of the object that the working rollers can produce.
-
-    :param servo: servo with its latest inputs.
-    """
+    """Return a text about the twists of the object that the working rollers can produce."""
     rollers, pose = servo.inputs.rollers, servo.inputs.pose
     if not isinstance(rollers, StampedInput) or not isinstance(pose, StampedInput):
         return 'unknown without joint states and object pose'

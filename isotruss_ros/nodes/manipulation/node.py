@@ -84,8 +84,6 @@ class Manipulation(ManagedNode):
         Return the servo's settings; subclasses override this method to add limits and barriers.
 
         The method is called after each change of a parameter.
-
-        :param settings: settings that the parameters specify.
         """
         return settings
 

@@ -116,8 +116,6 @@ def make_settings(
     """
     Return the settings of the servo that the parameters specify.
 
-    :param robot: the robot.
-    :param values: parameters of the node.
     :param described: object of the parameter `object`; None for a disc with the parameter
         `object_diameter`.
     :param joint: joint that is moved by twists; None: twists move the object.
@@ -147,12 +145,7 @@ def make_settings(
 
 
 class StatusReport:
-    """
-    Publisher of the servo's decisions, created whenever the node is configured.
-
-    :param node: publishing node.
-    :param robot: the robot.
-    """
+    """Publisher of the servo's decisions, created whenever the node is configured."""
 
     def __init__(self, node: ManagedNode, robot: Robot) -> None:
         self._publisher = node.advertise(ManipulationStatus, 'manipulation/status')
@@ -167,9 +160,7 @@ class StatusReport:
 
         The equilibrium of the held object is published at most once in `GRIP_PERIOD`.
 
-        :param decision: decision of this cycle.
         :param control: squeeze control with the equilibrium of the held object; None without it.
-        :param now: time of the cycle [s].
         """
         fault = None if control is None else control.fault
         belief = None if control is None or fault is not None else control.belief

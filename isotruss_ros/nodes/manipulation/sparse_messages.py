@@ -50,10 +50,6 @@ class SparseMessages:
     messages may be lost, are reported.
 
     :param node: subscribing node; its subscription is reliable.
-    :param kind: type of the messages.
-    :param topic: relative name of the topic.
-    :param callback: function that receives a list of messages in the order of reception.
-    :param missing: callback that receives the reason why a message may have been lost.
     :param every: True if every message is required; otherwise only the newest one is required.
     """
 

@@ -50,8 +50,6 @@ class TrajectoryFollowing:
     the status of the node until the next twist.
 
     :ivar follower: servo that tracks the trajectory.
-    :param node: node that subscribes while it is active.
-    :param servo: servo, which has the measured roller positions and the history of commands.
     """
 
     def __init__(self, node: ManagedNode, servo: TwistServo) -> None:
@@ -66,11 +64,7 @@ class TrajectoryFollowing:
         SparseMessages(self._node, JointTrajectory, TOPIC, self._receive, self._report_missing)
 
     def decide(self, now: float) -> Decision:
-        """
-        Return the decision of the cycle, from the active trajectory or else from twists.
-
-        :param now: time on the clock of the inputs [s].
-        """
+        """Return the decision of the cycle, from the active trajectory or else from twists."""
         if self.follower.busy:
             # A twist of this time would move the object right after the end of the trajectory.
             self._servo.receive(twist=None)
@@ -100,7 +94,6 @@ class TrajectoryFollowing:
         """
         Abort the active roller trajectory, if any.
 
-        :param why: reason of the abort.
         :return: whether a trajectory was active, in which case the rollers must be stopped.
         """
         if not self.follower.busy:

@@ -56,14 +56,7 @@ class CancelledError(IsotrussError):
 
 
 class StepError(IsotrussError, RuntimeError):
-    """
-    Error: a sequence cannot continue.
-
-    :ivar outcome: code of the outcome.
-    :ivar details: additional fields of the result message.
-    :param message: sentence with the reason.
-    :param details: additional fields of the result message.
-    """
+    """Error: a sequence cannot continue."""
 
     def __init__(self, outcome: StepOutcome, message: str, **details: Any) -> None:
         super().__init__(message)
@@ -78,9 +71,6 @@ class ActionStep:
     requested repeatedly: a restarted server does not know the goal and rejects the request. A
     server that sends no feedback for some time counts as lost.
 
-    :param node: node of the action client, which exists as long as the node.
-    :param kind: type of the action.
-    :param name: relative name of the action.
     :param beat: function that publishes this client's heartbeat for a goal; called in each tick.
     :param silence: function that returns the longest accepted time without feedback [s].
     """
@@ -105,13 +95,8 @@ class ActionStep:
         """
         Send a goal and return its result; cancel the goal if the sequence ends.
 
-        :param goal: message of the goal.
-        :param progress: function that returns the progress, 0 to 1, from a feedback message.
         :param find_fault: function that is called in each tick and returns an error for which the
             goal must be cancelled, or None.
-        :raises StepError: there is no server; the server rejects the goal, ends or is restarted;
-            or `find_fault` returned an error.
-        :raises CancelledError: the sequence was cancelled.
         """
         # A goal is executed even if its response is lost, so it must not be sent twice. To test
         # the connection, the result of a nonexistent goal is requested first (not of this goal: a
@@ -206,13 +191,7 @@ def _ask(
 
 
 def set_parameters(client: Client, values: dict[str, float | str]) -> Steps:
-    """
-    Set parameters of another node, as a step of a sequence.
-
-    :param client: client of the node's service `set_parameters`.
-    :param values: value for the name of each parameter.
-    :raises StepError: the node does not exist, or refuses a value.
-    """
+    """Set parameters of another node, as a step of a sequence."""
 
     def require_service() -> None:
         if not client.service_is_ready():

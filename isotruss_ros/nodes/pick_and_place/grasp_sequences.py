@@ -21,7 +21,7 @@ from isotruss_msgs.action import (
 )
 from isotruss_ros.core import IsotrussError, Pose, Robot
 from isotruss_ros.core.estimation.grip_state import MAX_DEVIATIONS
-from isotruss_ros.core.inputs import find_fresh, StampedInput
+from isotruss_ros.core.inputs import find_fresh, require_fresh, StampedInput
 from isotruss_ros.core.model.pose import pose_difference
 from isotruss_ros.core.paths.path_tracking import RETURN_SETTINGS, RETURN_SPEED, RETURN_TURN_RATE
 from isotruss_ros.core.planning.describe_plan import path_times
@@ -68,10 +68,6 @@ class GraspSequences:
     Sequences of actions that pick, place and move an object.
 
     The actions are those of `grasp_planner`, `manipulation` and `path_follower`.
-
-    :param node: node of the action clients, which exist as long as the node.
-    :param robot: the robot.
-    :param watch: observation of the object.
     """
 
     def __init__(self, node: ManagedNode, robot: Robot, watch: ObjectWatch) -> None:
@@ -132,14 +128,15 @@ class GraspSequences:
         """
         Return the distance [m] and angle [rad] between the object and the last pose of a path.
 
-        :param path: path of a goal.
         :return: distance and angle; NaN if a pose is unknown.
         """
         try:
-            here, end = self._watch.require_pose(), read_pose('pose', path.poses[-1].pose)
+            timeout, given = self._watch.timeout, self._inputs.pose
+            (here,) = require_fresh(self._node.now(), timeout, object_pose=given)
+            end = read_pose('pose', path.poses[-1].pose)
         except (IsotrussError, IndexError):
             return math.nan, math.nan
-        x, y, turned = pose_difference(end, here).tolist()
+        x, y, turned = pose_difference(end, here.value).tolist()
         return math.hypot(x, y), abs(turned)
 
     def pick(self, goal: PickObject.Goal) -> Steps:
@@ -147,9 +144,6 @@ class GraspSequences:
         Plan a grasp, approach the object, close the grip, and confirm that the object is held.
 
         An object that the closing grip has displaced is moved back.
-
-        :param goal: goal of the action.
-        :raises IsotrussError: the object is not held.
         """
         self.stage = PICK.PLANNING
         yield from self._watch.await_inputs()
@@ -184,12 +178,7 @@ class GraspSequences:
         )
 
     def place(self, goal: PlaceObject.Goal) -> Steps:
-        """
-        Decrease the squeeze, open the grip, retreat, and confirm that the object is free.
-
-        :param goal: goal of the action.
-        :raises IsotrussError: the object is not free.
-        """
+        """Decrease the squeeze, open the grip, retreat, and confirm that the object is free."""
         self.stage = PLACE.PLANNING
         if not goal.max_rotation >= 0.0:
             raise MessageError(
@@ -231,12 +220,7 @@ class GraspSequences:
         )
 
     def move(self, goal: MoveObject.Goal) -> Steps:
-        """
-        Move the held object along a path.
-
-        :param goal: goal of the action.
-        :raises IsotrussError: the object is not at the end of the path.
-        """
+        """Move the held object along a path."""
         self.stage = MOVE.MOVING
         yield from self._watch.await_held(StepOutcome.NOT_HELD)
         wanted = FollowObjectPath.Goal(path=goal.path, speed=goal.speed, turn_rate=goal.turn_rate)

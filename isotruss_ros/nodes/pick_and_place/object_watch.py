@@ -54,7 +54,6 @@ class ObjectWatch:
     """
     Observation of the object by the inputs of a node.
 
-    :ivar inputs: latest inputs of the node.
     :param node: node with the parameter `command_timeout`, the largest age of inputs [s].
     """
 
@@ -66,11 +65,6 @@ class ObjectWatch:
     def timeout(self) -> float:
         """Return the largest admissible age of inputs [s]."""
         return self._node.values.command_timeout
-
-    def require_pose(self) -> Pose:
-        """Return the measured pose of the object; raise InputError if it is not fresh."""
-        now = self._node.now()
-        return require_fresh(now, self.timeout, object_pose=self.inputs.pose)[0].value
 
     def require_free(self) -> None:
         """Raise StepError if the object is already held."""

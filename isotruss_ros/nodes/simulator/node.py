@@ -152,11 +152,7 @@ class Simulator(ManagedNode):
             self.reasons.note('external_wrench', str(error))
 
     def _move(self, now: float, move: Callable[[float], None]) -> None:
-        """
-        Simulate the motion up to a time; a command is valid for `command_timeout`.
-
-        :param move: method of the plant that simulates an interval.
-        """
+        """Simulate the motion up to a time; a command is valid for `command_timeout`."""
         expiry = self._commanded + self.values.command_timeout
         elapsed = min(now, expiry) - self._time
         try:

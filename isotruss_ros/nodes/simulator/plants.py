@@ -70,13 +70,7 @@ SPECS = (
 
 
 def place_at_start(robot: Robot, values: Parameters) -> ConvexObject:
-    """
-    Return the object at its initial pose in the robot frame, for every kind of plant.
-
-    :param robot: the robot.
-    :param values: parameters of `SPECS`.
-    :raises IsotrussError: a parameter is invalid, or the object does not fit.
-    """
+    """Return the object at its initial pose in the robot frame, for every kind of plant."""
     if len(values.object_pose) != 3:
         raise ParameterError(
             f'parameter object_pose: {list(values.object_pose)}: must be three numbers x, y, angle'
@@ -95,10 +89,6 @@ class StaticPlant(SimulatedRobot):
 
     :ivar elastic: object between elastic tubes; None for a rigid object.
     :ivar lag: None, because this plant never lags behind the clock.
-    :param robot: the robot.
-    :param body: the object at its initial pose.
-    :param values: parameters of `SPECS`.
-    :param faults: faults of the rollers.
     """
 
     elastic: ElasticObject | None = None
@@ -144,11 +134,7 @@ class StaticPlant(SimulatedRobot):
         return dict(zip(grasp.member_names, grasp.normal_forces.tolist(), strict=True))
 
     def place_object(self, pose: Pose) -> None:
-        """
-        Move the object to another pose, at which it is free; the robot does not move.
-
-        :param pose: pose of the object.
-        """
+        """Move the object to another pose, at which it is free; the robot does not move."""
         self.replace_object(self._put_object(pose))
         self.advance(0.0)
 
@@ -166,15 +152,7 @@ Plant = StaticPlant | DrivenRobot
 
 
 def make_plant(robot: Robot, body: ConvexObject, values: Parameters, in_real_time: bool) -> Plant:
-    """
-    Return the plant that the parameters of the node specify.
-
-    :param robot: the robot.
-    :param body: the object at any pose.
-    :param values: parameters of `SPECS`.
-    :param in_real_time: whether MuJoCo skips simulated time if the computer is too slow.
-    :raises IsotrussError: a parameter is invalid.
-    """
+    """Return the plant that the parameters of the node specify."""
     stuck = frozenset({values.stuck_roller} - {''})
     faults = RollerFaults(SPEED_LIMIT, stuck=stuck, slip=values.roller_slip)
     if values.plant in (KINEMATIC, ELASTIC):

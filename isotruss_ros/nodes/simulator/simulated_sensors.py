@@ -60,11 +60,7 @@ SENSOR_SPECS = (
 
 
 class SensorChannel:
-    """
-    Measurements of one sensor, which can be sampled at a rate, noisy, delayed or lost.
-
-    :param seed: random seed of noise and dropouts, not negative.
-    """
+    """Measurements of one sensor, which can be sampled at a rate, noisy, delayed or lost."""
 
     def __init__(self, seed: tuple[int, ...]) -> None:
         self._random = np.random.default_rng(seed)
@@ -91,7 +87,6 @@ class SensorChannel:
         :param rate: rate of the measurements [Hz], at most one measurement per call; 0: one
             measurement in each call.
         :param delay: time from a measurement to its arrival [s].
-        :param dropouts: fraction of the rows that are lost, 0 to 1.
         :param noise: standard deviation, given as one number for all values or as one for each
             value of a row [unit of the values].
         :return: time [s] and values (k, n) of each measurement, the oldest first. Lost rows are
@@ -118,14 +113,7 @@ class SensorChannel:
 
 
 class SimulatedSensors:
-    """
-    Sensors of a simulated robot and its object.
-
-    :param node: publishing node.
-    :param robot: the robot.
-    :param values: parameters of `SENSOR_SPECS`.
-    :raises ParameterError: the robot does not have a joint for which a marker is specified.
-    """
+    """Sensors of a simulated robot and its object."""
 
     def __init__(self, node: ManagedNode, robot: Robot, values: Parameters) -> None:
         self._robot, self._values = robot, values
@@ -139,12 +127,7 @@ class SimulatedSensors:
         self._joint_markers = node.advertise(MultiDOFJointState, 'joint_markers')
 
     def publish(self, now: float, plant: Plant) -> None:
-        """
-        Make new measurements, and publish the measurements that have arrived.
-
-        :param now: current time of the simulated robot [s].
-        :param plant: simulated robot and object.
-        """
+        """Make new measurements, and publish the measurements that have arrived."""
         values, travel, step = self._values, plant.roller_positions, self._values.encoder_step
         counted = step * np.round(travel / step) if step >= MIN_ENCODER_STEP else travel
         encoders = self._encoders.measure(

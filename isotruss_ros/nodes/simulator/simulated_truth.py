@@ -27,12 +27,7 @@ CLOCK_SPEED = FixedSpec(
 
 
 class SimulatedTruth:
-    """
-    Publisher of `truth/object_pose`, `truth/joint_markers` and `truth/contact_forces`.
-
-    :param node: publishing node.
-    :param robot: the simulated robot.
-    """
+    """Publisher of `truth/object_pose`, `truth/joint_markers` and `truth/contact_forces`."""
 
     def __init__(self, node: ManagedNode, robot: Robot) -> None:
         self._robot = robot
@@ -41,12 +36,7 @@ class SimulatedTruth:
         self._forces = node.advertise(WrenchStamped, 'truth/contact_forces', EVENTS)
 
     def publish(self, now: float, plant: Plant) -> None:
-        """
-        Publish the true states on the topics that have subscribers.
-
-        :param now: current time of the simulated robot [s].
-        :param plant: simulated robot and object.
-        """
+        """Publish the true states on the topics that have subscribers."""
         header = make_header(now, self._robot.frame)
         if self._pose.get_subscription_count():
             self._pose.publish(PoseStamped(header=header, pose=to_pose_message(plant.object_pose)))
@@ -66,10 +56,8 @@ class ClockSource:
 
     If the computer is too slow, simulated time slows down; no step is skipped.
 
-    :param node: publishing node, whose own clock uses the published time as well.
     :param rate: number of steps per simulated second [Hz].
     :param speed: ratio of simulated time to real time, positive [-].
-    :raises ParameterError: the node does not use simulated time.
     """
 
     def __init__(self, node: ManagedNode, rate: float, speed: float) -> None:

@@ -120,12 +120,7 @@ class Viewer(StoppableNode):
         self._squeeze = 0.0
 
     def begin(self) -> None:
-        """
-        Start the server of the view, and print its address.
-
-        :raises ViewError: the server cannot be started at its address.
-        :raises MissingPackageError: viser is not installed.
-        """
+        """Start the server of the view, and print its address."""
         try:
             from isotruss_ros.viewer.controls import Controls
             from isotruss_ros.viewer.view import View

@@ -45,7 +45,6 @@ def make_calls(calls: Calls, answer: Any = None) -> None:
     """
     Make the next service call of a sequence; its response triggers the call after it.
 
-    :param calls: sequence of calls.
     :param answer: response of the previous call; None before the first.
     """
     try:
@@ -56,12 +55,7 @@ def make_calls(calls: Calls, answer: Any = None) -> None:
 
 
 class ObjectGoals:
-    """
-    Clients of the actions `pick_object` and `place_object`.
-
-    :param node: node of the clients.
-    :param report: callback that receives the progress of a goal as a sentence.
-    """
+    """Clients of the actions `pick_object` and `place_object`."""
 
     def __init__(self, node: Node, report: Callable[[str], None]) -> None:
         self._report = report
@@ -70,12 +64,7 @@ class ObjectGoals:
         }
 
     def send(self, name: str, **values: float) -> None:
-        """
-        Send a goal to pick or place the object.
-
-        :param name: `pick` or `place`.
-        :param values: fields of the goal.
-        """
+        """Send a goal to pick or place the object."""
         kind, action = ACTIONS[name]
         if self._clients[name].server_is_ready():
             self._report(f'{name}: sent')
@@ -101,8 +90,6 @@ class NodeRestart:
     Reconfiguration of the simulator and other nodes by their life-cycle services.
 
     :ivar setters: client of the service `set_parameters` for the name of each node.
-    :param node: node of the clients.
-    :param report: callback that receives the result of a restart as a sentence.
     """
 
     def __init__(self, node: Node, report: Callable[[str], None]) -> None:
@@ -136,8 +123,6 @@ class NodeRestart:
 
         :param squeeze: value of the parameter `squeeze_force` of `manipulation` after the restart
             [N].
-        :param kind: word for the kind of the object.
-        :param description: value of the parameter `object` of the nodes.
         """
         others = [name for name in OTHER_NODES if self._change[name].service_is_ready()]
         self._begin(f'object {kind}', squeeze, [SIMULATOR, *others], {'object': description})
