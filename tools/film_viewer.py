@@ -29,15 +29,14 @@ from rosgraph_msgs.msg import Clock
 SIZE, SCALE = ViewportSize(width=1080, height=660), 0.65
 #: Speed of the simulated clock, since a machine without a graphics card is slow to draw; and of
 #: the film.
-CLOCK_SPEED, FILM_SPEED = 0.1, 3.0
-#: Simulated time between two frames, and that in which the page shows what it waits for [s].
-STEP, PATIENCE = 0.4, 120.0
-#: Longest time without a step of the clock, or without a response of the page [s]. c COLORS, SOME:
-#: Number of colours of the film, and number of frames that determine them.
+CLOCK_SPEED, FILM_SPEED = 0.3, 3.0
+#: Simulated time between two frames, and longest one until the page shows a text [s].
+STEP, PATIENCE = 0.4, 40.0
+#: Longest time without a step of the clock, or without a response of the page [s].
 TIMEOUT = 120.0
 #: Longest time that a frame is shown [s].
 LONGEST = 0.5
-#: Of the film, and frames by which they are chosen.
+#: Number of colours of the film, and number of frames that determine them.
 COLORS, SOME = 128, 6
 #: Script that limits the page to four pictures a second, so that the nodes have enough processor
 #: time.
@@ -64,12 +63,7 @@ NODES = (
 
 
 class Film:
-    """
-    Frames of a page until an event.
-
-    :param processes: the nodes.
-    :param page: the page.
-    """
+    """Frames of a page until an event."""
 
     def __init__(self, processes: list[NodeProcess], page: Page) -> None:
         self._processes, self._page = processes, page
@@ -81,12 +75,7 @@ class Film:
         self._node.create_subscription(Clock, '/clock', self._receive, 1)
 
     def take(self) -> Image.Image:
-        """
-        Return a frame, one step after the last one.
-
-        :raises NodeError: a node ended.
-        :raises TimeoutError: the clock stands still.
-        """
+        """Return a frame, one step after the last one."""
         due = self._now + STEP
         while self._now < due:
             before = self._now
@@ -110,13 +99,7 @@ class Film:
         return frame
 
     def until(self, words: str) -> None:
-        """
-        Film until the page shows a text.
-
-        :param words: the text.
-        :raises TimeoutError: the page does not show the text in time.
-        :raises TimeoutError: it does not.
-        """
+        """Film until the page shows a text."""
         end = self._now + PATIENCE
         while not self._page.get_by_text(words).count():
             if self._now > end:
@@ -127,11 +110,7 @@ class Film:
         self.take()
 
     def write(self, path: Path) -> None:
-        """
-        Write the film.
-
-        :param path: path of the GIF.
-        """
+        """Write the film."""
         # Held and not held, loaded and not: the colours of all that is shown.
         some = self._frames[:: max(1, len(self._frames) // SOME)]
         sheet = Image.new('RGB', (some[0].width, some[0].height * len(some)))
@@ -175,7 +154,7 @@ def act(page: Page, film: Film) -> None:
         film.take()
     page.mouse.up()
     film.until('manipulation: idle')
-    for name, words in (('place', 'place: free'), ('pick', 'pick: held')):
+    for name, words in (('place', 'place: the object is free'), ('pick', 'pick: held')):
         page.get_by_role('button', name=name, exact=True).click()
         film.until(words)
 
