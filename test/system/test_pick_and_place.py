@@ -426,7 +426,7 @@ def test_the_example_picks_an_object_up_and_places_it(client):
         [sys.executable, example], capture_output=True, text=True, timeout=300, check=True
     )
     assert 'pick_object: held at' in done.stdout
-    assert 'place_object: free' in done.stdout
+    assert 'place_object: the object is free' in done.stdout
 
 
 @pytest.mark.nightly
