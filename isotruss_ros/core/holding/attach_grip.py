@@ -64,13 +64,9 @@ def attach_grip(
     """
     Find the equilibrium of an object near its measured pose, with unknown contact history.
 
-    The contact history is the previous rolling of the contacts; for the conditions that replace it
-    see `rest`.
-
-    :param members: (m,) indices of the two or three grasping members; None: the members that the
-        object overlaps, or if it overlaps fewer than two, the two nearest.
-    :param external_wrench: (fx, fy, m) about the origin of the object's frame [N, N m].
-    :param quick: True to try so few sets of contacts that the search fits in a control cycle.
+    The grasping members are given by their indices (m,), or are those that the object overlaps; if
+    it overlaps fewer than two, the two nearest. The wrench (fx, fy, m) is about the origin of the
+    object's frame [N, N m]. A `quick` search fits in a control cycle.
     """
     body = body.smoothed(0.5 * config.robot.description.tube_diameter)
     depths = member_depths(config, body)

@@ -208,11 +208,11 @@ def skin_depths(grip: HeldGrip, members: Indices, corners: Indices) -> Array:
         return (body.center + body.turn * np.array(points) - lines) / axis
 
     straight = away_from(starts, normals).real
-    positions = straight.clip(0.0, length)
+    positions = straight
     for _ in range(2):  # the second place is at the foot on the bent line, to second order
         lines, turned = grip.bent_lines(members, positions)
         away = away_from(lines, normals * turned) / turned
-        positions = (positions + away.real).clip(0.0, length)
+        positions = positions + away.real
     depths = grip.statics.tube_radius + (away * axis / normals).real
     return np.where((straight >= 0.0) & (straight <= length), depths, -np.inf)
 

@@ -66,18 +66,11 @@ ContactConditions = Callable[[Array, Points], tuple[Array, Array]]
 
 
 class TubeModel(NamedTuple):
-    """
-    Model of the tubes that hold an object.
+    """Model of the tubes that hold an object."""
 
-    :ivar stiffness_scale: ratio of the robot's true stiffness to its modelled stiffness [-].
-    :ivar paper_model: True for the paper's model: linear statics, straight tubes, round sections.
-    :ivar pressure: gauge pressure [Pa], see `tube_pressures`; None: the pressure of the robot
-        file.
-    """
-
-    stiffness_scale: float = 1.0
-    paper_model: bool = False
-    pressure: Pressure | None = None
+    stiffness_scale: float = 1.0  #: ratio of the robot's true stiffness to the modelled one [-]
+    paper_model: bool = False  #: whether statics are linear, tubes straight and sections round
+    pressure: Pressure | None = None  #: gauge pressure [Pa], see `tube_pressures`
 
 
 #: Tube model with flattening and with pressure and stiffness of the robot file.
@@ -167,9 +160,8 @@ class ContactStatics:
         """
         Return the residual (3 + 4k,) of the equilibrium equations, and the state with Jacobian.
 
-        Order of the rows: for each contact, the conditions that object and member touch (along the
-        member, across it, and in inclination); then the balance of the object; then the conditions
-        of friction or rolling.
+        The rows are touch along and across the member and in inclination, for each contact; then
+        the balance of the object; then the conditions of friction or rolling.
         """
         indices, count, arm = self.places, len(self.sides), self.body.arm
         (start, axis, *_), moment = self.bent.lines, indices.balance.start + 2
@@ -269,11 +261,9 @@ class ContactStatics:
         reach: float = SETTLED_MOTION,
     ) -> tuple[ContactStatics, ContactForces] | None:
         """
-        Solve for the equilibrium by Newton's method, with tubes linearised about the equilibrium.
+        Solve for the equilibrium by Newton's method; return it with its equations, or None.
 
-        :param steps: largest number of steps of Newton's method.
-        :param reach: the tubes are linearised again if a node has moved by more than this [m].
-        :return: the equations with these tubes, and the equilibrium; None if it is not found.
+        The tubes are linearised again if a node has moved by more than `reach` [m].
         """
         statics, unknowns, indices, close = self, start, self.places, False
         tolerance = np.full(indices.size, LENGTH_TOLERANCE)

@@ -57,10 +57,8 @@ class GripRecord(NamedTuple):
 
     def restore(self, config: Configuration, body: ConvexObject) -> HeldGrip:
         """
-        Return the recorded grip; its equations are evaluated at the recorded unknowns.
+        Return the recorded grip, found from a near configuration and the object at any pose.
 
-        :param config: a near configuration, from which that of the record is found.
-        :param body: the object; its pose is not used.
         :raises GraspError: the object has no such corners.
         :raises StructureError: the bent tubes are those of another structure.
         """

@@ -26,26 +26,17 @@ class GripResponse:
     """
     Linear response of a held object with k sticking contacts to a wrench (fx, fy, m / arm).
 
-    :ivar state: the equilibrium.
-    :ivar owners: (k,) grasping member of each contact, numbered within the grip.
-    :ivar change: (3 + 4k, 3) derivatives of the unknowns of `ContactForces` with respect to the
-        wrench [N].
-    :ivar by_opening: (3 + 4k,) derivatives of the unknowns with respect to the members' opening,
-        see `HeldGrip.squeeze_stiffness`.
-    :ivar ends: (e,) indices of the contacts that are an end of a face.
-    :ivar parted: (3 + 4k, e) changes of the unknowns per unit of gap at each of these ends.
-    :ivar arm: characteristic radius, see `ConvexObject.arm` [m].
-    :ivar middle: centroid of the object relative to the origin of its frame, x + iy [m].
+    The responses are derivatives of the unknowns of `ContactForces`.
     """
 
-    state: ContactForces
-    owners: Indices
-    change: Array
-    by_opening: Array
-    ends: Indices
-    parted: Array
-    arm: float
-    middle: complex
+    state: ContactForces  #: the equilibrium
+    owners: Indices  #: (k,) grasping member of each contact, numbered within the grip
+    change: Array  #: (3 + 4k, 3) response to the wrench [N]
+    by_opening: Array  #: (3 + 4k,) response to the opening, see `HeldGrip.squeeze_stiffness`
+    ends: Indices  #: (e,) indices of the contacts that are an end of a face
+    parted: Array  #: (3 + 4k, e) responses to a gap at each of these ends
+    arm: float  #: characteristic radius, see `ConvexObject.arm` [m]
+    middle: complex  #: centroid relative to the origin of the object's frame, x + iy [m]
 
     @property
     def pose(self) -> Array:
@@ -64,11 +55,7 @@ class GripResponse:
 
     @functools.cached_property
     def opening(self) -> Array:
-        """
-        Return the changes (e, 2k) of normal and friction forces if an end of a face is released.
-
-        They are per unit of the tension that this end had [-].
-        """
+        """Return the changes (e, 2k) of the forces if an end is released, by its tension [-]."""
         forces = self.parted[self.state.places.forces].T
         return -forces / forces[np.arange(len(self.ends)), self.ends, None]
 
@@ -87,12 +74,7 @@ class GripResponse:
 
     @property
     def about_middle(self) -> Array:
-        """
-        Return the matrix (3, 3) that moves a moment's reference point from centroid to origin.
-
-        The matrix converts a wrench (fx, fy, m / arm) whose moment is about the centroid into the
-        same wrench with the moment about the origin of the object's frame.
-        """
+        """Return the matrix that moves the reference point of moments from centroid to origin."""
         x, y = self.middle.real / self.arm, self.middle.imag / self.arm
         return np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-y, x, 1.0]])
 

@@ -28,25 +28,15 @@ import numpy as np
 
 
 class GraspParameters(NamedTuple):
-    """
-    Indices of the columns that belong to each of the p parameters in a gradient.
+    """Indices of the columns that belong to each of the p parameters in a gradient."""
 
-    :ivar rollers: travel of the r rollers [m].
-    :ivar place: x, y and angle of the object's given pose [m, rad].
-    :ivar pressures: gauge pressures of the t tubes, in the order of the robot file [Pa].
-    :ivar friction: coefficient of friction [-].
-    :ivar wrench: wrench fx, fy, m on the object [N, N m].
-    :ivar stiffness: ratio of the robot's true stiffness to its modelled stiffness [-].
-    :ivar size: number p of the parameters.
-    """
-
-    rollers: slice
-    place: slice
-    pressures: slice
-    friction: int
-    wrench: slice
-    stiffness: int
-    size: int
+    rollers: slice  #: travel of the r rollers [m]
+    place: slice  #: x, y and angle of the object's given pose [m, rad]
+    pressures: slice  #: gauge pressures of the t tubes, in the order of the robot file [Pa]
+    friction: int  #: coefficient of friction [-]
+    wrench: slice  #: wrench fx, fy, m on the object [N, N m]
+    stiffness: int  #: ratio of the robot's true stiffness to its modelled stiffness [-]
+    size: int  #: number p of the parameters
 
     @classmethod
     def of(cls, config: Configuration) -> GraspParameters:
@@ -65,20 +55,12 @@ class GraspParameters(NamedTuple):
 
 
 class TubeRates(NamedTuple):
-    """
-    Derivatives of the tubes' displacements and forces with respect to p parameters.
+    """Derivatives of the tubes' displacements and forces with respect to p parameters."""
 
-    :ivar give: (k, p) derivatives of the contact points' displacements, along + i across the
-        members [m].
-    :ivar slope: (k, p) derivatives of the bent centre lines' rotation at the contacts [rad].
-    :ivar nodes: (n, 3, p) derivatives of the cut frame's node displacements [m, rad].
-    :ivar forces: (c, 3, p) derivatives of the forces of the cut frame's members, see `EndForces`.
-    """
-
-    give: Points
-    slope: Array
-    nodes: Array
-    forces: Array
+    give: Points  #: (k, p) of the contact points, along + i across the members [m]
+    slope: Array  #: (k, p) of the bent centre lines' inclinations at the contacts [rad]
+    nodes: Array  #: (n, 3, p) of the displacements of the frame's nodes [m, rad]
+    forces: Array  #: (c, 3, p) of the `EndForces` of the frame's parts
 
 
 class LoadedTubes:
@@ -141,11 +123,7 @@ class LoadedTubes:
         return other
 
     def equation_rates(self, sticks: bool = False) -> Array:
-        """
-        Return the equations' derivatives (3 + 4k, p) by the parameters at fixed unknowns.
-
-        :param sticks: True: the conditions are those of sticking contacts.
-        """
+        """Return the equations' derivatives (3 + 4k, p), also with sticking contacts."""
         grip, spins = self._grip, self.spins
         statics, state, body = grip.statics, grip.state, grip.body
         indices, normals = state.places, state.normals[:, None]
@@ -179,11 +157,7 @@ class LoadedTubes:
         return np.concatenate([touch, balance, closure])
 
     def respond(self, change: Array) -> TubeRates:
-        """
-        Return the derivatives of the tubes' displacements and forces.
-
-        :param change: (3 + 4k, p) derivatives of the equilibrium's unknowns.
-        """
+        """Return the derivatives for those (3 + 4k, p) of the equilibrium's unknowns."""
         bent, state = self._bent, self._grip.state
         nodes_at, tangent, axis = bent.frame.layout.nodes, bent.tangent, bent.lines.axis[:, None]
         feet, inclined, normal, rubs = change[POSE:].reshape(4, len(axis), -1)
@@ -210,11 +184,7 @@ class LoadedTubes:
         return TubeRates(give / share, slope / share, nodes, changed + rates + by_places)
 
     def joints(self, rates: TubeRates) -> Array:
-        """
-        Return the derivatives (2j, p) of the joint positions for the p parameter changes [m].
-
-        The rows are x0, y0, x1, y1, ...; each column belongs to one parameter change in `chosen`.
-        """
+        """Return the derivatives (2j, p) of the joint positions x0, y0, x1, y1, ... [m]."""
         count = len(self._grip.config.robot.topology.joint_names)
         moved = self.moved[:count]
         moved = np.stack([moved.real, moved.imag], axis=1)

@@ -59,11 +59,7 @@ class HoldStatus(enum.Enum):
 
 
 class NotHeldError(GraspError):
-    """
-    Error: the members do not hold the object.
-
-    :ivar hold: the violated condition.
-    """
+    """Error: the members do not hold the object; `hold` is the violated condition."""
 
     def __init__(self, hold: HoldStatus) -> None:
         super().__init__(hold.value)
@@ -77,29 +73,19 @@ class HeldGrip:
 
     `attach_grip` finds the equilibrium near a measured pose; `roll_grip` finds it in another
     configuration, to which the contacts have rolled.
-
-    :ivar config: the configuration.
-    :ivar body: the object at its pose in equilibrium.
-    :ivar anchors: (k,) rolling invariants, see `ContactStatics.anchors` [m].
-    :ivar angles: (k,) angles of the normals in the object's frame, not wrapped to one turn [rad].
-    :ivar statics: equations of equilibrium in this configuration.
-    :ivar state: solution of the equations.
-    :ivar wrench: external wrench (fx, fy, m / arm) on the object, see `ConvexObject.arm` [N].
-    :ivar tubes: model of the tubes.
-    :ivar dent_basis: equilibrium of whose normals the dents are; None: of the straight tubes'.
-    :ivar motion: changes of roller travel (r,) [m] and of the unknowns (3 + 4k,) since the
-        equilibrium of the previous configuration; None if there was no previous one.
     """
 
-    config: Configuration
-    body: ConvexObject
-    anchors: Array
-    angles: Array
-    statics: ContactStatics
-    state: ContactForces
-    wrench: Array
-    tubes: TubeModel
+    config: Configuration  #: the configuration
+    body: ConvexObject  #: the object at its pose in equilibrium
+    anchors: Array  #: (k,) rolling invariants, see `ContactStatics.anchors` [m]
+    angles: Array  #: (k,) angles of the normals in the object's frame, continued beyond pi [rad]
+    statics: ContactStatics  #: equations of equilibrium in this configuration
+    state: ContactForces  #: solution of the equations
+    wrench: Array  #: wrench (fx, fy, m / arm) on the object, see `ConvexObject.arm` [N]
+    tubes: TubeModel  #: model of the tubes
+    #: equilibrium of whose normals the dents are; None: of the straight tubes' normals
     dent_basis: HeldGrip | None = None
+    #: changes of roller travel (r,) [m] and unknowns (3 + 4k,) since the previous configuration
     motion: tuple[Array, Array] | None = None
 
     @classmethod
@@ -186,11 +172,7 @@ class HeldGrip:
         return self.contacts.members[self.contacts.first]
 
     def bent_lines(self, members: Indices, positions: Array) -> tuple[Points, Points]:
-        """
-        Return points (c,) of bent centre lines [m], and their directions relative to straight.
-
-        :param positions: (c,) distances from the members' starts [m].
-        """
+        """Return points (c,) of bent centre lines [m], and their directions by the straight."""
         bent, state = self.statics.bent, self.state
         starts, ends = member_lines(self.config)[members].T
         moved = bent.displacements(state.loads, state.feet)
@@ -250,11 +232,7 @@ class HeldGrip:
         return tangent
 
     def respond(self, changes: Array) -> Array | None:
-        """
-        Return the changes of the unknowns while contacts stick; None in a neutral equilibrium.
-
-        :param changes: (3 + 4k, ...) changes of the equations at fixed unknowns.
-        """
+        """Return the unknowns' changes by the equations' (3 + 4k, ...); None if neutral."""
         right = -changes.reshape(len(changes), -1)
         right[self._idle[1]] = 0.0
         _, _, solution, singular = lapack.dgesv(self._tangent, right)
@@ -321,18 +299,10 @@ def _opening(statics: ContactStatics, state: ContactForces) -> Points:
 
 
 def scaled_wrench(wrench: Array | None, arm: float) -> Array:
-    """
-    Return a wrench with its moment divided by a length, (fx, fy, m / arm) [N].
-
-    :param arm: characteristic radius of the object [m].
-    """
+    """Return a wrench with its moment divided by the characteristic radius [N]."""
     return np.zeros(3) if wrench is None else np.asarray(wrench) / (1.0, 1.0, arm)
 
 
 def travel_rates(config: Configuration, members: Indices) -> Array:
-    """
-    Return the derivatives (k, r) of tube travel at members' starts by roller travel [-].
-
-    Tube travel is the length of tube that has passed the start of a member.
-    """
+    """Return the derivatives (k, r) of the tube length past members' starts by roller travel."""
     return (members[:, None] == config.robot.topology.driven).astype(float)

@@ -51,11 +51,7 @@ def region_lines(grip: HeldGrip) -> Points:
 
 
 def force_lines(grip: HeldGrip, scale: float) -> Points:
-    """
-    Return tail and tip (m, 2) [m] of an arrow for the force of each grasping member on the object.
-
-    The tips are at the centres of pressure; `scale` is the length of an arrow per force [m/N].
-    """
+    """Return tail and tip (m, 2) of arrows for the forces on the object, at a scale [m/N]."""
     tips, forces = contact_resultants(grip)
     return np.stack([tips - scale * forces, tips], axis=1)
 
@@ -77,12 +73,7 @@ def contact_points(grip: HeldGrip) -> Points:
 
 @single_threaded
 def held_joints(grip: HeldGrip) -> Array:
-    """
-    Return the joint positions (j, 2) of a robot with a held object [m].
-
-    The positions include the displacements due to the contact forces. Their order is that of
-    `Topology.joint_names`.
-    """
+    """Return the positions (j, 2) of `Topology.joint_names`, displaced by contact forces [m]."""
     moved = grip.statics.bent.displacements(grip.state.loads, grip.state.feet)
     count = len(grip.config.robot.topology.joint_names)
     return grip.config.nodes[:count] + moved[:count, :2]

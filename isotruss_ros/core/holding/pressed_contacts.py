@@ -26,18 +26,11 @@ CENTER, ANGLE, POSE = slice(0, 2), 2, 3
 
 @dataclass(frozen=True, eq=False)
 class PressedContacts:
-    """
-    The k contacts of an object, in ascending order of their members.
+    """The k contacts of an object, in ascending order of their members."""
 
-    :ivar members: (k,) indices of the members.
-    :ivar corners: (k,) index of the polygon's corner of each contact; zero for other shapes.
-    :ivar cuts: (k, 2) largest extents of each contact to both sides of its point, as in
-        `corner_dents` [m].
-    """
-
-    members: Indices
-    corners: Indices
-    cuts: Array
+    members: Indices  #: (k,) indices of the members
+    corners: Indices  #: (k,) index of the polygon's corner of each contact; zero for other shapes
+    cuts: Array  #: (k, 2) largest extents to both sides of the contacts, see `corner_dents` [m]
 
     @functools.cached_property
     def owners(self) -> Indices:
@@ -70,27 +63,16 @@ class PressedContacts:
 
 
 class Places(NamedTuple):
-    """
-    Indices of the unknowns and of the equations of k contacts.
+    """Indices of the unknowns and of the equations of k contacts."""
 
-    :ivar feet: indices of the unknown positions along the members.
-    :ivar inclinations: indices of the unknown inclinations of the bent tubes.
-    :ivar normal: indices of the unknown normal forces.
-    :ivar friction: indices of the unknown friction forces.
-    :ivar forces: indices of the unknown normal and friction forces.
-    :ivar balance: indices of the equations for the balance of fx, fy and m.
-    :ivar conditions: indices of the equations of friction or rolling, see `ContactConditions`.
-    :ivar size: number of unknowns.
-    """
-
-    feet: slice
-    inclinations: slice
-    normal: slice
-    friction: slice
-    forces: slice
-    balance: slice
-    conditions: slice
-    size: int
+    feet: slice  #: positions along the members
+    inclinations: slice  #: inclinations of the bent tubes
+    normal: slice  #: normal forces
+    friction: slice  #: friction forces
+    forces: slice  #: normal and friction forces
+    balance: slice  #: equations for the balance of fx, fy and m
+    conditions: slice  #: equations of friction or rolling, see `ContactConditions`
+    size: int  #: number of unknowns
 
     @classmethod
     @functools.lru_cache(maxsize=16)
@@ -108,21 +90,16 @@ class ContactForces:
     """
     Pose, contacts and forces of an object at k contacts.
 
-    :ivar unknowns: (3 + 4k,) pose x, y [m], angle [rad]; distances s_i of the contacts from the
-        members' starts [m]; inclinations beta_i of the bent tubes relative to the straight members
-        [rad]; normal forces N_i [N]; friction forces T_i on the tubes, counter-clockwise around
-        the object [N].
-    :ivar normals: (k,) unit normals from the object toward the tubes.
-    :ivar loads: (k, 3) loads on the tubes: forces along and across the members [N], and moments [N
-        m].
-    :ivar jacobian: (3 + 4k, 3 + 4k) Jacobian of the equilibrium equations with respect to the
-        unknowns.
+    The unknowns (3 + 4k,) are the pose x, y [m], angle [rad]; distances s_i of the contacts from
+    the members' starts [m]; inclinations beta_i of the bent tubes relative to the straight members
+    [rad]; normal forces N_i; and friction forces T_i on the tubes, counter-clockwise around the
+    object [N].
     """
 
     unknowns: Array
-    normals: Points
-    loads: Array
-    jacobian: Array
+    normals: Points  #: (k,) unit normals from the object toward the tubes
+    loads: Array  #: (k, 3) forces along and across the members [N], and moments on tubes [N m]
+    jacobian: Array  #: derivatives of the equilibrium equations by the unknowns
 
     @functools.cached_property
     def places(self) -> Places:
@@ -170,8 +147,8 @@ def contacts_at(
     """
     Return the contacts of members with given corners of an object.
 
-    The two ends of a face share it, whether or not both are in contact. So the forces are
-    continuous if an end gains contact. A face shorter than a tube radius has one contact.
+    The two ends of a face share it, so that forces are continuous if an end gains contact. A face
+    shorter than a tube radius has one contact.
     """
     cuts = np.full((len(members), 2), np.inf)
     for k, corner in enumerate(corners.tolist()):

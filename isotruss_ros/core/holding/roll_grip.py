@@ -122,12 +122,8 @@ def stick(
     """
     Return the conditions of rolling without slip, which are the integral of (17) over time.
 
-    The conditions state that the rolling invariants A_i are constant:
-
-        kappa_i (s_i - phi_i) - arc(arg nu_i - theta) = A_i
-
-    The symbols are explained in `ContactStatics.anchors`. For new contacts, the condition is zero
-    friction.
+    The rolling invariants `ContactStatics.anchors` are constant. The friction of `free` contacts
+    is zero instead.
     """
     indices = statics.places
 
@@ -147,9 +143,8 @@ def with_pressures(grip: HeldGrip, pressures: Pressure | None) -> HeldGrip:
     """
     Return a held grip with other tube pressures; its equilibrium must be found by `roll_grip`.
 
-    The forces that flatten the tubes are tabulated for each pressure. Computing new tables takes
-    longer than a control cycle, so a control loop ignores small changes of pressure, see
-    `steady_pressures`.
+    Computing tables of dents for a pressure takes longer than a control cycle, so a control loop
+    ignores small changes, see `steady_pressures`.
     """
     if pressures == grip.tubes.pressure:
         return grip

@@ -6,8 +6,8 @@
 from dataclasses import replace
 
 from grips import gripped
-from held_grips import BOX, held
-from isotruss_ros.core import HoldStatus
+from held_grips import BOX, held, NINE
+from isotruss_ros.core import HoldStatus, place_between, Polygon
 from isotruss_ros.core.holding.attach_grip import attach_grip, rest
 from isotruss_ros.core.holding.contact_statics import build_statics, TubeModel
 from isotruss_ros.core.holding.pressed_contacts import ANGLE, CENTER
@@ -33,6 +33,19 @@ def test_attached_pose_along_the_bisector_is_the_given_one(statics):
     moved = complex(*state.unknowns[CENTER]) - DISC.center
     assert abs(moved) > 1e-3
     assert (moved * along.conjugate()).real == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize('steps', [2, 4, 8, 10])
+def test_box_with_one_face_in_contact_is_at_its_given_position_across_the_chord(steps):
+    box = Polygon([(-0.12, -0.1), (0.12, -0.1), (0.12, 0.1), (-0.12, 0.1)], 0.02)
+    members = 'north/P-Z', 'north/Z-R'
+    body = place_between(NINE.home, members, box, np.radians(15.0 * steps), 0.012).body
+    grip = attach_grip(NINE.home, body)
+    assert {len(ends) for ends in grip.contacts.ends} == {1, 2}
+    one, other = (grip.state.normals[ends].mean() for ends in grip.contacts.ends)
+    moved = grip.body.middle - body.middle
+    assert abs(moved) > 1e-3
+    assert (moved * (1j * (one - other)).conjugate()).real == pytest.approx(0.0, abs=1e-9)
 
 
 def test_rolling_conditions_hold_at_rest_and_follow_the_tube(statics):
