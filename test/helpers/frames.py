@@ -43,7 +43,7 @@ def members(ends, axial, flexural, shear=np.inf, pins=()):
     for member, end in pins:
         pinned[member, end] = True
     rigidities = [np.broadcast_to(x, len(ends)).astype(float) for x in (axial, flexural, shear)]
-    return Members(ends[:, 0], ends[:, 1], *rigidities, pinned[:, 0], pinned[:, 1])
+    return Members(ends[:, 0], ends[:, 1], np.array(rigidities), pinned[:, 0], pinned[:, 1])
 
 
 def supports(n, held):
@@ -143,7 +143,7 @@ def _assembled(points, found):
     parts = []
     for i, place in enumerate(places):
         span = points[found.end[i]] - points[found.start[i]]
-        part, turn = member_stiffness(span, found.axial[i], found.flexural[i], found.shear[i])
+        part, turn = member_stiffness(span, *found.section[:, i])
         matrix[np.ix_(place, place)] += part
         parts.append((place, part, turn))
     return matrix, parts

@@ -24,7 +24,7 @@ def bare(span, axial, flexural, shear):
     members = Members(
         np.array([0, 2]),
         np.array([1, 3]),
-        *(np.array([value, 1.0]) for value in (axial, flexural, shear)),
+        np.array([[value, 1.0] for value in (axial, flexural, shear)]),
         none,
         none,
     )

@@ -49,7 +49,7 @@ def straight_points(structure: Structure, members: Indices, positions: Array) ->
     inside = np.zeros((2, count, 2, count))
     for k, index in enumerate(pieces.tolist()):
         here = np.flatnonzero(number == k)
-        section = [float(values[index]) for values in frame.members[2:5]]
+        section = frame.members.section[:, index].tolist()
         pinned = bool(frame.members.pinned_start[index])
         local, along, across = clamped_piece(
             float(frame.length[index]), section, within[here], pinned

@@ -208,7 +208,7 @@ class LoadedTubes:
         pull, first, second = changes + ends.T[[3, 2, 5], :, None] * self._stiffer
         pulled = pull + np.pi * radius**2 * self._inflated[tube]
         changes = np.stack([-first, second, pulled, rates.forces[piece, 0]])
-        sections = np.stack([frame.length[piece], members.flexural[piece], members.shear[piece]])
+        sections = np.vstack([frame.length[piece], members.section[1:, piece]])
         others = self.sections[[0, 2, 3]][:, piece]
         # Central difference of the utilisation at the same kind of place.
         loads, sections = loads[..., None], sections[..., None]

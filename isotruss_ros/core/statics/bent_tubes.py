@@ -415,7 +415,7 @@ class BentTubes:
         moved = self._changes.factored.solve(-carried * scale) * scale
         _, by_ends, by_forces, by_shear = self._changes.slopes
         inclined = by_forces[:, None] @ rates[parts] + by_ends @ moved[frame.layout.places[parts]]
-        shear = (by_shear / frame.members.shear[parts])[:, None] * changes[3, parts]
+        shear = (by_shear / frame.members.section[2, parts])[:, None] * changes[3, parts]
         return frame.displacements(moved), _mean(inclined[:, 0] + shear), rates
 
 

@@ -35,9 +35,8 @@ class Members(NamedTuple):
 
     start: Indices  #: (k,) indices of the start nodes
     end: Indices  #: (k,) indices of the end nodes
-    axial: Array  #: (k,) EA [N]
-    flexural: Array  #: (k,) EI [N m^2]
-    shear: Array  #: (k,) GA [N]; infinite for members without shear deformation
+    #: (3, k) EA [N], EI [N m^2] and GA [N], which is infinite without shear deformation
+    section: Array
     pinned_start: Flags  #: (k,) whether the start transmits no moment
     pinned_end: Flags  #: (k,) whether the end transmits no moment
 

@@ -58,7 +58,7 @@ class Frame:
         span = points[members.end] - points[members.start]
         length = np.abs(span)
         pins = members.pinned_start, members.pinned_end
-        columns = BeamColumns.of(length, np.stack(members[2:5]), pins)
+        columns = BeamColumns.of(length, members.section, pins)
         # Displacements along both axes have one scale: across a bar the stiffness is zero.
         stiff = np.zeros((len(points), 3))
         turning = 0.25 * (columns.values[2] + columns.values[4])
@@ -89,8 +89,8 @@ class Frame:
         length = self.length[layout.whole]
         length[layout.before] = within
         length -= begins
-        axial, flexural, shear = section = np.stack(self.members[2:5])[:, layout.whole]
-        members = Members(layout.start, layout.end, axial, flexural, shear, *layout.pins)
+        section = self.members.section[:, layout.whole]
+        members = Members(layout.start, layout.end, section, *layout.pins)
         parts, values = layout.parts, self.columns.values[:, layout.whole].astype(complex)
         pins = layout.pins[0][parts], layout.pins[1][parts]
         columns = BeamColumns.of(length[parts] + 1j * EPSILON, section[:, parts], pins)
@@ -117,10 +117,10 @@ class Frame:
         uncut, part = self.uncut or self, self.locate(piece, within)
 
         def at(of_parts: Array, of_members: Array) -> Array:
-            return np.where(part < 0, of_members[piece], of_parts[part])
+            return np.where(part < 0, of_members[..., piece], of_parts[..., part])
 
         ends, frames = (self.members, uncut.members), (self.length, uncut.length)
-        begin, end, _, flexural, shear, pinned_start, pinned_end = map(at, *ends)
+        begin, end, (_, flexural, shear), pinned_start, pinned_end = map(at, *ends)
         length, inside = at(*frames), within - at(self.begins, uncut.begins)
         start, end, axis = displacements[begin], displacements[end], uncut.axis[piece]
         first = (start[:, 0] + 1j * start[:, 1]) * axis.conj()

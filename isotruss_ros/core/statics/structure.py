@@ -48,8 +48,7 @@ class Structure:
         self.pieces, self.owners = layout.pieces, layout.owners
         points = _frame_points(config.robot, config.points)
         sections = _section_values(config.robot, self.tube, pressures, config.member_lengths)
-        axial, flexural, shear = sections
-        members = layout.members._replace(axial=axial, flexural=flexural, shear=shear)
+        members = layout.members._replace(section=sections)
         self.frame = Frame.of(
             points, members, layout.held, self.node_names, layout.bisections, layout.numbering
         )
@@ -167,13 +166,10 @@ def frame_layout(robot: Mechanism) -> FrameLayout:
     held[np.divmod(topology.grounded, 2)] = True
     modules = np.arange(m)
     bisections = Bisections(np.stack([a, b, c, d, e], axis=1))
-    none = np.zeros(6 * m)
     members = Members(
         start=np.concatenate([a, a, b, b, c, d]),
         end=np.concatenate([b, c, c, d, e, e[topology.following]]),
-        axial=none,
-        flexural=none,
-        shear=none,
+        section=np.zeros((3, 6 * m)),
         pinned_start=np.concatenate([free, free, fixed, free, free, fixed]),
         pinned_end=np.zeros(6 * m, dtype=bool),
     )
@@ -223,7 +219,7 @@ def section_rates(structure: Structure, frame: Frame, moved: Points, inflated: A
     softer = by_length[:, :, None] * longer + by_pressure[:, :, None] * inflated[topology.tube]
     members, (pieces, owner) = frame.members, structure.tube_parts(frame)
     rates = np.zeros((4, len(frame.length), moved.shape[1]))
-    rates[1:, pieces] = -(np.stack(members[2:5])[:, pieces, None] ** 2) * softer[:, owner]
+    rates[1:, pieces] = -(members.section[:, pieces, None] ** 2) * softer[:, owner]
     # If a member becomes longer, the nodes C and E at its end shift along it; CE runs backward.
     shifts, b = np.zeros((len(frame.points), moved.shape[1])), frame_layout(config.robot).b
     shifts[b + 1] = shifts[b + 3] = longer[topology.previous]

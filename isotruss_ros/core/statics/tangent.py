@@ -107,7 +107,7 @@ class Tangent:
         repeated = parts.repeat(count)
         # Derivatives by complex steps have no rounding error of differences.
         steps = 1j * EPSILON * changes.reshape(4, -1)
-        section = np.vstack([frame.length, *frame.members[2:5]])[:, repeated] + steps
+        section = np.vstack([frame.length, frame.members.section])[:, repeated] + steps
         pins = frame.members.pinned_start[repeated], frame.members.pinned_end[repeated]
         columns = BeamColumns.of(section[0], section[1:], pins)
         longer, turns = self.stretched
@@ -134,7 +134,7 @@ class Tangent:
         parts, signs = layout.beside, layout.signs
         length, slide, forces = (
             self.length[parts],
-            1.0 / frame.members.shear[parts],
+            1.0 / frame.members.section[2, parts],
             self.forces.values[parts],
         )
         across, compliance = forces[:, 1] / length, 1.0 / (1.0 + forces[:, 0] * slide)

@@ -70,7 +70,7 @@ def find_utilisation(
             np.stack([begun, ended, np.minimum(begun, ended)]),
             pulls[pieces],
         ),
-        np.stack([length, frame.members.flexural[pieces], frame.members.shear[pieces]]),
+        np.vstack([length, frame.members.section[1:, pieces]]),
         radius,
     )
     start = config.points[topology.b[member]]

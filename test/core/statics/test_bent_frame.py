@@ -70,7 +70,7 @@ def bend_by_opensees(points, found, held, loads):
             ops.node(count, place.real, place.imag)
             chain.insert(-1, count)
             count += 1
-        axial, flexural, shear = (float(x[k]) for x in found[2:5])
+        axial, flexural, shear = found.section[:, k].tolist()
         # E = G = 1: areas and moments of area are rigidities.
         ops.section('Elastic', k + 1, 1.0, axial, flexural, 1.0, shear / axial)
         ops.beamIntegration('Lobatto', k + 1, k + 1, 3)
