@@ -207,6 +207,24 @@ def test_a_slow_roller_is_found_when_it_had_time_to_settle_after_2_mm(speed):
     assert found == pytest.approx(0.002 / speed + 0.2, abs=0.0012)
 
 
+@pytest.mark.parametrize('works', [0.55, 0.75, 0.95])
+def test_a_roller_that_fails_in_motion_is_found_within_its_failure_time_and_20_mm(works):
+    rollers, watched = Rollers(), detector()
+    assert run(watched, rollers, steady([0.1] * 4, works)) == {}
+    rollers.works[0] = 0.0
+    found = run(watched, rollers, steady([0.1] * 4, 3.0), start=100.0 + works)
+    assert 0.8 <= found['a'] <= 1.0 + 0.02 / 0.1 + 0.01
+
+
+def test_a_sample_of_an_earlier_time_restarts_the_comparison():
+    rollers, watched = Rollers(), detector()
+    rollers.works[:] = 0.0
+    assert run(watched, rollers, steady([0.1] * 4, 0.9)) == {}
+    found = run(watched, rollers, steady([0.1] * 4, 3.0), start=100.5)
+    assert set(found) == set(NAMES)
+    assert min(found.values()) >= 1.0
+
+
 def test_only_time_under_a_command_counts():
     rollers, judge = Rollers(), detector(failure_time=1.0)
     rollers.works[1] = 0.0

@@ -56,3 +56,38 @@ def test_utilisation_beyond_its_bound_may_only_fall():
 
 def test_a_robot_at_rest_at_its_bound_is_not_limited():
     assert limited(UsageLimits(grasp(0.5)), 0.0 * TRAVEL, 0.5).status is Status.OK
+
+
+def share(usage, way, free=1.0):
+    """Return the share of a way (2,) in one period by the slip margin of which `free` is free."""
+    return usage.margin_share(RollerCommand(way / PERIOD, None, 1.0, Status.OK), PERIOD, free)
+
+
+def test_slip_margin_decays_at_most_at_two_per_second():
+    usage = UsageLimits(grasp(0.5))
+    usage.learn(grasp(0.5), -0.1, TRAVEL)
+    # As much as the last travel used, of 0.04 N.
+    assert share(usage, TRAVEL) == pytest.approx(0.4, rel=1e-3)
+    assert share(usage, TRAVEL, 0.5) == pytest.approx(0.2, rel=1e-3)
+    assert share(usage, TRAVEL, -1.0) == 0.0
+    assert share(usage, -TRAVEL) == 1.0
+
+
+def test_effects_of_perpendicular_travels_are_learned_independently():
+    usage, across = UsageLimits(grasp(0.5)), np.array([4e-3, 3e-3])
+    usage.learn(grasp(0.6), -0.1, TRAVEL)
+    usage.learn(grasp(0.8), -0.2, across)
+    assert share(usage, TRAVEL) == pytest.approx(0.4, rel=1e-3)
+    assert share(usage, across) == pytest.approx(0.2, rel=1e-3)
+    # At most 5 times the distance of 0.2 in a second.
+    assert limited(usage, TRAVEL, 1.0).scale == pytest.approx(0.1 * 0.2 / 0.1, rel=1e-3)
+    assert limited(usage, across, 1.0).scale == pytest.approx(0.1 * 0.2 / 0.2, rel=1e-3)
+    # What is known is not learned again.
+    usage.learn(grasp(0.9), -0.1, TRAVEL)
+    assert share(usage, TRAVEL) == pytest.approx(0.4, rel=1e-3)
+
+
+def test_the_effect_of_a_travel_of_a_tenth_of_a_millimetre_has_half_weight():
+    usage, short = UsageLimits(grasp(0.5)), np.array([0.6e-4, -0.8e-4])
+    usage.learn(grasp(0.5), -0.1, short)
+    assert share(usage, short) == pytest.approx(0.04 / 0.05)

@@ -14,7 +14,6 @@ from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.inputs import StampedInput
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.manipulation.status import RollerCommand
-from isotruss_ros.core.safety.usage_limits import UsageLimits
 from isotruss_ros.core.servo.squeeze_control import SqueezeControl, SqueezeSettings
 import numpy as np
 import pytest
@@ -295,18 +294,6 @@ def test_a_limit_that_admits_no_twist_leaves_the_squeeze():
     assert (command.scale, command.status) == (0.0, Status.SLOWED_OBJECT)
     assert command.limiting == ('a',)
     assert command.roller_velocities.any()
-
-
-def test_slip_margin_decays_at_most_at_two_per_second():
-    usage, travel, period = UsageLimits(MODEL), np.full(len(CONFIG.roller_positions), 1e-3), 0.02
-    usage.learn(MODEL, -0.1, travel)
-    ahead, back = (
-        RollerCommand(way / period, np.zeros(3), 1.0, Status.OK) for way in (travel, -travel)
-    )
-    # As much as the last travel used, of 0.04 N.
-    assert usage.margin_share(ahead, period, 1.0) == pytest.approx(0.4, rel=0.01)
-    assert usage.margin_share(ahead, period, -1.0) == 0.0
-    assert usage.margin_share(back, period, 1.0) == 1.0
 
 
 def test_an_unknown_squeeze_below_the_setting_is_increased():
