@@ -47,8 +47,6 @@ class EvaluatedState(NamedTuple):
 
         :param grip: grip in the other configuration; None if there is none.
         """
-        if self.spare <= 0.0:
-            return False
         then = self.grip
         moved = float(np.abs(config.points - self.config.points).max())
         if grip is None or then is None:
@@ -211,7 +209,7 @@ class RigidityBarrier:
             return NO_ACTIVE_VALUES
         modes = self._index.modes(config)
         spare = float(modes.values[0]) - self.law.active_below
-        self._far = (config, spare) if spare > 0.0 else None
+        self._far = config, spare
         if spare >= 0.0:
             return NO_ACTIVE_VALUES
         count = int((modes.values < self.law.active_below).sum())

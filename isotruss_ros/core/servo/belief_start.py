@@ -66,17 +66,17 @@ class BeliefStart:
         prior = replace(prior, load=settings.load or PRIOR.load)
         self._assuming = gripped and self._missed and not self._assuming
         try:
-            near = self._place(config, grip) if self._assuming else grip
-            found = attach_model(config, near, pressures, prior.zero_deviation)
+            placed = self._place(config, grip) if self._assuming else grip
+            equilibrium = attach_model(config, placed, pressures, prior.zero_deviation)
         except NotHeldError as error:
             self._missed = True
             return error.hold
-        if self._assuming and not self._is_desired(found, settings.force):
+        if self._assuming and not self._is_desired(equilibrium, settings.force):
             return HoldStatus.NO_BALANCE
-        if not self._assuming and found.sections.used.max() > MAX_UTILISATION:
+        if not self._assuming and equilibrium.sections.used.max() > MAX_UTILISATION:
             self._missed = True
             return HoldStatus.WRINKLES
-        belief = GripBelief(found, grip, prior, zero_covariance, is_assumed=self._assuming)
+        belief = GripBelief(equilibrium, grip, prior, zero_covariance, is_assumed=self._assuming)
         hold = belief.grasp.hold(belief.largest_friction)
         if hold is HoldStatus.HELD and not belief.explains(grip.body.pose):
             hold = HoldStatus.FAR
@@ -91,9 +91,9 @@ class BeliefStart:
         placed = place_between(config, grip.members, grip.body.shape, angle, self._depth)
         return grip.moved_to(placed.body.pose)
 
-    def _is_desired(self, found: HeldGrip, force: float) -> bool:
+    def _is_desired(self, equilibrium: HeldGrip, force: float) -> bool:
         """Return whether an assumed grip has the desired squeeze; if not, correct the depth."""
-        ratio = found.squeeze / force
+        ratio = equilibrium.squeeze / force
         if abs(ratio - 1.0) <= 2.0 * PRIOR.squeeze_error:
             return True
         self._depth = min(self._depth / max(ratio, 0.25), 4.0 * PRIOR.zero_deviation)

@@ -11,7 +11,6 @@ from isotruss_ros.core.estimation.state_estimate import is_squeeze_known
 from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.servo.decision import describe_squeeze
-from isotruss_ros.core.servo.loop_gains import LoopGains
 from isotruss_ros.core.servo.swing_watch import SwingWatch
 import numpy as np
 
@@ -31,14 +30,14 @@ class GripFaults:
     :ivar fault: status of the halt for the fault; None without a fault. It remains until a client
         acknowledges it; only the fault of an oscillation ends by itself.
     :ivar belief: estimated state of the grip; None without an equilibrium.
-    :ivar gains: gains of the squeeze control.
+    :ivar gain: pose gain of the squeeze control [1/s].
     :ivar swings: detector of oscillations, replaced with each new belief.
-    :ivar softening: factor on the gains after oscillations [-].
+    :ivar softening: factor on the gain after oscillations [-].
     :ivar slipped: length of a slip after which the object is still held, otherwise 0 [m].
     """
 
     belief: GripBelief | None
-    gains: LoopGains
+    gain: float
     swings: SwingWatch
     _rest: float  # remaining time at rest after an oscillation [s]
     slipped: float
@@ -56,7 +55,7 @@ class GripFaults:
     def note(self) -> str:
         """Return a sentence that describes the fault of the grip; empty if there is none."""
         if self.fault is Status.HALT_OSCILLATES:
-            return f'the object oscillates: the pose gain is reduced to {self.gains.pose:.3g} 1/s'
+            return f'the object oscillates: the pose gain is reduced to {self.gain:.3g} 1/s'
         if self.fault is not None:
             return f'{self._why}; next step: {NEXT_STEPS[self.fault]}'
         notes = [f'slipped by {1e3 * self.slipped:.0f} mm, held'] if self.slipped else []

@@ -12,12 +12,10 @@ constant 1 / p. A mode with the frequency omega and the damping ratio zeta is st
     s^3 / p^2 + 3 s^2 / p + 3 s + p omega^2 / (s^2 + 2 zeta omega s + omega^2) = 0
 
 has no root in the right half-plane. Without damping this holds for p < 0.54 omega; with damping it
-holds up to a larger p.
+holds up to a larger p. The gain of the squeeze is p, up to `MAX_SQUEEZE_GAIN`.
 """
 
 from __future__ import annotations
-
-from typing import NamedTuple
 
 #: Ratio of the pose gain to the natural frequency [-]. The loop is stable even if the frequency is
 #: wrong by a factor of two.
@@ -26,25 +24,6 @@ GAIN_SHARE = 0.25
 DEFAULT_GAIN = 0.6
 #: Largest gain of the squeeze [1/s].
 MAX_SQUEEZE_GAIN = 5.0
-
-
-class LoopGains(NamedTuple):
-    """Gains and filter time of the squeeze control."""
-
-    pose: float  #: gain of the error of the modelled pose [1/s]
-    squeeze: float  #: gain of the squeeze error [1/s]
-    bias: float  #: inverse time constant of the estimated unexplained pose [1/s]
-    filter_time: float  #: time constant of each of the two low-pass filters [s]
-
-
-def gains_of(gain: float) -> LoopGains:
-    """
-    Return all gains of the squeeze control that follow from the pose gain.
-
-    :param gain: pose gain p, positive [1/s].
-    """
-    squeeze = min(MAX_SQUEEZE_GAIN, gain)
-    return LoopGains(gain, squeeze, 0.5 * squeeze, 1.0 / gain)
 
 
 def choose_gain(frequency: float | None) -> float:

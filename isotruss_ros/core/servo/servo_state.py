@@ -49,9 +49,8 @@ class ServoState:
         """
         Replace the settings of the servo from the next cycle on.
 
-        If the joint changes, the last twist is discarded. If the failure time changes, the
-        detection of failures restarts; failures detected before remain. The squeeze control goes
-        on unless it has a fault.
+        If the joint changes, the last twist is discarded. The squeeze control goes on unless it
+        has a fault.
 
         :param settings: new settings.
         :raises GraspError: the robot has no such joint; then the old settings remain.
@@ -62,9 +61,7 @@ class ServoState:
             self.inputs.twist = None
             if self.squeeze is not None:
                 self.squeeze.acknowledge()
-        if settings.failure_time != self.detector.failure_time:
-            self.detector.failure_time = settings.failure_time
-            self.detector.reset(())
+        self.detector.failure_time = settings.failure_time
         if settings.squeeze is None:
             self.squeeze = None
         elif self.squeeze is None or self.squeeze.fault is not None:

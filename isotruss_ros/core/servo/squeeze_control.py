@@ -27,7 +27,7 @@ from isotruss_ros.core.model.pose import pose_difference
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.servo.belief_start import BeliefStart
 from isotruss_ros.core.servo.grip_faults import GripFaults
-from isotruss_ros.core.servo.loop_gains import choose_gain, DEFAULT_GAIN, gains_of
+from isotruss_ros.core.servo.loop_gains import choose_gain, DEFAULT_GAIN, MAX_SQUEEZE_GAIN
 from isotruss_ros.core.servo.servo_settings import SqueezeSettings
 from isotruss_ros.core.servo.swing_watch import SwingWatch
 import numpy as np
@@ -48,19 +48,19 @@ class SqueezeControl(GripFaults):
     :ivar reference: desired pose (x, y, angle) of the object [m, rad]. It is the pose at the
         start of a motion plus the integral of the executed twists; None before the first twist.
     :ivar frequency: lowest natural frequency of the held object [rad/s]; None if unknown.
-    :ivar gains: gains for this frequency; before the first `follow`, gains for an unknown
+    :ivar gain: pose gain for this frequency [1/s]; before the first `follow`, that for an unknown
         frequency.
     """
 
     def __init__(self, settings: SqueezeSettings) -> None:
         self.settings = settings
         self.frequency: float | None = None
-        self.gains = gains_of(DEFAULT_GAIN)
+        self.gain = DEFAULT_GAIN
         self._pressures: tuple[float, ...] | None = None
         self._offsets: Array | float | None = None
         self._zeros: Array | None = None
         self._readings = UsedReadings()
-        # Equilibrium for which the gains were chosen, and its natural frequency [rad/s].
+        # Equilibrium for which the gain was chosen, and its natural frequency [rad/s].
         self._tuned: tuple[HeldGrip | None, float | None] = (None, None)
         self.acknowledge()
 
@@ -151,8 +151,8 @@ class SqueezeControl(GripFaults):
         if hold is not HoldStatus.HELD:
             self.belief, self._lost = None, hold
             return hold
-        self._choose_gains(belief)
-        belief.pass_corrections(elapsed, self.gains.filter_time)
+        self._choose_gain(belief)
+        belief.pass_corrections(elapsed, 1.0 / self.gain)
         self._since += elapsed
         pose, age = (grip.body.pose, 0.0) if sample is None else (sample[0].value, sample[1])
         if sample is None or self._readings.use('pose', sample[0].time, pose):
@@ -175,8 +175,9 @@ class SqueezeControl(GripFaults):
         if self.fault is Status.HALT_OSCILLATES:
             still = np.zeros(len(belief.grasp.config.roller_positions))
             return RollerCommand(still, np.zeros(3), 0.0, self.fault)
-        missing = self.gains.squeeze * (self._desired_squeeze(belief) - belief.regulated_squeeze)
-        rate = max(-MAX_FORCE_RATE, min(missing - belief.drift[3], MAX_FORCE_RATE))
+        missing = self._desired_squeeze(belief) - belief.regulated_squeeze
+        rate = min(MAX_SQUEEZE_GAIN, self.gain) * missing - belief.drift[3]
+        rate = max(-MAX_FORCE_RATE, min(rate, MAX_FORCE_RATE))
         opening = rate / belief.slope
         if self.fault is not None:
             return replace(solve(np.zeros(3), opening), scale=0.0, status=self.fault)
@@ -207,8 +208,9 @@ class SqueezeControl(GripFaults):
         measured pose would not show the loss until the object is moved.
         """
         force = self.settings.force
-        known = is_squeeze_known(force, belief.geometric_deviation)
-        return force if known else force + self._excess
+        if is_squeeze_known(force, belief.geometric_deviation):
+            return force
+        return force + self._excess
 
     def advance(self, twist: Array, command: RollerCommand, missing: Array | float = 0.0) -> None:
         """
@@ -228,7 +230,7 @@ class SqueezeControl(GripFaults):
         if self.reference is None:
             self.reference = here
         # A command that is valid for longer than the period must not overshoot.
-        gain = min(self.gains.pose, 0.5 / max(period, self._elapsed))
+        gain = min(self.gain, 0.5 / max(period, self._elapsed))
         return gain * pose_difference(self.reference, here) - belief.drift[:3]
 
     def _begin(self, config: Configuration, grip: Grip, gripped: bool) -> HoldStatus:
@@ -241,21 +243,20 @@ class SqueezeControl(GripFaults):
             self.belief = self._start.belief
             least = (1.0 - 2.0 * self.belief.settings.squeeze_error) * self.belief.squeeze
             self._excess = max(least - self.settings.force, 0.0)
-            self._choose_gains(self.belief)
+            self._choose_gain(self.belief)
             self.swings = SwingWatch(self.frequency)
         elif self._lost is not None:
             self.fail(Status.HALT_NOT_HELD, f'not held: {self._lost.value}')
         self._lost = None
         return hold
 
-    def _choose_gains(self, belief: GripBelief) -> None:
-        """Choose the gains from the settings, or else from the natural frequency."""
+    def _choose_gain(self, belief: GripBelief) -> None:
+        """Choose the gain from the settings, or else from the natural frequency."""
         settings, differentiated = self.settings, belief.differentiated
         if differentiated is not self._tuned[0]:
             self._tuned = differentiated, lowest_frequency(differentiated)
         self.frequency = settings.frequency or self._tuned[1]
-        gain = settings.pose_gain or choose_gain(self.frequency)
-        self.gains = gains_of(self.softening * gain)
+        self.gain = self.softening * (settings.pose_gain or choose_gain(self.frequency))
 
 
 def _solve_within_limits(wanted: Array, opening: float, solve: Solve) -> RollerCommand:

@@ -52,7 +52,7 @@ class SwingWatch:
         """Restart the detection of oscillations without past poses."""
         self._swings = tuple(Swings(self._longest) for _ in range(3))
 
-    def update(self, pose: Array, noise: float, elapsed: float, travel: float = 0.0) -> bool:
+    def update(self, pose: Array, noise: float, elapsed: float, travel: float) -> bool:
         """
         Add an estimated pose; return whether there is an oscillation without decay.
 

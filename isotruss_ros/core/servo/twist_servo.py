@@ -113,7 +113,7 @@ class TwistServo(ServoState):
         return replace(
             decision,
             frequency=squeeze.frequency or 0.0,
-            pose_gain=squeeze.gains.pose,
+            pose_gain=squeeze.gain,
             squeeze=(belief.squeeze, belief.squeeze_deviation),
             pose_delay=belief.delay,
         )
@@ -139,7 +139,7 @@ class TwistServo(ServoState):
 
     def _begin_cycle(self, now: float) -> None:
         """Discard old commands, and compare the remaining commands with the measured travel."""
-        self._history.discard_old(now, self.settings.timeout + 2.0 * self.settings.period)
+        self._history.discard_old(now, self.settings.timeout)
         rollers = self.inputs.rollers
         if not isinstance(rollers, StampedInput):
             return

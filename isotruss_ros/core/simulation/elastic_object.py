@@ -117,9 +117,10 @@ class ElasticObject:
         if not self._pressed(config):
             return
         first = config if before is None else self._first_touch(before, config)
-        for there in (first, config):
+        tubes = TubeModel(self._scale)
+        for attached in (first, config):
             try:
-                grasp = attach_grip(there, self._body, None, self._wrench, TubeModel(self._scale))
+                grasp = attach_grip(attached, self._body, None, self._wrench, tubes)
             except NotHeldError:
                 continue
             if grasp.hold(self._friction) is HoldStatus.HELD:
@@ -132,9 +133,9 @@ class ElasticObject:
         low, high = 0.0, 1.0
         for _ in range(6):  # bisection
             middle = 0.5 * (low + high)
-            there = before.moved_to(start + middle * (end - start))
-            if self._pressed(there):
-                high, touch = middle, there
+            halfway = before.moved_to(start + middle * (end - start))
+            if self._pressed(halfway):
+                high, touch = middle, halfway
             else:
                 low = middle
         return touch
@@ -155,11 +156,10 @@ class ElasticObject:
         even = np.array([1.0, 1.0, before.arm])
         done, part = 0.0, 1.0
         while done < 1.0:
-            share = min(1.0, done + part)
-            there = config
+            share, target = min(1.0, done + part), config
             if share < 1.0:
-                there = before.config.moved_to(start + share * (end - start))
-            rolled = roll_grip(before, there, even * (pulled + share * (wrench - pulled)))
+                target = before.config.moved_to(start + share * (end - start))
+            rolled = roll_grip(before, target, even * (pulled + share * (wrench - pulled)))
             hold = HoldStatus.NO_BALANCE if rolled is None else rolled.hold(self._friction)
             if rolled is not None and hold is HoldStatus.HELD:
                 before, done = rolled, share

@@ -103,6 +103,15 @@ def test_other_commands_keep_the_acceleration_but_for_zero():
     assert not servo.command(np.zeros(N), 12 * PERIOD).any()
 
 
+@pytest.mark.parametrize(('elapsed', 'counted'), [(0.3, 1.0), (1.0, 1.0), (3.0, 3.0)])
+def test_a_late_command_may_change_by_more_and_an_early_one_by_that_of_a_period(elapsed, counted):
+    servo, asked = driven('north/R').servo, np.linspace(-1.0, 1.0, N)
+    first = servo.command(asked, 1.0)
+    assert np.abs(first).max() == pytest.approx(CHANGE)
+    second = servo.command(asked, 1.0 + elapsed * PERIOD)
+    assert np.abs(second - first).max() == pytest.approx(counted * CHANGE)
+
+
 def test_a_robot_of_little_acceleration_stops_before_its_limits():
     near = ROBOT.home.member_lengths.max() + 0.05
     slow = Robot(replace(ROBOT.description, max_acceleration=0.05, max_length=near))

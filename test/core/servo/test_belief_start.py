@@ -16,10 +16,13 @@ from isotruss_ros.core import (
     Pose,
     Robot,
     solve_twist,
+    Status,
 )
 from isotruss_ros.core.estimation.grip_belief import FIRST_POSES
 from isotruss_ros.core.estimation.grip_model import attach_model
+from isotruss_ros.core.estimation.state_estimate import EstimatorSettings
 from isotruss_ros.core.holding.attach_grip import attach_grip
+from isotruss_ros.core.servo import belief_start
 from isotruss_ros.core.servo.belief_start import BeliefStart
 from isotruss_ros.core.servo.servo_settings import SqueezeSettings
 from isotruss_ros.core.servo.squeeze_control import SqueezeControl
@@ -91,6 +94,30 @@ def test_an_unexplained_equilibrium_starts_no_belief_but_one_at_the_measured_ang
     assert start.belief.pose[2] == pytest.approx(TURNED.body.pose.angle, abs=0.02)
 
 
+def test_the_assumed_object_is_at_most_four_deviations_of_the_offsets_deep(monkeypatch):
+    depths = []
+
+    def place(*given):
+        depths.append(given[4])
+        return place_between(*given)
+
+    monkeypatch.setattr(belief_start, 'place_between', place)
+    start, wanted = BeliefStart(), replace(SETTINGS, force=1e3)
+    for _ in range(12):
+        start.search(HOME, measured(OUTSIDE[0]), wanted, True, None, None)
+    assert start.belief is None
+    assert depths[0] == 0.01
+    assert depths[-1] == max(depths) == 0.04
+
+
+def test_no_equilibrium_is_assumed_after_a_fault():
+    control = SqueezeControl(SETTINGS)
+    control.fail(Status.HALT_SLIPPED, 'it was drawn')
+    for _ in range(8):
+        control.follow(HOME, measured(OUTSIDE[0]), PERIOD, gripped=True)
+    assert control.belief is None
+
+
 @pytest.mark.parametrize('away', OUTSIDE)
 @pytest.mark.parametrize('direction', [(1.0, 0.0), (0.0, 1.0), (0.0, -1.0)])
 @pytest.mark.parametrize('speed', some_now([0.005, 0.03]))
@@ -116,6 +143,13 @@ def test_the_offsets_have_the_deviation_of_the_robot_file_unless_it_is_set(given
     settings, start = replace(SETTINGS, zero_deviation=given), BeliefStart()
     start.search(Robot(known).home, measured((0.0, 0.0)), settings, True, None, None)
     assert start.belief.settings.zero_deviation == used
+
+
+@pytest.mark.parametrize(('given', 'used'), [(0.0, EstimatorSettings().load), (5.0, 5.0)])
+def test_a_load_of_zero_stands_for_that_of_the_estimator(given, used):
+    start = BeliefStart()
+    start.search(HOME, measured((0.0, 0.0)), replace(SETTINGS, load=given), True, None, None)
+    assert start.belief.settings.load == used
 
 
 @pytest.mark.parametrize('away', OUTSIDE)

@@ -7,7 +7,6 @@ from types import SimpleNamespace
 
 from isotruss_ros.core import Status
 from isotruss_ros.core.servo.grip_faults import GripFaults
-from isotruss_ros.core.servo.loop_gains import gains_of
 from isotruss_ros.core.servo.swing_watch import SwingWatch
 import numpy as np
 import pytest
@@ -20,7 +19,7 @@ def faults():
     found = GripFaults()
     found.acknowledge()
     found.belief, found.slipped, found.swings = None, 0.0, SwingWatch(12.0)
-    found.gains = gains_of(3.0)
+    found.gain = 3.0
     return found
 
 

@@ -3,6 +3,7 @@
 
 """Late loops and corrected zeros, as the loop deals with them."""
 
+from dataclasses import replace
 import math
 
 from grips import disc_grip, gripped, MASSLESS
@@ -40,6 +41,29 @@ def test_corrected_offsets_are_no_roller_travel(monkeypatch):
     made.receive(rollers=StampedInput(state, NOW))
     made.decide(NOW)
     assert seen == [pytest.approx((0.02 + HOME).tolist())]
+
+
+def test_measured_travel_is_compared_every_20_ms(monkeypatch):
+    made, times = TwistServo(ROBOT, ServoSettings(GRIP, PERIOD, TIMEOUT)), []
+    monkeypatch.setattr(made.detector, 'update', lambda _, time, __: times.append(time))
+    for number in range(20):
+        now = NOW + number * PERIOD
+        made.receive(rollers=StampedInput(RollerState(HOME, HOME), now))
+        made.decide(now + 1e-9)
+    assert np.diff(times) == pytest.approx([0.02] * 4, abs=PERIOD + 1e-9)
+    assert len(times) in (4, 5)
+
+
+def test_commanded_travel_is_compared_from_measurement_to_measurement(monkeypatch):
+    made, seen = TwistServo(ROBOT, ServoSettings(GRIP, PERIOD, TIMEOUT)), []
+    monkeypatch.setattr(made.detector, 'update', lambda *given: seen.append(given[2][0]))
+    for number, speed in enumerate((0.001, 0.002, 0.004, 0.0)):
+        now = NOW + 0.03 * number
+        # The measurement is from the middle of the last interval.
+        made.receive(rollers=StampedInput(RollerState(HOME, HOME), now - 0.015))
+        made.command(np.full(len(HOME), speed), now)
+    # Speeds of 1 and 2 mm/s, each for half of the interval.
+    assert seen == pytest.approx([0.0, 0.0005, 0.0015, 0.003])
 
 
 def held_servo():
@@ -116,6 +140,82 @@ def test_belief_of_a_held_object_is_kept_without_twists():
         assert status is Status.HALT_NO_TWIST
     assert made.squeeze.belief is belief
     assert made.squeeze.reference is None
+
+
+def test_belief_of_an_object_at_rest_is_updated_ten_times_a_second(monkeypatch):
+    made, positions, pose = held_servo()
+    follow, times = made.squeeze.follow, []
+    monkeypatch.setattr(
+        made.squeeze, 'follow', lambda *given: times.append(given[2]) or follow(*given)
+    )
+    for number in range(80):
+        decide(made, positions, pose, NOW + number * PERIOD)
+    assert times == pytest.approx([0.0, 0.1, 0.1, 0.1], abs=1.01 * PERIOD)
+    # The clock is set back.
+    decide(made, positions, pose, NOW - 1.0)
+    assert len(times) == 5
+
+
+@pytest.mark.parametrize(
+    ('missing', 'kept'), [(19, True), (22, False)], ids=['within 0.1 s', 'for longer']
+)
+def test_belief_ends_when_the_pose_is_missing_for_a_tenth_of_a_second(missing, kept):
+    made, positions, pose = held_servo()
+    decide(made, positions, pose, NOW, (0.0, 0.01, 0.0))
+    belief = made.squeeze.belief
+    for number in range(1, missing):
+        now = NOW + number * PERIOD
+        made.receive(twist=StampedInput((0.0, 0.01, 0.0), now), pose=None)
+        status = made.decide(now).command.status
+        assert status is Status.HALT_NO_OBJECT_POSE
+    assert (made.squeeze.belief is belief) is kept
+    assert made.squeeze.reference is made.squeeze.fault is None
+
+
+@pytest.mark.parametrize('status', [Status.HALT_EMERGENCY_STOP, Status.HALT_KINEMATICS])
+def test_belief_is_kept_in_an_emergency_stop_and_ends_after_errors(status):
+    made, positions, pose = held_servo()
+    decide(made, positions, pose, NOW, (0.0, 0.0, 0.0))
+    belief = made.squeeze.belief
+    made.receive(halt=(status, 'it was drawn'))
+    for number in range(1, 30):
+        assert decide(made, positions, pose, NOW + number * PERIOD, (0.0, 0.0, 0.0)) is status
+    assert made.squeeze.belief is (belief if status is Status.HALT_EMERGENCY_STOP else None)
+    assert made.squeeze.fault is None
+
+
+def test_a_grip_that_the_solver_refuses_is_a_loss(monkeypatch):
+    made, positions, pose = held_servo()
+    decide(made, positions, pose, NOW, (0.0, 0.0, 0.0))
+
+    def refuse(*_):
+        raise GraspError('the contact is beyond the end of the member')
+
+    monkeypatch.setattr(twist_servo, 'solve_twist', refuse)
+    status = decide(made, positions, pose, NOW + PERIOD, (0.0, 0.01, 0.0))
+    assert status is Status.HALT_NO_GRASP
+    assert made.squeeze.fault is Status.HALT_NOT_HELD
+
+
+def test_a_squeeze_with_a_fault_is_replaced_with_the_settings():
+    made, _, _ = held_servo()
+    before, settings = made.squeeze, made.settings
+    before.fail(Status.HALT_SLIPPED, 'it was drawn')
+    made.apply(replace(settings, squeeze=SqueezeSettings(31.0)))
+    assert made.squeeze is not before
+    assert made.squeeze.fault is None
+    made.apply(replace(settings, squeeze=None))
+    assert made.squeeze is None
+
+
+def test_a_change_of_the_moved_joint_ends_the_belief():
+    made, positions, pose = held_servo()
+    decide(made, positions, pose, NOW, (0.0, 0.0, 0.0))
+    made.apply(replace(made.settings, joint='Z'))
+    assert made.squeeze.belief is None
+    for number in range(60):
+        assert decide(made, positions, pose, NOW + number * PERIOD) is Status.HALT_NO_TWIST
+    assert made.squeeze.belief is None
 
 
 def test_belief_begins_before_the_first_twist():

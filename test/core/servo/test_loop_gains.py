@@ -3,21 +3,20 @@
 
 """The gains of the squeeze control against one mode behind its loop."""
 
-from isotruss_ros.core.servo.loop_gains import choose_gain, gains_of
+from isotruss_ros.core.servo.loop_gains import choose_gain
 import numpy as np
 import pytest
 
 
 def growth(gain, damping, frequency=1.0):
     """Return the largest growth rate of the linear loop: integrator, two low-passes, one mode."""
-    passing = 1.0 / gains_of(gain).filter_time
     # States: rollers r, mode y and its speed, low-passes a and b of y - r.
     loop = np.zeros((5, 5))
     loop[0, [0, 4]] = -gain
     loop[1, 2] = 1.0
     loop[2, :3] = frequency**2, -(frequency**2), -2.0 * damping * frequency
-    loop[3, [0, 1, 3]] = -passing, passing, -passing
-    loop[4, [3, 4]] = passing, -passing
+    loop[3, [0, 1, 3]] = -gain, gain, -gain
+    loop[4, [3, 4]] = gain, -gain
     return np.linalg.eigvals(loop).real.max()
 
 
@@ -30,8 +29,3 @@ def test_gain_is_stable_for_a_frequency_wrong_by_a_factor_of_two(damping, wrong)
 
 def test_the_gain_for_an_unknown_frequency_is_stable_from_1_2_rad_per_s_on():
     assert growth(choose_gain(None), 0.0, 1.2) < 0.0 < growth(choose_gain(None), 0.0, 1.0)
-
-
-def test_the_squeeze_has_the_gain_of_the_pose_up_to_5_per_s():
-    assert gains_of(4.0).squeeze == 4.0
-    assert gains_of(20.0).squeeze == 5.0

@@ -137,7 +137,7 @@ def test_corrected_offsets_agree_with_attaching_again(size):
 
 
 def test_commands_toward_the_utilisation_bound_are_slowed():
-    loop = Loop(force=40.0, max_utilisation=1.0)
+    loop = Loop(force=40.0, max_utilisation=SqueezeSettings.max_utilisation)
     loop.run((0.0, 0.0, 0.0), 1.8)
     used = loop.object.grasp.sections.used.max()
     assert used == pytest.approx(1.0, abs=5e-3)

@@ -354,7 +354,7 @@ def test_an_oscillating_object_stops_the_rollers_and_halves_the_gain():
     assert (command.status, command.scale) == (Status.HALT_OSCILLATES, 0.0)
     assert not command.roller_velocities.any()
     control.follow(CONFIG, AT_REST, 0.02)
-    assert control.gains.pose == 2.0
+    assert control.gain == 2.0
     assert control.note().endswith('reduced to 2 1/s')
 
 
@@ -365,7 +365,7 @@ def test_gains_follow_from_the_settings_before_the_model():
     for settings in ({}, {'frequency': 8.0}, {'frequency': 8.0, 'pose_gain': 3.0}):
         control = SqueezeControl(SqueezeSettings(MODEL.squeeze, **settings))
         assert control.follow(CONFIG, heavy, 0.0) is HoldStatus.HELD
-        gains.append(control.gains.pose)
+        gains.append(control.gain)
     assert gains[1:] == [2.0, 3.0]
     assert gains[0] == pytest.approx(0.25 * lowest_frequency(control.belief.grasp))
 

@@ -61,7 +61,7 @@ def swinging(height, rate, known=None, noise=0.0, axis=0, watch=None, duration=9
     for number in range(round(duration / (step * rate))):
         pose = np.zeros(3)
         pose[axis] = 0.5 * height * math.sin(rate * number * step)
-        if watch.update(pose, noise, step):
+        if watch.update(pose, noise, step, 0.0):
             return True
     return False
 
@@ -100,7 +100,7 @@ def detect(error, noise=0.0, duration=5.0, known=None):
     for k in range(round(duration / PERIOD)):
         t = k * PERIOD
         away = np.array([0.0, error(t), 0.0]) + noise * rng.normal(size=3)
-        if watch.update(away, noise if known is None else known, PERIOD):
+        if watch.update(away, noise if known is None else known, PERIOD, 0.0):
             return t
     return None
 
@@ -133,7 +133,7 @@ def test_oscillations_are_detected_from_irregular_poses_that_resolve_them(mean, 
     while t < 6.0:
         since = mean * rng.uniform(0.4, 1.6)
         t += since
-        told.append(watch.update(np.array([0.01 * np.sin(10.0 * t), 0.0, 0.0]), 0.0, since))
+        told.append(watch.update(np.array([0.01 * np.sin(10.0 * t), 0.0, 0.0]), 0.0, since, 0.0))
     assert any(told) is detected
 
 
@@ -143,4 +143,4 @@ def test_errors_after_cycles_longer_than_a_half_period_are_no_oscillation():
     late = [(0.7, 1.0), (1.01, 2.4), (0.46, 1.9), (0.08, 13.9), (0.62, -11.4), (0.06, 16.6)]
     decay = [(0.055, 13.2), (0.05, 11.3), (0.05, 9.2), (0.04, 7.5), (0.06, 6.5), (0.03, 5.4)]
     for elapsed, error in late + decay:
-        assert not watch.update(np.array([0.0, 1e-3 * error, 0.0]), 1e-4, elapsed)
+        assert not watch.update(np.array([0.0, 1e-3 * error, 0.0]), 1e-4, elapsed, 0.0)

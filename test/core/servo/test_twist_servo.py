@@ -4,6 +4,7 @@
 """The servo decides from samples alone: no middleware, no clock but the one it is told."""
 
 import dataclasses
+import sys
 
 from isotruss_ros.core import (
     ConvexObject,
@@ -286,3 +287,20 @@ def test_a_servo_without_guard_goes_by_the_robot_file_alone():
     made = servo({'bounds': None})
     with_guard = servo().decide(NOW).command
     assert (made.decide(NOW).command.roller_velocities == with_guard.roller_velocities).all()
+
+
+def test_scipy_is_loaded_before_the_first_cycle(monkeypatch):
+    parts = 'scipy.interpolate', 'scipy.optimize'
+    for part in parts:
+        monkeypatch.delitem(sys.modules, part, raising=False)
+    servo()
+    assert set(parts) <= sys.modules.keys()
+
+
+def test_commands_older_than_the_timeout_predict_nothing():
+    speeds = np.linspace(-0.02, 0.02, len(HOME))
+    expected = servo(**moved(0.0 * HOME)).decide(NOW).command.roller_velocities
+    for age, forgotten in ((0.19, False), (0.21, True)):
+        made = servo()
+        made.command(speeds, NOW - age)
+        assert close(made.decide(NOW).command.roller_velocities, expected) == forgotten
