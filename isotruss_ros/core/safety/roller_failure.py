@@ -11,6 +11,7 @@ travel. So delays, oscillating commands, and noise without drift do not lead to 
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+import math
 
 from isotruss_ros.core.model.topology import check_roller_names
 from isotruss_ros.core.numerics.arrays import Array, Flags
@@ -28,24 +29,6 @@ SETTLING_TIME = 0.2
 EVIDENT_TRAVEL = 0.02
 
 
-class _Range:
-    """Minimum and maximum of r varying numbers, each since its last reset."""
-
-    def __init__(self, count: int) -> None:
-        self.least, self.most = np.zeros(count), np.zeros(count)
-
-    def begin(self, which: Flags, at: Array) -> None:
-        self.least[which] = self.most[which] = at[which]
-
-    def take(self, values: Array) -> None:
-        np.minimum(self.least, values, out=self.least)
-        np.maximum(self.most, values, out=self.most)
-
-    @property
-    def size(self) -> Array:
-        return self.most - self.least
-
-
 class FailureDetector:
     """
     Detector of failed rollers, which compares commanded with measured travel.
@@ -53,24 +36,24 @@ class FailureDetector:
     A roller that is not commanded is never reported as failed. A failed roller is reported until
     it is reset, because a roller at rest cannot prove that it works.
 
+    :ivar failed: names of the failed rollers.
     :ivar failure_time: a commanded roller that does not move for this time has failed [s]; the
         value may be changed at any time.
-
-    :param failure_time: initial value of the attribute [s].
     """
 
     def __init__(self, names: Sequence[str], failure_time: float = FAILURE_TIME) -> None:
         count = len(names)
-        self.failed: frozenset[str] = frozenset()  #: names of the failed rollers
+        self.failed: frozenset[str] = frozenset()
         self.failure_time = failure_time
         self._names = tuple(names)
-        self._time: float | None = None
+        self._time = math.nan
         self._sent = np.zeros(count)  # commanded travel [m]
         self._commanded = np.zeros(count)  # time with a command since the roller last moved [s]
         self._path = np.zeros(count)  # commanded path length in that time [m]
         self._asked = np.full(count, np.nan)  # commanded range to compare with; nan: none [m]
         self._asked_at = np.zeros(count)  # time at which that range was commanded [s]
-        self._sent_range, self._moved_range = _Range(count), _Range(count)
+        # Minimum and maximum of commanded and of measured travel since the last restart [m].
+        self._sent_ends, self._moved_ends = np.zeros((2, 2, count))
 
     def reset(self, names: Collection[str] | None = None) -> None:
         """
@@ -81,7 +64,7 @@ class FailureDetector:
         cleared = frozenset(self._names if names is None else names)
         check_roller_names('rollers', cleared, self._names)
         self.failed -= cleared
-        self._time = None
+        self._time = math.nan
 
     def update(self, positions: Array, time: float, commanded: Array) -> None:
         """
@@ -93,7 +76,7 @@ class FailureDetector:
         """
         if time == self._time:
             return
-        elapsed = time - self._time if self._time is not None else -1.0
+        elapsed = time - self._time
         self._time = time
         # After samples that are out of order or far apart, the comparison restarts.
         if not 0.0 < elapsed <= FAILURE_TIME:
@@ -104,13 +87,14 @@ class FailureDetector:
         self._sent += step
         self._path += np.abs(step)
         self._commanded += elapsed * counts
-        self._sent_range.take(self._sent)
-        self._moved_range.take(positions)
+        for ends, values in (self._sent_ends, self._sent), (self._moved_ends, positions):
+            np.minimum(ends[0], values, out=ends[0])
+            np.maximum(ends[1], values, out=ends[1])
         self._judge(time, positions)
 
     def _judge(self, time: float, positions: Array) -> None:
         """Detect failed rollers, and restart the comparison for working rollers."""
-        sent, moved = self._sent_range.size, self._moved_range.size
+        sent, moved = np.ptp(self._sent_ends, axis=0), np.ptp(self._moved_ends, axis=0)
         timed = (sent >= EVIDENT_TRAVEL) & (moved >= MIN_SHARE * sent)
         long = self._commanded >= self.failure_time - SETTLING_TIME
         if long.any():
@@ -135,5 +119,5 @@ class FailureDetector:
     def _begin(self, which: Flags, positions: Array) -> None:
         self._commanded[which] = self._path[which] = 0.0
         self._asked[which] = np.nan
-        self._sent_range.begin(which, self._sent)
-        self._moved_range.begin(which, positions)
+        self._sent_ends[:, which] = self._sent[which]
+        self._moved_ends[:, which] = positions[which]

@@ -121,23 +121,23 @@ class ShapeGuard:
         :raises GraspError: see `find_contacts`.
         """
         barriers = self._barriers if grip is not None else self._without_object
-        active_values = [(barrier, barrier.active(config, grip)) for barrier in barriers]
         active_values = [
-            (barrier, active) for barrier, active in active_values if len(active.indices)
+            (barrier, active)
+            for barrier in barriers
+            if len((active := barrier.active(config, grip)).indices)
         ]
         limits: list[BarrierLimit] = []
         if active_values:
-            rows = config.roller_rows(
-                np.concatenate([active.node_rows for _, active in active_values])
-            )
-            stop = 0
+            # One solution for the rows of all barriers.
+            node_rows = np.concatenate([active.node_rows for _, active in active_values])
+            rows = config.roller_rows(node_rows)
             for barrier, active in active_values:
-                start, stop = stop, stop + len(active.indices)
+                count = len(active.indices)
+                matrix, rows = rows[:count], rows[count:]
                 if active.roller_rows is not None:
-                    rows[start:stop] += active.roller_rows
-                matrix = rows[start:stop]
+                    matrix = matrix + active.roller_rows
                 matrix[np.abs(matrix) < ROUNDING] = 0.0
-                limits.append(BarrierLimit(barrier, active, rows[start:stop]))
+                limits.append(BarrierLimit(barrier, active, matrix))
         return Watch(config, grip, barriers, tuple(limits))
 
 

@@ -29,14 +29,12 @@ class GripFaults:
 
     :ivar fault: status of the halt for the fault; None without a fault. It remains until a client
         acknowledges it; only the fault of an oscillation ends by itself.
-    :ivar belief: estimated state of the grip; None without an equilibrium.
     :ivar gain: pose gain of the squeeze control [1/s].
     :ivar swings: detector of oscillations, replaced with each new belief.
     :ivar softening: factor on the gain after oscillations [-].
     :ivar slipped: length of a slip after which the object is still held, otherwise 0 [m].
     """
 
-    belief: GripBelief | None
     gain: float
     swings: SwingWatch
     _rest: float  # remaining time at rest after an oscillation [s]
@@ -52,17 +50,19 @@ class GripFaults:
         if self.fault is None:
             self.fault, self._why = fault, why
 
-    def note(self) -> str:
-        """Return a sentence that describes the fault of the grip; empty if there is none."""
+    def note(self, squeeze: tuple[float, float] | None = None) -> str:
+        """
+        Return a sentence that describes the fault of the grip; empty if there is none.
+
+        :param squeeze: estimated squeeze and its standard deviation [N]; None without a belief.
+        """
         if self.fault is Status.HALT_OSCILLATES:
             return f'the object oscillates: the pose gain is reduced to {self.gain:.3g} 1/s'
         if self.fault is not None:
             return f'{self._why}; next step: {NEXT_STEPS[self.fault]}'
         notes = [f'slipped by {1e3 * self.slipped:.0f} mm, held'] if self.slipped else []
-        if self.belief is not None:
-            squeeze, deviation = self.belief.squeeze, self.belief.squeeze_deviation
-            if not is_squeeze_known(squeeze, deviation):
-                notes.append(f'held, {describe_squeeze(squeeze, deviation)}')
+        if squeeze is not None and not is_squeeze_known(*squeeze):
+            notes.append(f'held, {describe_squeeze(*squeeze)}')
         return '; '.join(notes)
 
     def judge(self, belief: GripBelief, elapsed: float, velocity: Array) -> None:

@@ -187,8 +187,8 @@ class SqueezeControl(GripFaults):
             # The contacts do not admit the correction of the pose.
             command = replace(command, status=Status.OK)
         free = belief.slip_margin - MIN_RELATIVE_MARGIN * belief.regulated_squeeze
-        share = belief.usage.margin_share(command, period, free) if twist.any() else 1.0
-        if share < 1.0:
+        share = belief.usage.margin_share(command, period, free)
+        if share < 1.0 and twist.any():
             slowed = _solve_within_limits(share * twist + correction, opening, solve)
             command = replace(
                 slowed,
@@ -208,9 +208,9 @@ class SqueezeControl(GripFaults):
         measured pose would not show the loss until the object is moved.
         """
         force = self.settings.force
-        if is_squeeze_known(force, belief.geometric_deviation):
-            return force
-        return force + self._excess
+        if self._excess > 0.0 and not is_squeeze_known(force, belief.geometric_deviation):
+            return force + self._excess
+        return force
 
     def advance(self, twist: Array, command: RollerCommand, missing: Array | float = 0.0) -> None:
         """

@@ -79,7 +79,7 @@ class TwistServo(ServoState):
         """
         settings, received, squeeze = self.settings, self.inputs, self.squeeze
         self._begin_cycle(now)
-        twist, failed = np.zeros(3), self.failed
+        twist, failed, force = np.zeros(3), self.failed, None
         inputs: dict[str, Any] = {'twist': received.twist, 'joint_states': received.rollers}
         if settings.joint is None:
             inputs['object_pose'] = received.pose
@@ -91,8 +91,10 @@ class TwistServo(ServoState):
             twist = np.asarray(given.value)
             command = self._solve(twist, rollers, pose, now, failed)
             ok = command.status is Status.OK
-            reason = '' if ok else describe(command, settings.joint is None)
-            message = '; '.join(filter(None, (reason, squeeze and squeeze.note())))
+            message = '' if ok else describe(command, settings.joint is None)
+            if squeeze is not None and squeeze.belief is not None:
+                force = squeeze.belief.squeeze, squeeze.belief.squeeze_deviation
+                message = '; '.join(filter(None, (message, squeeze.note(force))))
         except IsotrussError as error:
             status, message = halt_for(error), str(error)
             # The twist is checked first.
@@ -114,7 +116,7 @@ class TwistServo(ServoState):
             decision,
             frequency=squeeze.frequency or 0.0,
             pose_gain=squeeze.gain,
-            squeeze=(belief.squeeze, belief.squeeze_deviation),
+            squeeze=force or (belief.squeeze, belief.squeeze_deviation),
             pose_delay=belief.delay,
         )
 

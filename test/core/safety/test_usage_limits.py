@@ -34,8 +34,7 @@ def test_utilisation_beyond_folding_counts_as_twice_the_wrinkling_moment(folded)
     usage.learn(grasp(folded), 0.0, TRAVEL)
     twice.learn(grasp(2.0), 0.0, TRAVEL)
     found, expected = (limited(each, TRAVEL, 2.5).scale for each in (usage, twice))
-    assert found == expected
-    assert 0.0 < found < 1.0
+    assert found == expected == pytest.approx(5.0 * PERIOD * 0.5 / 1.5, rel=1e-3)
 
 
 def test_utilisation_uses_five_times_its_distance_per_second_at_most():

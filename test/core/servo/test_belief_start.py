@@ -20,7 +20,7 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.estimation.grip_belief import FIRST_POSES
 from isotruss_ros.core.estimation.grip_model import attach_model
-from isotruss_ros.core.estimation.state_estimate import EstimatorSettings
+from isotruss_ros.core.estimation.state_estimate import EstimatorSettings, is_squeeze_known
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.servo import belief_start
 from isotruss_ros.core.servo.belief_start import BeliefStart
@@ -175,4 +175,4 @@ def test_corrected_offsets_end_an_assumed_squeeze():
     control.take_offsets(np.zeros(6), 1e-3**2 * covariance, 1.0)
     control.follow(HOME, grip, PERIOD, gripped=True)
     assert control.belief.squeeze == pytest.approx(MODEL.squeeze, rel=0.1)
-    assert control.note() == ''
+    assert is_squeeze_known(control.belief.squeeze, control.belief.squeeze_deviation)

@@ -15,15 +15,14 @@ ARM, STILL, PERIOD = 0.1, np.zeros(3), 0.02
 
 
 def faults():
-    """Return the faults of a grip without a belief."""
+    """Return the faults of a grip that has none."""
     found = GripFaults()
     found.acknowledge()
-    found.belief, found.slipped, found.swings = None, 0.0, SwingWatch(12.0)
-    found.gain = 3.0
+    found.slipped, found.swings, found.gain = 0.0, SwingWatch(12.0), 3.0
     return found
 
 
-def belief(correction=0.0, walked=0.0, jump=0.0, slipped=False, squeeze=(10.0, 1.0)):
+def belief(correction=0.0, walked=0.0, jump=0.0, slipped=False):
     """Return a belief of a grip with a correction of the pose along x [m]."""
     return SimpleNamespace(
         correction=np.array([correction, 0.0, 0.0]),
@@ -32,8 +31,6 @@ def belief(correction=0.0, walked=0.0, jump=0.0, slipped=False, squeeze=(10.0, 1
         walk=SimpleNamespace(length=walked),
         jump=jump,
         slipped=slipped,
-        squeeze=squeeze[0],
-        squeeze_deviation=squeeze[1],
     )
 
 
@@ -121,7 +118,6 @@ def test_a_short_slip_is_noted_until_half_of_it_is_undone():
 
 def test_an_unknown_squeeze_is_noted_with_a_slip():
     grip = faults()
-    grip.belief = belief(squeeze=(10.0, 4.9))
-    assert grip.note() == ''
-    grip.belief, grip.slipped = belief(squeeze=(10.0, 5.1)), 0.008
-    assert grip.note().startswith('slipped by 8 mm, held; held, squeeze unknown: 10.0 N')
+    assert grip.note((10.0, 4.9)) == ''
+    grip.slipped = 0.008
+    assert grip.note((10.0, 5.1)).startswith('slipped by 8 mm, held; held, squeeze unknown: 10.')

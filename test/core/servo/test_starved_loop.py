@@ -54,7 +54,7 @@ def turn(now):
 
 def starve(held, twist, duration=2.5, mean=0.033, noise=0.0, seed=0):
     """
-    Run a servo whose cycles, readings and commands are late at random; return it and its notes.
+    Run a servo whose cycles, readings and commands are late at random; return it and its messages.
 
     :param held: shape, angle and indentation of the object.
     :param mean: mean time between two cycles, at least 20 ms and at most 0.2 s [s].
@@ -68,7 +68,7 @@ def starve(held, twist, duration=2.5, mean=0.033, noise=0.0, seed=0):
     force = plant_object.grasp.squeeze
     squeeze = SqueezeSettings(force, max_utilisation=math.inf, zero_deviation=1e-3)
     settings = ServoSettings(Grip(MEMBERS, body, 1.2), PERIOD, 0.5, squeeze=squeeze)
-    servo, sent, notes, due = TwistServo(HOME.robot, settings), [], set(), 0.0
+    servo, sent, messages, due = TwistServo(HOME.robot, settings), [], set(), 0.0
     for number in range(round(duration / TICK)):
         now = TICK * number
         while sent and sent[0][0] <= now:
@@ -80,13 +80,13 @@ def starve(held, twist, duration=2.5, mean=0.033, noise=0.0, seed=0):
         if now >= due:
             due = now + min(0.02 + rng.exponential(mean - 0.02), 0.2)
             servo.receive(twist=StampedInput(twist(now), now))
-            command = servo.decide(now).command
-            assert command.status in RUNNING, (now, str(command.status), servo.squeeze.note())
-            sent.append((now + rng.uniform(0.0, 0.15), command.roller_velocities))
-            notes.add(servo.squeeze.note())
+            decision = servo.decide(now)
+            assert decision.command.status in RUNNING, decision
+            sent.append((now + rng.uniform(0.0, 0.15), decision.command.roller_velocities))
+            messages.add(decision.message)
         plant.advance(TICK)
     assert plant_object.dropped is None, plant_object.dropped
-    return servo, notes
+    return servo, messages
 
 
 CASES = [(FACE, rest), (DISC, sway), (TURNED, turn), (ELLIPSE, sway), (CORNERS, turn)]
@@ -98,6 +98,6 @@ MORE = [(held, twist) for held in (DISC, ELLIPSE, CORNERS, TURNED) for twist in 
     ('mean', 'noise'), some_now([(0.033, 0.0), (0.1, 0.0), (0.033, 1e-3), (0.1, 1e-3)])
 )
 def test_a_loop_starved_of_processor_time_states_no_fault_of_the_grip(held, twist, mean, noise):
-    servo, notes = starve(held, twist, mean=mean, noise=noise)
-    assert notes == {''}
+    servo, messages = starve(held, twist, mean=mean, noise=noise)
+    assert messages == {''}
     assert servo.squeeze.softening == 1.0
