@@ -9,6 +9,7 @@ import argparse
 from collections.abc import Iterator, Sequence
 from concurrent.futures.process import BrokenProcessPool
 import contextlib
+from dataclasses import replace
 import json
 from pathlib import Path
 import signal
@@ -26,6 +27,7 @@ from isotruss_ros.core import (
     load_robot,
     plan_grasps,
     read_object,
+    Uncertainty,
 )
 from isotruss_ros.core.planning.describe_plan import plan_in_words
 from isotruss_ros.core.planning.grasp_plan import GraspPlan
@@ -58,6 +60,9 @@ def _run(options: argparse.Namespace) -> int:
     if options.rollers is not None:
         config = robot.configuration(options.rollers)
     body, needs = _read_object(options), requirements(options)
+    if options.uncertainty is not None:
+        uncertainty = Uncertainty.of(robot, body, options.uncertainty)
+        needs = replace(needs, uncertainty=uncertainty)
     if options.json is not None:
         options.json.touch()  # fail before the search rather than after it
     plan = _search(config, body, needs, options)
@@ -152,6 +157,14 @@ def _parser() -> argparse.ArgumentParser:
         '--angle', type=float, default=0.0, help='angle of this object [rad] (default 0)'
     )
     add_requirements(parser)
+    parser.add_argument(
+        '--uncertainty',
+        nargs='?',
+        const='{}',
+        metavar='YAML',
+        help='rank by the chance that the object is held; standard deviations as YAML text in '
+        'braces, which precede those of the object and the robot file',
+    )
     group = add_search(parser)
     group.add_argument(
         '--time-limit',

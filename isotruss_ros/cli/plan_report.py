@@ -23,22 +23,26 @@ COLUMNS = {
     'travel': ('travel\n[m]', 1.0, '{:.3f}'),
     'rigidity': ('rigidity', 1.0, '{:.3f}'),
     'score': ('score', 1.0, '{:.5g}'),
+    'chance': ('chance', 1.0, '{:.3f}'),
 }
 
 
 def table(plan: GraspPlan, requirements: GraspRequirements) -> Table:
     """Return a table with one row for each grasp, best first."""
-    found = Table(title=f'grasps, best first by {requirements.measure.value}')
+    certain = requirements.uncertainty is None
+    criterion = requirements.measure.value if certain else 'chance'
+    columns = {name: column for name, column in COLUMNS.items() if name != 'chance' or not certain}
+    found = Table(title=f'grasps, best first by {criterion}')
     found.add_column('module')
     found.add_column('members in contact')
-    for heading, _, _ in COLUMNS.values():
+    for heading, _, _ in columns.values():
         found.add_column(heading, justify='right')
     if any(grasp.outside_model for grasp in plan.grasps):
         found.caption = 'moment / wrinkling above 1: a tube wrinkles, outside of the model'
     for grasp in plan.grasps:
         figures = export_figures(grasp)
         numbers = (
-            form.format(factor * figures[name]) for name, (_, factor, form) in COLUMNS.items()
+            form.format(factor * figures[name]) for name, (_, factor, form) in columns.items()
         )
         found.add_row(figures['module'], '\n'.join(figures['members']), *numbers)
     return found

@@ -53,18 +53,34 @@ class Criteria(NamedTuple):
         return cls(names, *map(np.concatenate, arrays))
 
 
-def rest_criteria(grip: HeldGrip, friction: float) -> tuple[Criteria, Array]:
-    """
-    Return the criteria of an equilibrium with unknown contact history.
+class History(NamedTuple):
+    """Derivatives of the values that stay constant while k contacts roll."""
 
-    :return: criteria, and the derivatives (k, p) of the rolling invariants.
-    """
+    anchors: Array  #: (k, p) derivatives of the rolling invariants
+    turns: Array  #: (k, p) derivatives of the angles of the dents' normals, see `LoadedTubes`
+    grown: Array  #: (k,) derivatives of the dents' depths by the relative size of the object [m]
+
+    def of(self, first: HeldGrip, grip: HeldGrip) -> History:
+        """Return the derivatives for the contacts of a later grip; those of new ones are zero."""
+        old, new = (
+            list(zip(contacts.members.tolist(), contacts.corners.tolist(), strict=True))
+            for contacts in (first.contacts, grip.contacts)
+        )
+        if old == new:
+            return self
+        share = np.array([[float(contact == before) for before in old] for contact in new])
+        return History(*(share @ rates for rates in self))
+
+
+def rest_criteria(grip: HeldGrip, friction: float) -> tuple[Criteria, History]:
+    """Return the criteria of an equilibrium with unknown contact history, and its history."""
     if grip.tubes.paper_model:
         raise GraspError('paper_model True: has no derivatives; must be False')
     parameters = GraspParameters.of(grip.config)
     chosen = np.eye(parameters.size, parameters.size + 1)
-    tubes = LoadedTubes(grip, chosen, parameters, turns=turn_dents(grip, chosen, parameters))
-    tubes.dents[:, -1] += _size_dents(grip)
+    turns, grown = turn_dents(grip, chosen, parameters), _size_dents(grip)
+    tubes = LoadedTubes(grip, chosen, parameters, turns=turns)
+    tubes.dents[:, -1] += grown
     rates = tubes.equation_rates()
     rates[: grip.state.places.conditions.start, -1] += _size_rates(grip)
     try:
@@ -72,26 +88,21 @@ def rest_criteria(grip: HeldGrip, friction: float) -> tuple[Criteria, Array]:
     except np.linalg.LinAlgError:
         raise GraspError('the equilibrium is neutral: it must resist every motion') from None
     rolling = grip.statics.rolling_rows(grip.state.unknowns, grip.state.normals)
-    criteria = Criteria.joined(
-        [_criteria(grip, friction, tubes, change), _near(grip, tubes, change)]
-    )
-    return criteria, rolling @ change + _rolled(grip, tubes)
+    criteria = [_criteria(grip, friction, tubes, change), _near(grip, tubes, change)]
+    anchors = rolling @ change + _rolled(grip, tubes)
+    return Criteria.joined(criteria), History(anchors, turns, grown)
 
 
-def carried_criteria(grip: HeldGrip, friction: float, anchors: Array) -> Criteria:
-    """
-    Return the criteria of an equilibrium to which the contacts have rolled.
-
-    :param anchors: (k, p) derivatives of the rolling invariants.
-    """
+def carried_criteria(grip: HeldGrip, friction: float, history: History) -> Criteria:
+    """Return the criteria of an equilibrium to which the contacts have rolled."""
     parameters = GraspParameters.of(grip.config)
     chosen = np.eye(parameters.size, parameters.size + 1)
-    tubes = LoadedTubes(grip, chosen, parameters, reach=FOLLOWED_MOTION)
-    tubes.dents[:, -1] += _size_dents(grip)
+    tubes = LoadedTubes(grip, chosen, parameters, history.turns, FOLLOWED_MOTION)
+    tubes.dents[:, -1] += history.grown
     rates = tubes.equation_rates(sticks=True)
     conditions = grip.state.places.conditions
     rates[: conditions.start, -1] += _size_rates(grip)
-    rates[conditions] = _rolled(grip, tubes) - anchors
+    rates[conditions] = _rolled(grip, tubes) - history.anchors
     change = grip.respond(rates)
     if change is None:
         raise GraspError('the equilibrium is neutral: it must resist every motion')

@@ -18,7 +18,7 @@ from isotruss_ros.core.holding.grasp_gradient import GraspGradient
 from isotruss_ros.core.holding.held_gradient import GraspParameters
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.holding.settled_grasp import SettledGrasp
-from isotruss_ros.core.kinematics.robot import Robot
+from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.robot_schema import find_faults
 from isotruss_ros.core.model.safe_yaml import parse_yaml
@@ -77,7 +77,10 @@ class Uncertainty:
 
     @classmethod
     def of(
-        cls, robot: Robot, body: ConvexObject | None = None, block: Mapping[str, float] | str = ''
+        cls,
+        robot: Mechanism,
+        body: ConvexObject | None = None,
+        block: Mapping[str, float] | str = '',
     ) -> Uncertainty:
         """
         Return the uncertainty that files describe.

@@ -15,6 +15,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 import math
 
+from isotruss_ros.core.chance.grasp_chance import Chance
+from isotruss_ros.core.chance.path_chance import path_chance
+from isotruss_ros.core.errors import GraspError
+from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.kinematics.configuration import Configuration
@@ -67,11 +71,11 @@ def _judge(grasp: HeldGrip, closing: Closing, needs: GraspRequirements) -> Close
     _check_hold(grasp, needs.friction)
     closing.tally.analyses += 1
     loads = needs.find_loads(grasp)
-    margin = None
+    margin = chance = None
     if needs.squeeze is None or _reached(grasp, needs.squeeze):
         with closing.tally.recording():
-            margin = _find_margin(grasp, needs)
-    return ClosedGrip(grasp, loads, margin)
+            margin, chance = _find_margin(grasp, needs)
+    return ClosedGrip(grasp, loads, margin, chance)
 
 
 def _check_hold(grasp: HeldGrip, friction: float) -> None:
@@ -83,8 +87,8 @@ def _check_hold(grasp: HeldGrip, friction: float) -> None:
         raise RequirementError('held', 0.0, 1.0)
 
 
-def _find_margin(grasp: HeldGrip, needs: GraspRequirements) -> float:
-    """Return the slip margin of a grip under the required wrench [N]."""
+def _find_margin(grasp: HeldGrip, needs: GraspRequirements) -> tuple[float, Chance | None]:
+    """Return the slip margin under the required wrench [N], and the chance of being held."""
     loaded: HeldGrip | None = grasp
     if any(needs.external_wrench):
         loaded = roll_grip(grasp, grasp.config, np.array(needs.external_wrench))
@@ -93,7 +97,15 @@ def _find_margin(grasp: HeldGrip, needs: GraspRequirements) -> float:
     _check_hold(loaded, needs.friction)
     slip = loaded.slip_margin(needs.friction)
     needs.check_bound('min_slip_margin', slip)
-    return slip
+    if needs.uncertainty is None:
+        return slip, None
+    try:
+        body = grasp.body.moved_to(grasp.pose)
+        rest = attach_grip(grasp.config, body, grasp.members, tubes=grasp.tubes)
+        grips = [rest] if loaded is grasp else [rest, loaded]
+        return slip, path_chance(needs.uncertainty, needs.friction, grips, loaded)
+    except GraspError:
+        raise RequirementError('held', 0.0, 1.0) from None
 
 
 def _reached(grasp: HeldGrip, squeeze: float) -> bool:

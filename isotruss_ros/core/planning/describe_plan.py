@@ -23,16 +23,22 @@ def export_figures(grasp: PlannedGrasp) -> dict[str, Any]:
     """
     Return the data of a grasp as a dictionary: module, members, roller positions, scores.
 
-    The module is empty if the members of the grip do not meet at a module.
+    The module is empty if the members of the grip do not meet at a module. The chance is present
+    if an uncertainty was given.
 
     :param grasp: planned grasp; `PlannedGrasp` lists the data with their units.
     """
     numbers = [field.name for field in fields(grasp) if field.type == 'float']
-    return {
-        'module': grasp.module or '',
-        'members': list(grasp.members),
-        'roller_positions': grasp.roller_positions.tolist(),
-    } | {name: getattr(grasp, name) for name in numbers}
+    chance = {} if grasp.chance is None else {'chance': grasp.chance.probability}
+    return (
+        {
+            'module': grasp.module or '',
+            'members': list(grasp.members),
+            'roller_positions': grasp.roller_positions.tolist(),
+        }
+        | {name: getattr(grasp, name) for name in numbers}
+        | chance
+    )
 
 
 def export_path(grasp: PlannedGrasp) -> dict[str, Any]:
@@ -91,10 +97,18 @@ def plan_in_words(plan: GraspPlan) -> str:
 def _grasp_in_words(grasp: PlannedGrasp) -> str:
     """Return a text with members and forces of a grasp, with a note if a tube wrinkles."""
     outside = '; a tube wrinkles, these numbers are outside of the model'
+    chance = ''
+    if grasp.chance is not None:
+        first, second, *_ = grasp.chance.shares.items()
+        shares = ', '.join(f'{name} {100.0 * share:.0f} %' for name, share in (first, second))
+        chance = (
+            f'; held with a chance of {grasp.chance.probability:.3g}, otherwise most probably '
+            f'{grasp.chance.limit} ({shares})'
+        )
     where = '' if grasp.module is None else f'at {grasp.module} '
     return (
         f'{where}between {", ".join(grasp.members)}: presses with '
         f'{grasp.squeeze:.3g} N each, slips at {grasp.slip_margin:.3g} N, largest utilisation '
         f'{grasp.utilisation:.2g}, forces {100.0 * grasp.nonlinearity:.2g} % above linear tubes'
-        f'{outside if grasp.outside_model else ""}'
+        f'{outside if grasp.outside_model else ""}{chance}'
     )

@@ -51,6 +51,7 @@ def foresee_grip(
     poses: Array,
     record: GripRecord | None = None,
     tubes: TubeModel = NOMINAL_TUBES,
+    passed: list[HeldGrip] | None = None,
 ) -> Foresight | None:
     """
     Find the grip of an object, and predict its motion along a path by `foresee_path`.
@@ -59,6 +60,7 @@ def foresee_grip(
     :param record: equilibrium reported by the control loop that holds the object. If it is None,
         or if the predicted motion ends before the end of the path, the motion is predicted from
         the equilibrium of `attach_grip` instead.
+    :param passed: list to which the equilibria along the path are appended.
     :return: predicted motion; None if no members hold the object.
     """
     friction = check_friction(friction)
@@ -74,12 +76,14 @@ def foresee_grip(
     except NotHeldError:
         return foresight
     if held.hold(friction) is HoldStatus.HELD:
-        foresight = foresee_path(held, friction, poses)
+        foresight = foresee_path(held, friction, poses, passed)
     return foresight
 
 
 @single_threaded
-def foresee_path(held: HeldGrip, friction: float, poses: Array) -> Foresight:
+def foresee_path(
+    held: HeldGrip, friction: float, poses: Array, passed: list[HeldGrip] | None = None
+) -> Foresight:
     """
     Predict the motion of a held object along a path from rest to rest, at constant squeeze.
 
@@ -89,7 +93,10 @@ def foresee_path(held: HeldGrip, friction: float, poses: Array) -> Foresight:
 
     :param poses: (n, 3) poses x, y [m], angle [rad] of the object; angles are not wrapped to one
         turn.
+    :param passed: list to which the equilibria along the path are appended.
     """
+    passed = [] if passed is None else passed
+    passed.append(held)
     what = 'the poses of the path (x, y, angle) [m, rad]'
     poses = finite_rows(poses, 3, what, GraspError, MAX_MAGNITUDE)
     if not len(poses):
@@ -116,6 +123,7 @@ def foresee_path(held: HeldGrip, friction: float, poses: Array) -> Foresight:
         if moved is None or why:
             return Foresight(held.pose, (number - 1) / (len(goals) - 1), least, why)
         held, least = moved, min(least, margin)
+        passed.append(held)
     return Foresight(held.pose, 1.0, least, '')
 
 

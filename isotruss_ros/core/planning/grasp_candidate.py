@@ -8,7 +8,9 @@ from __future__ import annotations
 from dataclasses import replace
 import math
 
+from isotruss_ros.core.chance.path_chance import path_chance
 from isotruss_ros.core.errors import IsotrussError
+from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip
 from isotruss_ros.core.numerics.blas_threads import single_threaded
@@ -42,7 +44,7 @@ def judge_candidate(
             closed = close_grip(opened[-1], closing, needs)
             if closed is not None and needs.carry:
                 tally.closest = None
-                _check_carry(closed[1], needs)
+                closed = closed[0], _check_carry(closed[1], needs)
             grasp = None if closed is None else _planned(closing, needs, opened, *closed)
     except IsotrussError as error:
         # A candidate without a solution is rejected; its tally is kept.
@@ -78,14 +80,21 @@ def close_grip(
     return best
 
 
-def _check_carry(grip: ClosedGrip, needs: GraspRequirements) -> None:
-    """Raise RequirementError if the object slips on the path `carry`."""
+def _check_carry(grip: ClosedGrip, needs: GraspRequirements) -> ClosedGrip:
+    """Return the grip with its chance on the path `carry`; raise RequirementError for slip."""
     held, poses = grip.equilibrium, np.array(needs.carry)
     body = held.body.moved_to(held.pose)
-    foresight = foresee_grip(held.config, body, needs.friction, poses, tubes=held.tubes)
+    passed: list[HeldGrip] = []
+    foresight = foresee_grip(
+        held.config, body, needs.friction, poses, tubes=held.tubes, passed=passed
+    )
     share = 0.0 if foresight is None else foresight.share
     if foresight is None or foresight.why:
         raise RequirementError('carry', share, 1.0)
+    if needs.uncertainty is None:
+        return grip
+    chance = path_chance(needs.uncertainty, needs.friction, passed, held)
+    return grip._replace(chance=chance)
 
 
 def _planned(
@@ -117,4 +126,5 @@ def _planned(
         rigidity=min(shape_margins(config).rigidity for config in configs),
         path=path,
         touch=len(opened),
+        chance=grip.chance,
     )

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple, overload
 
+from isotruss_ros.core.chance.grasp_chance import Chance
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.grip import Grip, members_at
@@ -28,6 +29,7 @@ class ClosedGrip(NamedTuple):
     equilibrium: HeldGrip  #: equilibrium of the object after closing, without external wrench
     loads: dict[str, float]  #: loads, see `GraspRequirements.find_loads`
     slip_margin: float | None  #: slip margin of the object [N]
+    chance: Chance | None = None  #: chance that the object is held; None: no uncertainty given
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -57,6 +59,8 @@ class PlannedGrasp(
     rigidity: float  #: smallest rigidity index along the path, 1 at home [-]
     path: Array  #: (k, r) roller positions from the current positions to the grasp [m]
     touch: int  #: index of the first row of `path` with all grasping members in contact
+    #: chance that the object is held, also along the path `carry`; None: no uncertainty given
+    chance: Chance | None = field(default=None, repr=False)
 
     @property
     def module(self) -> str | None:

@@ -18,6 +18,7 @@ from concurrent.futures import Executor, wait
 from dataclasses import replace
 import time
 
+from isotruss_ros.core.chance.uncertainty import Uncertainty
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.kinematics.configuration import Configuration, require_configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
@@ -51,6 +52,7 @@ def plan_grasps(
     should_stop: Callable[[], bool] | None = None,
     thorough: bool = True,
     max_rounds: int = 5,
+    uncertainty: Uncertainty | None = None,
 ) -> GraspPlan:
     """
     Return grasps of a free object inside a loop of the robot, with paths to the grasps.
@@ -74,11 +76,16 @@ def plan_grasps(
         `requirements.count` grasps are found.
     :param max_rounds: largest number of rounds. No further round begins when that many grasps are
         found.
+    :param uncertainty: uncertainty of robot and object. Then grasps are ranked by the chance that
+        the object is held, also along the path `carry` of the requirements. None: that of the
+        requirements.
     :raises GraspError: the robot has no such module or members, or the seed is invalid.
     :raises StructureError: the robot cannot be analysed.
     """
     require_configuration(config)
     needs = requirements or GraspRequirements()
+    if uncertainty is not None:
+        needs = replace(needs, uncertainty=uncertainty)
     required_members(config.robot, needs)  # names are checked here, once
     if body.friction is not None:
         needs = replace(needs, friction=body.friction)

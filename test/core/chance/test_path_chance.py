@@ -1,0 +1,136 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Chance that an object is held along a path, and grasps that are ranked by it."""
+
+from carries import make_robot, place
+from isotruss_ros import core
+from isotruss_ros.core.chance.criteria import carried_criteria, rest_criteria
+from isotruss_ros.core.chance.drawn_grips import changed_grip
+from isotruss_ros.core.chance.path_chance import path_chance
+from isotruss_ros.core.holding.attach_grip import attach_grip
+from isotruss_ros.core.holding.held_gradient import GraspParameters
+from isotruss_ros.core.holding.roll_grip import roll_grip
+from isotruss_ros.core.planning import closing_in_place
+from isotruss_ros.core.planning.describe_plan import export_figures, plan_in_words
+from isotruss_ros.core.planning.foresee_path import foresee_path
+import numpy as np
+import pytest
+
+HOME = core.load_robot('nine_member').home
+FRICTION = 0.8
+DISC = core.ConvexObject.disc((0.5, 0.3), 0.3)
+UNCERTAIN = core.Uncertainty(stiffness=0.15, roller_offset=0.005, force=0.3)
+CARRY = ((0.0, 0.0, 0.0), (0.02, 0.02, 0.05))
+
+
+def carried(name='disc 0.2 m'):
+    """Return the equilibria along a short path."""
+    body, members = place(make_robot(), name, 0.5)
+    held = core.settle_grasp(HOME, body, FRICTION, members=members).equilibrium
+    passed = []
+    assert foresee_path(held, FRICTION, np.array(CARRY), passed).why == ''
+    return passed
+
+
+def rolled(passed, change):
+    """Return the equilibria for changed parameters, at the nominal roller travel."""
+    rollers = change[GraspParameters.of(HOME).rollers]
+    grips = [changed_grip(passed[0], change)]
+    for grip in passed[1:]:
+        config = HOME.moved_to(grip.config.roller_positions + rollers)
+        wrench = grips[0].wrench * (1.0, 1.0, grips[0].arm)
+        grips.append(roll_grip(grips[-1], config, wrench))
+    return grips
+
+
+@pytest.mark.parametrize('name', ['disc 0.2 m', 'brick'])
+def test_rates_of_carried_criteria_are_those_of_rolled_equilibria(name):
+    passed = carried(name)
+    _, history = rest_criteria(passed[0], FRICTION)
+    criteria = carried_criteria(passed[-1], FRICTION, history)
+    near = [not text.startswith('contact with') for text in criteria.names]
+    columns = GraspParameters.of(HOME)
+    spread = np.sqrt(np.diag(UNCERTAIN.covariance(passed[0])))
+    for k, step in enumerate(3e-3 * np.maximum(spread, 1e-3)):
+        ahead, behind = (
+            carried_criteria(
+                rolled(passed, way * step * np.eye(len(spread))[k])[-1],
+                FRICTION + way * step * (k == columns.friction),
+                history,
+            ).values[near]
+            for way in (1.0, -1.0)
+        )
+        errors = np.abs((ahead - behind) / (2.0 * step) - criteria.rates[near, k])
+        scale = np.maximum(np.abs(criteria.values[near]), 1e-3)
+        assert (errors * spread[k] / scale).max() < 2e-3
+
+
+def test_chance_along_a_path_is_the_frequency_of_held_draws():
+    passed, rng = carried(), np.random.default_rng(0)
+    friction = 0.03 + max(grip.required_friction for grip in passed)
+    chance = path_chance(UNCERTAIN, friction, passed, passed[0])
+    columns, held = GraspParameters.of(HOME), []
+    spread = np.sqrt(np.diag(UNCERTAIN.covariance(passed[0])))
+    for _ in range(40):
+        change = spread * rng.standard_normal(len(spread))
+        grips = rolled(passed, change)
+        drawn = friction + change[columns.friction]
+        used = max(float(grip.sections.used.max()) for grip in grips)
+        held.append(max(grip.required_friction for grip in grips) <= drawn and used <= 1.0)
+    noise = np.std(held) / np.sqrt(len(held))
+    assert chance.probability == pytest.approx(np.mean(held), abs=0.05 + 2.0 * noise)
+
+
+def test_a_longer_path_has_a_smaller_chance():
+    passed = carried()
+    friction = 0.05 + passed[0].required_friction
+    chances = [path_chance(UNCERTAIN, friction, passed[:n], passed[0]) for n in (1, len(passed))]
+    assert chances[1].probability < chances[0].probability
+
+
+@pytest.fixture(scope='module', params=[(), CARRY], ids=['grasp', 'carry'])
+def plans(request):
+    """Return the plans for the nominal and for the uncertain robot."""
+    needs = core.GraspRequirements(carry=request.param)
+    options = {'max_rounds': 1}
+    nominal = core.plan_grasps(HOME, DISC, needs, **options)
+    return nominal, core.plan_grasps(HOME, DISC, needs, uncertainty=UNCERTAIN, **options)
+
+
+def test_grasps_are_ranked_by_their_chance(plans):
+    chances = [grasp.chance.probability for grasp in plans[1]]
+    assert chances == sorted(chances, reverse=True)
+    assert [grasp.score for grasp in plans[1]] == [g.chance.reliability for g in plans[1]]
+
+
+def test_the_best_grasp_has_a_larger_chance_than_the_nominal_one(plans):
+    grasp = plans[0][0]
+    body = grasp.grip.body
+    held = attach_grip(grasp.config, body, grasp.equilibrium.members)
+    nominal = path_chance(UNCERTAIN, 0.5, [held], held)
+    assert plans[1][0].chance.reliability > nominal.reliability
+
+
+def test_words_and_figures_have_the_chance(plans):
+    assert 'held with a chance of 0.9' in plan_in_words(plans[1])
+    assert export_figures(plans[1][0])['chance'] == plans[1][0].chance.probability
+    assert 'chance' not in plan_in_words(plans[0])
+    assert 'chance' not in export_figures(plans[0][0])
+
+
+def test_without_uncertainty_no_chance_is_computed(monkeypatch):
+    calls = []
+    for name in ('attach_grip', 'path_chance'):
+        monkeypatch.setattr(closing_in_place, name, calls.append)
+    plan = core.plan_grasps(HOME, DISC, thorough=False, max_rounds=1)
+    assert plan.grasps
+    assert plan[0].chance is None
+    assert not calls
+
+
+def test_the_chance_is_that_under_the_required_wrench():
+    needs = core.GraspRequirements(external_wrench=(0.0, -1.0, 0.0), count=1)
+    loaded = core.plan_grasps(HOME, DISC, needs, max_rounds=1, uncertainty=UNCERTAIN)
+    free = core.plan_grasps(HOME, DISC, max_rounds=1, uncertainty=UNCERTAIN)
+    assert loaded[0].chance.reliability < free[0].chance.reliability
