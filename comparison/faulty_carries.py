@@ -303,8 +303,8 @@ def _follow(loop: Loop, legs: Array, held: HeldGrip, found: Carry) -> None:
         if alone == round(LOST_TIME * RATE):
             found.lost = now - LOST_TIME
         belief = loop.control.belief
-        if belief is not None and belief.innovation not in found.innovations[-1:]:
-            found.innovations.append(belief.innovation)
+        if belief is not None and belief.state.innovation not in found.innovations[-1:]:
+            found.innovations.append(belief.state.innovation)
             if found.halt is None:
                 found.walk = max(found.walk, belief.slip_deviations)
     found.squeeze = float(np.mean(squeezes[-round(0.5 * RATE) :]))

@@ -46,20 +46,14 @@ class ContactWalk:
         self._sums: tuple[deque[_Sum], ...] = tuple(deque() for _ in SUM_INTERVALS)
 
     def spread(self, more: Array) -> None:
-        """
-        Add process noise to the variance of the contacts' random walk.
-
-        :param more: (3, 3) covariance of the process noise [m^2].
-        """
+        """Add process noise (3, 3) to the covariance of the contacts' random walk [m^2]."""
         self._walked = self._walked + more
 
     def attach(self, change: Array) -> None:
         """
-        Change the derivatives of the pose by the roller offsets, see `add`.
+        Change the derivatives (3, c) of the pose by the roller offsets, see `add`.
 
-        The derivatives change after a search for an equilibrium, which does not correct the pose.
-
-        :param change: (3, c) change of the derivatives.
+        They change after a search for an equilibrium, which does not correct the pose.
         """
         self._attached = self._attached + change
 
@@ -75,7 +69,6 @@ class ContactWalk:
         """
         Add a correction of the pose, and update the sums.
 
-        :param time: time of the correction [s].
         :param moved: (3,) correction of the pose by contacts and unexplained pose [m].
         :param prior: (3, 3) covariance of contacts and unexplained pose before the correction
             [m^2].

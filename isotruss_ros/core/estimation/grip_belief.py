@@ -18,7 +18,6 @@ The stiffness of the tubes is no state: it scales all forces and moves nothing.
 from __future__ import annotations
 
 import math
-from operator import attrgetter
 
 from isotruss_ros.core.estimation.equilibrium_cache import EquilibriumCache
 from isotruss_ros.core.estimation.grip_model import (
@@ -51,25 +50,18 @@ class GripBelief:
     """
     Belief of a held object: an equilibrium of the model, corrected by measured poses.
 
-    :ivar walk: sums of the pose corrections, from which slip is detected.
-    :ivar noise: estimated noise of the poses.
+    :ivar state: load, unexplained pose, delay and contacts' shifts, with their covariance.
+    :ivar cache: equilibrium without a load, and its derivatives.
+    :ivar lag: delays of the inputs.
     :ivar searches: number of searches for an equilibrium with unknown contact history [-].
 
     :param grasp: equilibrium near the measured pose, see `attach_model`.
     :param zero_covariance: (r, r) covariance of the roller offsets [m^2]; None: uncorrelated
         offsets with the standard deviation of the settings.
     :param noise: (3,) prior standard deviations of the measured poses [m, rad].
-    :param is_assumed: whether the squeeze of the equilibrium is assumed, so that its standard
-        deviation is as large as the squeeze, until an equilibrium near the measured pose is found.
+    :param is_assumed: whether the squeeze is assumed, and thus unknown, until an equilibrium near
+        the measured pose is found.
     """
-
-    usage = property(attrgetter('_cache.usage'), doc='Limits on motion, see `UsageLimits`.')
-    drift = property(attrgetter('_cache.drift'), doc='Rates (4,) of `EquilibriumCache`.')
-    load = property(attrgetter('_state.load'), doc='See `GripState`, as for the next four.')
-    bias = property(attrgetter('_state.bias'))
-    delay = property(attrgetter('_state.delay'))
-    innovation = property(attrgetter('_state.innovation'))
-    jump = property(attrgetter('_state.jump'))
 
     def __init__(
         self,
@@ -89,62 +81,53 @@ class GripBelief:
         count = len(grasp.config.roller_positions)
         if zero_covariance is None:
             zero_covariance = settings.zero_deviation**2 * np.eye(count)
-        self._state = GripState(settings, len(grasp.members), zero_covariance, self._even * noise)
-        self.walk, self.noise = self._state.walk, self._state.noise
-        self._cache = EquilibriumCache(grasp, grip.friction)
-        self._lag = InputLag(np.array(grasp.pose))
+        self.state = GripState(settings, len(grasp.members), zero_covariance, self._even * noise)
+        self.cache = EquilibriumCache(grasp, grip.friction)
+        self.lag = InputLag(np.array(grasp.pose))
         self._poses, self.searches = 0, 0
         self._searched = self._rolled = 0.0  # times of the last search and equilibrium
         self._corrected = np.zeros(count)
         self._spare = 0.0  # slip margin lost by the contact history [N]
         if is_assumed:
-            self._state.initialise(self._cache, self._friction)
-            self._state.bias = self._even * pose_difference(grip.body.pose, grasp.pose)
+            self.state.initialise(self.cache, self._friction)
+            self.state.bias = self._even * pose_difference(grip.body.pose, grasp.pose)
         else:
             self._place_contacts(np.array(grip.body.pose), True)
 
     @property
     def grasp(self) -> HeldGrip:
         """Return the equilibrium without a load, in the current configuration."""
-        return self._cache.grasp
+        return self.cache.grasp
 
     @property
     def grip(self) -> Grip:
         """Return the grip from which (19) predicts the motion of the object."""
-        return self._cache.grip
+        return self.cache.grip
 
     @property
     def pose(self) -> Array:
         """Return the estimate (x, y, angle) of the object's pose [m, rad]."""
-        state, cache = self._state, self._cache
+        state, cache = self.state, self.cache
         moved = cache.by_offsets.pose + cache.rates.pose @ state.sensitivity
         return self._uncorrected + moved @ state.parameters / self._even
 
     @property
     def squeeze(self) -> float:
         """Return the estimated mean normal force of the members [N]."""
-        state, cache = self._state, self._cache
+        state, cache = self.state, self.cache
         pressed = cache.by_offsets.squeeze + cache.rates.squeeze @ state.sensitivity
-        change = self.grasp.response.squeeze @ self.load + pressed @ state.parameters
+        change = self.grasp.response.squeeze @ state.load + pressed @ state.parameters
         return cache.squeeze + float(change)
 
     @property
     def _uncorrected(self) -> Array:
         """Return the estimated pose (3,) for roller offsets of zero [m, rad]."""
-        return self._cache.pose + self.grasp.response.pose @ self.load + self.bias / self._even
-
-    @property
-    def differentiated(self) -> HeldGrip:
-        """Return the equilibrium at which the filter's Jacobian was computed."""
-        return self._cache.by_offsets.grasp
+        state, response = self.state, self.grasp.response
+        return self.cache.pose + response.pose @ state.load + state.bias / self._even
 
     @property
     def geometric_deviation(self) -> float:
-        """
-        Return the standard deviation of the squeeze for the stiffness of the robot file [N].
-
-        It includes the model error.
-        """
+        """Return the deviation of the squeeze for the stiffness of the robot file [N]."""
         return self._deviation(0.0)
 
     @property
@@ -154,8 +137,8 @@ class GripBelief:
 
     def _deviation(self, stiffness: float) -> float:
         """Return the standard deviation of the squeeze for that of the stiffness [N]."""
-        cache, squeeze = self._cache, self.squeeze
-        variance = self._state.spread(cache.rates.squeeze, cache.by_offsets.squeeze)
+        cache, squeeze = self.cache, self.squeeze
+        variance = self.state.spread(cache.rates.squeeze, cache.by_offsets.squeeze)
         relative = 1.0 if self.is_assumed else self.settings.squeeze_error
         return math.hypot(math.sqrt(variance), relative * squeeze, stiffness * squeeze)
 
@@ -164,8 +147,8 @@ class GripBelief:
         """
         Return the largest required friction at which an equilibrium still counts as held [-].
 
-        It exceeds the coefficient of friction by two relative standard deviations of the squeeze,
-        for the given stiffness, which does not change the required friction.
+        The required friction has the relative error of the squeeze, but does not depend on the
+        stiffness.
         """
         relative = 2.0 * self.geometric_deviation
         return self._friction * (1.0 + relative / self.squeeze) if self.squeeze > 0.0 else math.inf
@@ -173,77 +156,53 @@ class GripBelief:
     @property
     def pose_covariance(self) -> Array:
         """Return the covariance of the object's pose, (3, 3) [m^2, m rad, rad^2]."""
-        spread = self._state.spread(self._cache.rates.pose, self._cache.by_offsets.pose)
+        spread = self.state.spread(self.cache.rates.pose, self.cache.by_offsets.pose)
         return spread / np.outer(self._even, self._even)
 
     @property
     def estimate(self) -> GripEstimate:
         """Return the estimates of pose, squeeze and delay."""
         covariance, deviation = self.pose_covariance, self.squeeze_deviation
-        return GripEstimate(self.pose, covariance, self.squeeze, deviation, self.delay)
-
-    def adopt(self, grasp: HeldGrip) -> None:
-        """Set an equilibrium that another belief has found."""
-        self._take(grasp)
+        return GripEstimate(self.pose, covariance, self.squeeze, deviation, self.state.delay)
 
     def explains(self, pose: Pose) -> bool:
         """Return whether load and errors of offsets and measurement explain a measured pose."""
         off = self._even * pose_difference(pose, self.grasp.pose)
-        return self._state.explains(off, self._cache)
-
-    def joint_rates(self) -> Array:
-        """
-        Return the derivatives (2j, r) of the joint positions with respect to roller offsets.
-
-        The object's pose is held constant.
-        """
-        return self._cache.by_offsets.joint_rates(self._state.sensitivity[SHIFTS:])
+        return self.state.explains(off, self.cache)
 
     @property
     def correction(self) -> Array:
-        """Return the part (3,) of the pose that roller travel does not explain, see `bias` [m]."""
-        return self._even * pose_difference(self.pose, self._lag.last)
+        """Return the part (3,) of the pose that roller travel does not explain [m]."""
+        return self._even * pose_difference(self.pose, self.lag.last)
 
     @property
     def regulated_pose(self) -> Array:
         """Return the object's pose (3,) for control, with corrections smoothed by two filters."""
-        return self.pose - self._lag.waiting[:3]
+        return self.pose - self.lag.waiting[:3]
 
     @property
     def regulated_squeeze(self) -> float:
         """Return the squeeze for control, with corrections smoothed by two filters [N]."""
-        return self.squeeze - float(self._lag.waiting[3])
+        return self.squeeze - float(self.lag.waiting[3])
 
     @property
     def slip_margin(self) -> float:
         """
         Return the object's slip margin without load and for unknown contact history [N].
 
-        The contact history is ignored because an object that has slid into place uses all of its
-        friction and is held nevertheless: if it slips further, it reaches the equilibrium of
-        `attach_grip`.
+        An object that has slid into place uses all of its friction, and is held nevertheless.
         """
-        return self._cache.margin() + self._spare
+        return self.cache.margin() + self._spare
 
     @property
     def slip_deviations(self) -> float:
-        """
-        Return the norm of pose corrections, load and delay in standard deviations [-].
-
-        The standard deviation of the load is set to at least half of the slip margin, because a
-        load within the margin causes no slip.
-        """
-        return self._state.slip_deviations(self.slip_margin)
+        """Return the norm of pose corrections, load and delay in standard deviations [-]."""
+        return self.state.slip_deviations(self.slip_margin)
 
     @property
     def slipped(self) -> bool:
         """Return whether `slip_deviations` are so large that the object has slipped."""
         return self.slip_deviations > self._most
-
-    @property
-    def slope(self) -> float:
-        """Return the derivative of the squeeze with respect to the opening of the grip [N/m]."""
-        return self.grasp.squeeze_stiffness()
 
     def follow(
         self,
@@ -260,11 +219,10 @@ class GripBelief:
         is searched once.
 
         :param elapsed: time since the last call [s].
-        :param pressures: (t,) gauge pressure of each tube [Pa]; None: as in the robot file.
         :param rollers: (r,) measured roller positions from which the configuration was predicted
             [m], and their age [s]; None: the configuration is measured.
         """
-        cache, lag, state = self._cache, self._lag, self._state
+        cache, lag, state = self.cache, self.lag, self.state
         lag.time += elapsed
         elapsed, corrected = lag.time - self._rolled, cache.has_new_offsets
         travel, near = cache.predict(config)
@@ -285,7 +243,7 @@ class GripBelief:
             cache.learn(rolled, travel, change, elapsed)
         lag.travelled = lag.travelled + change
         self._record(lag.travelled, config, rollers)
-        self._take(rolled)
+        self.take(rolled)
         decayed = state.propagate(elapsed, self._even * change, np.abs(travel), cache)
         response = self.grasp.response
         lag.hold_back(np.append(response.pose @ decayed, response.squeeze @ decayed))
@@ -306,8 +264,8 @@ class GripBelief:
     ) -> None:
         """Store the pose (3,) by roller travel alone, now and at the last measured rollers."""
         positions, age = rollers or (config.roller_positions, 0.0)
-        since = self._cache.contact_rates[:3] @ (config.roller_positions - positions)
-        self._lag.record(travelled, since, age)
+        since = self.cache.contact_rates[:3] @ (config.roller_positions - positions)
+        self.lag.record(travelled, since, age)
 
     def observe(self, pose: Pose, age: float) -> None:
         """
@@ -315,17 +273,17 @@ class GripBelief:
 
         :param age: time from the stamp of the pose to the last call of `follow` [s].
         """
-        cache, lag, even = self._cache, self._lag, self._even
+        cache, lag, even = self.cache, self.lag, self._even
         self._poses += self._poses != FIRST_POSES
-        then = lag.time - age - self.delay
+        then = lag.time - age - self.state.delay
         there = lag.at(then)
         # Earlier readings: their encoder noise is independent of that in the innovation.
         first, last = (lag.at(then - n * DELAY_DEVIATION) for n in (2, 1))
         speed = (last - first) / DELAY_DEVIATION
         off = even * pose_difference(pose, self._uncorrected - pose_difference(lag.last, there))
-        self.noise.add(even * pose_difference(pose, there))
+        self.state.noise.add(even * pose_difference(pose, there))
         before = np.append(self.pose, self.squeeze)
-        change = self._state.correct(off, even * speed, cache, lag.time)
+        change = self.state.correct(off, even * speed, cache, lag.time)
         cache.shift(change[SHIFTS:][self.grasp.contacts.owners])
         lag.hold_back(np.append(self.pose, self.squeeze) - before)
 
@@ -333,13 +291,12 @@ class GripBelief:
         """
         Search the equilibrium near the estimated pose, and initialise the contacts' shifts there.
 
-        :param pressures: (t,) gauge pressure of each tube [Pa]; None: as in the robot file.
         :return: whether an equilibrium exists that explains the pose, with a utilisation of at
             most `MAX_UTILISATION` or that of the present equilibrium.
         """
-        self.searches, self._searched = self.searches + 1, self._lag.time
+        self.searches, self._searched = self.searches + 1, self.lag.time
         limit = max(MAX_UTILISATION, self.grasp.sections.used.max())
-        pose, squeeze = self.pose - self.grasp.response.pose @ self.load, self.squeeze
+        pose, squeeze = self.pose - self.grasp.response.pose @ self.state.load, self.squeeze
         try:
             near = self._given.moved_to(pose)
             found = attach_model(config, near, pressures, self.settings.zero_deviation)
@@ -347,31 +304,29 @@ class GripBelief:
             return False
         if found.hold(math.inf) is not HoldStatus.HELD or found.sections.used.max() > limit:
             return False
-        cache, before = EquilibriumCache(found, self._friction), self._cache.by_offsets.pose
-        if not self._state.explains(self._even * pose_difference(pose, found.pose), cache):
+        cache, before = EquilibriumCache(found, self._friction), self.cache.by_offsets.pose
+        if not self.state.explains(self._even * pose_difference(pose, found.pose), cache):
             return False
         restart |= self.is_assumed
-        self.is_assumed, self._cache = False, cache
-        self._take(found)
-        self.walk.attach(cache.by_offsets.pose - before)
+        self.is_assumed, self.cache = False, cache
+        self.take(found)
+        self.state.walk.attach(cache.by_offsets.pose - before)
         self._corrected = np.zeros_like(self._corrected)
         self._place_contacts(pose, restart)
-        self._lag.hold_back(np.append(np.zeros(3), self.squeeze - squeeze))
+        self.lag.hold_back(np.append(np.zeros(3), self.squeeze - squeeze))
         return True
 
     def _place_contacts(self, pose: Array, first: bool) -> None:
         """
-        Initialise the shifts of the contacts from a pose, independently of load and offsets.
+        Initialise the shifts of the contacts from a pose (3,) without load [m, rad].
 
         As much of the pose as possible is attributed to the shifts; the rest is the unexplained
         pose.
-
-        :param pose: (3,) pose of the object without load [m, rad].
         """
-        cache, grasp, self._spare = self._cache, self.grasp, 0.0
+        cache, grasp, self._spare = self.cache, self.grasp, 0.0
         shifts = np.zeros(len(grasp.members))
         for _ in range(2):  # the second step has the derivatives at the first solution
-            gain = self._state.initialise(cache, self._friction)
+            gain = self.state.initialise(cache, self._friction)
             off = self._even * pose_difference(pose, self.grasp.pose)
             moved = (gain @ (off + cache.rates.pose[:, SHIFTS:] @ shifts))[SHIFTS:] - shifts
             placed = cache.placed(moved)
@@ -381,13 +336,13 @@ class GripBelief:
                 break
             shifts = shifts + moved
             self._spare = cache.margin(grasp) - cache.margin(placed)
-            self._take(placed)
+            self.take(placed)
         off = self._even * pose_difference(pose, self.grasp.pose)
-        self._state.bias = off
+        self.state.bias = off
         if first:
-            self._state.forget()
+            self.state.forget()
             off = off + cache.rates.pose[:, SHIFTS:] @ shifts
-        self._state.initialise(cache, self._friction, off if first else None)
+        self.state.initialise(cache, self._friction, off if first else None)
 
     def _hold(self, grasp: HeldGrip) -> HoldStatus:
         """Return the hold status of an equilibrium; `UNSTABLE` if it has no response to loads."""
@@ -395,40 +350,21 @@ class GripBelief:
             return HoldStatus.UNSTABLE
         return grasp.hold((1.0 + 2.0 * self.settings.squeeze_error) * self._friction)
 
-    def set_zero_covariance(self, covariance: Array) -> None:
-        """
-        Replace the prior covariance of the roller offsets.
-
-        :param covariance: (r, r) covariance of the roller offsets [m^2].
-        """
-        self._state.set_prior(covariance)
-
     def correct_zeros(self, moved: Array) -> None:
         """
-        Correct the roller offsets without changing the object's pose.
+        Increase the roller offsets by `moved` (r,) without changing the object's pose [m].
 
         The next equilibrium contains the correction; until then the squeeze follows to first
         order.
-
-        :param moved: (r,) increases of the roller offsets, and thus of the roller positions [m].
         """
-        self._cache.correct_zeros(moved, self._state.sensitivity, SHIFTS)
-        self._state.shift(moved)
+        self.cache.correct_zeros(moved, self.state.sensitivity, SHIFTS)
+        self.state.shift(moved)
         self._corrected = self._corrected + moved
 
-    def pass_corrections(self, elapsed: float, filter_time: float) -> None:
-        """
-        Advance the two low-pass filters through which pose and squeeze corrections pass.
-
-        :param elapsed: time since the last call [s].
-        :param filter_time: time constant of the low-pass filters [s].
-        """
-        self._lag.advance(elapsed, filter_time)
-
-    def _take(self, grasp: HeldGrip) -> None:
-        """Set the equilibrium."""
-        self._cache.take(grasp)
-        self._rolled = self._lag.time
-        size = len(self._cache.rates.squeeze)
-        if size != len(self._state.covariance):
-            self._state.resize(size, SHIFTS, grasp.arm**2)
+    def take(self, grasp: HeldGrip) -> None:
+        """Set the equilibrium, for example one that another belief has found."""
+        self.cache.take(grasp)
+        self._rolled = self.lag.time
+        size = len(self.cache.rates.squeeze)
+        if size != len(self.state.covariance):
+            self.state.resize(size, SHIFTS, grasp.arm**2)

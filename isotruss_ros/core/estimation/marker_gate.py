@@ -17,12 +17,7 @@ FALSE_ALARM_PROBABILITY = 1.5e-5
 
 
 def passes_gate(innovation: Array, covariance: Array) -> bool:
-    """
-    Return whether an innovation is so small that its measurement is accepted (chi-square gate).
-
-    :param innovation: (m,) measured minus predicted values.
-    :param covariance: (m, m) covariance of the innovation.
-    """
+    """Return whether an innovation (m,) with a covariance (m, m) passes the chi-square gate."""
     return _size(innovation, covariance) <= _gate(len(innovation))
 
 
@@ -75,8 +70,7 @@ def find_swap(measured: Array, expected: Array, covariance: Array) -> tuple[int,
     """
     Return two markers whose swap makes all markers consistent; None without such a pair.
 
-    :param measured: (k, 2) measured joint positions [m].
-    :param expected: (k, 2) predicted joint positions [m].
+    :param measured: (k, 2) measured joint positions, as `expected` [m].
     :param covariance: (2k, 2k) covariance of the difference [m^2].
     """
     for pair in itertools.combinations(range(len(measured)), 2):

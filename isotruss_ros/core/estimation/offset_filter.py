@@ -80,18 +80,13 @@ class OffsetFilter:
         """
         Propagate the covariance of offsets and marker errors by process noise.
 
-        :param elapsed: time since the last call [s].
-        :param travel: (r,) absolute roller travel since the last call [m].
+        :param travel: (r,) absolute roller travel in the elapsed time [m].
         """
         given = self._settings
         self.inflate(given.slip**2 * SLIP_LENGTH * travel + given.drift**2 * elapsed)
 
     def inflate(self, variances: Array) -> None:
-        """
-        Increase the variances of the offsets, at most to the variance of unknown offsets.
-
-        :param variances: (r,) increments [m^2].
-        """
+        """Increase the variances (r,) of the offsets, at most to that of unknown offsets [m^2]."""
         covariance, own = self.covariance.copy(), np.arange(self._count)
         most = np.maximum(MAX_OFFSET_DEVIATION**2 - covariance[own, own], 0.0)
         added = np.minimum(variances, most)

@@ -24,8 +24,7 @@ class PoseNoise:
 
     :ivar variances: (3,) variances of x, of y, and of the angle times the characteristic radius;
         they include the model error [m^2].
-    :param deviations: (3,) prior standard deviations of x, of y, and of the angle times the
-        characteristic radius [m].
+    :param deviations: (3,) prior standard deviations of the same [m].
     """
 
     def __init__(self, deviations: Array) -> None:
@@ -37,8 +36,7 @@ class PoseNoise:
         """
         Update the estimated variances of the pose noise with a measured pose.
 
-        :param off: (3,) measured pose minus the pose predicted from roller travel, rotations times
-            the characteristic radius [m].
+        :param off: (3,) measured pose minus that by roller travel alone, see `variances` [m].
         """
         last, self._last = self._last, off
         if last is None:

@@ -32,9 +32,7 @@ class SlipWatch:
         """
         Add an estimate of the offsets, and compare it with earlier estimates.
 
-        :param time: time of the estimate [s].
         :param travel: (r,) encoder readings [m].
-        :param offsets: (r,) estimated offsets [m].
         :param variances: (r,) variances of the offsets [m^2].
         """
         kept = self._kept

@@ -19,7 +19,7 @@ import math
 from isotruss_ros.core.errors import ConfigurationError, GraspError, StructureError
 from isotruss_ros.core.estimation.contact_walk import JUMP_LENGTH
 from isotruss_ros.core.estimation.grip_belief import GripBelief
-from isotruss_ros.core.estimation.grip_model import attach_model
+from isotruss_ros.core.estimation.grip_model import attach_model, SHIFTS
 from isotruss_ros.core.estimation.marker_gate import find_swap, judge_markers
 from isotruss_ros.core.estimation.offset_filter import OffsetFilter
 from isotruss_ros.core.estimation.slip_watch import SlipWatch
@@ -46,9 +46,7 @@ class StateEstimator:
     """
     Kalman filters of the roller offsets and of the grip.
 
-    :ivar settings: prior standard deviations.
     :ivar belief: belief of the grip; None without a held object.
-
     :param settings: prior standard deviations; None: defaults for a robot without calibration.
     """
 
@@ -76,11 +74,7 @@ class StateEstimator:
 
     @grip.setter
     def grip(self, grip: Grip | None) -> None:
-        """
-        Set the grip that may hold an object.
-
-        :param grip: the grip, with the object at any pose; None: no grip.
-        """
+        """Set the grip that may hold an object, with the object at any pose; None: no grip."""
         if grip is not None:
             find_members(self._robot, grip.members)
         self._grip, self.belief, self._record = grip, None, None
@@ -89,7 +83,6 @@ class StateEstimator:
         """
         Advance the estimate to an encoder reading; ignore readings not later than the last.
 
-        :param time: time of the reading [s].
         :param readings: (r,) encoder readings: roller travel since home minus roller offset [m].
         """
         readings = self._robot.check_rollers(readings, 'encoder readings [m]')
@@ -140,8 +133,6 @@ class StateEstimator:
         """
         Update the belief of the grip with a measured pose.
 
-        :param time: time of the measurement [s].
-        :param pose: pose of the object, robot frame.
         :param deviations: (3,) standard deviations of x, y [m] and angle [rad], positive.
         :return: whether the pose was used; it is not used if it is old or repeated, or if no
             object is held.
@@ -160,7 +151,7 @@ class StateEstimator:
         searched, belief = known is not None and known.searches > searches, self.belief
         if belief is not None:
             belief.observe(pose, self._rolled - time)
-            if searched or (belief.jump <= JUMP_LENGTH and not belief.slipped):
+            if searched or (belief.state.jump <= JUMP_LENGTH and not belief.slipped):
                 return True
         elif searched:
             return False
@@ -174,7 +165,6 @@ class StateEstimator:
         """
         Update the roller offsets with markers on joints; reject inconsistent markers.
 
-        :param time: time of the measurement [s].
         :param joints: measured position (x, y) for the name of each joint, robot frame [m].
         :param deviation: standard deviation of a coordinate, positive [m].
         :return: whether at least one marker was used; old and repeated markers are not used.
@@ -193,7 +183,7 @@ class StateEstimator:
         readings, zeros = self._readings.at(time), self._zeros
         self._roll()
         if self._record is not None and self.belief is not None:
-            self.belief.adopt(self._held)  # for its derivatives
+            self.belief.take(self._held)  # for its derivatives
         values, rates = self._place_joints(readings, zeros.offsets)
         rows = np.array([2 * names.index(name) + i for name in joints for i in (0, 1)])
         expected, slopes = zeros.expect(values, rates, rows)
@@ -220,7 +210,7 @@ class StateEstimator:
         )
         if self.belief is not None:
             self.belief.correct_zeros(zeros.offsets - before)
-            self.belief.set_zero_covariance(zeros.offset_covariance)
+            self.belief.state.set_prior(zeros.offset_covariance)
         variances = np.diag(zeros.offset_covariance) + self.settings.joint_error**2
         self._slips.add(time, readings, zeros.offsets, variances)
         return True
@@ -324,7 +314,8 @@ class StateEstimator:
             return places, rates
         # Displacement due to the contact forces, and its derivative with respect to the offsets.
         grasp = belief.grasp if self._record is None else self._held
-        beyond = belief.joint_rates() - belief.grasp.config.node_jacobian[:count]
+        by_offsets = belief.cache.by_offsets.joint_rates(belief.state.sensitivity[SHIFTS:])
+        beyond = by_offsets - belief.grasp.config.node_jacobian[:count]
         displaced = held_joints(grasp).ravel() - grasp.config.nodes.ravel()[:count]
         return places + displaced + beyond @ (offsets - self._used_offsets), rates + beyond
 

@@ -74,24 +74,24 @@ class GripFaults:
         :param elapsed: time since the previous pose [s].
         :param velocity: (3,) executed part of the commanded twist [m/s, rad/s].
         """
-        surface = velocity * np.array([1.0, 1.0, belief.grasp.arm])
+        state, surface = belief.state, velocity * np.array([1.0, 1.0, belief.grasp.arm])
         travel = elapsed * float(np.linalg.norm(surface))
         if self.fault is Status.HALT_OSCILLATES:
             self._rest -= elapsed
             if self._rest <= 0.0:
                 self.fault = None
                 self.swings.forget()
-        swings = self.swings.update(belief.correction, belief.noise.deviation, elapsed, travel)
+        swings = self.swings.update(belief.correction, state.noise.deviation, elapsed, travel)
         if self.fault is None and swings:
             self.fault = Status.HALT_OSCILLATES
             self._rest, self.softening = REST_TIME, 0.5 * self.softening
-        walked = belief.walk.length
-        if belief.jump:
+        walked = state.walk.length
+        if state.jump:
             self.slipped = walked
         elif walked < 0.5 * self.slipped:
             self.slipped = 0.0
         cause = f'the object moved by {1e3 * walked:.0f} mm against the members'
-        if belief.jump > JUMP_LENGTH:
+        if state.jump > JUMP_LENGTH:
             self.fail(Status.HALT_NOT_HELD, cause)
         elif belief.slipped:
             self.fail(Status.HALT_SLIPPED, cause)

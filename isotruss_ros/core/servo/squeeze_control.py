@@ -117,7 +117,7 @@ class SqueezeControl(GripFaults):
             return
         use = self._readings.use
         if covariance is not None and (time is None or use('estimate', time, covariance)):
-            belief.set_zero_covariance(covariance)
+            belief.state.set_prior(covariance)
         if before is not None and not np.array_equal(offsets, before):
             belief.correct_zeros(offsets - before)
 
@@ -152,7 +152,7 @@ class SqueezeControl(GripFaults):
             self.belief, self._lost = None, hold
             return hold
         self._choose_gain(belief)
-        belief.pass_corrections(elapsed, 1.0 / self.gain)
+        belief.lag.advance(elapsed, 1.0 / self.gain)
         self._since += elapsed
         pose, age = (grip.body.pose, 0.0) if sample is None else (sample[0].value, sample[1])
         if sample is None or self._readings.use('pose', sample[0].time, pose):
@@ -176,9 +176,9 @@ class SqueezeControl(GripFaults):
             still = np.zeros(len(belief.grasp.config.roller_positions))
             return RollerCommand(still, np.zeros(3), 0.0, self.fault)
         missing = self._desired_squeeze(belief) - belief.regulated_squeeze
-        rate = min(MAX_SQUEEZE_GAIN, self.gain) * missing - belief.drift[3]
+        rate = min(MAX_SQUEEZE_GAIN, self.gain) * missing - belief.cache.drift[3]
         rate = max(-MAX_FORCE_RATE, min(rate, MAX_FORCE_RATE))
-        opening = rate / belief.slope
+        opening = rate / belief.grasp.squeeze_stiffness()
         if self.fault is not None:
             return replace(solve(np.zeros(3), opening), scale=0.0, status=self.fault)
         twist, correction = np.asarray(twist), self._correction(belief, period)
@@ -187,7 +187,7 @@ class SqueezeControl(GripFaults):
             # The contacts do not admit the correction of the pose.
             command = replace(command, status=Status.OK)
         free = belief.slip_margin - MIN_RELATIVE_MARGIN * belief.regulated_squeeze
-        share = belief.usage.margin_share(command, period, free)
+        share = belief.cache.usage.margin_share(command, period, free)
         if share < 1.0 and twist.any():
             slowed = _solve_within_limits(share * twist + correction, opening, solve)
             command = replace(
@@ -196,7 +196,7 @@ class SqueezeControl(GripFaults):
                 status=Status.SLOWED_SLIP_MARGIN,
                 limiting=(*slowed.limiting, 'the slip margin'),
             )
-        return belief.usage.limit_utilisation(command, period, self.settings.max_utilisation)
+        return belief.cache.usage.limit_utilisation(command, period, self.settings.max_utilisation)
 
     def _desired_squeeze(self, belief: GripBelief) -> float:
         """
@@ -231,7 +231,7 @@ class SqueezeControl(GripFaults):
             self.reference = here
         # A command that is valid for longer than the period must not overshoot.
         gain = min(self.gain, 0.5 / max(period, self._elapsed))
-        return gain * pose_difference(self.reference, here) - belief.drift[:3]
+        return gain * pose_difference(self.reference, here) - belief.cache.drift[:3]
 
     def _begin(self, config: Configuration, grip: Grip, gripped: bool) -> HoldStatus:
         """Start the belief of the grip; return the hold status of the object."""
@@ -252,7 +252,7 @@ class SqueezeControl(GripFaults):
 
     def _choose_gain(self, belief: GripBelief) -> None:
         """Choose the gain from the settings, or else from the natural frequency."""
-        settings, differentiated = self.settings, belief.differentiated
+        settings, differentiated = self.settings, belief.cache.by_offsets.grasp
         if differentiated is not self._tuned[0]:
             self._tuned = differentiated, lowest_frequency(differentiated)
         self.frequency = settings.frequency or self._tuned[1]

@@ -117,7 +117,7 @@ class TwistServo(ServoState):
             frequency=squeeze.frequency or 0.0,
             pose_gain=squeeze.gain,
             squeeze=force or (belief.squeeze, belief.squeeze_deviation),
-            pose_delay=belief.delay,
+            pose_delay=belief.state.delay,
         )
 
     def command(self, velocities: Array, now: float) -> Array:

@@ -16,7 +16,6 @@ from isotruss_ros.core.estimation.pose_noise import PoseNoise
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings
 from isotruss_ros.core.holding.held_gradient import held_gradient
 from isotruss_ros.core.holding.roll_grip import roll_grip
-from isotruss_ros.core.servo.loop_gains import gains_of
 from nightly import some_now
 import numpy as np
 import pytest
@@ -26,7 +25,7 @@ GRIP = Grip.at_module(CONFIG.robot, 'north/Z', CYLINDER)
 MODEL = attach_model(CONFIG, GRIP)
 ARM = np.array([1.0, 1.0, MODEL.arm])
 BOX_HOME = make_robot().home
-PERIOD, GAINS = 0.05, gains_of(4.0)
+PERIOD, FILTER_TIME = 0.05, 0.25
 #: Travel of the rollers in a second [m].
 TRAVEL = np.array([8e-3, -5e-3, 4e-3, -6e-3, 3e-3, -7e-3])
 
@@ -50,7 +49,7 @@ def carry(
         poses[k] = np.array(grasp.pose) if away is None else np.array(grasp.pose) + away
         seen = poses.get(k - round(late / period), poses[1])
         belief.observe(Pose(*seen + noise * rng.normal(size=3) / ARM), 0.0)
-        found.append(belief.innovation)
+        found.append(belief.state.innovation)
     return np.array(found)
 
 
@@ -102,22 +101,22 @@ def test_calibrations_of_the_robot_file_state_the_deviations_of_stiffness_and_of
 def test_the_delay_of_poses_is_estimated_where_the_speed_changes():
     belief = believed()
     carry(belief, 6.0, 1e-4, 4.0, late=PERIOD)
-    assert belief.delay == pytest.approx(PERIOD, abs=0.015)
+    assert belief.state.delay == pytest.approx(PERIOD, abs=0.015)
     belief = believed()
     carry(belief, 3.0, 1e-4, 4.0)
-    assert belief.delay < 0.01
+    assert belief.state.delay < 0.01
 
 
 def test_noise_of_encoders_is_no_delay_of_poses():
     belief = believed()
     carry(belief, 3.0, 2e-4, 1.0, encoders=1e-4, period=0.02)
-    assert belief.delay < 0.01
+    assert belief.state.delay < 0.01
 
 
 def test_a_long_delay_of_poses_counts_in_the_test_for_slip_and_is_no_slip():
     belief = believed()
     carry(belief, 2.0, 1e-4, 4.0, late=2.0 * PERIOD)
-    assert 2.0 < belief.delay / DELAY_DEVIATION < belief.slip_deviations < MAX_DEVIATIONS
+    assert 2.0 < belief.state.delay / DELAY_DEVIATION < belief.slip_deviations < MAX_DEVIATIONS
 
 
 @pytest.mark.parametrize('age', [0.5, 2.0])
@@ -154,7 +153,7 @@ def test_corrections_reach_the_loop_behind_two_low_passes():
     assert belief.regulated_pose == pytest.approx(still, abs=1e-9)
     for _ in range(60):
         belief.follow(CONFIG, PERIOD, None)
-        belief.pass_corrections(PERIOD, GAINS.filter_time)
+        belief.lag.advance(PERIOD, FILTER_TIME)
         belief.observe(off, 0.0)
     assert belief.regulated_pose == pytest.approx(belief.pose, abs=3e-4)
 
@@ -174,7 +173,7 @@ def test_length_of_a_jump_counts_all_coordinates(away):
     belief = believed()
     carry(belief, 0.5, 1e-5)
     belief.observe(Pose(*belief.pose + away), 0.0)
-    assert belief.jump == pytest.approx(np.linalg.norm(ARM * away), rel=0.05)
+    assert belief.state.jump == pytest.approx(np.linalg.norm(ARM * away), rel=0.05)
 
 
 @pytest.mark.parametrize('attached', [False, True])
@@ -238,7 +237,7 @@ def test_a_box_tilted_off_its_face_has_the_squeeze_of_its_contacts(shifts):
     assert (len(tilted.anchors), len(laid.anchors)) == (2, 3)
     belief = GripBelief(laid, measured, EstimatorSettings(zero_deviation=1e-3))
     assert belief.squeeze == pytest.approx(tilted.squeeze, rel=0.01)
-    assert np.abs(belief.bias).max() < 2e-4
+    assert np.abs(belief.state.bias).max() < 2e-4
 
 
 def test_pose_and_squeeze_between_equilibria_are_extrapolated_from_the_last_motion():

@@ -309,10 +309,10 @@ def test_a_turn_by_rollers_that_follow_late_is_no_slip(rollers_late, pose_late, 
             servo.receive(twist=twist, rollers=rollers[-1], pose=poses[-1])
             decision = servo.decide(now)
             assert decision.command.status < Status.HALT_NO_TWIST
-            lengths.append(servo.squeeze.belief.walk.length)
+            lengths.append(servo.squeeze.belief.state.walk.length)
         if not stands:
             plant.command(decision.command.roller_velocities)
         plant.advance(period)
     assert held.grasp.squeeze == pytest.approx(squeeze.force, rel=0.05)
     assert max(lengths) < 5e-4
-    assert servo.squeeze.belief.delay < 5e-3
+    assert servo.squeeze.belief.state.delay < 5e-3

@@ -227,7 +227,7 @@ def test_slipped_object_is_not_moved_while_the_squeeze_is_regulated():
     belief = control.belief
     missing = MODEL.squeeze + 1.0 - belief.regulated_squeeze
     rate = np.clip(5.0 * missing, -10.0, 10.0)
-    assert opening_rate * belief.slope == pytest.approx(rate, rel=0.05)
+    assert opening_rate * belief.grasp.squeeze_stiffness() == pytest.approx(rate, rel=0.05)
     assert (command.status, command.scale) == (Status.HALT_SLIPPED, 0.0)
     assert command.roller_velocities.any()
 
@@ -309,7 +309,7 @@ def moved(left, error=0.0):
     held = Grip.at_module(CONFIG.robot, 'north/Z', MODEL.body, friction)
     assert control.follow(CONFIG, held, 0.0) is HoldStatus.HELD
     travel = 0.02 * solve_at_rest(np.array(twist), 0.0).roller_velocities
-    control.belief.usage.learn(control.belief.grasp, -10.0, travel)
+    control.belief.cache.usage.learn(control.belief.grasp, -10.0, travel)
     control.reference = control.belief.regulated_pose + np.array([0.0, error, 0.0])
     return control.solve(np.array(twist), 0.02, solve_at_rest)
 

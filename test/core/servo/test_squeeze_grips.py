@@ -79,7 +79,7 @@ def test_a_step_of_the_pose_by_new_contacts_is_not_fed_forward():
     while len(loop.control.belief.grasp.contacts.members if loop.control.belief else ()) < 3:
         assert len(drifts) < 20
         loop.run((0.0, 0.0, -0.2), loop.period)
-        drifts.append(np.abs(loop.control.belief.drift).max())
+        drifts.append(np.abs(loop.control.belief.cache.drift).max())
     assert drifts[-1] == 0.0 < drifts[-2]
 
 
