@@ -93,8 +93,8 @@ class BeliefStart:
 
     def _is_desired(self, equilibrium: HeldGrip, force: float) -> bool:
         """Return whether an assumed grip has the desired squeeze; if not, correct the depth."""
-        ratio = equilibrium.squeeze / force
-        if abs(ratio - 1.0) <= 2.0 * PRIOR.squeeze_error:
+        squeeze = equilibrium.squeeze
+        if abs(squeeze - force) <= 2.0 * PRIOR.squeeze_error * force:
             return True
-        self._depth = min(self._depth / max(ratio, 0.25), 4.0 * PRIOR.zero_deviation)
+        self._depth = min(self._depth * force / squeeze, 4.0 * PRIOR.zero_deviation)
         return False

@@ -152,6 +152,24 @@ def test_a_load_of_zero_stands_for_that_of_the_estimator(given, used):
     assert start.belief.settings.load == used
 
 
+@pytest.mark.parametrize('force', [0.8, 1.3, 2.0])
+def test_an_assumed_squeeze_is_within_two_model_errors_of_the_setting(force):
+    start, wanted = BeliefStart(), replace(SETTINGS, force=force * SETTINGS.force)
+    for _ in range(12):
+        start.search(HOME, measured(OUTSIDE[0]), wanted, True, None, None)
+        if start.belief is not None:
+            break
+    error = 2.0 * EstimatorSettings().squeeze_error
+    assert start.belief.squeeze == pytest.approx(wanted.force, rel=error)
+
+
+def test_no_equilibrium_is_assumed_for_a_squeeze_of_zero():
+    start, wanted = BeliefStart(), replace(SETTINGS, force=0.0)
+    for _ in range(6):
+        start.search(HOME, measured(OUTSIDE[0]), wanted, True, None, None)
+    assert start.belief is None
+
+
 @pytest.mark.parametrize('away', OUTSIDE)
 def test_an_assumed_squeeze_is_unknown_and_stays_as_assumed(away):
     control, grip = SqueezeControl(SETTINGS), measured(away)

@@ -42,7 +42,14 @@ INPUTS = [
     ('pose', Pose(0.0, 0.1, 0.2), [((0.0, 0.1, 0.2, 0.3), 'pose'), ((math.nan,) * 3, 'pose')]),
     ('wrench', (1.0, 2.0, 0.1), [((1.0, 2.0), 'wrench'), ((1e7, 0.0, 0.0), 'wrench')]),
     ('pressures', (3e4,) * 3, [((3e4,) * 2, 'pressure'), ((-1.0, 3e4, 3e4), 'pressure')]),
-    ('rollers', RollerState(NONE, NONE), [(RollerState(NONE[1:], NONE), 'positions of rollers')]),
+    (
+        'rollers',
+        RollerState(NONE, NONE),
+        [
+            (RollerState(NONE[1:], NONE), 'positions of rollers'),
+            (RollerState(NONE, NONE[1:]), 'velocities of rollers'),
+        ],
+    ),
     (
         'estimate',
         EstimatedTravel(NONE, np.eye(COUNT)),

@@ -97,10 +97,11 @@ def test_a_change_of_what_moves_halts_until_the_next_twist(before, after):
 
 def test_a_joint_does_not_turn_and_must_exist():
     made = servo('Z')
-    made.receive(twist=StampedInput((*VELOCITY, 0.1), NOW))
-    decision = made.decide(NOW)
-    assert decision.command.status is Status.HALT_INVALID_TWIST
-    assert 'must be 0' in decision.message
+    for turn in (0.1, -0.1):
+        made.receive(twist=StampedInput((*VELOCITY, turn), NOW))
+        decision = made.decide(NOW)
+        assert decision.command.status is Status.HALT_INVALID_TWIST
+        assert 'must be 0' in decision.message
     with pytest.raises(GraspError, match='P, Q, R, X, Y, Z'):
         made.apply(replace(made.settings, joint='S'))
     assert made.settings.joint == 'Z'

@@ -275,7 +275,7 @@ def test_limits_slow_the_twist_before_the_squeeze(status):
     command = control.solve(np.array([0.05, 0.0, 0.0]), 0.02, solve)
     rows = grip_jacobian(CONFIG, AT_REST)
     assert command.status is status
-    assert command.scale < 0.5
+    assert 0.0 < command.scale < 0.5
     assert rows[3] @ command.roller_velocities == pytest.approx(opening, rel=0.02)
 
 
