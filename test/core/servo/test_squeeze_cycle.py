@@ -275,8 +275,22 @@ def test_limits_slow_the_twist_before_the_squeeze(status):
     command = control.solve(np.array([0.05, 0.0, 0.0]), 0.02, solve)
     rows = grip_jacobian(CONFIG, AT_REST)
     assert command.status is status
-    assert 0.0 < command.scale < 0.5
+    assert command.scale < 0.5
     assert rows[3] @ command.roller_velocities == pytest.approx(opening, rel=0.02)
+
+
+def test_a_twist_is_slowed_no_more_than_its_limit_demands():
+    control = at_rest(1.0)
+
+    def solve(twist, opening_rate):
+        share = min(1.0, 0.02 / max(np.linalg.norm(twist), 1e-9))
+        command = solve_at_rest(share * twist, opening_rate)
+        status = Status.OK if share > 1.0 - 1e-9 else Status.SLOWED_OBJECT
+        return replace(command, scale=1.0 if status is Status.OK else share, status=status)
+
+    command = control.solve(np.array([0.05, 0.0, 0.0]), 0.02, solve)
+    assert (command.status, command.scale) == (Status.SLOWED_OBJECT, pytest.approx(0.4, rel=1e-3))
+    assert command.achieved_twist[0] == pytest.approx(0.02, rel=1e-3)
 
 
 def test_a_limit_that_admits_no_twist_leaves_the_squeeze():
