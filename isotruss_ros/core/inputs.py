@@ -336,6 +336,7 @@ class CommandHistory:
     History of commanded roller speeds, which are piecewise constant in time.
 
     :ivar last: (r,) speeds of the last command [m/s]; None without commands.
+    :ivar step: (r,) change of the speeds by the last command [m/s].
     """
 
     def __init__(self, count: int) -> None:
@@ -345,6 +346,7 @@ class CommandHistory:
     def clear(self) -> None:
         """Remove all commands from the history."""
         self.last: Array | None = None
+        self.step = np.zeros(self._count)
         self._travel = Timeline()  # integral of the commands up to each time, from any start [m]
 
     def discard_old(self, now: float, span: float) -> None:
@@ -365,6 +367,7 @@ class CommandHistory:
         """Record commanded roller speeds (r,) [m/s] that are valid from the time `now`."""
         none = np.zeros(self._count)
         self._travel.add(now, none if self.last is None else self._until(now, none))
+        self.step = speeds - (none if self.last is None else self.last)
         self.last = speeds
 
     def travel(self, begin: float, end: float, before: Array) -> Array:

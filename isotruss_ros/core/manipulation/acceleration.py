@@ -5,9 +5,13 @@
 Limit of the roller accelerations from one control cycle to the next.
 
 The command is a point on the straight line from the previous to the desired command, as close to
-the desired command as the largest change of a roller's speed admits. Both ends of the line fulfil
-the linear constraints of contacts and limits, so every point of the line fulfils these
-constraints.
+the desired command as the largest change of a roller's speed admits. The line begins at the
+command closest to the previous one that fulfils the linear constraints of contacts and limits in
+the present configuration. So every point of the line fulfils these constraints.
+
+The desired speeds have corners in time where a limit begins or ceases to bind. There a roller that
+accelerated would decelerate in the next cycle. Roller speeds with the same twist that avoid such
+reversals replace the command, if there are any within the limits.
 """
 
 from __future__ import annotations
@@ -17,18 +21,24 @@ from dataclasses import replace
 
 from isotruss_ros.core.manipulation.limits import Rows
 from isotruss_ros.core.manipulation.status import RollerCommand, Status
-from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.arrays import Array, Flags
+from isotruss_ros.core.numerics.qp import QuadraticProgram, solve_qp
 import numpy as np
+from scipy.linalg import null_space
 
 #: Largest increase of the surface speed of the object relative to that of a roller's speed [-]. It
 #: bounds jumps where a limit ends: without it, the object's speed rises by 13 mm/s in a cycle in
 #: which the rollers' speeds change by 10 mm/s (nine_member).
 SURFACE_ACCELERATION = 0.5
+#: Smallest changes of a roller's speed in opposite directions in two successive cycles that count
+#: as a reversal, relative to the largest change [-]: 1 mm/s in cycles of 10 ms at 1 m/s^2.
+REVERSAL_SHARE = 0.1
 
 
 def limit_acceleration(
     command: RollerCommand,
     previous: Array,
+    step: Array,
     change: float,
     find_rows: Callable[[], Rows],
     arm: float | None = None,
@@ -40,36 +50,78 @@ def limit_acceleration(
     decelerates by at most `change`.
 
     :param previous: (r,) roller speeds of the previous cycle [m/s].
+    :param step: (r,) change of the roller speeds in the previous cycle [m/s].
     :param change: largest change of a speed, positive [m/s].
     :param find_rows: function that returns the rows of the limits at the command's configuration,
         see `stack_rows`.
     :param arm: factor from angular velocity to the speed of the object's surface [m]; None if no
         object is moved.
     """
-    wanted = command.roller_velocities
-    if command.motion is None or arm is None:
-        weighted = np.zeros((1, len(wanted)))
-    else:
-        weighted = command.motion * np.array([[1.0], [1.0], [arm]])
+    motion, contacts = command.motion, command.contact_rows
+    if motion is None or contacts is None:
+        return command  # a halt
+    velocities = wanted = command.roller_velocities
+    weighted = motion * (0.0 if arm is None else np.array([[1.0], [1.0], [arm]]))
     top = float(np.linalg.norm(weighted.dot(previous))) + SURFACE_ACCELERATION * change
     faster = bool(np.linalg.norm(weighted.dot(wanted)) > top)
-    if not faster and np.abs(wanted - previous).max() <= change:
-        return command
-    start = _brake(_keep_contacts(command.contact_rows, previous), find_rows())
-    share = _largest_share(start - previous, wanted - start, change)
-    if faster:
-        share = min(share, _surface_share(weighted.dot(start), weighted.dot(wanted), top))
-    velocities = limit_change(start + share * (wanted - start), previous, change)
-    achieved = command.achieved_twist.copy()
-    if command.motion is not None:
-        moved = command.motion.dot(velocities)
-        achieved[: len(moved)] = moved
-    return replace(
-        command,
-        roller_velocities=velocities,
-        achieved_twist=achieved,
-        status=Status.ACCELERATING,
-    )
+    limited = faster or bool(np.abs(wanted - previous).max() > change)
+    moving = (wanted != 0.0) | (previous != 0.0)  # failed rollers stand still
+    if limited:
+        start = previous - np.linalg.pinv(contacts).dot(contacts.dot(previous))
+        start = _nearest(start, contacts, moving, find_rows(), 0.0 * start)
+        share = _largest_share(start - previous, wanted - start, change)
+        if faster:
+            share = min(share, _surface_share(weighted.dot(start), weighted.dot(wanted), top))
+        velocities = limit_change(start + share * (wanted - start), previous, change)
+    # After a change by more than `small`, a roller's speed changes back by at most `small`.
+    small, away = REVERSAL_SHARE * change, velocities - previous
+    lower = np.where(step > small, -small, np.minimum(away, -change))
+    upper = np.where(step < -small, small, np.maximum(away, change))
+    if ((away < lower) | (away > upper)).any():
+        rows = find_rows()
+        rates = rows.matrix.dot(velocities)  # a faster stop may be required than is possible
+        rows = Rows(
+            np.concatenate([rows.matrix, np.eye(len(away))]),
+            np.concatenate([np.minimum(rows.lower, rates), previous + lower]),
+            np.concatenate([np.maximum(rows.upper, rates), previous + upper]),
+        )
+        kept = np.concatenate([motion, contacts])
+        velocities = _nearest(velocities, kept, moving, rows, velocities)
+    achieved, moved = command.achieved_twist.copy(), motion.dot(velocities)
+    achieved[: len(moved)] = moved
+    status = Status.ACCELERATING if limited else command.status
+    return replace(command, roller_velocities=velocities, achieved_twist=achieved, status=status)
+
+
+def _nearest(speeds: Array, kept: Array, moving: Flags, rows: Rows, otherwise: Array) -> Array:
+    """
+    Return the roller speeds (r,) that fulfil all rows and are closest to given ones.
+
+    :param kept: (k, r) matrix whose product with the speeds remains as it is.
+    :param moving: (r,) mask of the rollers whose speeds may change.
+    :param otherwise: (r,) result if no such speeds exist.
+    """
+    if (rows.slack(speeds) >= 0.0).all():
+        return speeds
+    directions = null_space(kept[:, moving])
+    if not directions.size:
+        return otherwise
+    basis, origin = np.zeros((len(speeds), directions.shape[1])), np.zeros(directions.shape[1])
+    basis[moving] = directions
+    size = float(np.abs(speeds).max()) or 1.0
+    nearest, used = speeds, np.zeros(len(rows.lower), dtype=bool)
+    # Speeds that fulfil all rows and are closest under some of them are closest under all.
+    while (violated := (rows.slack(nearest) < 0.0) & ~used).any():
+        used |= violated
+        matrix, low, high = rows.take(used)
+        rates, turned = matrix.dot(speeds), matrix.dot(basis)
+        normals = np.concatenate([turned, -turned])
+        room = np.concatenate([high - rates, rates - low]) / size
+        step = solve_qp(QuadraticProgram(np.eye(len(origin)), origin, normals, room))
+        if step is None:
+            return otherwise
+        nearest = speeds + size * basis.dot(step)
+    return nearest
 
 
 def _surface_share(start: Array, wanted: Array, top: float) -> float:
@@ -93,21 +145,6 @@ def limit_change(speeds: Array, previous: Array, change: float) -> Array:
     step = speeds - previous
     largest = float(np.abs(step).max())
     return speeds if largest <= change else previous + (change / largest) * step
-
-
-def _keep_contacts(rows: Array | None, speeds: Array) -> Array:
-    """Return roller speeds (r,), projected on the null space of contact constraints (g, r)."""
-    if rows is None or not len(rows):
-        return speeds
-    return speeds - np.linalg.lstsq(rows, rows.dot(speeds), rcond=None)[0]
-
-
-def _brake(speeds: Array, rows: Rows) -> Array:
-    """Return the largest multiple, at most 1, of roller speeds (r,) that fulfils all rows."""
-    rates = rows.matrix.dot(speeds)
-    room = np.where(rates > 0.0, rows.upper, rows.lower)
-    beyond = np.abs(rates) > np.abs(room)
-    return float(np.min(room[beyond] / rates[beyond], initial=1.0)) * speeds
 
 
 def _largest_share(away: Array, step: Array, change: float) -> float:

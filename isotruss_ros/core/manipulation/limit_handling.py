@@ -37,13 +37,11 @@ ROW_BATCH = 40
 #: to the deviation from the least-cost speeds of the scaled twist [-]. In control loops slower
 #: than `REFERENCE_PERIOD` [s], the weight of progress decreases with the period. While the heading
 #: turns at limits and singular tasks of the nine-member robot, rollers go back and forth by more
-#: than 1 mm/s in 10 of 4872 cycles. With 5 for progress they do so in 15, with 100 in 125; with
-#: 100 for the error of the twist in 13, with 1000 in 332.
+#: than 1 mm/s in 3 of 4872 cycles. With 5 they do so in 10, with 100 in 76.
 PROGRESS_WEIGHT, REFERENCE_PERIOD = 20.0, 1e-2
 #: Value of `LimitHandling.soft_rank` in control loops [-]. In the runs of `PROGRESS_WEIGHT`,
-#: rollers go back and forth in 236 cycles with 0, in 238 with 0.02, in 10 with 0.07, and in 15
-#: with 0.22, but then the object's speed changes by 7 mm/s in a cycle. With 0.07, four other
-#: robots do so in at most 4 of 360 cycles at 20, 50 and 100 mm/s.
+#: rollers go back and forth in 150 cycles with 0, in 69 with 0.02, in 3 with 0.07, and in 4 with
+#: 0.22. With 0.07, four other robots do so in at most 4 of 360 cycles at 20, 50 and 100 mm/s.
 LOOP_SOFT_RANK = 0.07
 
 #: Function from a cost, equality rows and limits to speeds (n,) and progress, see `twist_qp`.

@@ -13,17 +13,21 @@ from isotruss_ros.core import load_robot, solve_twist, Status
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.acceleration import limit_acceleration
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
-from isotruss_ros.core.manipulation.limits import default_limits, stack_rows
+from isotruss_ros.core.manipulation.limits import default_limits, Rows, stack_rows
+from isotruss_ros.core.servo import twist_servo
 from nightly import some_now
 import numpy as np
 import pytest
 from robots import examples
+from scipy.optimize import linprog
 
 ROBOT = load_robot('nine_member')
 N = len(ROBOT.roller_names)
 ACCELERATION = ROBOT.description.max_acceleration
 PERIOD = 0.01
 CHANGE = ACCELERATION * PERIOD
+#: Smallest change of a roller's speed forth and back that counts as a reversal [m/s].
+REVERSAL = 1e-3
 
 
 def driven(module, robot=ROBOT, **settings):
@@ -43,25 +47,55 @@ CASES = [
 ]
 
 
+def can_avoid_reversals(call, velocities):
+    """Return whether other admissible roller speeds move the object alike without reversals."""
+    command, previous, step, change, find_rows = call
+    kept, rows = np.concatenate([command.motion, command.contact_rows]), find_rows()
+    sides = np.concatenate([rows.matrix, -rows.matrix])
+    room = np.concatenate([rows.upper, -rows.lower])
+    bounds = (
+        np.stack(
+            [
+                np.where(step > REVERSAL, -REVERSAL, -change),
+                np.where(step < -REVERSAL, REVERSAL, change),
+            ],
+            axis=1,
+        )
+        + previous[:, None]
+    )
+    finite = np.isfinite(room)
+    found = linprog(np.zeros(N), sides[finite], room[finite], kept, kept @ velocities, bounds)
+    return found.status != 2  # infeasible
+
+
 @pytest.mark.parametrize(('module', 'first', 'slide', 'rate'), some_now(CASES, 1))
-def test_rollers_do_not_chatter_while_the_heading_turns_at_a_limit(module, first, slide, rate):
-    robot, commands = driven(module, slide_along_limits=slide), []
+def test_rollers_reverse_at_a_limit_only_as_the_twist_asks(
+    module, first, slide, rate, monkeypatch
+):
+    robot, commands, calls = driven(module, slide_along_limits=slide), [], []
+
+    def record(*arguments):
+        calls.append(arguments[:-1])
+        return limit_acceleration(*arguments)
+
+    monkeypatch.setattr(twist_servo, 'limit_acceleration', record)
     for cycle in range(600):  # in longer cycles to where the limit is near
         command = robot.step(heading(first), 5.0 * PERIOD)
         if cycle > 20 and command.scale < 0.5:
             break
     robot.step(heading(first))
+    calls.clear()
     for turned in np.arange(0.0, 180.0, rate):
         commands.append(robot.step(heading(first + turned)))
         assert commands[-1].status < Status.HALT_NO_TWIST
         assert robot.change <= CHANGE * (1.0 + 1e-6)
     speeds = [np.linalg.norm(command.achieved_twist[:2]) for command in commands]
     assert np.abs(np.diff(speeds)).max() <= 6e-3
-    steps = np.diff([command.roller_velocities for command in commands], axis=0)
-    back = np.where(
-        steps[1:] * steps[:-1] < 0.0, np.minimum(*np.abs([steps[1:], steps[:-1]])), 0.0
-    )
-    assert (back.max(axis=1) > 1e-3).sum() <= 2  # at bends of the optimum
+    rollers = np.array([command.roller_velocities for command in commands])
+    steps = np.diff(rollers, axis=0)
+    back = np.minimum(*np.abs([steps[1:], steps[:-1]])) * (steps[1:] * steps[:-1] < 0.0)
+    for cycle in 2 + np.flatnonzero(back.max(axis=1) > REVERSAL * (1.0 + 1e-6)):
+        assert not can_avoid_reversals(calls[cycle], rollers[cycle])
 
 
 def test_status_is_accelerating_until_the_twist_is_carried_out():
@@ -132,9 +166,39 @@ def test_commands_on_the_way_keep_contacts_and_limits(seed):
     grip = disc_grip(ROBOT.home, 'north/R', 0.3)
     rows = stack_rows(ROBOT.home, default_limits(ROBOT))
     one, other = (solve_twist(ROBOT.home, grip, 0.1 * rng.standard_normal(3)) for _ in range(2))
-    found = limit_acceleration(other, one.roller_velocities, CHANGE, lambda: rows)
+    step = CHANGE * rng.uniform(-1.0, 1.0, N)
+    found = limit_acceleration(other, one.roller_velocities, step, CHANGE, lambda: rows)
     assert np.abs(found.roller_velocities - one.roller_velocities).max() <= CHANGE * (1.0 + 1e-9)
     jacobian = grip_jacobian(ROBOT.home, grip)
     assert jacobian[3:] @ found.roller_velocities == pytest.approx(0.0, abs=1e-12)
     assert jacobian[:3] @ found.roller_velocities == pytest.approx(found.achieved_twist)
     assert rows.slack(found.roller_velocities).min() >= -1e-9
+
+
+def test_a_violated_limit_changes_the_speeds_by_the_least():
+    """The point of a half space next to another one is on the normal of its bound."""
+    grip, rng = disc_grip(ROBOT.home, 'north/R', 0.3), np.random.default_rng(0)
+    wanted = solve_twist(ROBOT.home, grip, heading(30.0))
+    contacts = grip_jacobian(ROBOT.home, grip)[3:]
+    normal = rng.standard_normal(N)
+    normal -= np.linalg.pinv(contacts) @ contacts @ normal
+    previous = wanted.roller_velocities + 2.0 * CHANGE * normal / np.abs(normal).max()
+    bound = normal @ wanted.roller_velocities
+    rows = Rows(normal[None], np.array([-np.inf]), np.array([bound]))
+    command = limit_acceleration(wanted, previous, np.zeros(N), CHANGE, lambda: rows)
+    middle = 0.5 * (previous + wanted.roller_velocities)
+    assert command.roller_velocities == pytest.approx(middle, abs=1e-9)
+
+
+def test_failed_rollers_stand_still_while_others_avoid_reversals():
+    grip, roller = disc_grip(ROBOT.home, 'north/R', 0.3), ROBOT.roller_names[5]
+    command = solve_twist(ROBOT.home, grip, 0.2 * heading(30.0), [roller])
+    speeds, step = command.roller_velocities, np.zeros(N)
+    step[0] = -np.sign(speeds[0]) * CHANGE
+    previous = speeds - 0.5 * CHANGE * np.sign(speeds)
+    previous[5] = 0.0
+    rows = stack_rows(ROBOT.home, default_limits(ROBOT))
+    changed = limit_acceleration(command, previous, step, CHANGE, lambda: rows)
+    assert changed.roller_velocities[5] == 0.0
+    assert (changed.roller_velocities != speeds).any()
+    assert changed.achieved_twist == pytest.approx(command.achieved_twist, abs=1e-12)
