@@ -80,12 +80,7 @@ class Constraints:
         return coo_matrix((order, (rows, columns)), shape=(self.n_rows, self.n_columns)).tocsc()
 
     def residual(self, points: Points, targets: Targets) -> Array:
-        """
-        Return the residual of the kinematic constraints.
-
-        :param points: (n,) nodes [m].
-        :return: (5m + g,) residuals: members and modules [m], bisection (3) [rad], ground [m].
-        """
+        """Return the residuals (5m + g,): lengths [m], bisection (3) [rad], ground [m]."""
         stretched = self.spans(points)
         return np.concatenate(
             [
@@ -103,21 +98,14 @@ class Constraints:
         return np.arctan2(turned.imag, turned.real)
 
     def spans(self, points: Points) -> Points:
-        """
-        Return vectors (4m,) along the members, then AB, AC and BC of the modules [m].
-
-        :param points: (n,) nodes [m].
-        """
+        """Return vectors (4m,) along the members, then AB, AC and BC of the modules [m]."""
         return points.take(self._heads) - points.take(self._tails)
 
     def matrix(self, points: Points) -> Array | csc_matrix:
         """
-        Return the Jacobian of the residual with respect to the node coordinates.
+        Return the Jacobian (5m + g, 2n) of the residual by the nodes x0, y0, x1, y1, ...
 
-        The columns are x0, y0, x1, y1, ...
-
-        :param points: (n,) nodes [m].
-        :return: (5m + g, 2n) matrix, dense, or sparse for a large robot.
+        It is dense, or sparse for a large robot.
         """
         return self.matrix_of(self.gradients(points))
 
@@ -125,12 +113,9 @@ class Constraints:
         """
         Return the nonzero entries of the Jacobian (12), see `matrix`.
 
-        Each entry is the gradient of one constraint with respect to one node, x + iy.
-
-        :param points: (n,) nodes [m].
-        :return: (13m,) entries: first the gradients of the 4m lengths (see `Targets`) with respect
-            to the end nodes [-], then with respect to the start nodes (the negatives of the
-            first), and last the 5m gradients of the bisection rows [1/m].
+        Each entry is the gradient of one constraint by one node, x + iy: first the gradients of
+        the 4m lengths (see `Targets`) by the end nodes [-], then by the start nodes (the negatives
+        of the first), and last the 5m gradients of the bisection rows [1/m].
         """
         m = self._topology.n_modules
         spans = self.spans(points).reshape(4, m)
@@ -145,11 +130,7 @@ class Constraints:
         return np.concatenate([along, -along, *bend])
 
     def matrix_of(self, values: Points) -> Array | csc_matrix:
-        """
-        Return the constraint Jacobian with given nonzero entries; see `matrix`.
-
-        :param values: (13m,) entries, see `gradients`.
-        """
+        """Return the matrix (see `matrix`) with given nonzero entries (see `gradients`)."""
         if self._sparse is not None:
             data = np.concatenate([values.view(np.float64), np.ones(len(self._ground_rows))])
             pattern = self._sparse
@@ -170,11 +151,8 @@ class Constraints:
         d2|v|[a, b] = (n . a) (n . b) / |v| and d2t[a, b] = -Im(a b / v^2), with the unit normal n
         and the direction angle t of v.
 
-        :param points: (n,) nodes [m].
-        :param weights: (5m + g, p) factors of the rows of the Jacobian J, see `matrix`; one column
-            for each scalar.
+        :param weights: (5m + g, p) factors of the rows of the Jacobian J.
         :param motions: (2n, p) velocities of the nodes.
-        :return: (2n, p) derivatives of the p scalars with respect to the node coordinates.
         """
         m = self._topology.n_modules
         stretched = (points[self._heads] - points[self._tails])[:, None]

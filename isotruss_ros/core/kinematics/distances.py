@@ -38,12 +38,8 @@ def nearest_on_segment(point: Points, start: Points, end: Points) -> tuple[Array
     """
     Return the distances (k,) of points from straight segments [m], and the nearest points.
 
-    :param point: (k,) points, or a single point for all segments, x + iy [m].
-    :param start: (k,) start points of the segments [m].
-    :param end: (k,) end points [m]; they may equal the start points.
-    :return: distances (k,) [m]; unit vectors (k,) from the segments to the points (if a point is
-        on its segment, the vector is normal to the segment); positions (k,) of the nearest points
-        along the segments, 0 at the start to 1 at the end.
+    :return: distances; unit vectors from the segments to the points, normal to the segment if a
+        point is on it; positions of the nearest points along the segments, 0 to 1.
     """
     arm, along = point - start, end - start
     squares = np.maximum(along.real**2 + along.imag**2, COINCIDENCE**2)
@@ -99,11 +95,7 @@ class CollisionModel:
         self._reach = point_radius[self._first] + self.part_radii[self._second]
 
     def names(self, pairs: Indices) -> list[str]:
-        """
-        Return a name for each of the given pairs of parts.
-
-        :param pairs: (k,) indices of pairs.
-        """
+        """Return a name for each of the given pairs of parts."""
         modules, joints = self._robot.module_names, self._robot.topology.joint_names
         points = [f'module {name}' for name in modules] + [f'joint {name}' for name in joints]
         segments = self.part_names()
@@ -118,20 +110,11 @@ class CollisionModel:
         ]
 
     def distances(self, config: Configuration, pairs: Indices | slice = slice(None)) -> Array:
-        """
-        Return the distances between the surfaces of pairs of parts [m].
-
-        :param pairs: (k,) indices of pairs; by default, all pairs.
-        """
+        """Return the distances between the surfaces of pairs of parts [m]."""
         return self._nearest(config, pairs)[0] - self._reach[pairs]
 
     def gradients(self, config: Configuration, pairs: Indices) -> Array:
-        """
-        Return the gradients of the pairs' distances with respect to the node coordinates.
-
-        :param pairs: (k,) indices of pairs.
-        :return: (k, 2n) derivatives of the distances with respect to (x0, y0, x1, y1, ...) [-].
-        """
+        """Return the gradients (k, 2n) of the pairs' distances by the node coordinates [-]."""
         _, normals, shares = self._nearest(config, pairs)
         rows = self.part_rows(config, self._second[pairs], shares, normals)
         _add(rows, self._point[:, pairs], normals)
@@ -143,11 +126,8 @@ class CollisionModel:
         """
         Return the distances between an object and parts of the robot, with their gradients.
 
-        :param parts: (k,) indices of parts; by default, all parts. Parts are numbered: first the m
-            members, then the m modules, then the m rods.
-        :return: (k,) distances [m], negative for an overlap; (k, 2n) derivatives with respect to
-            the node coordinates [-]; and (k, 3) derivatives of the distances' rates with respect
-            to the object's twist vx, vy [-], omega [m] in the robot frame.
+        :return: (k,) distances [m]; (k, 2n) derivatives by the node coordinates [-]; and (k, 3)
+            derivatives of the distances' rates by the object's twist vx, vy [-], omega [m].
         """
         starts, ends = self.part_ends(config, parts)
         nearest = segment_gaps(body, starts, ends)
@@ -168,11 +148,7 @@ class CollisionModel:
     def part_ends(
         self, config: Configuration, parts: Indices | slice = slice(None)
     ) -> tuple[Points, Points]:
-        """
-        Return the start points (k,) and end points (k,) of the parts' segments, x + iy [m].
-
-        :param parts: (k,) indices of parts; by default, all parts.
-        """
+        """Return the start points (k,) and end points (k,) of the parts' segments [m]."""
         start, end = (
             _middles(config.points, nodes[:, parts]) for nodes in (self._start, self._end)
         )
@@ -182,12 +158,9 @@ class CollisionModel:
         self, config: Configuration, parts: Indices | slice, shares: Array, normals: Points
     ) -> Points:
         """
-        Return the gradients of distances between parts and fixed points with respect to nodes.
+        Return the gradients (k, n) of distances between parts and fixed points by the nodes [-].
 
-        :param parts: (k,) indices of parts.
-        :param shares: (k,) positions of the nearest points along their segments, from 0 to 1.
-        :param normals: (k,) unit vectors from the nearest points to the fixed points, x + iy.
-        :return: (k, n) gradients x + iy with respect to the nodes [-].
+        The shares and normals are those of `nearest_on_segment`.
         """
         rows = np.zeros((len(shares), len(config.points)), dtype=np.complex128)
         _add(rows, self._start[:, parts], -(1.0 - shares) * normals)

@@ -23,7 +23,6 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.model.convex_object import check_friction, ConvexObject
-from isotruss_ros.core.model.topology import Topology
 from isotruss_ros.core.numerics.arrays import Indices
 from isotruss_ros.core.numerics.records import Record
 import numpy as np
@@ -137,23 +136,16 @@ class MemberNodes(NamedTuple):
     entries: Indices
 
 
+@functools.lru_cache(maxsize=256)
 def find_members(robot: Mechanism, names: tuple[str, ...]) -> MemberNodes:
-    """
-    Return the indices of given members, of their end nodes and of their rollers, read-only.
-
-    :param names: (k,) names `t/j-k`.
-    """
-    unknown = [name for name in names if name not in robot.member_names]
+    """Return the indices of members `t/j-k`, of their end nodes and of their rollers."""
+    topology = robot.topology
+    unknown = [name for name in names if name not in topology.member_names]
     if unknown:
         raise GraspError(
             f'members {quote(", ".join(map(str, unknown)))}: robot {robot.name} has no such '
-            f'members; its members are {", ".join(robot.member_names)}'
+            f'members; its members are {", ".join(topology.member_names)}'
         )
-    return _find_nodes(robot.topology, names)
-
-
-@functools.lru_cache(maxsize=256)
-def _find_nodes(topology: Topology, names: tuple[str, ...]) -> MemberNodes:
     members = np.array([topology.member_names.index(name) for name in names], dtype=np.intp)
     driven = np.flatnonzero(np.isin(members, topology.driven))
     lines = np.stack([topology.b[members], topology.c[topology.following[members]]], axis=1)
@@ -225,20 +217,16 @@ def _check_touch(
 ) -> None:
     """Raise GraspError if a member has no contact; a face may extend beyond a member's end."""
     for number, name in enumerate(grip.members):
-        at_member = [
-            touch for owner, touch in zip(owners, touches, strict=True) if owner == number
-        ]
-        gap = min((gap for gap, _ in at_member), key=abs)
-        nearest, farthest = (
-            min(share for _, share in at_member),
-            max(share for _, share in at_member),
-        )
-        if nearest <= 1.0 and farthest >= 0.0 and abs(gap) <= tube:
-            continue
-        what = f'the gap is {gap:.3g} m; must be within {tube:.3g} m'
-        if nearest > 1.0 or farthest < 0.0:
-            share = nearest if nearest > 1.0 else farthest
+        here = [touch for owner, touch in zip(owners, touches, strict=True) if owner == number]
+        gap = min((gap for gap, _ in here), key=abs)
+        shares = [share for _, share in here]
+        if min(shares) > 1.0 or max(shares) < 0.0:
+            share = min(shares, key=abs)
             what = f'the contact would be at {share:.6g} of its length; must be from 0 to 1'
+        elif abs(gap) > tube:
+            what = f'the gap is {gap:.3g} m; must be within {tube:.3g} m'
+        else:
+            continue
         center = grip.center
         raise GraspError(
             f'member {name} does not touch the object at ({center.real:.4g}, '

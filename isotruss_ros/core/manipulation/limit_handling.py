@@ -141,15 +141,10 @@ def _solve(task: Task, solve: Solver, rows: Rows, guess: Array | None) -> tuple[
     """
     Solve a quadratic program of the twist, with only the active rows if a guess is given.
 
-    All rows are used if there are few, or without a guess, because without regularisation many
-    rows bind.
-
-    The program is strictly convex, so a solution with some of the rows that fulfils all other rows
-    is the solution with all rows. The initial rows are those closest to their bounds at the guess;
-    violated rows are added, usually a few times, until none is violated. For a subset S of rows,
-    the least-cost speeds are u = E y with |C E y| = |y|, where y is in the span of
-    E^T [J^T, G_S^T], because a component normal to the span only increases the cost. So there are
-    only as many variables as rows.
+    Without a guess there is no regularisation, and many rows bind. The program is strictly convex,
+    so a solution with some of the rows that fulfils all other rows is the solution. For a subset S
+    of rows, the least-cost speeds are u = E y, where y is in the span of E^T [J^T, G_S^T]. So
+    there are only as many variables as rows.
     """
     equality, whitening = task.reach.rows, task.reach.working.whitening
     if guess is None or len(rows.lower) <= ROW_BATCH:

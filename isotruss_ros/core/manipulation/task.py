@@ -136,9 +136,7 @@ class Reach(NamedTuple):
         """
         Return the motions of a gripped object, or of joints, that the working rollers can produce.
 
-        :param jacobian: (3 + g, r) grip Jacobian of an object, see `grip_jacobian`, or the (k, r)
-            Jacobian of the velocity components of joints.
-        :param weights: (3,) factors, see `Reach`, or (k,) ones if joints are moved.
+        The Jacobian is that of a grip (3 + g, r), or of velocity components of joints (k, r).
         """
         count, rows = len(weights), working.take(jacobian)
         rows[:count] *= weights[:, None]
@@ -181,10 +179,7 @@ def find_task(
     """
     Return the closest reachable twist (20) with its least-cost (11) roller speeds.
 
-    :param twist: (3,) commanded twist vx, vy [m/s], omega [rad/s] in the robot frame.
-    :param opening_rate: opening rate of the grip, see `solve_twist` [m/s]; zero in the paper.
-    :param soft_rank: singular value of the task below which a direction of the twist counts as
-        partly reachable [-].
+    For the opening rate see `solve_twist`, for the soft rank see `LimitHandling`.
     """
     direction, working = np.zeros(len(reach.rows)), reach.working
     opening = (reach.opening * opening_rate).tolist() if opening_rate else []
@@ -224,11 +219,7 @@ def least_cost(whitening: Array, equality: Array, direction: Array) -> Array:
     """
     Return the minimiser u (w,) of the cost (11) under the task J u = direction, without limits.
 
-    At full rank it equals `E @ numpy.linalg.lstsq(J @ E, direction)[0]`.
-
-    :param whitening: (w, w) matrix E, see `WorkingRollers`.
-    :param equality: (k, w) matrix J of full row rank.
-    :param direction: (k,) right-hand side.
+    It equals `E @ numpy.linalg.lstsq(J @ E, direction)[0]` for a whitening E and J of full rank.
     """
     # (20): u = E y with the minimum-norm y of J E y = direction.
     right = np.zeros(len(whitening))

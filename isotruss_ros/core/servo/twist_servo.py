@@ -200,8 +200,10 @@ class TwistServo(ServoState):
         if command.status < Status.HALT_NO_TWIST:
             change = self._largest_change(now)
             arm = None if grip is None else grip.body.arm
-            find_rows = partial(stack_rows, config, limits)
-            command = limit_acceleration(command, last, self._history.step, change, find_rows, arm)
+            step = self._history.step
+            command = limit_acceleration(
+                command, last, step, change, lambda: stack_rows(config, limits), arm
+            )
         if watch is not None:
             command = watch.keep(command, last, period)
         if squeeze is not None:
