@@ -73,7 +73,12 @@ def carry(
         watch = guard.watch(config, held.grip)
         limits = (*LIMITS, *watch.limits)
         command = solve_twist(
-            config, held.grip, twist, failed, limits, handling=LimitHandling(True, period=0.01)
+            config,
+            held.grip,
+            twist,
+            failed,
+            limits,
+            handling=LimitHandling(True, regularized=True),
         )
         command = watch.keep(command, STILL, STEP)
         try:

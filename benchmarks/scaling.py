@@ -24,8 +24,6 @@ import numpy as np
 DIAMETER = 0.15
 #: Largest random roller travel from home [m]; small, because the travel of all modules adds up.
 TRAVEL = 0.02
-#: Period of the nodes [s].
-PERIOD = 5e-3
 #: Duration of the repetitions of a call [s].
 BUDGET = 0.2
 
@@ -38,7 +36,7 @@ class Times:
     factor: float  #: matrix of (12) and its factorisation
     free: float  #: twist to rollers without binding limits
     limited: float  #: twist to rollers at twice the admissible twist, largest progress
-    regularized: float  #: limited twist with the nodes' regularisation, period 5 ms
+    regularized: float  #: limited twist with the nodes' regularisation
     paper: float  #: free twist by the paper's (20), one dense linear system
     memory: int  #: peak memory of a limited twist [bytes]
 
@@ -58,9 +56,9 @@ def measure(robot: core.Robot, module: str) -> Times:
     twist = np.array([1.0, 0.5, 4.0])
     limit = core.solve_twist(state, grip, twist).scale * twist
 
-    def solve(size: float, period: float = 0.0) -> RollerCommand:
+    def solve(size: float, regularized: bool = False) -> RollerCommand:
         return core.solve_twist(
-            unprepared(state), grip, size * limit, handling=LimitHandling(period=period)
+            unprepared(state), grip, size * limit, handling=LimitHandling(regularized=regularized)
         )
 
     solve(0.5)
@@ -77,7 +75,7 @@ def measure(robot: core.Robot, module: str) -> Times:
         factor=median_time(lambda: factorize(robot.constraints.matrix(state.points)), BUDGET),
         free=median_time(lambda: solve(0.5), BUDGET),
         limited=median_time(lambda: solve(2.0), BUDGET),
-        regularized=median_time(lambda: solve(2.0, PERIOD), BUDGET),
+        regularized=median_time(lambda: solve(2.0, True), BUDGET),
         paper=median_time(lambda: paper.solve_kkt(given, 0.5 * limit), BUDGET),
         memory=memory,
     )

@@ -54,6 +54,8 @@ LOST_TIME = 0.2
 #: Used share of friction at which a contact slips [-], and position error of a displaced object
 #: [m].
 ALL, OFF = 0.98, 0.005
+#: Smallest fraction of its path that an object has executed at its arrival [-].
+ARRIVED = 0.95
 DRAWN, CLEAN, LOST, NOTHING = 'drawn', 'clean', 'lost', 'nothing'
 
 
@@ -136,7 +138,8 @@ class Carry:
             late = self.halted - self.lost
             return f'lost, reported {late:+.2f} s' if late < math.inf else 'lost, not reported'
         if self.halt is None:
-            return 'arrived'
+            arrived = self.way >= ARRIVED * self.length
+            return 'arrived' if arrived else 'halted by limits, held'
         if self.refused:
             return 'refused'
         strict = self.halted < self.used and self.off < OFF
@@ -324,7 +327,7 @@ def summarise(carries: Sequence[Carry]) -> list[str]:
     if drawn:
         strict = sum(one.end == 'halted, strictly false' for one in held)
         refused = sum(one.end == 'refused' for one in held)
-        halted = sum(one.halt is not None for one in held) - refused
+        halted = sum('halted' in one.end for one in held)
         lines.append(
             f'drawn: {len(drawn)}, held {len(held)}, of these refused at the start {refused}, '
             f'halted {halted}, strictly false {strict}'
@@ -348,7 +351,7 @@ def summarise(carries: Sequence[Carry]) -> list[str]:
                 f'clean {one.shape} {one.seed}: {1e3 * one.off:.1f} mm off, '
                 f'squeeze {share:+.1f} %{slid}'
             )
-    arrived = [one for one in held if one.halt is None]
+    arrived = [one for one in held if one.end == 'arrived']
     if arrived:
         walk = max(one.walk for one in arrived)
         least = 100.0 * min(one.way / one.length for one in arrived)

@@ -134,13 +134,13 @@ def configuration(world):
 
 def solve_twist(world):
     """Solve for a twist."""
-    slide, period = bool(world.rng.integers(2)), float(world.rng.choice([0.0, 1e-3, 0.02]))
+    slide, regularized = map(bool, world.rng.integers(2, size=2))
     command = core.solve_twist(
         world.config,
         world.grip,
         world.numbers(3, -0.2, 0.2),
         world.failed,
-        handling=LimitHandling(slide, period),
+        handling=LimitHandling(slide, regularized),
         opening_rate=float(world.rng.choice([0.0, 0.01])),
     )
     check_speeds(world.robot, command.roller_velocities)

@@ -5,9 +5,10 @@
 
 from pathlib import Path
 
-from comparison import drops
+from comparison import drops, faulty_carries
 from comparison.grips import PressedCase
 from comparison.page import FOLDER, page
+from comparison.random_carries import DISC
 from comparison.section import Check, Section
 from comparison.sections import SECTIONS
 from matplotlib.figure import Figure
@@ -26,6 +27,14 @@ def test_a_load_below_the_slip_margin_is_held_and_one_above_is_not(above, droppe
     monkeypatch.setattr(drops, 'ABOVE', above)
     case = drops.Case(PressedCase(40.0, 0.05, 0.2), 0.6, None, np.array([0.01, 0.0, 0.05]))
     assert drops.attempt(case).dropped == dropped
+
+
+@pytest.mark.parametrize(('way', 'arrived'), [(0.0, False), (0.09, False), (0.096, True)])
+def test_a_carry_arrives_only_with_its_path_executed(way, arrived):
+    draw = faulty_carries.Draw((), 0.0)
+    end = faulty_carries.Carry('drawn', DISC, 4, draw, way=way, length=0.1).end
+    assert ('arrived' in end) == arrived
+    assert ('halted' in end) != arrived
 
 
 def test_the_page_marks_values_out_of_bounds():

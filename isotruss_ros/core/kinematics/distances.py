@@ -114,7 +114,7 @@ class CollisionModel:
         return self._nearest(config, pairs)[0] - self._reach[pairs]
 
     def gradients(self, config: Configuration, pairs: Indices) -> Array:
-        """Return the gradients (k, 2n) of the pairs' distances by the node coordinates [-]."""
+        """Return the derivatives (k, 2n) of the pairs' distances by the node coordinates [-]."""
         _, normals, shares = self._nearest(config, pairs)
         rows = self.part_rows(config, self._second[pairs], shares, normals)
         _add(rows, self._point[:, pairs], normals)

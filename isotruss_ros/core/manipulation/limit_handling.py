@@ -34,11 +34,10 @@ import numpy as np
 #: take 2.5 times as long (nested triangles).
 ROW_BATCH = 40
 #: Weight of progress along a scaled twist, and of the error of the twist while sliding, relative
-#: to the deviation from the least-cost speeds of the scaled twist [-]. In control loops slower
-#: than `REFERENCE_PERIOD` [s], the weight of progress decreases with the period. While the heading
-#: turns at limits and singular tasks of the nine-member robot, rollers go back and forth by more
-#: than 1 mm/s in 3 of 4872 cycles. With 5 they do so in 10, with 100 in 76.
-PROGRESS_WEIGHT, REFERENCE_PERIOD = 20.0, 1e-2
+#: to the deviation from the least-cost speeds of the scaled twist [-]. While the heading turns at
+#: limits and singular tasks of the nine-member robot, rollers go back and forth by more than
+#: 1 mm/s in 3 of 4872 cycles of 10 ms. With 5 they do so in 10, with 100 in 76.
+PROGRESS_WEIGHT = 20.0
 #: Value of `LimitHandling.soft_rank` in control loops [-]. In the runs of `PROGRESS_WEIGHT`,
 #: rollers go back and forth in 150 cycles with 0, in 69 with 0.02, in 3 with 0.07, and in 4 with
 #: 0.22. With 0.07, four other robots do so in at most 4 of 360 cycles at 20, 50 and 100 mm/s.
@@ -55,15 +54,14 @@ class LimitHandling:
 
     :ivar slide_along_limits: True to project the twist on the admissible twists at limits of the
         configuration; otherwise the twist is scaled.
-    :ivar period: period of the control loop, which determines the regularisation [s]; 0: largest
-        progress without regularisation.
+    :ivar regularized: True for the regularisation of control loops; otherwise largest progress.
     :ivar soft_rank: singular value of the task below which a direction of the twist counts as
         partly reachable, to a fraction that falls to 0 with the singular value [-]; 0: a direction
         is reachable or not, as in the paper.
     """
 
     slide_along_limits: bool = False
-    period: float = 0.0
+    regularized: bool = False
     soft_rank: float = 0.0
 
 
@@ -93,9 +91,8 @@ def apply_limits(
     free = task.free / gain
     least = float(free.dot(working.cost.dot(free)))
     penalty, weight, guess = PENALTIES[0], NEGLIGIBLE_SHARE, None
-    if handling.period > 0.0:
-        slower = min(1.0, REFERENCE_PERIOD / handling.period)
-        penalty = min(penalty, PROGRESS_WEIGHT * slower * max_speed / (unit * gain))
+    if handling.regularized:
+        penalty = min(penalty, PROGRESS_WEIGHT * max_speed / (unit * gain))
         weight, guess = 1.0 / PROGRESS_WEIGHT, free
 
     def progress(cost: Array, equality: Array, limited: Rows) -> tuple[Array, float]:

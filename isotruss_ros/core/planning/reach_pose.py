@@ -28,10 +28,7 @@ from numpy.typing import ArrayLike
 #: Length of a step of the object, with rotations times the characteristic radius [m].
 STEP = 2e-3
 #: Smallest factor by which limits may shorten a step [-]; a smaller factor ends the motion, so the
-#: number of steps is bounded. In `foresee_path` it is also the smallest motion of the object's
-#: surface relative to roller travel: a path at 50 mm/s is then followed at a tenth of its speed by
-#: rollers of 100 mm/s, see `MIN_LIMITED_RATE`; at a motion of 1/29 to 1/55, the control loop
-#: executes 17 to 23 % of a path.
+#: number of steps is bounded.
 MIN_STEP_SCALE = 0.05
 
 
@@ -112,7 +109,7 @@ def _take_step(
     watch = guard.watch(config, grip)
     limits = (*default_limits(config.robot), *watch.limits)
     command = solve_twist_ahead(
-        config, grip, step / duration, 0.5 * duration, (), limits, LimitHandling(period=duration)
+        config, grip, step / duration, 0.5 * duration, (), limits, LimitHandling(regularized=True)
     )
     if command.status is Status.UNREACHABLE:
         words = f'the rollers produce {command.reachable_dof} of 3 motions there'

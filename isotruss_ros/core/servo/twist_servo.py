@@ -181,7 +181,7 @@ class TwistServo(ServoState):
         watch = None if self._guard is None else self._guard.watch(config, grip)
         period = self.settings.period
         limits = self._limits if watch is None else (*self._limits, *watch.limits)
-        handling = LimitHandling(self.settings.slide_along_limits, period, LOOP_SOFT_RANK)
+        handling = LimitHandling(self.settings.slide_along_limits, True, LOOP_SOFT_RANK)
 
         if grip is None:
             command = self._solve_joint(config, twist, failed, limits, handling)

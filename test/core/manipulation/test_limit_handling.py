@@ -122,7 +122,7 @@ def test_regularization_keeps_the_direction_and_nearly_the_progress(robot, rng, 
     config, grasp, _ = robots.random_grasp(robot, rng, number)
     twist = 10.0 ** rng.uniform(-2.0, 1.0) * rng.standard_normal(3)
     exact = solve_twist(config, grasp, twist)
-    thrifty = solve_twist(config, grasp, twist, handling=LimitHandling(period=0.01))
+    thrifty = solve_twist(config, grasp, twist, handling=LimitHandling(regularized=True))
     assert thrifty.scale <= exact.scale + 1e-6
     assert np.abs(thrifty.roller_velocities).max() <= robot.description.max_speed + 1e-9
     free = solve_twist(config, grasp, twist, limits=())
@@ -151,7 +151,7 @@ def test_active_rows_give_the_solution_of_all_rows(slide, first, robot, rng, num
     ]
     failed = [name for name in robot.roller_names if rng.random() < 0.1]
     twist = 10.0 ** rng.uniform(-2.0, 1.0) * rng.standard_normal(3)
-    arguments = (config, grasp, twist, failed, limits, LimitHandling(slide, 0.005))
+    arguments = (config, grasp, twist, failed, limits, LimitHandling(slide, True))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(limit_handling, 'ROW_BATCH', first)
         few = solve_twist(*arguments)

@@ -54,7 +54,7 @@ def test_no_regularization_without_a_period():
     limits = [RollerSpeedLimit(0.5 * np.abs(free).max())]
     plain, timed, loop = (
         solve_joint_velocity(config, velocities, (), limits, *handling).roller_velocities
-        for handling in ((), (LimitHandling(),), (LimitHandling(period=0.1),))
+        for handling in ((), (LimitHandling(),), (LimitHandling(regularized=True),))
     )
     assert (plain == timed).all()
     assert np.abs(loop - plain).max() > 0.1 * np.abs(plain).max()

@@ -270,7 +270,7 @@ def test_the_grip_opens_while_the_object_slides_along_limits():
     grasp = disc_grip(config, 'north/Z', 0.3)
     length = config.member_lengths.min()
     limits = [RollerSpeedLimit(0.5), MemberLengthLimit(length - 2e-3, length + 2e-3)]
-    slid, loop = 0, LimitHandling(slide_along_limits=True, period=0.005)
+    slid, loop = 0, LimitHandling(slide_along_limits=True, regularized=True)
     for heading in np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False):
         twist = 0.05 * np.array([np.cos(heading), np.sin(heading), 0.0])
         command = solve_twist(config, grasp, twist, (), limits, loop, opening_rate=0.004)
