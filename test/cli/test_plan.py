@@ -15,7 +15,7 @@ from held_grips import BOX_FILE
 from isotruss_ros.cli import plan_grasps as command
 from isotruss_ros.core import ConvexObject, GraspRequirements, load_robot, plan_grasps
 from isotruss_ros.core.planning.describe_plan import path_times
-from isotruss_ros.core.planning.workers import core_count, NICENESS, WorkerPool
+from isotruss_ros.core.planning.workers import core_count, WorkerPool
 import numpy as np
 from planning import workers
 import psutil
@@ -187,7 +187,7 @@ def test_ctrl_c_in_a_terminal_prints_no_traceback():
 
 def test_workers_have_less_priority_than_their_parent():
     with WorkerPool(1) as pool:
-        assert pool.executor.submit(os.nice, 0).result(DEADLINE) == os.nice(0) + NICENESS
+        assert pool.executor.submit(os.nice, 0).result(DEADLINE) == os.nice(0) + 5
         assert len(workers()) == 1
 
 

@@ -73,24 +73,37 @@ def limit_acceleration(
         if faster:
             share = min(share, _surface_share(weighted.dot(start), weighted.dot(wanted), top))
         velocities = limit_change(start + share * (wanted - start), previous, change)
-    # After a change by more than `small`, a roller's speed changes back by at most `small`.
-    small, away = REVERSAL_SHARE * change, velocities - previous
-    lower = np.where(step > small, -small, np.minimum(away, -change))
-    upper = np.where(step < -small, small, np.maximum(away, change))
-    if ((away < lower) | (away > upper)).any():
-        rows = find_rows()
-        rates = rows.matrix.dot(velocities)  # a faster stop may be required than is possible
-        rows = Rows(
-            np.concatenate([rows.matrix, np.eye(len(away))]),
-            np.concatenate([np.minimum(rows.lower, rates), previous + lower]),
-            np.concatenate([np.maximum(rows.upper, rates), previous + upper]),
-        )
-        kept = np.concatenate([motion, contacts])
-        velocities = _nearest(velocities, kept, moving, rows, velocities)
+    kept = np.concatenate([motion, contacts])
+    velocities = _avoid_reversals(velocities, previous, step, change, kept, moving, find_rows)
     achieved, moved = command.achieved_twist.copy(), motion.dot(velocities)
     achieved[: len(moved)] = moved
     status = Status.ACCELERATING if limited else command.status
     return replace(command, roller_velocities=velocities, achieved_twist=achieved, status=status)
+
+
+def _avoid_reversals(
+    velocities: Array,
+    previous: Array,
+    step: Array,
+    change: float,
+    kept: Array,
+    moving: Flags,
+    find_rows: Callable[[], Rows],
+) -> Array:
+    """Return the closest roller speeds (r,) without reversals, or without any the given ones."""
+    small, away = REVERSAL_SHARE * change, velocities - previous
+    lower = np.where(step > small, -small, np.minimum(away, -change))
+    upper = np.where(step < -small, small, np.maximum(away, change))
+    if ((lower <= away) & (away <= upper)).all():
+        return velocities
+    rows = find_rows()
+    rates = rows.matrix.dot(velocities)  # a faster stop may be required than is possible
+    rows = Rows(
+        np.concatenate([rows.matrix, np.eye(len(away))]),
+        np.concatenate([np.minimum(rows.lower, rates), previous + lower]),
+        np.concatenate([np.maximum(rows.upper, rates), previous + upper]),
+    )
+    return _nearest(velocities, kept, moving, rows, velocities)
 
 
 def _nearest(speeds: Array, kept: Array, moving: Flags, rows: Rows, otherwise: Array) -> Array:

@@ -23,6 +23,7 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.model.convex_object import check_friction, ConvexObject
+from isotruss_ros.core.model.topology import Topology
 from isotruss_ros.core.numerics.arrays import Indices
 from isotruss_ros.core.numerics.records import Record
 import numpy as np
@@ -136,16 +137,19 @@ class MemberNodes(NamedTuple):
     entries: Indices
 
 
-@functools.lru_cache(maxsize=256)
 def find_members(robot: Mechanism, names: tuple[str, ...]) -> MemberNodes:
     """Return the indices of members `t/j-k`, of their end nodes and of their rollers."""
-    topology = robot.topology
-    unknown = [name for name in names if name not in topology.member_names]
+    unknown = [name for name in names if name not in robot.member_names]
     if unknown:
         raise GraspError(
             f'members {quote(", ".join(map(str, unknown)))}: robot {robot.name} has no such '
-            f'members; its members are {", ".join(topology.member_names)}'
+            f'members; its members are {", ".join(robot.member_names)}'
         )
+    return _find_nodes(robot.topology, names)
+
+
+@functools.lru_cache(maxsize=256)
+def _find_nodes(topology: Topology, names: tuple[str, ...]) -> MemberNodes:
     members = np.array([topology.member_names.index(name) for name in names], dtype=np.intp)
     driven = np.flatnonzero(np.isin(members, topology.driven))
     lines = np.stack([topology.b[members], topology.c[topology.following[members]]], axis=1)

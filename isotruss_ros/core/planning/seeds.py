@@ -73,15 +73,14 @@ def find_seeds(
         else:
             facing = normals if balances(body, normals, CONE_SHARE * cone, radius) else None
         if facing is not None:
-            # Distances of members from their targets.
-            turns = float(np.abs(np.angle(facing / normals)).sum())
-            cost = float(gaps[list(group)].sum()) / length + 0.5 * turns
+            turns = np.abs(np.angle(facing / normals)).sum()
+            cost = float(gaps[list(group)].sum() / length + 0.5 * turns)
             seeds.append((round(cost, ROUNDED_DIGITS), closing))
     if not seeds:
         seen = len(wanted.intersection(around))
-        short = 'members' if seen < len(wanted) else 'opposed'
-        why = (short, seen, len(wanted)) if around else ('enclosed', 0.0, 1.0)
-        raise RequirementError(*why)
+        if not around:
+            raise RequirementError('enclosed', 0.0, 1.0)
+        raise RequirementError('members' if seen < len(wanted) else 'opposed', seen, len(wanted))
     # Pairs first: three members of tubes with constant lengths rarely reach an object.
     seeds.sort(key=lambda item: (len(item[1].members), item[0]))
     return [closing for _, closing in seeds[:MAX_SEEDS]]

@@ -14,8 +14,6 @@ import os
 import signal
 import threading
 
-#: Niceness of the workers [-], which gives priority to control loops.
-NICENESS = 5
 #: Largest number of processes [-].
 MAX_WORKERS = 256
 
@@ -78,7 +76,7 @@ class _Context(SpawnContext):
 
 def _begin(wanted: Connection) -> None:
     """Initialise a worker process of the search."""
-    os.nice(NICENESS)
+    os.nice(5)  # control loops have priority
     threading.Thread(target=_end_with, args=(wanted,), daemon=True).start()
 
 
