@@ -45,17 +45,16 @@ def find_seeds(
     """
     around, file = enclosing_members(config, body.middle), config.robot.description
     wanted = required_members(config.robot, needs)
-    groups = [group for count in (2, 3) for group in itertools.combinations(around, count)]
+    groups = [*itertools.combinations(around, 2), *itertools.combinations(around, 3)]
     groups = [group for group in groups if not wanted or wanted == set(group)]
     if number > 0 and groups:
         groups *= math.ceil(MAX_SEEDS / len(groups))
-    limit = MemberLengthLimit(
-        file.min_length if needs.min_length is None else needs.min_length,
-        file.max_length if needs.max_length is None else needs.max_length,
-        BOUND_SHARE,
-    )
+    shortest = file.min_length if needs.min_length is None else needs.min_length
+    longest = file.max_length if needs.max_length is None else needs.max_length
+    limit = MemberLengthLimit(shortest, longest, BOUND_SHARE)
     gaps, length = object_distances(config, body), config.robot.home.member_lengths.mean()
     rng, radius = np.random.default_rng((seed, number)), 0.5 * file.tube_diameter
+    tubes = TubeModel(paper_model=needs.paper_model)
     seeds: list[tuple[float, Closing]] = []
     for group in groups:
         turning, cone, posture = TURN_WEIGHT, math.atan(needs.friction), None
@@ -64,7 +63,6 @@ def find_seeds(
             away = length * rng.standard_normal(len(config.roller_positions))
             posture = config.roller_positions + RANDOM_POSTURE * away
             cone *= rng.uniform(0.5, 1.0)
-        tubes = TubeModel(paper_model=needs.paper_model)
         closing = Closing(body, group, (limit,), needs.min_rigidity, cone, posture, tubes=tubes)
         normals = closing.normals(config)
         if len(group) == 2:
