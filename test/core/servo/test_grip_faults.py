@@ -24,12 +24,13 @@ def faults():
 
 def belief(correction=0.0, walked=0.0, jump=0.0, slipped=False):
     """Return a belief of a grip with a correction of the pose along x [m]."""
+    state = SimpleNamespace(
+        noise=SimpleNamespace(deviation=0.0), walk=SimpleNamespace(length=walked), jump=jump
+    )
     return SimpleNamespace(
         correction=np.array([correction, 0.0, 0.0]),
-        noise=SimpleNamespace(deviation=0.0),
+        state=state,
         grasp=SimpleNamespace(arm=ARM),
-        walk=SimpleNamespace(length=walked),
-        jump=jump,
         slipped=slipped,
     )
 
