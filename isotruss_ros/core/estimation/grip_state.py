@@ -93,8 +93,8 @@ class GripState(TwoStageFilter):
         Update the belief with a pose; return the change (n,) of the state.
 
         :param off: (3,) innovation of the pose, rotations times the arm [m].
-        :param speed: (3,) velocity of the object at the pose's time, turns times the arm [m/s].
-        :param time: current time [s].
+        :param speed: (3,) velocity of the object at the pose's time, rotations times the arm
+            [m/s].
         """
         rates, noise = cache.rates.pose.copy(), np.diag(self.noise.variances)
         rates[:, DELAY] = -speed
@@ -121,7 +121,7 @@ class GripState(TwoStageFilter):
     def propagate(
         self, elapsed: float, moved: Array, travel: Array, cache: EquilibriumCache
     ) -> Array:
-        """Propagate the belief by process noise; return the change (3,) of the load [N]."""
+        """Propagate the belief by process noise; return the decay (3,) of the load [N]."""
         given = self._settings
         left = math.exp(-elapsed / given.load_time)
         more, kept = np.zeros_like(cache.rates.squeeze), np.ones_like(cache.rates.squeeze)
@@ -130,9 +130,11 @@ class GripState(TwoStageFilter):
         more[SHIFTS:] = given.slip**2 * SLIP_LENGTH * travel.max()
         self.walk.spread(cache.rates.pose * more @ cache.rates.pose.T)
         more[LOAD] = given.load**2 * (1.0 - left**2)
-        self.predict(kept, more, given.slip**2 * SLIP_LENGTH * travel)
-        decayed = (left - 1.0) * self.load
-        self.load = self.load + decayed
+        decayed = (left - 1.0) * (self.load + self.sensitivity[LOAD] @ self.parameters)
+        change = self.predict(kept, more, given.slip**2 * SLIP_LENGTH * travel)
+        self.load = left * self.load + change[LOAD]
+        self.bias, self.delay = self.bias + change[BIAS], self.delay + float(change[DELAY])
+        cache.shift(change[SHIFTS:][cache.grasp.contacts.owners])
         return decayed
 
     def slip_deviations(self, margin: float) -> float:

@@ -50,11 +50,7 @@ class TwoStageFilter:
         self.forget()
 
     def reset(self, covariance: Array) -> None:
-        """
-        Set the covariance of the state, and set the sensitivity to the parameters to zero.
-
-        :param covariance: (n, n) covariance of the state.
-        """
+        """Set the covariance (n, n) of the state, independent of the parameters."""
         self.covariance = covariance
         self.sensitivity = np.zeros((len(covariance), len(self.prior)))
 
@@ -66,11 +62,7 @@ class TwoStageFilter:
         self.set_prior(self.prior)
 
     def set_prior(self, prior: Array) -> None:
-        """
-        Set the covariance of the parameters without the innovations.
-
-        :param prior: (c, c) covariance.
-        """
+        """Set the covariance (c, c) of the parameters without the innovations."""
         self.prior = prior
         innovated = np.eye(len(prior)) + prior @ self._information
         self.posterior = np.linalg.solve(innovated, prior)
@@ -98,20 +90,28 @@ class TwoStageFilter:
         whole = by_parameters + rates @ self.sensitivity
         return rates @ self.covariance @ rates.T + whole @ self.posterior @ whole.T
 
-    def predict(self, decay: Array, noise: Array, drift: Array) -> None:
+    def predict(self, decay: Array, noise: Array, drift: Array) -> Array:
         """
-        Propagate the covariances over time.
+        Propagate the covariances; return the change (n,) of the state that keeps the estimate.
+
+        The state was biased by the parameters before their drift. Its sensitivity to the later
+        ones is smaller (Hsieh and Chen 1999).
 
         :param decay: (n,) factors by which the components of the state decay.
         :param noise: (n,) variances of the process noise of the state.
         :param drift: (c,) variances of the process noise of the parameters.
         """
-        self.covariance = self.covariance * np.outer(decay, decay) + np.diag(noise)
-        self.sensitivity = decay[:, None] * self.sensitivity
-        both = np.column_stack([self._information, self._evidence])
-        both = np.linalg.solve(np.eye(len(drift)) + self._information * drift, both)
-        self._information, self._evidence = both[:, :-1], both[:, -1]
-        self.set_prior(self.prior + np.diag(drift))
+        before, sensitivity = self.posterior, decay[:, None] * self.sensitivity
+        drifted = np.array([before, self.prior]) + np.diag(drift)
+        inverse, without = np.linalg.pinv(drifted, hermitian=True)
+        self._information, self._evidence = inverse - without, inverse @ self.parameters
+        self.set_prior(drifted[1])
+        regression = before @ inverse
+        self.sensitivity = sensitivity @ regression
+        uncorrelated = sensitivity @ (before - regression @ before) @ sensitivity.T
+        covariance = self.covariance * np.outer(decay, decay) + np.diag(noise)
+        self.covariance = covariance + 0.5 * (uncorrelated + uncorrelated.T)
+        return (sensitivity - self.sensitivity) @ self.parameters
 
     def condition(
         self, rates: Array, by_parameters: Array, noise: Array, innovation: Array | None = None

@@ -9,6 +9,8 @@ import pytest
 import scipy
 
 RNG = np.random.default_rng(0)
+#: Bounds and sizes of the factors of decay, and of the variances of state and parameters by noise.
+PARTS = ((0.5, 1.0, 3), (0.0, 0.1, 3), (0.0, 1.0, 2))
 
 
 def drawn(size, count):
@@ -41,17 +43,16 @@ def test_considered_parameters_increase_the_covariance_of_functions_of_the_state
     assert more == pytest.approx(errors @ errors.T)
 
 
-def test_both_stages_are_the_kalman_filter_of_state_and_parameters():
+def test_both_stages_are_the_kalman_filter_of_state_and_drifting_parameters():
     prior, _, _ = drawn(3, 2)
     variances, truth = np.diag(prior), RNG.normal(size=2)
     two, state = TwoStageFilter(variances, np.diag([2.0, 3.0])), np.zeros(3)
     whole, mean = np.diag([*variances, 2.0, 3.0]), np.zeros(5)
     for _ in range(6):
-        decay, more = RNG.uniform(0.5, 1.0, 3), RNG.uniform(0.0, 0.1, 3)
-        two.predict(decay, more, np.zeros(2))
-        state = decay * state
+        decay, more, drift = (RNG.uniform(*part) for part in PARTS)
+        state = decay * state + two.predict(decay, more, drift)
         both = np.append(decay, [1.0, 1.0])
-        whole = whole * np.outer(both, both) + np.diag([*more, 0.0, 0.0])
+        whole = whole * np.outer(both, both) + np.diag([*more, *drift])
         mean = both * mean
         (_, rates, noise), by_parameters = drawn(3, 2), RNG.normal(size=(2, 2))
         measured = by_parameters @ truth + RNG.normal(size=2)
