@@ -56,11 +56,7 @@ class FailureDetector:
         self._sent_ends, self._moved_ends = np.zeros((2, 2, count))
 
     def reset(self, names: Collection[str] | None = None) -> None:
-        """
-        Regard rollers as working again, and restart the comparison of their travels.
-
-        :param names: names of the rollers; None: all rollers.
-        """
+        """Regard some or all rollers as working again, and restart the comparison for all."""
         cleared = frozenset(self._names if names is None else names)
         check_roller_names('rollers', cleared, self._names)
         self.failed -= cleared

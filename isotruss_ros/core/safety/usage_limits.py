@@ -31,12 +31,7 @@ class UsageLimits:
         self._take(grasp)
 
     def learn(self, grasp: HeldGrip, margin: float, travel: Array) -> None:
-        """
-        Update the gradients of utilisation and slip margin from the effect of roller travel.
-
-        :param margin: change of the slip margin by the travel [N].
-        :param travel: (r,) roller travel [m].
-        """
+        """Update the gradients from the equilibrium and the change of the margin by a travel."""
         used = self._used
         self._take(grasp)
         missed = np.array([self._used - used, -margin]) - self._rates @ travel
@@ -44,23 +39,13 @@ class UsageLimits:
         self._rates = self._rates + np.outer(missed, step)
 
     def margin_share(self, command: RollerCommand, period: float, free: float) -> float:
-        """
-        Return the largest factor on a command, 0 to 1, that uses up at most `free` of the margin.
-
-        :param period: duration of the command [s].
-        :param free: part of the slip margin that may be used up [N].
-        """
+        """Return the largest factor on a command, 0 to 1, for a free part of the margin [N]."""
         return self._share(1, command, period * MARGIN_RATE * free, period)
 
     def limit_utilisation(
         self, command: RollerCommand, period: float, most: float
     ) -> RollerCommand:
-        """
-        Return the command, scaled down if the utilisation would approach its bound too fast.
-
-        :param period: duration of the command [s].
-        :param most: largest allowed utilisation of a tube [-].
-        """
+        """Return the command, slowed if the utilisation approaches its bound `most` too fast."""
         allowance = period * UTILISATION_RATE * (most - self._used)
         share = self._share(0, command, allowance, period)
         if share == 1.0:
@@ -70,7 +55,7 @@ class UsageLimits:
     def _share(
         self, quantity: int, command: RollerCommand, allowance: float, period: float
     ) -> float:
-        """Return the largest factor on a command, 0 to 1, that uses at most `left` of a margin."""
+        """Return the largest factor on a command, 0 to 1, for an allowance of a quantity."""
         more = float(self._rates[quantity] @ (period * command.roller_velocities))
         return 1.0 if more <= max(allowance, 0.0) else max(allowance, 0.0) / more
 

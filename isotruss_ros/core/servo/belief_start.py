@@ -31,10 +31,10 @@ class BeliefStart:
     """
     Search for the first equilibrium of a grip, with at most one search in each call.
 
-    If no equilibrium is near the measured pose, every second call searches for an equilibrium with
-    the desired squeeze, which is then assumed.
+    If none is near the measured pose, every second call searches for one with the desired squeeze,
+    which is then assumed.
 
-    :ivar belief: estimated state of the grip that the last call found; None if it found none.
+    :ivar belief: estimated state of the grip after the last call; None without an equilibrium.
     """
 
     def __init__(self) -> None:

@@ -64,12 +64,7 @@ class Decision:
 
 
 def describe_squeeze(squeeze: float, deviation: float) -> str:
-    """
-    Return a text with the squeeze, and a remedy if it is unknown, see `is_squeeze_known`.
-
-    :param squeeze: mean normal force of the members [N].
-    :param deviation: standard deviation of the squeeze [N].
-    """
+    """Return a text with the squeeze and its deviation [N], and a remedy if it is unknown."""
     words = f'{squeeze:.1f} N, deviation {deviation:.1f} N'
     if is_squeeze_known(squeeze, deviation):
         return f'squeeze {words}'
@@ -78,11 +73,7 @@ def describe_squeeze(squeeze: float, deviation: float) -> str:
 
 
 class HaltError(IsotrussError):
-    """
-    Error that stops the rollers with a given status.
-
-    :ivar status: status of the halt.
-    """
+    """Error that stops the rollers with a given status."""
 
     def __init__(self, status: Status, message: str) -> None:
         super().__init__(message)
@@ -100,10 +91,9 @@ def halt_for(error: IsotrussError) -> Status:
 
 def describe(command: RollerCommand, keeps_contacts: bool) -> str:
     """
-    Return a text about how a command deviates from the commanded twist; empty if it does not.
+    Return the deviation of a command from the commanded twist in words; empty without one.
 
-    :param keeps_contacts: True for the twist of an object, which must not break contacts; false
-        for the velocity of a joint.
+    :param keeps_contacts: True for the twist of an object; false for the velocity of a joint.
     """
     parts: list[str] = []
     if command.status >= Status.HALT_NO_TWIST:

@@ -83,32 +83,21 @@ class SqueezeControl(GripFaults):
         self.reference, self._velocity = None, np.zeros(3)
 
     def lose(self) -> None:
-        """
-        Discard the estimated grip after a loss of the object; latch a fault if it was held before.
-
-        The desired pose is discarded too. The fault remains until `acknowledge`.
-        """
+        """Discard the estimated grip after a loss of the object, a fault if it was held before."""
         if self.belief is not None or self._lost is not None:
             self.fail(Status.HALT_NOT_HELD, 'the object is not between the members')
         self.reset()
 
     def take_pressures(self, pressures: tuple[float, ...] | None) -> None:
-        """
-        Use measured pressures in the model from the next cycle on.
-
-        :param pressures: (t,) gauge pressures of the tubes in the order of the robot file [Pa];
-            None: the pressures of the file. Small changes are ignored, see `steady_pressures`.
-        """
+        """Use measured gauge pressures [Pa] in the model, see `steady_pressures`."""
         self._pressures = steady_pressures(self._pressures, pressures)
 
     def take_offsets(
         self, offsets: Array | float, covariance: Array | None, time: float | None = None
     ) -> None:
         """
-        Set the roller offsets that are included in all roller positions from now on.
+        Set the roller offsets (r,) that all roller positions include, with their covariance.
 
-        :param offsets: (r,) roller offsets [m].
-        :param covariance: (r, r) covariance of the offsets [m^2]; None if unknown.
         :param time: stamp of the covariance [s]; None: a new covariance.
         """
         before, self._offsets, belief = self._offsets, offsets, self.belief
@@ -131,7 +120,7 @@ class SqueezeControl(GripFaults):
         rollers: tuple[Array, float] | None = None,
     ) -> HoldStatus:
         """
-        Update the estimated grip and the desired pose for a new configuration and measured pose.
+        Update the estimated grip and the desired pose; return the hold status by the model.
 
         The estimated equilibrium rolls with the robot. If it ceases to exist, a later call
         searches for a new one near the measured pose; each call searches at most once.
@@ -140,7 +129,6 @@ class SqueezeControl(GripFaults):
         :param sample: last measured pose, and its age relative to the configuration [s]; a pose
             is used once. None: a new pose, that of the grip, with zero age.
         :param rollers: measured roller positions, see `GripBelief.follow`.
-        :return: hold status of the object according to the model.
         """
         self._elapsed, belief = elapsed, self.belief
         if self.reference is not None:
@@ -163,13 +151,10 @@ class SqueezeControl(GripFaults):
 
     def solve(self, twist: Array, period: float, solve: Solve) -> RollerCommand:
         """
-        Return the command that executes a twist of the object and controls the squeeze.
+        Return the command that executes a twist (3,) of the object and controls the squeeze.
 
         During a fault only the squeeze is controlled; during an oscillation the rollers are
-        stopped.
-
-        :param twist: (3,) vx, vy [m/s], omega [rad/s] of the object in the robot frame.
-        :param period: duration of the command, positive [s].
+        stopped. The command is valid for a period [s].
         """
         belief: GripBelief = self.belief  # type: ignore[assignment]
         if self.fault is Status.HALT_OSCILLATES:
@@ -202,10 +187,9 @@ class SqueezeControl(GripFaults):
         """
         Return the desired squeeze of the control law [N].
 
-        It is the setting if the standard deviation of the estimated squeeze, for the given
-        stiffness, is small relative to the setting. Otherwise the excess of the first estimate
-        over the setting is added, because opening the grip could release the object, and the
-        measured pose would not show the loss until the object is moved.
+        While the squeeze is unknown, apart from the error of the stiffness, the excess of the
+        first estimate over the setting is added, because opening the grip could release the
+        object, and the measured pose would not show the loss until the object is moved.
         """
         force = self.settings.force
         if self._excess > 0.0 and not is_squeeze_known(force, belief.geometric_deviation):
@@ -214,11 +198,9 @@ class SqueezeControl(GripFaults):
 
     def advance(self, twist: Array, command: RollerCommand, missing: Array | float = 0.0) -> None:
         """
-        Move the desired pose of the object by the executed twist.
+        Move the desired pose of the object by the executed part of a twist.
 
-        :param twist: (3,) commanded twist [m/s, rad/s].
-        :param missing: (3,) part of the twist that was not executed because of acceleration limits
-            or barriers [m/s, rad/s].
+        :param missing: (3,) part that limits of acceleration, or barriers, took away.
         """
         if command.status in (Status.UNREACHABLE, Status.SLIDING):
             self.reference = None

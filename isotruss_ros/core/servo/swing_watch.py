@@ -71,11 +71,7 @@ class SwingWatch:
 
 
 class Swings:
-    """
-    Successive maxima and minima of one signal.
-
-    :param longest: longest time between a maximum and the next minimum of an oscillation [s].
-    """
+    """Successive maxima and minima of one signal, at most `longest` [s] apart."""
 
     def __init__(self, longest: float) -> None:
         self._longest = longest

@@ -164,12 +164,7 @@ class TwistServo(ServoState):
         now: float,
         failed: frozenset[str],
     ) -> RollerCommand:
-        """
-        Return the command, computed for the configuration predicted at the cycle's midpoint.
-
-        A command computed for the measured configuration, which is older, would have a first-order
-        error.
-        """
+        """Return the command for the configuration predicted at the cycle's midpoint."""
         config, grip, last = self._predict(rollers, pose, now, failed)
         squeeze = None if grip is None else self.squeeze
         if squeeze is not None:
