@@ -43,7 +43,7 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.depths import member_lines
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.shapes import PLANNED_DEPTH
-from isotruss_ros.core.numerics.arrays import Array, Points
+from isotruss_ros.core.numerics.arrays import Array, MAX_LOAD, Points
 from isotruss_ros.core.numerics.tolerances import MAX_NEWTON_ITERATIONS, ROUNDING
 from isotruss_ros.core.statics.bent_tubes import BentTubes, FOLLOWED_MOTION, SETTLED_MOTION
 from isotruss_ros.core.statics.section import Pressure
@@ -277,6 +277,8 @@ class ContactStatics:
                 if (advanced := statics._advance(state, residual)) is None:
                     return None
                 unknowns, loads = advanced, statics.loads(advanced)
+                if not np.abs(loads).max() <= MAX_LOAD:
+                    return None  # the iteration diverges
             feet = unknowns[indices.feet]
             moved = statics.bent.distance(loads, feet)
             near = moved <= reach or close
@@ -286,8 +288,6 @@ class ContactStatics:
             if off or (solved and near):
                 inclined = np.abs(unknowns[indices.inclinations]).max()
                 return (statics, state) if inclined <= MAX_INCLINATION else None
-            if not moved < statics.bent.lines.length.min():
-                return None  # the iteration diverges
             if not near:
                 # In soft structures and the paper's model, nodes move by rounding.
                 close = moved <= ROUNDING

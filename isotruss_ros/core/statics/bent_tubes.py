@@ -36,8 +36,9 @@ import numpy as np
 #: `TUBE_CURVATURE` times the motion. With ten times the second value, stiffnesses have errors of
 #: 4e-9 if a contact is 0.5 mm from a guide ring, so that their differences err by 2e-6.
 FOLLOWED_MOTION, SETTLED_MOTION = 1e-4, 1e-11
-#: Weight of a load point's motion relative to a node's motion in `BentTubes.distance` [-].
-PLACE_SHARE = 0.2
+#: The square of a load point's motion, divided by the length of the shorter part beside it and
+#: multiplied by this length, counts as the square of a node's motion in `BentTubes.distance` [m].
+PLACE_LENGTH = 0.02
 #: Largest force on a hinge of a tube that is kept undeformed [N]; it displaces nodes by about
 #: `SETTLED_MOTION`, and rounding errors are below 1e-10. It grows by 1e5 N/m^2 times the square of
 #: the motion of nodes, as the forces that a linearisation leaves. With a thirtieth of this growth,
@@ -247,9 +248,9 @@ class BentTubes:
             *_, positions = _place_cuts(self.structure, self.members, positions)
         ways = self._ways(loads, positions)
         moved = np.abs(self.frame.displacements(self._displace(ways)[0])[:, :2]).max() / self.share
-        # The state is less nonlinear in the places than in the displacements.
-        slid = PLACE_SHARE * np.abs(ways[self._moving]).max()
-        return float(max(moved, slid))
+        parts = self.frame.length[self.frame.layout.beside].reshape(2, -1).min(axis=0)
+        slid = np.abs(ways[self._moving]) * np.sqrt(PLACE_LENGTH / parts)
+        return float(max(moved, slid.max()))
 
     def _displace(self, ways: Array) -> tuple[Array, Array]:
         """Return the changes (u,) of the unknowns by `ways`, at the nodes, and of the tubes."""

@@ -19,6 +19,7 @@ from isotruss_ros.core import (
     Polygon,
     settle_grasp,
     solve_twist,
+    tangent_center,
 )
 from isotruss_ros.core.contact.dents import corner_dents
 from isotruss_ros.core.contact.flattening import flattening_of
@@ -319,6 +320,26 @@ def test_third_member_comes_into_contact_by_bending():
     # Rolling linearises tubes within `FOLLOWED_MOTION`, so forces err by about 1e-4 N.
     for there, back in zip(states[:2], states[:2:-1], strict=True):
         assert back == pytest.approx(there, rel=1e-6, abs=1e-7)
+
+
+@pytest.mark.parametrize('beyond', [2e-4, -2e-4])
+def test_contact_beside_a_guide_ring_rolls_in_one_step_as_in_many(beyond):
+    ring = HOME.robot.description.module.guide_ring_distance
+
+    def placed(diameter):
+        center = tangent_center(HOME, 'north/Z', diameter, 0.01)
+        return attach_grip(HOME, ConvexObject.disc(center, diameter))
+
+    def beyond_ring(diameter):
+        grip = placed(diameter)
+        return min(*grip.state.feet, *(grip.statics.bent.lines.length - grip.state.feet)) - ring
+
+    one = many = placed(brentq(lambda size: beyond_ring(size) - beyond, 0.1, 0.2))
+    travel = 3e-4 * np.array([0.3, -0.5, -0.9, -1.0, 0.6, 0.8])
+    for share in np.linspace(0.1, 1.0, 10):
+        many = roll_grip(many, HOME.moved_to(HOME.roller_positions + share * travel))
+    one = roll_grip(one, HOME.moved_to(HOME.roller_positions + travel))
+    assert one.friction_forces == pytest.approx(many.friction_forces, rel=2e-5)
 
 
 @pytest.mark.parametrize('angle', [-2.0, -0.5, 1.0, 2.5])
