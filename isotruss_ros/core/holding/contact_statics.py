@@ -265,14 +265,15 @@ class ContactStatics:
 
         The tubes are linearised again if a node has moved by more than `reach` [m].
         """
-        statics, unknowns, indices, close = self, start, self.places, False
+        statics, unknowns, indices, close, least = self, start, self.places, False, np.inf
         tolerance = np.full(indices.size, LENGTH_TOLERANCE)
         for _ in range(steps):
             residual, state = statics.equations(unknowns, wrench, conditions)
             squeeze = np.abs(unknowns[indices.normal]).sum()
             tolerance[indices.balance] = FORCE_TOLERANCE * squeeze
-            # For NaN the comparison is false, so NaN is not a solution.
-            solved, loads = bool((np.abs(residual) <= tolerance).all()), state.loads
+            # For NaN the comparisons are false, so NaN is not a solution.
+            error, loads = float((np.abs(residual) / tolerance).max()), state.loads
+            solved = error <= 1.0
             if not solved:
                 if (advanced := statics._advance(state, residual)) is None:
                     return None
@@ -288,9 +289,9 @@ class ContactStatics:
             if off or (solved and near):
                 inclined = np.abs(unknowns[indices.inclinations]).max()
                 return (statics, state) if inclined <= MAX_INCLINATION else None
-            if not near:
+            if not near and (solved or error < least):
                 # In soft structures and the paper's model, nodes move by rounding.
-                close = moved <= ROUNDING
+                close, least = moved <= ROUNDING, error
                 statics = replace(statics, bent=statics.bent.update(loads, feet))
         return None
 
