@@ -103,8 +103,8 @@ def lay_faces(grip: HeldGrip, friction: float, gap: float) -> HeldGrip:
     body = grip.statics.body
     solve = _rest_solver(grip.config, body, grip.wrench, grip.tubes, MAX_SEARCH_STEPS)
     for free in sorted(free_corners(grip, gap), reverse=True):
-        sets = with_corner(grip, free, rolls=False)
-        laid = search_contacts(solve, sets[-1].contacts, limit=QUICK_SETS) if sets else None
+        pair = with_corner(grip, free, rolls=False)[-1].contacts
+        laid = search_contacts(solve, pair, limit=QUICK_SETS)
         if laid is not None and laid.required_friction <= friction:
             return laid
     return grip

@@ -11,11 +11,9 @@ search is depth-first, and the number of sets is bounded.
 
 from __future__ import annotations
 
-import cmath
 from collections.abc import Callable, Iterable, Iterator
 from typing import NamedTuple
 
-from isotruss_ros.core.holding.contact_statics import MAX_INCLINATION
 from isotruss_ros.core.holding.held_grip import HeldGrip, MAX_DISPLACEMENT
 from isotruss_ros.core.holding.pressed_contacts import contacts_at, facing_lines, PressedContacts
 from isotruss_ros.core.kinematics.depths import member_lines
@@ -238,10 +236,7 @@ def with_corner(grip: HeldGrip, free: FreeCorner, rolls: bool) -> list[ContactSe
     """Return the sets with a corner in contact, the most likely set last."""
     contacts, shape, k = grip.contacts, grip.body.shape, free.contact
     radius = grip.statics.tube_radius
-    before, after = (face.normal for face in shape.faces_at(free.corner))
     normal = complex(grip.state.normals[k]) / grip.body.turn
-    if max(cmath.phase(before / normal), cmath.phase(normal / after)) > MAX_INCLINATION:
-        return []
     member, corners = contacts.members[k], contacts.corners.copy()
     corners[k] = free.corner
     owners, index = contacts.members == member, np.arange(len(contacts.members))
