@@ -158,11 +158,7 @@ class GraspGradient(
             rolled, placed = self.settled.lost.slip_margin_rates()
             rates[0, columns.rollers], rates[0, columns.place] = rolled, placed
             return rates, ()
-        return self._slip_margin_rates(self._changes[1][:, :-3])
-
-    def _slip_margin_rates(self, change: Array) -> tuple[Array, tuple[str, ...]]:
-        """Return `slip_margins` and `gives_way` from the changes (3 + 4k, p) of the unknowns."""
-        grip = self.settled.equilibrium
+        grip, (_, change) = self.settled.equilibrium, self._changes
         response, forces = grip.response, grip.state.places.forces
         planes = slip_planes(response, self.settled.friction)
         nearest, turn = _find_largest(-planes.reserve / planes.size), planes.about_middle
@@ -171,12 +167,12 @@ class GraspGradient(
         ways = planes.slope[nearest] @ turn / size[nearest, None]
         along, x, y = ways @ turn.T, turn[2, 1], -turn[2, 0]
         swung = -planes.slope[nearest, 2] * (x * ways[:, 0] + y * ways[:, 1])
-        distance_rates = rows @ change[forces]
+        distance_rates = rows @ change[forces, :-3]
         few = len(along) < 3
         basis, shares = (along, np.eye(len(along))) if few else (np.eye(3), along)
-        response_rates = self._rates_of(self._changes[1][:, -3:] @ basis.T)[forces]
+        response_rates = self._rates_of(change[:, -3:] @ basis.T)[forces]
         longer = np.einsum('ta,apn,tn->tp', rows, response_rates, shares)
-        longer += np.outer(swung, change[2])
+        longer += np.outer(swung, change[2, :-3])
         opened, planes_at = np.divmod(nearest, 2 * len(grip.members))
         for i in np.flatnonzero(opened).tolist():
             end = int(response.ends[opened[i] - 1])
