@@ -15,7 +15,7 @@ BOUNDS = {
     'twist to roller command': (17, 128),
     'tick of the node: twist': (37, 215),
     'closure by (10)': (27, 130),
-    'flag of the node: held': (44, 602),
+    'flag of the node: held': (44, 582),
 }
 
 
