@@ -52,8 +52,8 @@ class DentTable:
     """
     Table of a dent's depth as a function of the normal force, for one tube and one object.
 
-    :param depths: (n,) tabulated depths of the dent, positive and increasing [m].
-    :param turning: derivatives of the weights with respect to the angle of the normal [1/rad].
+    The depths are increasing [m]. `turning` are the derivatives of the samples' weights by the
+    angle of the normal [1/rad].
     """
 
     def __init__(
@@ -79,10 +79,7 @@ class DentTable:
         """
         Return the dent's depth [m] and its derivative with respect to the force [m/N].
 
-        The depth is extrapolated linearly beyond the table.
-
-        :param force: normal force [N]. For a negative force, which may occur in an iteration, the
-            depth is negative.
+        It is extrapolated linearly, and negative for negative forces in an iteration.
         """
         piece, x, beyond, per_force = self._locate(force)
         depth, slope = _evaluate(self._pieces[piece], x)
@@ -90,10 +87,9 @@ class DentTable:
 
     def _locate(self, force: float) -> tuple[int, float, float, float]:
         """
-        Locate the 2/3 power of a force in the table.
+        Return where the 2/3 power of a force is in the table, and its derivative by the force.
 
-        :return: index of the interval, position in the interval, excess beyond the end of the
-            table, and derivative of the power with respect to the force.
+        This is an interval, the position in it, and the excess beyond the end of the table.
         """
         size = max(abs(force), 1e-9)
         place = size**DEPTH_EXPONENT
@@ -108,11 +104,7 @@ class DentTable:
         return skin._replace(forces=skin.forces * (force / total if total > 0.0 else 0.0))
 
     def smooth_near(self, force: float) -> DentTable:
-        """
-        Return the table with one polynomial for all forces, that at a given force.
-
-        :param force: normal force [N].
-        """
+        """Return the table with one polynomial for all forces, that at a given force [N]."""
         piece, _, beyond, _ = self._locate(force)
         if beyond > 0.0:
             return self
@@ -123,11 +115,7 @@ class DentTable:
         return smooth
 
     def rates(self, force: float) -> tuple[float, float]:
-        """
-        Return the depth's derivatives by gauge pressure [m/Pa] and angle of the normal [m/rad].
-
-        :param force: normal force [N].
-        """
+        """Return the depth's derivatives by gauge pressure [m/Pa] and normal's angle [m/rad]."""
         piece, x, beyond, _ = self._locate(force)
         blown, by_blown = _evaluate(self._by_pressure[piece], x)
         turned, by_turned = _evaluate(self._by_angle[piece], x)
@@ -171,19 +159,15 @@ class Dents:
     """
     Depths of the dents at k contacts with one object, each as a function of the normal force.
 
-    :param tables: table of each of the k contacts; empty for tubes whose sections stay round.
-    :param scale: ratio of the tubes' stiffness to the stiffness for which the tables hold [-].
+    Without tables, sections stay round. `scale` is the ratio of the tubes' stiffness to that of
+    the tables [-].
     """
 
     def __init__(self, tables: Sequence[DentTable] = (), scale: float = 1.0) -> None:
         self._tables, self._scale = tables, scale
 
     def __call__(self, forces: Array) -> tuple[Array, Array]:
-        """
-        Return the dents' depths (k,) [m], and the derivatives (k,) of each by its force [m/N].
-
-        :param forces: (k,) normal forces [N].
-        """
+        """Return the dents' depths (k,) [m], and their derivatives (k,) by the forces [m/N]."""
         if not self._tables:
             return np.zeros(len(forces)), np.zeros(len(forces))
         pressing = zip(self._tables, forces.tolist(), strict=True)
@@ -197,11 +181,7 @@ class Dents:
         return [skin._replace(forces=self._scale * skin.forces) for skin in pressed]
 
     def smooth_near(self, forces: Array) -> Dents:
-        """
-        Return the depths with one polynomial at each contact, that at a given force.
-
-        :param forces: (k,) normal forces [N].
-        """
+        """Return the depths with one polynomial at each contact, that at a given force [N]."""
         pressing = zip(self._tables, forces.tolist(), strict=False)  # no tables: no dents
         tables = [table.smooth_near(force / self._scale) for table, force in pressing]
         return Dents(tables, self._scale)
@@ -230,14 +210,10 @@ def corner_dents(
     Return the table of the dent of a corner or face in a tube, cached.
 
     The forces are interpolated between neighbouring angles by cubic polynomials, so their
-    derivatives are continuous.
-
-    :param angle: direction of the object's outward normal that is perpendicular to the tube, in
-        the object's frame [rad].
-    :param corner: index of the corner in contact, see `Shape.corner_at`.
-    :param cuts: largest extents of the contact along the surface, clockwise and counter-clockwise
-        from the contact point [m]: half of the length of a face whose other end is another
-        contact, otherwise infinite.
+    derivatives are continuous. The angle is that of the object's outward normal perpendicular to
+    the tube, in the object's frame [rad]. The cuts are the largest extents of the contact along
+    the surface, clockwise and counter-clockwise from the contact point [m]: half of the length of
+    a face whose other end is another contact, otherwise infinite.
     """
     angles, weights = _weigh_angles(shape, corner, angle)
     samples = [_sample_corner(kernel, shape, near, corner, cuts) for near in angles]

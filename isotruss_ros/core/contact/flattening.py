@@ -53,15 +53,10 @@ class Flattening:
 
     def compliance(self, points: Indices, spacing: float) -> Array:
         """
-        Return the compliance of points on the skin by dents alone, without bending of the tube.
+        Return the compliance (c, c) of points on the skin by dents alone [m/N].
 
-        Each point represents a piece of tube that is one spacing long; load and depth are
-        averaged over this piece. Therefore the sum over many points equals the integral for any
-        spacing.
-
-        :param points: (c,) different positions along the tube, in spacings [-].
-        :param spacing: unit of the positions [m].
-        :return: (c, c) compliance, symmetric positive definite [m/N].
+        The positions of the points are in spacings [-]. Load and depth are averaged over pieces of
+        tube that are one spacing long, so the sum over many points equals the integral.
         """
         apart, ratio = np.abs(points[:, None] - points), spacing / self.reach
         steps = np.arange(apart.max(initial=0) + 1) - 1.0
@@ -101,12 +96,9 @@ def flattening(
     local_stiffness: float = 1.0,
 ) -> Flattening:
     """
-    Return the local compliance of a tube.
+    Return the local compliance of a tube; without fabric, f_n = 0.
 
-    :param radius: tube radius R [m].
-    :param pressure: gauge pressure p [Pa].
-    :param fabric: E t and G t of the wall; None: f_n = 0, so the fabric has no influence.
-    :param local_stiffness: ratio of a tube's measured local stiffness to the theoretical one [-].
+    `local_stiffness` is the ratio of a tube's measured local stiffness to the theoretical one [-].
     """
     n = np.arange(2, modes + 1)
     stiffness = np.pi * pressure * (n**2 - 1.0)

@@ -41,11 +41,9 @@ class PressedSkin(NamedTuple):
 
 class DentSamples:
     """
-    Forces at given depths of the dent, for one tube and one object with a given normal.
+    Forces at n increasing depths [m] of the dent, for one tube and one object with a given normal.
 
-    :ivar places: (n + 1,) 2/3 powers of the forces at depth zero and at the n depths [N^(2/3)].
-
-    :param depths: (n,) depths of the dent, positive and increasing [m].
+    `places` (n + 1,) are their 2/3 powers at depth zero and at these depths [N^(2/3)].
     """
 
     def __init__(

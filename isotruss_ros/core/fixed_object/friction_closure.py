@@ -27,11 +27,7 @@ FACET_BATCH = 4096
 
 @dataclass(frozen=True, eq=False)
 class FrictionClosure:
-    """
-    Closure of an object by friction (10), the result of `balance_by_friction`.
-
-    Moments are divided by d/2, where d is the mean width of the object.
-    """
+    """Closure by friction (10); moments are over d/2, half of the object's mean width."""
 
     closed: bool  #: whether the residual is at most `tolerance`
     residual: float  #: norm of the unbalanced wrench (fx, fy, m / (d/2)) [N]
@@ -50,11 +46,8 @@ def balance_by_friction(
     """
     Balance a load by friction forces with |F_i| <= mu N_i, equation (10).
 
-    :param tangents: (k, 2) unit tangents of the object at the contacts, counter-clockwise.
-    :param normal_forces: (k,) normal forces N_i, not negative [N].
-    :param load: (3,) resultant (fx, fy, m / (d/2)) of the other forces on the object [N].
-    :param levers: (k,) lever arms of the tangential forces, divided by half of the object's mean
-        width [-]; 1 for a cylinder.
+    The load is the resultant (fx, fy, m / (d/2)) of the other forces on the object [N]. The unit
+    tangents (k, 2) are counter-clockwise; their lever arms are divided by d/2 [-].
     """
     touching = normal_forces > 0.0
     segments = np.column_stack([tangents, levers])[touching] * normal_forces[touching, None]

@@ -74,12 +74,10 @@ def clamped_piece(
     length: float, section: list[float], within: Array, pinned_start: bool = False
 ) -> tuple[Array, Array, Array]:
     """
-    Return shape functions and compliances of points on a piece whose ends are fixed.
+    Return shape functions and compliances of n points on a piece whose ends are fixed.
 
-    :param section: EA [N], EI [N m^2] and GA [N].
-    :param within: (n,) distances of the points from the start of the piece [m].
-    :return: (2, n, 6) displacements along and across the piece per displacement (ux, uy, theta) of
-        start and end; compliances (n, n) along and across [m/N].
+    The shape functions (2, n, 6) are displacements along and across the piece per displacement
+    (ux, uy, theta) of start and end; the compliances (n, n) are along and across [m/N].
     """
     axial, flexural, shear = section
     beyond = length - within  # distance from the clamped end

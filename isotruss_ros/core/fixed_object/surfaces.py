@@ -35,11 +35,7 @@ class Surface:
     reach: float  #: upper bound of the distance of surface points from the centre [m]
 
     def support(self, normals: Points) -> Array:
-        """
-        Return the distances (c,) between the centre and the tangents with given normals [m].
-
-        :param normals: (c,) outward unit normals, x + iy.
-        """
+        """Return the distances (c,) between the centre and tangents with given normals [m]."""
         if self.shape.is_round:
             return np.full(len(normals), self.reach)
         local = normals * self.body.turn.conjugate()
@@ -47,11 +43,7 @@ class Surface:
         return self.shape.support(local) - inside + self.margin
 
     def nearest(self, away: Points) -> SurfacePoints:
-        """
-        Return the surface points nearest to given points, (5).
-
-        :param away: (c,) points relative to the centre, x + iy [m].
-        """
+        """Return the surface points nearest to points relative to the centre (5)."""
         if self.shape.is_round:
             sizes = np.abs(away)
             # The normal nearest to the centre is arbitrary; upward is used.
@@ -63,12 +55,7 @@ class Surface:
         return SurfacePoints(gaps - self.margin, normals * self.body.turn, radii + self.margin)
 
     def facing(self, away: Points, axis: Points) -> Points:
-        """
-        Return the outward normals (c,) of the surface toward straight tubes, x + iy.
-
-        :param away: (c,) points of the centre lines, relative to the centre, x + iy [m].
-        :param axis: (c,) unit vectors along the tubes, x + iy.
-        """
+        """Return the outward normals (c,) toward points `away` (c,) of straight tubes."""
         if self.shape.is_round:
             return self.nearest(away).normals
         # The points are shifted outward until they are outside of the object.
@@ -86,10 +73,6 @@ class Surface:
 
 
 def surface_of(body: ConvexObject, margin: float = 0.0) -> Surface:
-    """
-    Return the surface of an object, or this surface moved outward by an offset.
-
-    :param margin: offset [m]: 0, or the tube radius for centre lines of round tubes.
-    """
+    """Return an object's surface, moved outward by a margin: 0, or the tube radius [m]."""
     reach = body.shape.reach + abs(body.shape.centroid) + margin
     return Surface(body, margin, body.shape, body.middle, reach)

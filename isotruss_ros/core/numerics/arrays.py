@@ -83,9 +83,5 @@ def _finite(
 
 
 def as_xy(vectors: NDArray[np.complex128]) -> NDArray[np.float64]:
-    """
-    Return vectors (c,) x + iy as an array (c, 2) of x and y.
-
-    :param vectors: (c,) vectors x + iy.
-    """
+    """Return vectors (c,) x + iy as an array (c, 2) of x and y."""
     return np.ascontiguousarray(vectors).view(np.float64).reshape(-1, 2)

@@ -16,11 +16,7 @@ from scipy.sparse.linalg import LinearOperator, onenormest, splu
 
 
 class DenseFactor:
-    """
-    LU factorisation of a dense matrix, faster than `SparseFactor` up to some hundred rows.
-
-    :param matrix: (n, n) matrix; it is overwritten.
-    """
+    """LU factors of a dense matrix, which is overwritten; fast up to some hundred rows."""
 
     def __init__(self, matrix: Array) -> None:
         # LAPACK is column-major: the transpose of a C array avoids a copy.
@@ -29,19 +25,11 @@ class DenseFactor:
             raise np.linalg.LinAlgError(f'singular: pivot {info} is zero')
 
     def solve(self, right: Array) -> Array:
-        """
-        Return x with A x = right.
-
-        :param right: (n,) or (n, k) right-hand sides.
-        """
+        """Return x with A x = right, for right-hand sides (n,) or (n, k)."""
         return lapack.dgetrs(self._lu, self._pivots, right, trans=1)[0]
 
     def solve_transposed(self, right: Array) -> Array:
-        """
-        Return x with A^T x = right.
-
-        :param right: (n,) or (n, k) right-hand sides.
-        """
+        """Return x with A^T x = right, for right-hand sides (n,) or (n, k)."""
         return lapack.dgetrs(self._lu, self._pivots, right, trans=0)[0]
 
     def _condition(self, norm: float) -> float:
@@ -52,11 +40,7 @@ class DenseFactor:
 
 
 class SparseFactor:
-    """
-    LU factorisation of a sparse matrix (SuperLU), with minimum-degree ordering.
-
-    :param matrix: (n, n) matrix.
-    """
+    """LU factorisation of a sparse matrix (SuperLU), with minimum-degree ordering."""
 
     def __init__(self, matrix: csc_matrix) -> None:
         self._matrix = matrix
@@ -83,21 +67,15 @@ Factor = DenseFactor | SparseFactor
 
 
 def factorize(matrix: Array | csc_matrix) -> Factor:
-    """
-    Factorise a matrix; a dense matrix is overwritten.
-
-    :param matrix: (n, n) matrix.
-    """
+    """Factorise a matrix (n, n); a dense matrix is overwritten."""
     return DenseFactor(matrix) if isinstance(matrix, np.ndarray) else SparseFactor(matrix)
 
 
 def factorize_with_condition(matrix: Array | csc_matrix) -> tuple[Factor | None, float]:
     """
-    Factorise a matrix and estimate its condition number; a dense matrix is not overwritten.
+    Factorise a matrix and estimate its condition number in the 1-norm; None, infinity: singular.
 
-    :param matrix: (n, n) matrix.
-    :return: factorisation, and estimated condition number in the 1-norm [-]; None and infinity if
-        the matrix is exactly singular.
+    A dense matrix is not overwritten.
     """
     norm = float(np.abs(matrix).sum(axis=0).max())
     try:
@@ -122,11 +100,7 @@ def factorize_with_condition(matrix: Array | csc_matrix) -> tuple[Factor | None,
 
 
 def count_negative_pivots(matrix: Array | csc_matrix, constraints: int) -> int:
-    """
-    Return the number of negative pivots of the factorisation L D L^T of a symmetric matrix.
-
-    :param matrix: (n, n) stiffness matrix bordered by constraints, with entries of order 1.
-    """
+    """Return the number of negative pivots of the factors L D L^T of a bordered stiffness."""
     if isinstance(matrix, np.ndarray):
         factors, pivots, _ = lapack.dsytrf(matrix, lower=True)
         # A block of two rows has one negative pivot.

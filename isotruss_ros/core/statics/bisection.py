@@ -36,8 +36,8 @@ class Bisections(NamedTuple):
         """
         Linearise q chosen constraints about displacements (n, 3) of nodes at points (n,).
 
-        :return: derivatives (q, 10) by the displacements at `places`; gaps (q,) [rad]; and
-            geometric stiffness (q, 10, 10) by the multipliers (c,).
+        The result is the derivatives (q, 10) by the displacements at `places`, the gaps (q,)
+        [rad], and the geometric stiffness (q, 10, 10) due to the multipliers (c,).
         """
         nodes, weights = self.nodes[chosen], np.array([2.0, -1.0, -1.0])
         straight = points[nodes] @ VECTORS.T

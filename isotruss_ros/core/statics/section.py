@@ -110,12 +110,7 @@ class InflatableBeam:
 
 
 def broadcast_members(length: ArrayLike, pressure: ArrayLike) -> tuple[Array, Array]:
-    """
-    Return the members' lengths and gauge pressures as arrays (k,).
-
-    :param length: (k,) lengths [m].
-    :param pressure: (k,) gauge pressures, or one pressure for all [Pa].
-    """
+    """Return lengths (k,) [m] and pressures, of each member or of all [Pa], as arrays (k,)."""
     length = np.atleast_1d(np.asarray(length, dtype=float))
     pressure = np.asarray(pressure, dtype=float)
     if pressure.shape != length.shape:
@@ -173,9 +168,5 @@ def tube_pressures(
 
 
 def as_floats(block: Mapping[str, Any]) -> dict[str, float]:
-    """
-    Return a block of a robot file with its numbers converted to floats.
-
-    Unlike integers, floats that overflow become infinite.
-    """
+    """Return a block of a robot file with floats, which unlike integers overflow to infinity."""
     return {key: float(value) for key, value in block.items()}

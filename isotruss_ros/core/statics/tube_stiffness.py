@@ -185,12 +185,7 @@ class TubeSections:
         """
         Return the derivatives of 1 / EA, 1 / EI and 1 / GA by length and by pressure, (3, k) each.
 
-        The derivatives are central differences.
-
-        :param length: (k,) lengths, pinch point to pinch point [m].
-        :param pressure: (k,) gauge pressures [Pa].
-        :return: derivatives of the three flexibilities with respect to length, and with respect to
-            gauge pressure, (3, k) each.
+        The derivatives are central differences, for lengths from pinch point to pinch point.
         """
         # This step minimises the error, which is about step^2 + EPSILON / step.
         step = EPSILON ** (1.0 / 3.0)

@@ -25,12 +25,7 @@ MAX_UTILISATION = 0.8
 
 
 def wrinkling_moment(pressure: float, radius: float) -> float:
-    """
-    Return the wrinkling moment p pi R^3 / 2 of a tube without axial force [N m].
-
-    :param pressure: gauge pressure p [Pa].
-    :param radius: tube radius R [m].
-    """
+    """Return the wrinkling moment p pi R^3 / 2 of a tube without axial force [N m]."""
     return 0.5 * np.pi * pressure * radius**3
 
 
@@ -50,11 +45,7 @@ def find_utilisation(
     Return the utilisation of the members of a robot under loads.
 
     In a compressed piece the moment varies as a sine between loads, so its maximum may be inside
-    the piece.
-
-    :param frame: structural frame of the robot, with additional nodes at the loads on tubes.
-    :param end_forces: (k, 6) forces on the frame's members, see `FrameState.end_forces`.
-    :param pulls: (k,) axial forces on the frame's members, see `FrameState.bowing` [N].
+    the piece. For `end_forces` (k, 6) and `pulls` (k,) see `FrameState`.
     """
     config, topology = structure.config, structure.config.robot.topology
     pieces, member = structure.tube_parts(frame)
@@ -93,15 +84,11 @@ def evaluate_utilisation(
     loads: Array | tuple[Array, ...], sections: Array, radius: float
 ) -> tuple[Array, Array]:
     """
-    Return the utilisation of tube pieces, and the position of the maximum inside each piece.
+    Return |M| / M_w (3, ...) at start, end and inner maximum, and the latter's position [m].
 
-    :param loads: bending moment at the start (...), and at the end (...) [N m]; tension of the
-        wall (3, ...) at start, end and inner maximum, or (...) if it is constant [N]; and axial
-        force (...), which amplifies the moment between the ends [N].
-    :param sections: (3, ...) length [m], EI [N m^2] and GA [N] of the pieces.
-    :param radius: tube radius [m].
-    :return: |M| / M_w (3, ...) at start, end and inner maximum, where the last row is zero for
-        pieces without inner maximum; and the distance (...) of this maximum from the start [m].
+    Without an inner maximum it is zero there. The loads are bending moments (...) at start and end
+    [N m], tension of the wall (3, ...) or (...), and axial force (...), which amplifies the moment
+    between the ends [N]. The sections (3, ...) are length [m], EI [N m^2] and GA [N].
     """
     begin, end, moment_capacity, pull = loads
     length, flexural, shear = sections
@@ -119,11 +106,6 @@ def evaluate_utilisation(
 
 
 def find_most_used(used: Array, member: Indices) -> Indices:
-    """
-    Return, for each of m members, the index of its point with the largest utilisation.
-
-    :param used: (c,) |M| / M_w at c points of the members.
-    :param member: (c,) index of the member of each point.
-    """
+    """Return the index (m,) of the most utilised of the points (c,) of each member."""
     order = np.lexsort((used, member))
     return order[np.flatnonzero(np.diff(member[order], append=-1))]
