@@ -5,7 +5,7 @@
 State estimation of the robot from encoders, the object's pose and joint markers.
 
 Encoders do not measure slip, and the calibration of home has errors. Markers correct the roller
-offsets, see `OffsetFilter`. Measured poses correct the state of the grip, see `GripBelief`, in
+offsets, see `OffsetEstimator`. Measured poses correct the state of the grip, see `GripBelief`, in
 which the covariance of the offsets is taken into account. Measurements are processed at the times
 of their stamps.
 """
@@ -14,15 +14,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 import math
 
 from isotruss_ros.core.errors import ConfigurationError, GraspError, StructureError
 from isotruss_ros.core.estimation.contact_walk import JUMP_LENGTH
 from isotruss_ros.core.estimation.grip_belief import GripBelief
 from isotruss_ros.core.estimation.grip_model import attach_model, SHIFTS
-from isotruss_ros.core.estimation.marker_gate import find_swap, judge_markers
-from isotruss_ros.core.estimation.offset_filter import OffsetFilter
-from isotruss_ros.core.estimation.slip_watch import SlipWatch
+from isotruss_ros.core.estimation.offset_estimator import OffsetEstimator
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings, StateEstimate
 from isotruss_ros.core.holding.grip_record import GripRecord
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus
@@ -37,10 +36,6 @@ from isotruss_ros.core.statics.section import tube_pressures
 import numpy as np
 from numpy.typing import ArrayLike
 
-#: Number of successive messages without a consistent marker after which the roller offsets are
-#: regarded as unknown [-].
-MAX_INCONSISTENT_MESSAGES = 5
-
 
 class StateEstimator:
     """
@@ -54,18 +49,14 @@ class StateEstimator:
         self.settings = given = settings or EstimatorSettings()
         self._robot = robot
         self._grip: Grip | None = None
-        self._zeros, self._config = OffsetFilter(robot, given), robot.home
+        self._zeros, self._config = OffsetEstimator(robot, given), robot.home
         self.belief: GripBelief | None = None
         self._record: GripRecord | None = None  # last grip of the control loop
         self._held: HeldGrip | None = None  # its equilibrium
-        self._readings, self._slips = Timeline(), SlipWatch(len(robot.roller_names))
-        self._measured = UsedReadings()
+        self._readings, self._measured = Timeline(), UsedReadings()
         self._pressures: tuple[float, ...] | None = None
-        self._rolled, self._strange = 0.0, 0
+        self._rolled = 0.0
         self._used_offsets = self._zeros.offsets  # roller offsets in the equilibrium of the grip
-        self._used: tuple[str, ...] = ()
-        self._left_out: tuple[str, ...] = ()
-        self._swapped: tuple[str, ...] = ()
 
     @property
     def grip(self) -> Grip | None:
@@ -182,37 +173,15 @@ class StateEstimator:
             return False
         readings, zeros = self._readings.at(time), self._zeros
         self._roll()
-        if self._record is not None and self.belief is not None:
-            self.belief.take(self._held)  # for its derivatives
-        values, rates = self._place_joints(readings, zeros.offsets)
-        rows = np.array([2 * names.index(name) + i for name in joints for i in (0, 1)])
-        expected, slopes = zeros.expect(values, rates, rows)
-        measured = np.array(list(joints.values()), dtype=float).ravel()
-        noise = (deviation**2) * np.eye(len(rows)) + self._encoder_noise(rates[rows])
-        covariance = slopes @ zeros.covariance @ slopes.T + noise
-        used, slipped = judge_markers(
-            (measured - expected).reshape(-1, 2),
-            covariance,
-            rates[rows],
-            np.ptp(self._readings.values, axis=0),
-        )
-        zeros.inflate(slipped**2)
-        self._name(np.array(list(joints)), used, measured, expected, covariance)
-        chosen = np.flatnonzero(np.repeat(used, 2))
-        if not len(chosen):
+        belief, before = self.belief, zeros.offsets
+        if self._record is not None and belief is not None:
+            belief.take(self._held)  # for its derivatives
+        stored, joints_at = np.array(self._readings.values), partial(self._place_joints, readings)
+        if not zeros.take_markers(time, joints, deviation, (readings, stored), joints_at):
             return False
-        before = zeros.offsets
-        zeros.update(
-            measured[chosen],
-            noise[np.ix_(chosen, chosen)],
-            rows[chosen],
-            lambda offsets: self._place_joints(readings, offsets),
-        )
-        if self.belief is not None:
-            self.belief.correct_zeros(zeros.offsets - before)
-            self.belief.state.set_prior(zeros.offset_covariance)
-        variances = np.diag(zeros.offset_covariance) + self.settings.joint_error**2
-        self._slips.add(time, readings, zeros.offsets, variances)
+        if belief is not None:
+            belief.correct_zeros(zeros.offsets - before)
+            belief.state.set_prior(zeros.offset_covariance)
         return True
 
     @single_threaded
@@ -225,7 +194,6 @@ class StateEstimator:
         zeros, belief = self._zeros, self.belief
         values, rates = self._place_joints(readings, zeros.offsets)
         spread = rates @ zeros.offset_covariance @ rates.T
-        slipping = zip(self._robot.roller_names, self._slips.slipping, strict=True)
         found = StateEstimate(
             time,
             zeros.offsets.copy(),
@@ -233,11 +201,11 @@ class StateEstimator:
             readings + zeros.offsets,
             values.reshape(-1, 2),
             spread + self.settings.joint_error**2 * np.eye(len(values)),
-            used=self._used,
-            left_out=self._left_out,
+            used=zeros.used,
+            left_out=zeros.left_out,
             is_improbable=zeros.is_improbable,
-            swapped=self._swapped,
-            slipping=tuple(name for name, slips in slipping if slips),
+            swapped=zeros.swapped,
+            slipping=zeros.slipping,
         )
         if belief is None:
             return found
@@ -254,23 +222,6 @@ class StateEstimator:
             ),
             delay=state.delay,
         )
-
-    def _name(
-        self, names: Array, used: Array, measured: Array, expected: Array, covariance: Array
-    ) -> None:
-        """Store names of used and swapped markers; reset offsets after inconsistent messages."""
-        self._used = tuple(sorted(names[used].tolist()))
-        self._left_out = tuple(sorted(names[~used].tolist()))
-        swapped = None
-        if self._left_out:
-            swapped = find_swap(measured.reshape(-1, 2), expected.reshape(-1, 2), covariance)
-        self._swapped = () if swapped is None else tuple(sorted(names[list(swapped)].tolist()))
-        self._strange = 0 if self._used or self._swapped else self._strange + 1
-        if (
-            self._strange >= MAX_INCONSISTENT_MESSAGES
-        ):  # for example after a restart of the encoders
-            self._zeros.forget()
-            self._strange = 0
 
     def _roll(self) -> None:
         """Roll the held object to the last encoder reading; without equilibrium, release it."""
@@ -318,10 +269,6 @@ class StateEstimator:
         beyond = by_offsets - belief.grasp.config.node_jacobian[:count]
         displaced = held_joints(grasp).ravel() - grasp.config.nodes.ravel()[:count]
         return places + displaced + beyond @ (offsets - self._used_offsets), rates + beyond
-
-    def _encoder_noise(self, rates: Array) -> Array:
-        """Return the covariance (m, m) of joint coordinates by encoder noise, for a Jacobian."""
-        return self.settings.encoders**2 * rates @ rates.T
 
     def _in_time(self, time: float) -> bool:
         """Return whether there are encoder readings before and after a measurement."""
