@@ -7,7 +7,9 @@ from types import SimpleNamespace
 
 from hypothesis import assume, given
 from isotruss_ros.core import load_robot, Status
+from isotruss_ros.core.errors import ConfigurationError, GraspError
 from isotruss_ros.core.manipulation.status import RollerCommand
+from isotruss_ros.core.safety import shape_guard
 from isotruss_ros.core.safety.barrier_law import (
     ActiveValues,
     BarrierLaw,
@@ -170,3 +172,66 @@ def test_that_a_twist_was_bent_counts_for_more_than_that_it_is_slowed(status, sh
 def test_a_robot_that_stands_still_is_not_slowed():
     command, found = keep(0.0, lambda travel: 0.5)
     assert found is command
+
+
+#: Travel at which no configuration exists, or a value jumps below its bound [m].
+END = 6e-3
+
+
+def cut(barriers=(), grip=None):
+    """Return a command of 10 mm, and what is kept of it where `END` must not be reached."""
+
+    def move(positions):
+        if not barriers and grip is None and positions[0] > END:
+            raise ConfigurationError('no configuration')
+        return SimpleNamespace(roller_positions=positions)
+
+    config = SimpleNamespace(roller_positions=np.zeros(2), moved_to=move)
+    command = RollerCommand(np.array([0.1, 0.0]), np.zeros(3), 1.0, Status.OK)
+    return Watch(config, grip, barriers, ()).keep(command, np.zeros(2), 0.1)
+
+
+def test_a_command_to_where_no_configuration_exists_is_reduced():
+    found = cut()
+    # By four fifths of a half.
+    assert found.roller_velocities == pytest.approx([0.04, 0.0])
+    assert (found.status, found.limiting) == (Status.SLOWED_RIGIDITY, ())
+
+
+def test_a_command_that_loses_a_contact_is_reduced(monkeypatch):
+    def roll(grip, _, end):
+        if end.roller_positions[0] > END:
+            raise GraspError('a contact is lost')
+        return grip
+
+    monkeypatch.setattr(shape_guard, 'roll_object', roll)
+    found = cut(grip='a grip')
+    assert found.roller_velocities == pytest.approx([0.04, 0.0])
+    assert (found.status, found.limiting) == (Status.SLOWED_OBJECT, ('the contacts of the grip',))
+
+
+def test_a_value_that_jumps_from_beyond_the_band_below_its_bound_reduces_the_command():
+    barrier = SimpleNamespace(
+        law=LAW,
+        status=Status.SLOWED_BARRIER,
+        values=lambda end, *_: LAW.bound + np.array([1.0, END - end.roller_positions[0]]),
+        names=lambda numbers: [f'value {i}' for i in numbers],
+    )
+    found = cut((barrier,))
+    assert found.roller_velocities == pytest.approx([0.04, 0.0])
+    assert (found.status, found.limiting) == (Status.SLOWED_BARRIER, ('value 1',))
+
+
+@pytest.mark.parametrize(('speed', 'looked'), [(0.009, False), (0.011, True)])
+def test_values_beyond_the_band_are_evaluated_for_more_than_1_mm(speed, looked):
+    calls = []
+    barrier = SimpleNamespace(
+        law=LAW,
+        values=lambda *_: calls.append(1) or np.ones(1),
+        names=lambda numbers: [],
+    )
+    config = SimpleNamespace(roller_positions=np.zeros(1), moved_to=lambda _: None)
+    command = RollerCommand(np.array([-speed]), np.zeros(3), 1.0, Status.OK)
+    found = Watch(config, None, (barrier,), ()).keep(command, np.zeros(1), 0.1)
+    assert found is command
+    assert bool(calls) is looked
