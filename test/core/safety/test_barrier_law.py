@@ -73,6 +73,16 @@ def test_margins_fall_by_the_class_k_function(share):
     assert LAW.class_k_bound(np.array([share * 0.2])) == pytest.approx(expected, rel=1e-9)
 
 
+def test_rows_admit_decreases_by_the_class_k_function_and_all_increases():
+    barrier = SimpleNamespace(law=LAW, status=Status.SLOWED_BARRIER, names=lambda numbers: ['it'])
+    values, matrix = LAW.bound + np.array([0.5 * LAW.band]), np.array([[0.3, -0.4]])
+    limit = BarrierLimit(barrier, ActiveValues(np.arange(1), values, np.zeros((1, 0))), matrix)
+    rows = limit.rows(HOME)
+    assert (rows.matrix == matrix).all()
+    assert rows.lower == pytest.approx(-LAW.class_k_bound(values - LAW.bound))
+    assert rows.upper == [np.inf]
+
+
 @pytest.mark.parametrize(
     ('share', 'duration'), [(0.5, 0.01), (0.5, 1.0), (0.9, 0.01), (0.02, 0.1)]
 )
