@@ -236,11 +236,7 @@ class ConfigurationTracker:
         self._ahead: Configuration | None = None
 
     def configuration(self, roller_positions: Array) -> Configuration:
-        """
-        Return the configuration at measured travel; the last configuration at unchanged travel.
-
-        :param roller_positions: (r,) measured roller travel since home [m].
-        """
+        """Return the configuration at measured travel; the last one at unchanged travel."""
         if not np.array_equal(roller_positions, self._last.roller_positions):
             start, nearby, ahead = self._last, None, self._ahead
             if ahead is not None and ahead.has_factor_for(roller_positions):
@@ -259,9 +255,6 @@ class ConfigurationTracker:
 
         The next call reuses the factorised matrix of the predicted configuration, so a control
         cycle needs only one factorisation.
-
-        :param roller_positions: (r,) measured roller travel since home [m].
-        :param travel: (r,) further roller travel [m].
         """
         measured = self.configuration(roller_positions)
         self._ahead = measured.predict(travel)

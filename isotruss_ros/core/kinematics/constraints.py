@@ -185,7 +185,7 @@ def follow_branch(
 
     :param points: (n,) nodes that fulfil the constraints for nearby prescribed values [m].
     :param factor: factorised matrix at `points`; None: it is computed.
-    :return: (n,) nodes [m]; None if the step is too long or no configuration exists.
+    :return: nodes; None if the step is too long or no configuration exists.
     """
     # Largest residual [m, rad], not less than the rounding error of the coordinates.
     tolerance = max(COINCIDENCE, 64.0 * EPSILON * float(np.abs(points).max()))

@@ -32,11 +32,7 @@ MAX_CONDITION = 1e8
 def place_home(
     description: RobotDescription, topology: Topology, constraints: Constraints
 ) -> Points:
-    """
-    Return the nodes at home, (n,) x + iy [m].
-
-    :return: nodes in the order of the topology.
-    """
+    """Return the nodes at home, (n,) x + iy [m]."""
     joints = np.array([complex(*place) for place in description.joints.values()])
     inward, left = _corners(description, topology, joints)
     module = description.module

@@ -41,11 +41,7 @@ class Mechanism:
         self.module_names, self.roller_names = topology.module_names, topology.roller_names
 
     def check_rollers(self, values: ArrayLike, what: str) -> Array:
-        """
-        Return a checked copy of an array with one number for each roller.
-
-        :param values: (r,) numbers in the order of `roller_names`.
-        """
+        """Return a checked copy of an array (r,) with one number for each roller."""
         names = self.roller_names
         what = f'{what} for {", ".join(names)}'
         return finite_array(values, len(names), what, ConfigurationError)

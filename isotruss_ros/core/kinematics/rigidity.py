@@ -72,13 +72,10 @@ class RigidityIndex:
 
     def gradients(self, config: Configuration, modes: Modes) -> Array:
         """
-        Return the gradients of the scaled singular values with respect to the nodes.
+        Return the derivatives (p, 2n) of the scaled singular values by the nodes [1/m].
 
         They are u^T dM v / s_home with the matrix M, its singular vectors u and v, and the
         smallest singular value s_home at home.
-
-        :return: (p, 2n) derivatives of the scaled values with respect to (x0, y0, x1, y1, ...)
-            [1/m].
         """
         turning = config.robot.constraints.second_derivative(
             config.points, self._scale * modes.rows, modes.nodes

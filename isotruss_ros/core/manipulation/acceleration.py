@@ -148,25 +148,14 @@ def _surface_share(start: Array, wanted: Array, top: float) -> float:
 
 
 def limit_change(speeds: Array, previous: Array, change: float) -> Array:
-    """
-    Return the speeds (r,) after a step from previous toward desired speeds, limited to `change`.
-
-    :param speeds: (r,) desired speeds [m/s].
-    :param previous: (r,) speeds of the previous cycle [m/s].
-    :param change: largest change of a speed, not negative [m/s].
-    """
+    """Return the speeds after a step of at most `change` toward desired speeds [m/s]."""
     step = speeds - previous
     largest = float(np.abs(step).max())
     return speeds if largest <= change else previous + (change / largest) * step
 
 
 def _largest_share(away: Array, step: Array, change: float) -> float:
-    """
-    Return the largest fraction of a step, 0 to 1, at which all values are within a bound.
-
-    :param away: (r,) values without the step.
-    :param step: (r,) change of the values by the whole step.
-    """
+    """Return the largest fraction, 0 to 1, at which away + fraction * step is within a bound."""
     moving = step != 0.0
     shares = (np.copysign(change, step[moving]) - away[moving]) / step[moving]
     return float(max(min(shares.min(initial=1.0), 1.0), 0.0))

@@ -179,12 +179,7 @@ class GripContact(NamedTuple):
 
 @functools.lru_cache(maxsize=8)
 def find_contacts(config: Configuration, grip: Grip) -> list[GripContact]:
-    """
-    Return the contacts of the members with the object, cached.
-
-    :return: contacts in the order of the members: one contact for each member, or two for a member
-        that a face touches.
-    """
+    """Return the contacts of each member, one or both ends of a face, in their order; cached."""
     nodes = find_members(config.robot, grip.members)
     tube = config.robot.description.tube_diameter
     body, shape = grip.body, grip.body.shape.smoothed(0.5 * tube)

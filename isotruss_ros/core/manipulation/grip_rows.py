@@ -62,11 +62,10 @@ def _require_apart(distance: float) -> None:
 
 def member_rows(config: Configuration, names: tuple[str, ...]) -> Array:
     """
-    Return the Jacobian of the velocities of members with respect to roller speeds.
+    Return the Jacobian (3 m, r) of the velocities of m members with respect to roller speeds.
 
-    :param names: (m,) names of the members.
-    :return: (3 m, r) array with three rows for each member: vx, vy of the tube's material at the
-        member's start in the robot frame [-], and the angular velocity of the member (16) [1/m].
+    Each member has three rows: vx, vy of the tube's material at the member's start in the robot
+    frame [-], and the angular velocity of the member (16) [1/m].
     """
     nodes, points, count = find_members(config.robot, names), config.points, len(names)
     spans = [end - start for start, end in points.take(nodes.lines).tolist()]
@@ -85,11 +84,10 @@ def member_rows(config: Configuration, names: tuple[str, ...]) -> Array:
 
 def contact_rows(config: Configuration, grip: Grip) -> tuple[Array, Array]:
     """
-    Return the matrices of both sides of the grasp constraint J_h(q) qdot = G^T nu.
+    Return both matrices of the grasp constraint J_h(q) qdot = G^T nu, in the robot frame.
 
-    :return: J_h (2 k, r), the derivatives of each contact's velocity vx, vy with respect to roller
-        speeds [-]; and G^T (2 k, 3), the derivatives of each contact's velocity vx, vy with
-        respect to the twist vx, vy [-], omega [m]. All are in the robot frame.
+    J_h (2 k, r) has the derivatives of each contact's velocity vx, vy by roller speeds [-], and
+    G^T (2 k, 3) those by the twist vx, vy [-], omega [m].
     """
     contacts = find_contacts(config, grip)
     rates = np.zeros((2 * len(contacts), len(grip.members), 3))
@@ -122,8 +120,6 @@ def rows_of_two(grip: Grip, contacts: Sequence[GripContact], members: Array) -> 
     They solve the constraint of `contact_rows` in closed form. The object rotates with the member
     that touches a face. Without face contacts it rotates with the line through both contact
     points. The midpoint of both points moves with their mean velocity.
-
-    :param members: (6, r) rows of the two members, see `member_rows`.
     """
     first, *one = (contact for contact in contacts if contact.owner == 0)
     second, *other = (contact for contact in contacts if contact.owner == 1)

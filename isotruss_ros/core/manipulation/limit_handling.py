@@ -69,9 +69,8 @@ def apply_limits(
     config: Configuration, task: Task, limits: Sequence[Limit], rows: Rows, handling: LimitHandling
 ) -> tuple[Array, float, Status, tuple[str, ...]]:
     """
-    Return the command that executes a task under the limits.
+    Return the command that executes a task under the limits, whose rows are stacked.
 
-    :param rows: rows of the limits, see `stack_rows`.
     :return: roller velocities (r,) [m/s]; scale, see `RollerCommand`; status; and names of the
         rollers and members whose limits bind.
     """

@@ -34,20 +34,12 @@ class Rows(NamedTuple):
     upper: Array  #: (k,) upper bounds of the rows [m/s]
 
     def slack(self, speeds: Array) -> Array:
-        """
-        Return the slack of each row (k,) to the nearer of its bounds, negative if violated [m/s].
-
-        :param speeds: (r,) roller speeds [m/s].
-        """
+        """Return each row's slack to its nearer bound, (k,), negative if violated [m/s]."""
         rates = self.matrix.dot(speeds)
         return np.minimum(self.upper - rates, rates - self.lower)
 
     def take(self, chosen: Indices | Flags) -> Rows:
-        """
-        Return the inequality rows with given indices.
-
-        :param chosen: indices or mask (k,) of the rows.
-        """
+        """Return the inequality rows with given indices."""
         return Rows(self.matrix[chosen], self.lower[chosen], self.upper[chosen])
 
 

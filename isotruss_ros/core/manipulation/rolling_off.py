@@ -27,11 +27,7 @@ import numpy as np
 
 
 def roll_off_faces(config: Configuration, grip: Grip, reach: Reach, twist: Array) -> Reach:
-    """
-    Return the reachable twists if contacts at ends of faces may lift, to come closest to a twist.
-
-    :param twist: (3,) twist of the object, not zero [m/s, rad/s].
-    """
+    """Return the reachable twists closest to a twist if ends of faces may lift."""
     contacts = find_contacts(config, grip)
     choices = list(rolled_corners(contacts, grip.friction))
     least, working = _missed(reach, twist) if choices else 0.0, reach.working
@@ -65,8 +61,7 @@ def rolled_corners(
     """
     Yield the sets of contacts that may remain when an object rolls over ends of faces.
 
-    :param contacts: contacts of two members; for three members nothing is yielded.
-    :return: those subsets of the contacts at which forces can balance.
+    Forces can balance at these contacts. For three members nothing is yielded.
     """
     if contacts[-1].owner != 1 or len(contacts) == 2:
         return

@@ -102,9 +102,7 @@ def carry_out(
     """
     Return the least-cost (11) roller velocities for a desired motion under limits.
 
-    :param desired: (k,) desired twist [m/s, rad/s], or velocity components of joints [m/s].
-    :param limits: limits of rollers and configuration; None: the limits of the robot file.
-    :param opening_rate: opening rate of the grip, see `solve_twist` [m/s].
+    The motion is a twist [m/s, rad/s], or velocity components of joints [m/s].
     """
     task = find_task(reach, desired, opening_rate, handling.soft_rank)
     velocities, scale, status = task.velocities, 1.0, task.status

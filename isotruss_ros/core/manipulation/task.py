@@ -47,11 +47,9 @@ class WorkingRollers:
 
     def with_cost(self, cost: ArrayLike) -> WorkingRollers:
         """
-        Return the working rollers with another cost (11) of their speeds.
+        Return the working rollers with another cost (11) of the speeds of all rollers.
 
         The cost is scaled so that its trace equals that of the paper's cost.
-
-        :param cost: (r, r) cost of the speeds of all rollers, symmetric and positive definite.
         """
         words = f'a row of the cost matrix, which has {self.count} rows'
         given = cost if np.iterable(cost) else [cost]
@@ -72,11 +70,7 @@ class WorkingRollers:
         return WorkingRollers(self.count, self.indices, working_cost, _whitening(working_cost))
 
     def spread(self, speeds: Array) -> Array:
-        """
-        Return the speeds of all rollers, zero for failed rollers [m/s].
-
-        :param speeds: (w,) speeds of the working rollers [m/s].
-        """
+        """Return the speeds of all rollers from those of working rollers; others rest."""
         velocities = np.zeros(self.count)
         velocities[self.indices] = speeds
         return velocities

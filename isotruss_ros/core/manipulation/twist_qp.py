@@ -43,16 +43,10 @@ def maximize_progress(
     penalty: float = PENALTIES[0],
 ) -> tuple[Array, float]:
     """
-    Return the speeds u with the largest progress s in a direction, at least cost.
+    Return the speeds u with the largest progress s in a direction, at least cost, and s.
 
-    All quantities are dimensionless, and |u| is of order 1.
-
-    :param cost: (r, r) matrix C^T C, positive definite.
-    :param equality: (k, r) matrix J of full row rank.
-    :param direction: (k,) direction in J u = s * direction.
-    :param limited: (l, r) rows G with their bounds, which u = 0 fulfils.
-    :param least: least cost |C f|^2 of speeds f with J f = direction.
-    :return: speeds u (r,), and progress s.
+    All quantities are dimensionless, and |u| is of order 1. The equality J has full row rank, and
+    `least` is the least cost |C f|^2 of speeds f with J f = direction.
     """
     inequality, lower, upper = limited
     r, count = cost.shape[0], len(inequality)
@@ -78,16 +72,11 @@ def least_deviation(
     cost: Array, equality: Array, rank: int, opening: Array, limited: Rows, regularization: float
 ) -> Array:
     """
-    Return the least change v of roller speeds that fulfils the limits.
+    Return the least change v of roller speeds that fulfils the limits on v.
 
     It minimises 1/2 |J v|^2 + regularization/2 |C v|^2, where the first term has the first `rank`
     rows of J. The other rows are equalities J v = 0; if the bounds do not admit them, they become
-    J v = -opening. All quantities are dimensionless.
-
-    :param cost: (r, r) matrix C^T C, positive definite.
-    :param equality: (k, r) matrix J.
-    :param opening: (k - rank,) values of the other rows before the change.
-    :param limited: (l, r) rows G with their bounds on v.
+    J v = -opening, the values of these rows before the change. All quantities are dimensionless.
     """
     inequality, lower, upper = limited
     reached, kept = equality[:rank], equality[rank:]

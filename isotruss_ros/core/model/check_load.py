@@ -18,11 +18,9 @@ def check_load(
     body: ConvexObject, friction: float | None, external_wrench: ArrayLike
 ) -> tuple[float, Array]:
     """
-    Return the coefficient of friction and the external wrench (fx, fy, m) [N, N m] as floats.
+    Return the friction, see `ConvexObject.friction_or`, and the external wrench (3,), checked.
 
-    :param friction: coefficient of friction. If None, the coefficient of the object is used, or
-        0.5 if the object has none.
-    :param external_wrench: wrench (fx, fy, m) about the origin of the object's frame [N, N m].
+    The wrench (fx, fy, m) is about the origin of the object's frame [N, N m].
     """
     mu = check_friction(body.friction_or(friction))
     return mu, load_array(external_wrench, 3, EXTERNAL_WRENCH, GraspError)

@@ -214,9 +214,6 @@ def segment_gaps(body: ConvexObject, starts: Points, ends: Points) -> SegmentGap
 
     A normal is perpendicular to its segment and points away from the object's centroid. If the
     nearest point is an end of the segment, the normal is that of the object's surface.
-
-    :param starts: (k,) starts of the segments, robot frame, x + iy [m].
-    :param ends: (k,) ends of the segments, robot frame, x + iy [m]; they may equal the starts.
     """
     spans = ends - starts
     lengths = np.abs(spans)

@@ -73,10 +73,8 @@ def find_implausible(
     """
     Yield a fault for each stiffness of a robot file that no tube of this diameter has.
 
-    :param diameter: diameter of the tubes [m].
-    :param pressures: gauge pressure of each tube, by the tube's name [Pa].
-    :param limits: shortest and longest member, pinch point to pinch point [m].
-    :param ring: distance g of each guide ring from its pinch point [m].
+    The limits are the shortest and the longest member, and `ring` is the distance of each guide
+    ring from its pinch point [m].
     """
     radius = 0.5 * diameter
     if stiffness['model'] == 'inflatable_beam':
@@ -89,13 +87,7 @@ def find_implausible(
 
 
 def _overstretched(key: str, pressure: float, radius: float, modulus: float) -> Iterator[str]:
-    """
-    Yield a fault if a pressure stretches the wall too far.
-
-    :param pressure: gauge pressure p [Pa].
-    :param radius: tube radius R [m].
-    :param modulus: E t [N/m].
-    """
+    """Yield a fault if a pressure p [Pa] stretches the wall of modulus E t [N/m] too far."""
     if pressure * radius > MAX_WALL_STRAIN * modulus:
         most = MAX_WALL_STRAIN * modulus / radius
         low, _ = plausible_range('tube.pressure')

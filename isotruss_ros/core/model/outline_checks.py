@@ -16,12 +16,7 @@ import numpy as np
 
 
 def check_outline(vertices: object, corner_radius: object) -> tuple[Points, Array]:
-    """
-    Check vertices and corner radii; return them as arrays (k,) x + iy and (k,) [m].
-
-    :param vertices: vertices, see `Polygon`.
-    :param corner_radius: radius of the corners, see `Polygon`.
-    """
+    """Return the vertices (k,) x + iy and corner radii (k,) of a `Polygon`, checked [m]."""
     corners = _validate_vertices(vertices)
     radii = _validate_radii(corner_radius, len(corners))
     _check_convex(corners)
@@ -34,8 +29,6 @@ def polygon_moments(corners: Points) -> tuple[float, complex, float]:
     Return the integrals of 1, z and |z|^2 over the area of a polygon, with z = x + iy.
 
     They are multiplied by -1 if the vertices are clockwise.
-
-    :param corners: (k,) vertices of the polygon, x + iy [m].
     """
     following = np.roll(corners, -1)
     cross = (corners.conj() * following).imag

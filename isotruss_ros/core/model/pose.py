@@ -53,11 +53,7 @@ def pose_fault(x: float, y: float, angle: float = 0.0) -> str:
 
 
 def pose_difference(pose: ArrayLike, other: ArrayLike) -> Array:
-    """
-    Return the first pose minus the second, (3,) [m, rad]; the angle is wrapped to (-pi, pi].
-
-    :param pose: first pose x, y [m], angle [rad] in the robot frame.
-    """
+    """Return the first pose minus the second, (3,) [m, rad]; the angle is wrapped to (-pi, pi]."""
     away = np.subtract(pose, other)
     away[2] = math.remainder(away[2], 2.0 * math.pi)
     return away

@@ -300,11 +300,7 @@ class Disc(Shape):
 
 
 def normalize(vectors: Points) -> Points:
-    """
-    Return unit vectors; the zero vector becomes i.
-
-    :param vectors: (c,) vectors x + iy.
-    """
+    """Return unit vectors (c,); the zero vector becomes i."""
     sizes = np.abs(vectors)
     if sizes.all():
         return vectors / sizes

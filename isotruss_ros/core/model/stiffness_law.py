@@ -28,24 +28,17 @@ class Law(NamedTuple):
 
     def stiffness(self, length: Array, pressure: Array) -> Array:
         """
-        Return the stiffness k; it is zero after underflow and infinite after overflow.
+        Return the stiffness [N/m], or [N m/rad] for a rotary law, at gauge pressures [Pa].
 
-        :param length: (k,) lengths L [m], from pinch point to pinch point for an axial law, from
-            guide ring to guide ring for the other laws.
-        :param pressure: (k,) gauge pressures p [Pa].
-        :return: (k,) stiffnesses: [N/m], or [N m/rad] for a rotary law.
+        Lengths [m] are from pinch point to pinch point for an axial law, from guide ring to guide
+        ring for the other laws. The stiffness is zero after underflow, infinite after overflow.
         """
         with np.errstate(over='ignore', under='ignore'):
             return np.exp(np.log(self.C) + self.a * np.log(pressure) + self.b * np.log(length))
 
 
 def read_laws(block: Mapping[str, Any]) -> dict[str, Law]:
-    """
-    Return the axial, transverse and rotary power laws from a block `stiffness`.
-
-    :param block: block `stiffness` of a robot file, for the model `power_law`; its form must have
-        been checked by the schema.
-    """
+    """Return the axial, transverse and rotary power laws from a checked block `stiffness`."""
     modes = ('axial', 'transverse', 'rotary')
     # As floats: YAML also has integers, which overflow differently.
     return {mode: Law(**{key: float(x) for key, x in block[mode].items()}) for mode in modes}
@@ -60,14 +53,10 @@ def find_contradictions(
     """
     Yield a fault for lengths and pressures at which no beam has the stiffnesses of the laws.
 
-    For a beam, the ratio 12 k_rotary /
-    (k_transverse L^2) is 4 + 12 EI / (GA L^2), so at least 4. The ratio of two power laws is a
-    power law, so if it is at least 4 at both ends of a range of lengths, it is at least 4 in
-    between. The length at which the ratio is 4 follows in closed form.
-
-    :param pressures: gauge pressure of each tube, by the tube's name [Pa].
-    :param limits: shortest and longest member, pinch point to pinch point [m].
-    :param ring: distance g of each guide ring from its pinch point [m].
+    For a beam, the ratio 12 k_rotary / (k_transverse L^2) is 4 + 12 EI / (GA L^2), so at least 4.
+    The ratio of two power laws is a power law, so if it is at least 4 at both ends of a range of
+    lengths, it is at least 4 in between. The length at which it is 4 follows in closed form. For
+    the limits and the ring see `find_implausible`.
     """
     if limits[0] <= 2.0 * ring:
         yield (

@@ -159,12 +159,7 @@ def _distinct(poses: Array) -> Array:
 
 
 def _smoothed(poses: Array, durations: Array) -> Array:
-    """
-    Return samples of the centripetal Catmull-Rom spline through poses.
-
-    :param durations: (n - 1,) durations of the segments, which are the knot intervals of the
-        spline [s].
-    """
+    """Return samples of the centripetal Catmull-Rom spline with durations as knot intervals."""
     spans = np.sqrt(durations)
     knots = np.concatenate([[0.0], np.cumsum(spans)])
     # Tangents of the parabola through each pose and its neighbours.

@@ -73,8 +73,6 @@ class PathServo:
     State of path following: current path and settings.
 
     :ivar tracker: tracker of the current or last path; None before the first path.
-    :param period: period of the control loop [s].
-    :param timeout: largest age of inputs [s].
     :param inputs: latest inputs, which the client replaces; pose and servo feedback are used.
     """
 
@@ -86,19 +84,11 @@ class PathServo:
         self._answered = 0.0
 
     def measured(self, now: float) -> Pose:
-        """
-        Return the measured pose of the object.
-
-        :param now: current time on the clock of the inputs [s].
-        """
+        """Return the measured pose of the object."""
         return require_fresh(now, self.timeout, object_pose=self.inputs.pose)[0].value
 
     def begin(self, path: ObjectPath, settings: TrackingSettings, now: float) -> None:
-        """
-        Start a path, which is followed from the next cycle on.
-
-        :param now: current time on the clock of the inputs [s].
-        """
+        """Start a path, which is followed from the next cycle on."""
         self.tracker = None
         measured = self.measured(now)
         error = pose_difference(path.poses[0], measured)
@@ -113,11 +103,7 @@ class PathServo:
         self._before = self._answered = now
 
     def decide(self, now: float) -> Step:
-        """
-        Return the twist of the current cycle, or the result; an invalid input ends the path.
-
-        :param now: current time on the clock of the inputs [s].
-        """
+        """Return the twist of the current cycle, or the result; an invalid input ends the path."""
         elapsed, self._before = now - self._before, now
         self.tracker.clock.period = self.period
         try:

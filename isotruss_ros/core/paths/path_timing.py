@@ -23,10 +23,6 @@ class PathClock:
     :ivar ramp_time: time in which the rate changes from 0 to 1, or back [s].
     :ivar waited: time since the last progress [s].
     :ivar period: period of the control loop [s], which may vary along the path.
-    :param duration: duration of the path [s].
-    :param ramp_time: initial ramp time [s].
-    :param progress_timeout: largest time without progress [s].
-    :param period: initial period of the control loop [s].
     """
 
     def __init__(
@@ -55,31 +51,20 @@ class PathClock:
         return (2.0 * peak - self.rate) * self.ramp_time + max(cruise, 0.0)
 
     def time_then(self, elapsed: float, age: float) -> float:
-        """
-        Return the path time at a past moment, such as the time of a measurement [s].
-
-        :param elapsed: time since the last call of `advance` [s].
-        :param age: time from the past moment until now [s].
-        """
+        """Return the path time at a past moment, `elapsed` - `age` after the last call [s]."""
         return self._known.at(self._now + elapsed - age)
 
     def step(self, elapsed: float) -> float:
-        """
-        Return an elapsed time, limited to two periods so that a late cycle causes no jump [s].
-
-        :param elapsed: time since the last cycle [s].
-        """
+        """Return an elapsed time of at most two periods, so that a late cycle causes no jump."""
         return min(max(elapsed, 0.0), 2.0 * self.period)
 
     def advance(self, elapsed: float, room: float, scale: float, held: bool) -> None:
         """
         Advance path time by one cycle of the control loop.
 
-        :param elapsed: time since the last call [s].
-        :param room: largest rate that the robot's lag admits, 0 to 1; a larger rate is reduced at
-            once.
-        :param scale: factor by which the robot's limits reduced the last twist, 0 to 1; the rate
-            approaches this factor along a ramp, because this feedback is some cycles late.
+        A rate above `room`, the largest that the robot's lag admits, is reduced at once. The rate
+        approaches `scale`, by which limits reduced the last twist, along a ramp, because this
+        feedback is some cycles late.
         """
         self._now += max(elapsed, 0.0)
         if self._now > self._known.last[0]:

@@ -46,12 +46,8 @@ class RollerTrajectory:
 
     At each waypoint the velocity changes with the largest acceleration (parabolic blend), for a
     time centred on the waypoint. So the trajectory begins half of the first blend before the first
-    waypoint, and its duration includes this time.
-
-    :ivar duration: duration of the trajectory [s].
-
-    :param positions: (k, r) one or more waypoints [m].
-    :param times: (k,) times of the waypoints, increasing from 0, at most a day [s].
+    waypoint, and its duration [s] includes this time. Waypoints are (k, r) [m], and their times
+    (k,) increase from 0 [s].
     """
 
     def __init__(self, robot: Robot, positions: ArrayLike, times: ArrayLike) -> None:
@@ -101,13 +97,7 @@ class RollerTrajectory:
         return 0.5 * changes / most
 
     def at(self, time: float) -> RollerState:
-        """
-        Return the desired roller positions and velocities at a time.
-
-        Before the start and after the end the rollers are at rest.
-
-        :param time: time since the start [s].
-        """
+        """Return the desired roller state; rollers rest before the start and after the end."""
         times, slopes = self._times, self._slopes
         piece = int(np.searchsorted(times, time, side='right'))
         start, slope = max(piece - 1, 0), slopes[piece]
@@ -135,12 +125,7 @@ class RollerStep(NamedTuple):
 
 
 class RollerTrajectoryServo:
-    """
-    Feedback controller that tracks one trajectory of the rollers, with its state.
-
-    :param timeout: largest age of measurements [s].
-    :param inputs: latest inputs, which the client replaces; the roller state is used.
-    """
+    """Feedback controller that tracks one trajectory of the rollers, with its state and inputs."""
 
     def __init__(self, robot: Robot, timeout: float, inputs: LatestInputs) -> None:
         self._robot, self.timeout, self.inputs = robot, timeout, inputs
@@ -168,13 +153,7 @@ class RollerTrajectoryServo:
         start: float | None = None,
         tolerances: TrajectoryTolerances | None = None,
     ) -> None:
-        """
-        Start a trajectory, which replaces the current one unless it is rejected.
-
-        :param now: current time on the clock of the inputs [s].
-        :param start: start time, until which the rollers rest [s]; None: now.
-        :param tolerances: tolerances of the action goal; None: the defaults of this servo.
-        """
+        """Start a trajectory, which replaces the current one unless it is rejected."""
         state = self.check_start(trajectory, now)
         self._trajectory, self._offsets = trajectory, state.offsets
         self._tolerances = tolerances or TrajectoryTolerances()
@@ -182,11 +161,7 @@ class RollerTrajectoryServo:
         self.time, self._waited, self._near_since = 0.0, 0.0, None
 
     def check_start(self, trajectory: RollerTrajectory, now: float) -> RollerState:
-        """
-        Return the measured roller state; raise an error if a trajectory does not begin there.
-
-        :param now: current time on the clock of the inputs [s].
-        """
+        """Return the measured roller state; raise an error if the trajectory begins elsewhere."""
         state = require_fresh(now, self.timeout, joint_states=self.inputs.rollers)[0].value
         away = np.abs(trajectory.at(0.0).positions - state.positions)
         worst = int(away.argmax())
@@ -203,11 +178,7 @@ class RollerTrajectoryServo:
         self._trajectory = None
 
     def decide(self, now: float) -> RollerStep:
-        """
-        Return the roller velocities of the current cycle; an invalid input aborts the trajectory.
-
-        :param now: current time on the clock of the inputs [s].
-        """
+        """Return the roller velocities of a cycle; an invalid input aborts the trajectory."""
         trajectory = self._trajectory
         if trajectory is None:
             return self._finish('the servo has no trajectory; start one first')
@@ -289,11 +260,7 @@ class RollerTrajectoryServo:
         return RollerStep(np.zeros(len(self._robot.roller_names)), True, failure, at_goal)
 
     def _rests(self, near: bool, measured: float, now: float) -> bool:
-        """
-        Return whether the rollers have been within the end tolerance for `REST_TIME`.
-
-        :param measured: time of the measurement [s].
-        """
+        """Return whether the rollers have been within the end tolerance for `REST_TIME`."""
         if not near:
             self._near_since = None
         elif self._near_since is None:

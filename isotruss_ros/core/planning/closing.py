@@ -69,12 +69,7 @@ class SearchState:
         return float(self.distances.min(initial=np.inf))
 
     def check_bounds(self, rigidity: float, clearance: float, gaps: Array) -> None:
-        """
-        Raise RequirementError if the configuration violates a bound.
-
-        :param clearance: smallest allowed distance between two parts of the robot [m].
-        :param gaps: (3m,) smallest allowed gaps between the object and the robot's parts [m].
-        """
+        """Raise RequirementError if rigidity, clearance [m] or a gap (3m,) [m] is too small."""
         low = int((self.gaps - gaps).argmin())
         for name, value, bound in (
             ('rigidity', self.rigidity, rigidity),

@@ -50,13 +50,7 @@ GAP_TOLERANCE = 0.015
 
 
 def press(config: Configuration, closing: Closing, depths: Array) -> Configuration:
-    """
-    Return the configuration in which the grasping members are indented by given depths.
-
-    The object does not move.
-
-    :param depths: (s,) indentation of each grasping member by the object [m].
-    """
+    """Return the configuration in which the members are indented by given depths (s,) [m]."""
     state = evaluate_state(config, closing.body)
     members, share, error = list(closing.members), 1.0, np.inf
     for _ in range(15):
@@ -71,12 +65,10 @@ def take_closing_step(
     state: SearchState, closing: Closing, targets: Array, share: float
 ) -> tuple[SearchState, float]:
     """
-    Move the gaps of the grasping members toward their targets by one step.
+    Move the gaps of the grasping members toward their targets (s,) [m] by one step.
 
-    :param targets: (s,) desired gaps of the grasping members [m].
-    :param share: length of the step relative to the longest step [-]. It is 1 for the first step;
-        for later steps it is the second result of the previous step.
-    :return: state at the end of the step, and `share` for the next step.
+    The share is the length of the step relative to the longest step, 1 for the first step. It is
+    returned for the next step.
     """
     move = solve_step(state, closing, targets, share)
     rigidity, room = min(closing.min_rigidity, state.rigidity), min(0.0, state.clearance)
@@ -102,12 +94,7 @@ def take_closing_step(
 
 
 def solve_step(state: SearchState, closing: Closing, targets: Array, share: float) -> Array:
-    """
-    Return the roller travel (r,) of one step by solving the quadratic program [m].
-
-    :param targets: (s,) desired gaps of the grasping members [m].
-    :param share: length of the step relative to the longest step [-].
-    """
+    """Return the roller travel (r,) of one step by solving the quadratic program [m]."""
     config, members = state.config, list(closing.members)
     size = share * config.robot.home.member_lengths.mean()
     matrix = (state.gaps_by_nodes @ config.node_jacobian)[members]
@@ -145,9 +132,9 @@ def _bound_rows(state: SearchState, closing: Closing, targets: Array) -> tuple[A
     """
     Return the matrix (k, r) and the bounds (k,) of the constraints matrix @ u >= bounds.
 
-    u is the roller travel of the step. The constraints bound the gaps of grasping members (by
-    targets (s,) [m]), the gaps of other parts to the object, the rigidity, and the distances
-    between parts of the robot. The last rows are the limits of the robot file.
+    The constraints bound the gaps of grasping members by their targets, the gaps of other parts to
+    the object, the rigidity, and the distances between parts of the robot. The last rows are the
+    limits of the robot file.
     """
     config, members, robot = state.config, list(closing.members), state.config.robot
     collisions, length = collision_model(robot), robot.home.member_lengths.mean()

@@ -32,11 +32,10 @@ ROUNDED_DIGITS = 9
 
 def contact_ends(body: ConvexObject, normals: Points, tube_radius: float) -> tuple[Points, Points]:
     """
-    Return both ends of each contact with straight members, the clockwise end first.
+    Return both ends (s,) of each contact with straight members, the clockwise end first [m].
 
-    :param normals: (s,) unit vectors from the object toward the members, robot frame.
-    :param tube_radius: radius of the members [m].
-    :return: two arrays (s,), x + iy from the origin of the object's frame, in robot axes [m].
+    The normals (s,) are unit vectors from the object toward the members. The ends are relative to
+    the origin of the object's frame, in robot axes.
     """
     shape, facing = body.shape.smoothed(tube_radius), normals * body.turn.conjugate()
     first, last = _patch_ends(shape, facing.tobytes(), tube_radius)
@@ -70,13 +69,7 @@ def _face_normals(shape: Shape) -> Points:
 def friction_angles(
     body: ConvexObject, normals: Points, others: Points, tube_radius: float
 ) -> Array:
-    """
-    Return the smallest friction angles (s,) at which the forces of s pairs balance [rad].
-
-    :param normals: (s,) unit vectors from the object toward the first members, robot frame.
-    :param others: (s,) unit vectors from the object toward the second members, robot frame.
-    :param tube_radius: radius of the members [m].
-    """
+    """Return the smallest friction angles (s,) at which the forces of s pairs balance [rad]."""
     clockwise, counter = contact_ends(body, normals, tube_radius)
     clockwise_too, counter_too = contact_ends(body, others, tube_radius)
     # Angles from the first member's inward normal to the line from its contact to the second one.
@@ -92,13 +85,7 @@ def friction_angles(
 
 
 def balances(body: ConvexObject, normals: Points, angle: float, tube_radius: float) -> bool:
-    """
-    Return whether forces within the friction cones of the members can balance an object.
-
-    :param normals: (s,) unit vectors from the object toward the members, robot frame.
-    :param angle: half angle of the friction cones [rad].
-    :param tube_radius: radius of the members [m].
-    """
+    """Return whether forces within friction cones of a half angle [rad] can balance an object."""
     if len(normals) == 2:  # closed form instead of the least squares below
         used = friction_angles(body, normals[:1], normals[1:], tube_radius)
         return bool(used[0] <= angle)
@@ -119,16 +106,10 @@ def find_facing(
     turning: float = TURN_WEIGHT,
 ) -> Points | None:
     """
-    Return directions of two members that admit force closure, near the current directions.
+    Return directions (2,) of two members that admit force closure, near the current directions.
 
-    The directions minimise a weighted sum of required friction angle and rotation.
-
-    :param normals: (2,) current unit vectors from the object toward the members, robot frame.
-    :param angle: half angle of the friction cones that may be used [rad].
-    :param tube_radius: radius of the members [m].
-    :param turning: weight of the members' rotation relative to the required friction angle [-].
-    :return: (2,) unit vectors from the object toward the members; None if no such directions exist
-        nearby.
+    The directions minimise a weighted sum of required friction angle and rotation. None if no such
+    directions exist nearby.
     """
     # Directions in the object's frame, so that cached contacts are used by the next search.
     firsts = np.exp(2j * np.pi * np.arange(72) / 72)

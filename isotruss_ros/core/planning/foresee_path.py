@@ -61,7 +61,6 @@ def foresee_grip(
     """
     Find the grip of an object, and predict its motion along a path by `foresee_path`.
 
-    :param poses: poses of the path, see `foresee_path`.
     :param record: equilibrium reported by the control loop that holds the object. If it is None,
         or if the predicted motion ends before the end of the path, the motion is predicted from
         the equilibrium of `attach_grip` instead.
@@ -94,10 +93,8 @@ def foresee_path(
 
     Contacts roll without slip. External loads and barriers are not considered. The motion ends if
     the slip margin becomes less than `MIN_RELATIVE_MARGIN` times the squeeze, or if a roller must
-    move much faster than the object.
+    move much faster than the object. Angles of the poses are not wrapped to one turn.
 
-    :param poses: (n, 3) poses x, y [m], angle [rad] of the object; angles are not wrapped to one
-        turn.
     :param passed: list to which the equilibria along the path are appended.
     """
     passed = [] if passed is None else passed

@@ -33,9 +33,8 @@ def judge_candidate(
     """
     Compute approach and closing of a candidate; return planned grasp and counts of the search.
 
-    :param closing: closing motion from which the candidate starts, see `find_seeds`.
-    :return: planned grasp, or None if the candidate violates a requirement; and the counts of the
-        search, with the violation that was closest to an admissible grasp.
+    The grasp is None if the candidate violates a requirement; the counts then contain the
+    violation that was closest to an admissible grasp.
     """
     grasp, tally = None, closing.tally
     try:
@@ -56,12 +55,10 @@ def close_grip(
     opened: Configuration, closing: Closing, needs: GraspRequirements
 ) -> tuple[list[Configuration], ClosedGrip] | None:
     """
-    Return the best admissible grip, and the path from first contact to this grip.
+    Return the path from first contact to the best admissible grip, and this grip.
 
-    The squeeze is increased until the score decreases or a requirement is violated.
-
-    :return: path and grip; None if no grip is admissible. In this case `closing.tally` contains
-        the violation.
+    The squeeze is increased until the score decreases or a requirement is violated. If no grip is
+    admissible, `closing.tally` contains the violation.
     """
     # A nominal posture would shift the gaps from their targets.
     closing = replace(closing, nominal_posture=None, facing=None)

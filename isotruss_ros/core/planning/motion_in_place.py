@@ -59,11 +59,7 @@ def hold_between(config: Configuration, closing: Closing) -> HeldGrip:
 
 
 def squeeze_in_place(grasp: HeldGrip, force: float, closing: Closing) -> HeldGrip:
-    """
-    Return the grasp after a change of its squeeze without motion of the object.
-
-    :param force: mean normal force of the members, positive [N].
-    """
+    """Return the grasp with another mean normal force [N] and the object in its place."""
     evened = len(closing.members) if len(closing.members) > 2 else 0
     place = PLACE_TOLERANCE / np.array([1.0, 1.0, grasp.arm])
     scale = np.array([SQUEEZE_TOLERANCE * force, *place, *evened * [SQUEEZE_TOLERANCE * force]])

@@ -64,12 +64,10 @@ def plan_release(
     max_turn: float = math.inf,
 ) -> Release:
     """
-    Plan the release of a held object and the retreat of the members.
+    Plan the release of a held object and the retreat of the members to a clearance [m].
 
-    :param clearance: gap between these members and the object at the end [m]; at most the sum of
-        all member lengths.
-    :param record: equilibrium reported by the control loop that holds the object. If it is None,
-        the equilibrium of `attach_grip` is used instead.
+    :param record: equilibrium reported by the control loop that holds the object; None: the
+        equilibrium of `attach_grip`.
     :param max_turn: largest admissible predicted rotation of the object [rad].
     """
     file = config.robot.description

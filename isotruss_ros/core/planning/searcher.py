@@ -46,11 +46,7 @@ class Answer(NamedTuple):
 
 
 class Stop:
-    """
-    Condition under which a search stops: a request, or the end of its time limit.
-
-    :param time_limit: time limit of the search, which starts now [s]; 0: no limit.
-    """
+    """Condition under which a search stops: a request, or a time limit [s]; 0: no limit."""
 
     def __init__(self, time_limit: float = 0.0) -> None:
         self._deadline = time.monotonic() + (time_limit or math.inf)
@@ -67,11 +63,7 @@ class Stop:
 
 
 class Searcher:
-    """
-    Search for grasps in the background; its worker processes start with the first search.
-
-    :param workers: number of processes, see `WorkerPool`.
-    """
+    """Search for grasps in the background; its worker processes start with the first search."""
 
     def __init__(self, workers: int) -> None:
         self._workers, self._pool = workers, WorkerPool(workers)
@@ -86,12 +78,7 @@ class Searcher:
         seed: int,
         time_limit: float = 0.0,
     ) -> None:
-        """
-        Start a search for grasps; no other search may be running.
-
-        :param config: configuration of the robot, see `plan_grasps`.
-        :param time_limit: time limit of the search [s]; 0: no limit.
-        """
+        """Start a search for grasps; no other search may be running."""
         self._search, self._stop = Future(), Stop(time_limit)
         self._progress = Progress(0, 0, None, 0.0, None)
         arguments = (config, body, requirements, seed, self._pool.executor)

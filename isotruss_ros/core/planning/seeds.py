@@ -93,11 +93,7 @@ def required_members(robot: Mechanism, needs: GraspRequirements) -> frozenset[in
 
 
 def enclosing_members(config: Configuration, point: complex) -> tuple[int, ...]:
-    """
-    Return the members visible from a point; none if the robot does not enclose the point.
-
-    :param point: point x + iy in the robot frame [m].
-    """
+    """Return the members visible from a point; none if the robot does not enclose the point."""
     topology, points = config.robot.topology, config.points
     count = topology.n_modules
     b, c = points[topology.b], points[topology.c]

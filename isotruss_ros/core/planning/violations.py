@@ -101,11 +101,7 @@ class SearchTally:
 
 
 def export_violation(violation: Violation | None) -> dict[str, Any]:
-    """
-    Return a violated requirement with its value and bound as a dictionary; empty for None.
-
-    :param violation: closest violation of a search; None if there was none.
-    """
+    """Return a violated requirement with its value and bound as a dictionary; empty for None."""
     if violation is None:
         return {}
     return {
@@ -116,11 +112,7 @@ def export_violation(violation: Violation | None) -> dict[str, Any]:
 
 
 def violation_in_words(violation: Violation | None) -> str:
-    """
-    Return a sentence that describes the violation of a requirement.
-
-    :param violation: violation of the closest candidate; None if there was no candidate.
-    """
+    """Return a sentence that describes the violation of a requirement."""
     if violation is None:
         return 'there was no grasp candidate'
     sentence = (SENTENCES_BY_REQUIREMENT | BOUNDS).get(violation.requirement)
