@@ -5,8 +5,9 @@
 Roller trajectories, piecewise linear with parabolic blends, and a servo that tracks trajectories.
 
 The servo starts at the measured roller positions and controls them by feedback. Trajectory time
-stops while a roller lags behind. A missing, stale or rejected input ends the trajectory, and
-so does a violated tolerance of the action goal.
+stops while a roller lags behind, and the rollers rest while their measurement is missing or
+rejected. After the timeout without a valid measurement the trajectory ends, and so it does at a
+violated tolerance of the action goal.
 """
 
 from __future__ import annotations
@@ -133,6 +134,7 @@ class RollerTrajectoryServo:
         self._trajectory: RollerTrajectory | None = None
         self._tolerances = TrajectoryTolerances()
         self._start = self._before = self._waited = 0.0
+        self._measured = 0.0  # time of the last valid measurement [s]
         self._near_since: float | None = None
         self._offsets: Array | float = 0.0
 
@@ -158,7 +160,7 @@ class RollerTrajectoryServo:
         self._trajectory, self._offsets = trajectory, state.offsets
         self._tolerances = tolerances or TrajectoryTolerances()
         self._start = self._before = now if start is None else max(start, now)
-        self.time, self._waited, self._near_since = 0.0, 0.0, None
+        self.time, self._waited, self._near_since, self._measured = 0.0, 0.0, None, now
 
     def check_start(self, trajectory: RollerTrajectory, now: float) -> RollerState:
         """Return the measured roller state; raise an error if the trajectory begins elsewhere."""
@@ -178,16 +180,20 @@ class RollerTrajectoryServo:
         self._trajectory = None
 
     def decide(self, now: float) -> RollerStep:
-        """Return the roller velocities of a cycle; an invalid input aborts the trajectory."""
+        """Return the roller velocities of a cycle, zero without a valid measurement."""
         trajectory = self._trajectory
         if trajectory is None:
             return self._finish('the servo has no trajectory; start one first')
         try:
             (measured,) = require_fresh(now, self.timeout, joint_states=self.inputs.rollers)
         except IsotrussError as error:
-            return self._finish(str(error))
+            if not 0.0 <= now - self._measured <= self.timeout:
+                return self._finish(str(error))
+            self._before = max(self._before, now)  # trajectory time stops
+            return self._rest()
+        self._measured = measured.time
         if now < self._start:
-            return RollerStep(np.zeros(len(self._robot.roller_names)), False, '')
+            return self._rest()
         # Cycles may be late on a busy machine, or rare on a coarse clock.
         longest = min(MAX_TIME_STEP, self.timeout)
         elapsed, self._before = min(max(0.0, now - self._before), longest), now
@@ -253,6 +259,9 @@ class RollerTrajectoryServo:
         if goal_time is not None and now > self._start + trajectory.duration + goal_time:
             return True
         return self._waited > PROGRESS_TIMEOUT and (goal_time is None or not at_end)
+
+    def _rest(self) -> RollerStep:
+        return RollerStep(np.zeros(len(self._robot.roller_names)), False, '')
 
     def _finish(self, failure: str = '', at_goal: bool = False) -> RollerStep:
         """End the trajectory, and return a step that stops the rollers."""

@@ -357,6 +357,9 @@ def test_ends_at_rest_without_joint_states(how):
     run.servo.inputs.rollers = run.servo.inputs.rollers._replace(time=run.now - 0.99 * TIMEOUT)
     assert not run.servo.decide(run.now).ended
     words = broken(run, how)
+    assert not run.servo.decide(run.now).speeds.any()
+    run.now += 1.01 * TIMEOUT
+    words = broken(run, how)
     step = run.servo.decide(run.now)
     assert step.ended
     assert not step.speeds.any()
@@ -370,6 +373,21 @@ def test_ends_at_rest_without_joint_states(how):
     step = run.servo.decide(run.now)
     assert (step.ended, step.failure) == (True, 'the servo has no trajectory; start one first')
     assert not step.speeds.any()
+
+
+@pytest.mark.parametrize('how', ['missing', 'refused', -1.01 * TIMEOUT])
+def test_a_rejected_measurement_interrupts_the_motion_for_one_cycle(how):
+    run = Run()
+    run.servo.begin(PATH, run.now)
+    for cycle in range(3000):
+        if rejected := cycle % 20 == 19:
+            broken(run, how)
+        step = run.cycle()
+        if step.ended:
+            break
+        assert not (rejected and step.speeds.any())
+    assert (step.ended, step.failure) == (True, '')
+    assert run.away() <= TOLERANCE
 
 
 @pytest.mark.parametrize('roller', range(N))
