@@ -52,6 +52,11 @@ def test_an_earlier_input_does_not_replace_a_later_one():
     assert keep_latest(LATE, NEW, NOW) is NEW
 
 
+def test_an_input_that_is_ahead_by_the_skew_is_not_from_before_a_jump():
+    ahead = StampedInput('ahead', CLOCK_SKEW)
+    assert keep_latest(ahead, StampedInput('now', 0.0), 0.0) is ahead
+
+
 def test_an_input_replaces_one_with_the_same_stamp():
     again = StampedInput('again', NOW)
     assert keep_latest(NEW, again, NOW) is again
@@ -136,6 +141,27 @@ def test_a_reading_at_the_current_time_keeps_the_earlier_ones_of_its_roller():
     assert merged.value.positions == pytest.approx(np.full(3, 0.15))
 
 
+def test_readings_of_one_time_are_a_complete_state():
+    parts = RollerParts(NAMES)
+    parts.take(part((0, 1, 2), 1.0, (0.1, 0.1, 0.1)), 1.0, 1.0)
+    assert parts.merged().rejected is None
+
+
+def test_merged_readings_are_stored_as_far_as_they_are_interpolated():
+    parts = RollerParts(NAMES)
+    for time in range(20):
+        parts.take(part((0, 1, 2), time, (0.1, 0.1, 0.1)), time, 20.0)
+        parts.merged()
+    assert [len(readings.values) for readings in parts._readings] == [1, 1, 1]
+
+
+def test_a_second_reading_of_the_same_time_replaces_the_first():
+    parts = RollerParts(NAMES)
+    for speed in (0.1, 0.2):
+        parts.take(part((0, 1, 2), 1.0, 3 * [speed]), 1.0, 1.0)
+    assert parts.merged().value.positions == pytest.approx(np.full(3, 0.2))
+
+
 def test_rollers_without_readings_since_the_clearing_are_missing():
     parts = RollerParts(NAMES)
     parts.take(part((0, 1, 2), 1.0, (0.1, 0.1, 0.1)), 1.0, 1.0)
@@ -164,6 +190,15 @@ def test_a_change_of_a_pressure_by_less_than_two_percent_is_noise(change):
     kept = (25e3, 30e3, 35e3)
     measured = (25e3, 30e3 * (1.0 + change), 35e3)
     assert steady_pressures(kept, measured) is (kept if abs(change) < 0.02 else measured)
+
+
+def test_a_change_by_two_percent_is_noise():
+    assert steady_pressures((100.0,), (102.0,)) == (100.0,)
+
+
+def test_pressures_of_the_robot_file_and_measured_ones_replace_each_other():
+    assert steady_pressures(None, (25e3,)) == (25e3,)
+    assert steady_pressures((25e3,), None) is None
 
 
 @pytest.mark.parametrize('age', [1.99, 2.01])
