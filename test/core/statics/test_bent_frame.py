@@ -134,7 +134,7 @@ def test_one_element_a_member_agrees_with_eight(rng):
     fine = frame.cut(piece, frame.length[piece] * np.tile(np.arange(1, 8) / 8, len(frame.length)))
     finer = bend(unloaded(fine), np.pad(loads, ((0, len(piece)), (0, 0))))
     off = np.abs(bent.displacements - finer.displacements[: len(loads)])[:, :2].max()
-    assert off < 3e-3 * DISPLACEMENT
+    assert off < 5e-3 * DISPLACEMENT
 
 
 @given(generators())
