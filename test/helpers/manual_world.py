@@ -80,9 +80,17 @@ class Goal:
     :ivar accepted: whether the server accepted it.
     :ivar feedback: all messages so far.
     :ivar info: with its id.
+    :param goal_id: drawn by default.
+    :param note: receives the feedback; by default, `feedback` keeps it.
     """
 
-    def __init__(self, server: ActionServer, request: Any) -> None:
+    def __init__(
+        self,
+        server: ActionServer,
+        request: Any,
+        goal_id: list[int] | None = None,
+        note: Callable[[Any], None] | None = None,
+    ) -> None:
         self._server = server
         self.feedback: list[Any] = []
         self._course: Any = None
@@ -90,9 +98,9 @@ class Goal:
         if not self.accepted:
             return
         info = self.info = GoalInfo()
-        info.goal_id.uuid = list(uuid.uuid4().bytes)
+        info.goal_id.uuid = goal_id or list(uuid.uuid4().bytes)
         self._handle = ServerGoalHandle(server, info, request)
-        self._handle.publish_feedback = self.feedback.append
+        self._handle.publish_feedback = note or self.feedback.append
         self._handle.execute = self._execute
         self._result = rclpy.task.Future()
         server._result_futures[bytes(info.goal_id.uuid)] = self._result
@@ -136,12 +144,14 @@ class World(Watched):
 
     :ivar now: the test's clock, which all clocks but simulated ones read, from zero [s].
     :ivar shift: by which the system's clock was set [s].
+    :ivar busy: returns the time that a timer's callback takes [s].
     :param nodes: made by the test; destroyed at the end.
     :param remaps: other topics by node's name and topic.
     """
 
     def __init__(self, remaps: dict[tuple[str, str], str]) -> None:
         self.now = self.shift = 0.0
+        self.busy: Callable[[], float] = lambda: 0.0
         self.nodes: list[Node] = []
         self._remaps = remaps
         self._queue: deque[tuple[str, Any, QoSProfile, int]] = deque()
@@ -223,7 +233,7 @@ class World(Watched):
             waits.append(due - now if not simulated or due <= now else math.inf)
         wait = max(0.0, min(waits, default=math.inf))
         if self.now + wait > until:
-            self.now = until
+            self.now = max(self.now, until)
         else:
             self.now += wait
             timer = timers[waits.index(min(waits))]
@@ -232,6 +242,7 @@ class World(Watched):
             late = max(0.0, now - self._due[timer])
             self._due[timer] += (1 + math.floor(late / period)) * period
             timer.callback()
+            self.now += self.busy()
         self.deliver()
 
     def deliver(self) -> None:
@@ -300,18 +311,26 @@ class World(Watched):
                     return response
         raise AssertionError(f'no service {name}')
 
-    def send_goal(self, request: Any) -> Goal:
-        """Send a goal to the only server of its action."""
-        (server,) = (
+    def find_servers(self, kind: type) -> list[ActionServer]:
+        """Return the servers of an action, given by the type of its goals."""
+        return [
             waitable
             for node in self.nodes
             for waitable in node.waitables
-            if isinstance(waitable, ActionServer) and type(request) is waitable._action_type.Goal
-        )
-        goal = Goal(server, request)
-        self._goals.append(goal)
+            if isinstance(waitable, ActionServer) and waitable._action_type.Goal is kind
+        ]
+
+    def send_goal(self, request: Any) -> Goal:
+        """Send a goal to the only server of its action."""
+        goal = self.begin_goal(request)
         self.deliver()
         return goal
+
+    def begin_goal(self, request: Any, *arguments: Any) -> Goal:
+        """Send a goal, with arguments of `Goal`, within a turn."""
+        (server,) = self.find_servers(type(request))
+        self._goals.append(Goal(server, request, *arguments))
+        return self._goals[-1]
 
 
 READ_CLOCK = Clock.now
@@ -334,11 +353,13 @@ def world(
     twist_type: type = Twist,
     sim_time: bool = False,
     remaps: dict[tuple[str, str], str] | None = None,
+    enter: Callable[[World], None] = lambda w: None,
 ) -> Iterator[World]:
     """
     Make nodes and a probe, and destroy them at the end.
 
     :param remaps: other topics by node's name and topic.
+    :param enter: receives the world before its nodes are made.
     """
     if not rclpy.ok():
         rclpy.init()
@@ -353,6 +374,7 @@ def world(
             Publisher, 'get_subscription_count', lambda pub: made.count_subscriptions(pub)
         )
         try:
+            enter(made)
             made.begin(makers, twist_type, sim_time)
             made.deliver()
             yield made

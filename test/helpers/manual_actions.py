@@ -1,0 +1,88 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Actions and parameters that nodes of a manual world request of each other, without DDS."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
+
+from action_msgs.msg import GoalStatus
+from isotruss_ros.core.planning.grasp_plan import Progress
+from isotruss_ros.core.planning.plan_grasps import plan_grasps
+from isotruss_ros.core.planning.searcher import Searcher
+from isotruss_ros.nodes.pick_and_place import action_steps
+from manual_world import Goal, World
+import pytest
+from rclpy.client import Client
+from rclpy.task import Future
+
+
+class Outcome:
+    """Stand-in for the future of a goal's result; without a goal it is unknown to the server."""
+
+    def __init__(self, goal: Goal | None) -> None:
+        self._goal = goal
+
+    def done(self) -> bool:
+        """Return whether there is a result."""
+        return self._goal is None or self._goal.ended
+
+    def result(self) -> SimpleNamespace:
+        """Return status and result."""
+        if self._goal is None:
+            return SimpleNamespace(status=GoalStatus.STATUS_UNKNOWN)
+        status, result = self._goal.result()
+        return SimpleNamespace(status=status, result=result)
+
+
+class ManualActionClient:
+    """Stand-in for a client of an action whose server is in a manual world."""
+
+    def __init__(self, w: World, kind: Any) -> None:
+        self._world, self._kind = w, kind
+        self._goals: dict[bytes, Goal] = {}
+
+    def server_is_ready(self) -> bool:
+        """Return whether a node of the world offers the action."""
+        return bool(self._world.find_servers(self._kind.Goal))
+
+    def send_goal_async(self, request: Any, note: Callable[[Any], None], goal_id: Any) -> Future:
+        """Send a goal; its feedback goes to a function."""
+        goal = self._world.begin_goal(
+            request, list(goal_id.uuid), lambda made: note(SimpleNamespace(feedback=made))
+        )
+        if goal.accepted:
+            self._goals[bytes(goal_id.uuid)] = goal
+        return _finished(SimpleNamespace(accepted=goal.accepted, cancel_goal_async=goal.cancel))
+
+    def _get_result_async(self, handle: Any) -> Outcome:
+        return Outcome(self._goals.get(bytes(handle.goal_id.uuid)))
+
+
+def connect(w: World, patch: pytest.MonkeyPatch) -> None:
+    """Connect the clients that nodes of a world create from now on to its servers."""
+
+    def call(client: Client, request: Any) -> Future:
+        return _finished(w.call(client.srv_name, request))
+
+    def is_ready(client: Client) -> bool:
+        names = (service.service_name for node in w.nodes for service in node.services)
+        return f'/{client.srv_name}' in names
+
+    def search(searcher: Searcher, *arguments: Any) -> None:
+        searcher._search, searcher._progress = Future(), Progress(0, 0, None, 0.0, None)
+        searcher._search.set_result(plan_grasps(*arguments[:4]))
+
+    patch.setattr(action_steps, 'ActionClient', lambda _, kind, __: ManualActionClient(w, kind))
+    patch.setattr(Client, 'call_async', call)
+    patch.setattr(Client, 'service_is_ready', is_ready)
+    patch.setattr(Searcher, 'begin', search)
+
+
+def _finished(value: Any) -> Future:
+    future = Future()
+    future.set_result(value)
+    return future

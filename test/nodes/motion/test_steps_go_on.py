@@ -1,0 +1,155 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Goals of all nodes end as asked, in spite of noise, early joint states and late analyses.
+
+The nodes are starved of processor time as well: each callback takes a random time.
+"""
+
+import copy
+
+from geometry_msgs.msg import PoseStamped
+from isotruss_msgs.action import FollowObjectPath, MoveObject, PickObject, PlaceObject
+from isotruss_msgs.msg import GraspState
+from isotruss_ros.core import Pose, Status
+from isotruss_ros.nodes.conversions.messages import make_header, to_pose_message
+from isotruss_ros.nodes.grasp_analysis import GraspAnalysisNode
+from isotruss_ros.nodes.grasp_planner import GraspPlanner
+from isotruss_ros.nodes.manipulation.node import Manipulation
+from isotruss_ros.nodes.path_follower import PathFollower
+from isotruss_ros.nodes.pick_and_place.node import PickAndPlace
+from isotruss_ros.nodes.simulator.node import Simulator
+from manual_actions import connect
+from manual_world import world
+from nav_msgs.msg import Path
+import numpy as np
+from probe import maker, MODULE
+import pytest
+
+OBJECT = '{{shape: disc, diameter: {}, mass: 0.5, friction: 0.8}}'
+#: Statuses of a loop without a fault but early joint states.
+FAULTLESS = {
+    Status.OK,
+    Status.IDLE,
+    Status.ACCELERATING,
+    Status.ARRIVED,
+    Status.FOLLOWING_TRAJECTORY,
+    Status.HALT_NO_TWIST,
+    Status.HALT_INVALID_JOINT_STATES,
+}
+#: Noise of the tracker [m], time by which a joint state is early, and by which analyses are late,
+#: and mean times until the next ones [s].
+NOISE, AHEAD, LATE, EVERY = 1e-3, 0.12, 0.6, 4.0
+#: Mean time that a callback takes; the loop then reaches about 20 of 100 Hz [s].
+STARVED = 0.01
+#: Largest distance of a target from the first pose of the object (x, y, angle) [m, rad].
+REACH = (0.05, 0.05, 0.2)
+PICK, PLACE = PickObject.Goal(squeeze=15.0, module=MODULE), PlaceObject.Goal()
+
+
+class Course:
+    """Goals for all nodes, whose messages are disturbed at random times."""
+
+    def __init__(self, w, rng):
+        self._w, self._rng, probe = w, rng, w.probe
+        self._plant = w.nodes[1]._plant
+        self._begin = self._plant.object_pose
+        self._due = dict.fromkeys(('early', 'late'), 1.0)
+        self._late_until, self._kept = 0.0, []
+        self._states = probe.create_publisher(GraspState, 'grasp/state', 1)
+        probe.create_subscription(GraspState, 'analysed', self._relay, 100)
+        self.codes, self.reports = set(), set()
+        w.spin(1.5, self._disturb)
+
+    def _relay(self, state):
+        """Pass an analysis on at once, or once it is late."""
+        if self._w.now < self._late_until:
+            self._kept.append(state)
+        else:
+            self._states.publish(state)
+
+    def _disturb(self):
+        w, probe = self._w, self._w.probe
+        for kind in (kind for kind, due in self._due.items() if w.now >= due):
+            self._due[kind] = w.now + self._rng.exponential(EVERY)
+            if kind == 'late':
+                self._late_until = w.now + LATE
+            elif (last := probe.last('joints')) is not None:
+                early = copy.deepcopy(last)
+                early.header = make_header(probe.past(-AHEAD))
+                probe.joint_states.publish(early)
+        if w.now >= self._late_until:
+            while self._kept:
+                self._states.publish(self._kept.pop(0))
+        self.codes |= {Status(status.code) for _, status in probe.seen['status']}
+        self.reports |= {
+            report.message
+            for _, array in probe.seen['diagnostics']
+            for report in array.status
+            if report.name == 'manipulation'
+        }
+        for heard in probe.seen.values():
+            del heard[:-1]
+
+    def draw_motion(self):
+        """Return a goal that moves the held object."""
+        target = np.add(self._begin, self._rng.uniform(-1.0, 1.0, 3) * REACH)
+        ends = [self._plant.object_pose, Pose(*target.tolist())]
+        poses = [PoseStamped(pose=to_pose_message(pose)) for pose in ends]
+        if self._rng.random() < 0.3:
+            return FollowObjectPath.Goal(path=Path(header=make_header(0.0, 'truss'), poses=poses))
+        return MoveObject.Goal(path=Path(poses=poses[1:]))
+
+    def carry_out(self, goal):
+        """Return the result of a goal; motions are drawn where it is None."""
+        sent = self._w.send_goal(goal or self.draw_motion())
+        while not sent.ended:
+            self._w.spin(0.2, self._disturb)
+        return sent.result()[1]
+
+
+def check_steps(patch, goals, seed, sim_time, is_held):
+    """Carry out goals; check that none of them is aborted, and that no fault is reported."""
+    rng = np.random.default_rng(seed)
+    body = OBJECT.format(0.3 if is_held else 0.2)
+    shared = {'command_timeout': 0.5, 'object': body, 'use_sim_time': sim_time}
+    plant = {'plant': 'elastic', 'tracker_noise': NOISE, 'tracker_rate': 30.0, 'seed': seed}
+    plant |= {'indentation': 0.012, 'object_is_free': not is_held, 'object_pose': [0.6, 0.3, 0.0]}
+    plant |= {'grip_module': MODULE, 'clock_speed': 1.0 if sim_time else 0.0}
+    nodes = (
+        maker(Simulator)(**shared, **plant),
+        maker(Manipulation)(**shared, squeeze_force=8.0 * is_held, grip_module=MODULE),
+        maker(GraspAnalysisNode)(**shared, rate=20.0),
+        maker(PathFollower)(**shared, rate=50.0),
+        maker(GraspPlanner)(**shared),
+        maker(PickAndPlace)(**shared),
+    )
+    remaps = {('grasp_analysis', '/grasp/state'): '/analysed'}
+    with world(*nodes, sim_time=sim_time, remaps=remaps, enter=lambda w: connect(w, patch)) as w:
+        if not sim_time:
+            w.busy = lambda: rng.exponential(STARVED)
+        course = Course(w, rng)
+        aborted = []
+        for number, goal in enumerate(goals):
+            result = course.carry_out(goal)
+            if result.code != 0:
+                aborted.append(f'step {number}: {type(result).__name__}: {result.message}')
+        assert not aborted
+        assert course.codes <= FAULTLESS
+        if not sim_time:
+            assert any('the loop reaches ' in words for words in course.reports)
+        assert not [words for words in course.reports if 'slip' in words or 'oscillat' in words]
+
+
+@pytest.mark.parametrize('sim_time', [True, False], ids=['simulated time', 'starved'])
+def test_a_held_object_is_moved_and_placed_in_spite_of_disturbances(monkeypatch, sim_time):
+    check_steps(monkeypatch, (None, PLACE), 1, sim_time, is_held=True)
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize('sim_time', [True, False], ids=['simulated time', 'starved'])
+@pytest.mark.parametrize('seed', range(5))
+def test_of_a_hundred_disturbed_steps_none_is_aborted(monkeypatch, seed, sim_time):
+    goals = (PICK, None, None, None, PLACE, PICK, None, None, None, PLACE)
+    check_steps(monkeypatch, goals, seed, sim_time, is_held=False)
