@@ -82,7 +82,7 @@ CENTER, DIAMETER, FRICTION = (0.6, 0.3), 0.2, 0.5
 #: A goal ends when inputs are late, and a busy machine delays them.
 PATIENT = {'command_timeout': 4.0}
 #: Time waits for the nodes: what they do is the same on a busy machine.
-PACED = {'use_sim_time': True, 'use_stamped_twist': True}
+PACED = {'use_sim_time': True, 'use_stamped_twist': True, 'command_timeout': 10.0}
 #: Rollers whose commands are late stop soon, and push no object away meanwhile.
 STOPPING = {'command_timeout': 0.2}
 #: Whether or not the middleware has noticed that the node was gone for a while.
