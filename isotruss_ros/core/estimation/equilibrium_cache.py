@@ -92,10 +92,10 @@ class EquilibriumCache:
         self._pending_forces = np.zeros(2 * len(grasp.anchors))
         self.anchored = anchor_rates(grasp)
         self.rates = StateRates.of(grasp, self.anchored)
-        known = self.by_offsets.grasp
-        moved = grasp.config.roller_positions - known.config.roller_positions
-        far = known.contacts is not grasp.contacts
-        if far or np.abs(moved).max() > MAX_FIRST_ORDER_TRAVEL:
+        differentiated = self.by_offsets.grasp
+        travel = grasp.config.roller_positions - differentiated.config.roller_positions
+        far = differentiated.contacts is not grasp.contacts
+        if far or np.abs(travel).max() > MAX_FIRST_ORDER_TRAVEL:
             self.by_offsets = OffsetRates.of(grasp)
 
     def forget_motion(self, grasp: HeldGrip) -> None:
@@ -106,8 +106,8 @@ class EquilibriumCache:
     def predict(self, config: Configuration) -> tuple[Array, bool]:
         """Update `ahead`; return the travel (r,) [m], and whether extrapolation is valid."""
         travel = config.roller_positions - self.grasp.config.roller_positions - self._moved_zeros
-        moved, known = self.contact_rates @ travel, self._motion
-        share = float(travel @ known) / max(float(known @ known), MODEL_ERROR**2)
+        moved, before = self.contact_rates @ travel, self._motion
+        share = float(travel @ before) / max(float(before @ before), MODEL_ERROR**2)
         near = abs(share) <= MAX_EXTRAPOLATION
         share = max(-MAX_EXTRAPOLATION, min(share, MAX_EXTRAPOLATION))
         slope = self.grasp.squeeze_stiffness()
@@ -116,23 +116,21 @@ class EquilibriumCache:
 
     def roll(self, config: Configuration, pressures: Pressures) -> HeldGrip | None:
         """Return the equilibrium with all corrections in a configuration; None if none exists."""
-        given = with_pressures(self.grasp, pressures)
-        return roll_grip(replace(given, anchors=self._anchors), config)
+        inflated = with_pressures(self.grasp, pressures)
+        return roll_grip(replace(inflated, anchors=self._anchors), config)
 
     def placed(self, shifts: Array) -> HeldGrip | None:
         """Return the equilibrium with shifted contacts of the members (m,) [m]; None if none."""
         anchors = self.grasp.anchors + shifts[self.grasp.contacts.owners]
         return roll_grip(replace(self.grasp, anchors=anchors), self.grasp.config)
 
-    def shift(self, shifts: Array) -> Array:
-        """Shift the contacts (k,) along the members [m]; return the change (4,) of `_pending`."""
+    def shift(self, shifts: Array) -> None:
+        """Shift the contacts (k,) along the members [m]."""
         moved = self.anchored @ shifts
         squeeze = moved[self.grasp.state.places.normal].sum() / len(self.grasp.members)
-        change = np.append(moved[:3], squeeze)
         self._anchors = self._anchors + shifts
-        self._pending = self._pending + change
+        self._pending = self._pending + np.append(moved[:3], squeeze)
         self._pending_forces = self._pending_forces + moved[-2 * len(shifts) :]  # noqa: E203
-        return change
 
     def correct_zeros(self, moved: Array, sensitivity: Array, first: int) -> None:
         """Correct the offsets by `moved` (r,) [m]; `sensitivity[first:]` is that of the shifts."""
@@ -145,10 +143,8 @@ class EquilibriumCache:
         rates = self.by_offsets.squeeze + self.rates.squeeze @ sensitivity
         self.ahead = self.ahead + np.append(np.zeros(3), rates @ moved)
 
-    def margin(self, grasp: HeldGrip | None = None) -> float:
-        """Return the object's slip margin with pending forces, or that of an equilibrium [N]."""
-        if grasp is not None:
-            return grasp.slip_margin(self._friction)
+    def margin(self) -> float:
+        """Return the object's slip margin with pending forces [N]."""
         planes = slip_planes(self.grasp.response, self._friction)
         return float(((planes.reserve + planes.rows @ self._pending_forces) / planes.size).min())
 

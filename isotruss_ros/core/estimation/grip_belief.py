@@ -167,8 +167,8 @@ class GripBelief:
 
     def explains(self, pose: Pose) -> bool:
         """Return whether load and errors of offsets and measurement explain a measured pose."""
-        off = self._even * pose_difference(pose, self.grasp.pose)
-        return self.state.explains(off, self.cache)
+        innovation = self._even * pose_difference(pose, self.grasp.pose)
+        return self.state.explains(innovation, self.cache)
 
     @property
     def correction(self) -> Array:
@@ -275,15 +275,16 @@ class GripBelief:
         """
         cache, lag, even = self.cache, self.lag, self._even
         self._poses += self._poses != FIRST_POSES
-        then = lag.time - age - self.state.delay
-        there = lag.at(then)
+        stamp = lag.time - age - self.state.delay
+        rolled = lag.at(stamp)
         # Earlier readings: their encoder noise is independent of that in the innovation.
-        first, last = (lag.at(then - n * DELAY_DEVIATION) for n in (2, 1))
+        first, last = (lag.at(stamp - n * DELAY_DEVIATION) for n in (2, 1))
         speed = (last - first) / DELAY_DEVIATION
-        off = even * pose_difference(pose, self._uncorrected - pose_difference(lag.last, there))
-        self.state.noise.add(even * pose_difference(pose, there))
+        expected = self._uncorrected - pose_difference(lag.last, rolled)
+        innovation = even * pose_difference(pose, expected)
+        self.state.noise.add(even * pose_difference(pose, rolled))
         before = np.append(self.pose, self.squeeze)
-        change = self.state.correct(off, even * speed, cache, lag.time)
+        change = self.state.correct(innovation, even * speed, cache, lag.time)
         cache.shift(change[SHIFTS:][self.grasp.contacts.owners])
         lag.hold_back(np.append(self.pose, self.squeeze) - before)
 
@@ -299,17 +300,17 @@ class GripBelief:
         pose, squeeze = self.pose - self.grasp.response.pose @ self.state.load, self.squeeze
         try:
             near = self._given.moved_to(pose)
-            found = attach_model(config, near, pressures, self.settings.zero_deviation)
+            held = attach_model(config, near, pressures, self.settings.zero_deviation)
         except NotHeldError:
             return False
-        if found.hold(math.inf) is not HoldStatus.HELD or found.sections.used.max() > limit:
+        if held.hold(math.inf) is not HoldStatus.HELD or held.sections.used.max() > limit:
             return False
-        cache, before = EquilibriumCache(found, self._friction), self.cache.by_offsets.pose
-        if not self.state.explains(self._even * pose_difference(pose, found.pose), cache):
+        cache, before = EquilibriumCache(held, self._friction), self.cache.by_offsets.pose
+        if not self.state.explains(self._even * pose_difference(pose, held.pose), cache):
             return False
         restart |= self.is_assumed
         self.is_assumed, self.cache = False, cache
-        self.take(found)
+        self.take(held)
         self.state.walk.attach(cache.by_offsets.pose - before)
         self._corrected = np.zeros_like(self._corrected)
         self._place_contacts(pose, restart)
@@ -323,10 +324,10 @@ class GripBelief:
         As much of the pose as possible is attributed to the shifts; the rest is the unexplained
         pose.
         """
-        cache, grasp, self._spare = self.cache, self.grasp, 0.0
+        cache, grasp, friction, self._spare = self.cache, self.grasp, self._friction, 0.0
         shifts = np.zeros(len(grasp.members))
         for _ in range(2):  # the second step has the derivatives at the first solution
-            gain = self.state.initialise(cache, self._friction)
+            gain = self.state.initialise(cache, friction)
             off = self._even * pose_difference(pose, self.grasp.pose)
             moved = (gain @ (off + cache.rates.pose[:, SHIFTS:] @ shifts))[SHIFTS:] - shifts
             placed = cache.placed(moved)
@@ -335,14 +336,14 @@ class GripBelief:
             if placed is None or self._hold(placed) is not HoldStatus.HELD:
                 break
             shifts = shifts + moved
-            self._spare = cache.margin(grasp) - cache.margin(placed)
+            self._spare = grasp.slip_margin(friction) - placed.slip_margin(friction)
             self.take(placed)
         off = self._even * pose_difference(pose, self.grasp.pose)
         self.state.bias = off
         if first:
             self.state.forget()
             off = off + cache.rates.pose[:, SHIFTS:] @ shifts
-        self.state.initialise(cache, self._friction, off if first else None)
+        self.state.initialise(cache, friction, off if first else None)
 
     def _hold(self, grasp: HeldGrip) -> HoldStatus:
         """Return the hold status of an equilibrium; `UNSTABLE` if it has no response to loads."""

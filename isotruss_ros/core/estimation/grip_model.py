@@ -44,13 +44,13 @@ def attach_model(
     :param zero_deviation: standard deviation of the roller offsets [m], see `lay_faces`.
     """
     members = find_members(config.robot, grip.members).members
-    found = attach_grip(
+    grasp = attach_grip(
         config, grip.body, members, tubes=TubeModel(pressure=pressures), quick=True
     )
-    found = lay_faces(found, grip.friction, zero_deviation)
-    if found.response is None:
+    grasp = lay_faces(grasp, grip.friction, zero_deviation)
+    if grasp.response is None:
         raise NotHeldError(HoldStatus.UNSTABLE)
-    return found
+    return grasp
 
 
 def shift_deviations(grasp: HeldGrip, anchored: Array, friction: float) -> Array:
@@ -65,9 +65,9 @@ def shift_deviations(grasp: HeldGrip, anchored: Array, friction: float) -> Array
     """
     members = np.eye(len(grasp.members))[grasp.contacts.owners]
     presses, rubs = (members.T @ f for f in np.split(grasp.state.forces, 2))
-    left = np.maximum(friction * presses - np.abs(rubs), 0.1 * friction * grasp.squeeze)
+    reserve = np.maximum(friction * presses - np.abs(rubs), 0.1 * friction * grasp.squeeze)
     rates = np.diag(members.T @ anchored[grasp.state.places.friction] @ members)
-    return np.minimum(2.0 * left / np.maximum(np.abs(rates), left / grasp.arm), grasp.arm)
+    return np.minimum(2.0 * reserve / np.maximum(np.abs(rates), reserve / grasp.arm), grasp.arm)
 
 
 class StateRates(NamedTuple):

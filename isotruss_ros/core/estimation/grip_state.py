@@ -68,17 +68,17 @@ class GripState(TwoStageFilter):
         :param off: (3,) innovation of the pose, from which the offsets are estimated; rotations
             times the arm [m]. None: they are not.
         """
-        given = self._settings
+        settings = self._settings
         shifts = shift_deviations(cache.grasp, cache.anchored, friction)
         variances = np.diag(self.covariance).copy()
-        variances[LOAD], variances[BIAS] = given.load**2, given.pose_error**2
+        variances[LOAD], variances[BIAS] = settings.load**2, settings.pose_error**2
         variances[SHIFTS:] = shifts**2
         self.reset(np.diag(variances))
         # The part of the pose that shifts within friction do not explain: roller offsets.
         rates, by_offsets = cache.rates.pose, cache.by_offsets.pose
         shifted = rates[:, SHIFTS:] * variances[SHIFTS:] @ rates[:, SHIFTS:].T
-        own = given.pose_error**2 * np.eye(3)
-        unexplained = np.linalg.solve(shifted + own, own).T @ by_offsets
+        constant = settings.pose_error**2 * np.eye(3)
+        unexplained = np.linalg.solve(shifted + constant, constant).T @ by_offsets
         self.covariance[BIAS, BIAS] += unexplained @ self.prior @ unexplained.T
         return self.condition(rates, by_offsets, np.diag(self.noise.variances), off)
 
@@ -100,7 +100,7 @@ class GripState(TwoStageFilter):
         rates[:, DELAY] = -speed
         prior, walking = self.covariance, np.zeros_like(rates)
         walking[:, BIAS], walking[:, SHIFTS:] = rates[:, BIAS], rates[:, SHIFTS:]
-        unsure = walking @ prior @ walking.T
+        walked = walking @ prior @ walking.T
         spread = rates @ prior @ rates.T + noise
         self.innovation, self.jump = float(off @ np.linalg.solve(spread, off)), 0.0
         if self.innovation > MAX_DEVIATIONS**2:  # contacts and unexplained pose may be anywhere
@@ -114,25 +114,25 @@ class GripState(TwoStageFilter):
         self.delay = min(max(delay, 0.0), MAX_DEVIATIONS * DELAY_DEVIATION)
         self.load, self.bias = self.load + change[LOAD], self.bias + change[BIAS]
         give = cache.rates.pose[:, LOAD] * self._settings.load
-        allowed, moved = noise + give @ give.T, walking @ change
-        self.walk.add(time, moved, unsure, allowed, by_offsets, self.prior)
+        expected, moved = noise + give @ give.T, walking @ change
+        self.walk.add(time, moved, walked, expected, by_offsets, self.prior)
         return change
 
     def propagate(
         self, elapsed: float, moved: Array, travel: Array, cache: EquilibriumCache
     ) -> Array:
         """Propagate the belief by process noise; return the decay (3,) of the load [N]."""
-        given = self._settings
-        left = math.exp(-elapsed / given.load_time)
-        more, kept = np.zeros_like(cache.rates.squeeze), np.ones_like(cache.rates.squeeze)
-        kept[LOAD] = left
-        more[BIAS] = POSE_WALK**2 * SLIP_LENGTH * math.hypot(*moved)
-        more[SHIFTS:] = given.slip**2 * SLIP_LENGTH * travel.max()
-        self.walk.spread(cache.rates.pose * more @ cache.rates.pose.T)
-        more[LOAD] = given.load**2 * (1.0 - left**2)
-        decayed = (left - 1.0) * (self.load + self.sensitivity[LOAD] @ self.parameters)
-        change = self.predict(kept, more, given.slip**2 * SLIP_LENGTH * travel)
-        self.load = left * self.load + change[LOAD]
+        settings = self._settings
+        remaining = math.exp(-elapsed / settings.load_time)
+        noise, decay = np.zeros_like(cache.rates.squeeze), np.ones_like(cache.rates.squeeze)
+        decay[LOAD] = remaining
+        noise[BIAS] = POSE_WALK**2 * SLIP_LENGTH * math.hypot(*moved)
+        noise[SHIFTS:] = settings.slip**2 * SLIP_LENGTH * travel.max()
+        self.walk.spread(cache.rates.pose * noise @ cache.rates.pose.T)
+        noise[LOAD] = settings.load**2 * (1.0 - remaining**2)
+        decayed = (remaining - 1.0) * (self.load + self.sensitivity[LOAD] @ self.parameters)
+        change = self.predict(decay, noise, settings.slip**2 * SLIP_LENGTH * travel)
+        self.load = remaining * self.load + change[LOAD]
         self.bias, self.delay = self.bias + change[BIAS], self.delay + float(change[DELAY])
         cache.shift(change[SHIFTS:][cache.grasp.contacts.owners])
         return decayed

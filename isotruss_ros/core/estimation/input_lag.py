@@ -68,6 +68,6 @@ class InputLag:
 
     def advance(self, elapsed: float, filter_time: float) -> None:
         """Advance the two filters with a time constant [s]."""
-        left = math.exp(-elapsed / filter_time)
-        self._filters[1] += (1.0 - left) * self._filters[0]
-        self._filters *= left
+        remaining = math.exp(-elapsed / filter_time)
+        self._filters[1] += (1.0 - remaining) * self._filters[0]
+        self._filters *= remaining

@@ -44,25 +44,25 @@ def judge_markers(
     :param reach: (r,) largest possible slip of each roller [m].
     :return: (k,) mask of the consistent markers, and (r,) slip that makes them consistent [m].
     """
-    count, off = len(innovation), innovation.ravel()
+    count, difference = len(innovation), innovation.ravel()
     every, kept = np.ones((2, count), dtype=bool)
-    if passes_gate(off, covariance):
+    if passes_gate(difference, covariance):
         return every, np.zeros_like(reach)
 
     def size(some: Flags) -> float:
         rows = np.flatnonzero(np.repeat(some, 2))
-        return _size(off[rows], covariance[np.ix_(rows, rows)]) if len(rows) else 0.0
+        return _size(difference[rows], covariance[np.ix_(rows, rows)]) if len(rows) else 0.0
 
-    slip = _find_slip(off, covariance, by_rollers, reach)
-    left = _size(off - by_rollers @ slip, covariance)
-    explained = left <= _gate(2 * count)
+    slip = _find_slip(difference, covariance, by_rollers, reach)
+    unexplained = _size(difference - by_rollers @ slip, covariance)
+    explained = unexplained <= _gate(2 * count)
     while kept.any() and size(kept) > _gate(2 * int(kept.sum())):
         kept = min(kept & ~np.eye(count, dtype=bool)[kept], key=size)
     if 2 * kept.sum() < count:
         kept[:] = False
     # A slip that explains all markers is more probable than two simultaneous wrong markers.
     if explained and count - kept.sum() == 1 and kept.any():
-        explained = left / (2 * count - 1) < size(kept) / (2 * kept.sum())
+        explained = unexplained / (2 * count - 1) < size(kept) / (2 * kept.sum())
     return (every, slip) if explained else (kept, np.zeros_like(reach))
 
 
@@ -81,13 +81,13 @@ def find_swap(measured: Array, expected: Array, covariance: Array) -> tuple[int,
     return None
 
 
-def _find_slip(off: Array, covariance: Array, by_rollers: Array, reach: Array) -> Array:
+def _find_slip(difference: Array, covariance: Array, by_rollers: Array, reach: Array) -> Array:
     """Return the slip (r,) of one roller, the one that best explains the markers [m]."""
     weighted = np.linalg.solve(covariance, by_rollers)
     size = np.einsum('ij,ij->j', by_rollers, weighted)
-    slipped = np.clip((weighted.T @ off) / np.maximum(size, 1e-12), -reach, reach)
+    slipped = np.clip((weighted.T @ difference) / np.maximum(size, 1e-12), -reach, reach)
     slips = np.diag(slipped)
-    return min(slips, key=lambda each: _size(off - by_rollers @ each, covariance))
+    return min(slips, key=lambda slip: _size(difference - by_rollers @ slip, covariance))
 
 
 def _size(off: Array, covariance: Array) -> float:

@@ -40,8 +40,8 @@ class OffsetFilter:
     def __init__(self, robot: Robot, settings: EstimatorSettings) -> None:
         self._settings, self._count = settings, len(robot.roller_names)
         joints = len(robot.topology.joint_names)
-        places = robot.home.nodes[:joints]
-        lever = places @ [[0.0, 1.0], [-1.0, 0.0]]
+        positions = robot.home.nodes[:joints]
+        lever = positions @ [[0.0, 1.0], [-1.0, 0.0]]
         shift = np.tile(np.eye(2), (joints, 1))
         #: Jacobian of all marker positions with respect to the markers' constant errors.
         self._constant = np.column_stack([shift, lever.ravel(), np.eye(2 * joints)])
@@ -82,15 +82,15 @@ class OffsetFilter:
 
         :param travel: (r,) absolute roller travel in the elapsed time [m].
         """
-        given = self._settings
-        self.inflate(given.slip**2 * SLIP_LENGTH * travel + given.drift**2 * elapsed)
+        settings = self._settings
+        self.inflate(settings.slip**2 * SLIP_LENGTH * travel + settings.drift**2 * elapsed)
 
     def inflate(self, variances: Array) -> None:
         """Increase the variances (r,) of the offsets, at most to that of unknown offsets [m^2]."""
-        covariance, own = self.covariance.copy(), np.arange(self._count)
-        most = np.maximum(MAX_OFFSET_DEVIATION**2 - covariance[own, own], 0.0)
+        covariance, diagonal = self.covariance.copy(), np.arange(self._count)
+        most = np.maximum(MAX_OFFSET_DEVIATION**2 - covariance[diagonal, diagonal], 0.0)
         added = np.minimum(variances, most)
-        covariance[own, own] += added
+        covariance[diagonal, diagonal] += added
         self._prior = self._prior + np.append(added, np.zeros(len(self._prior) - self._count))
         self.covariance = covariance
 

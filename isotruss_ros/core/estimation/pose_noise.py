@@ -41,10 +41,10 @@ class PoseNoise:
         last, self._last = self._last, off
         if last is None:
             return
-        most = MAX_STEP_SIGMAS**2 * self.variances
-        found = np.minimum(0.5 * (off - last) ** 2, most)
+        largest = MAX_STEP_SIGMAS**2 * self.variances
+        squares = np.minimum(0.5 * (off - last) ** 2, largest)
         self._count = min(self._count + 1, AVERAGED_POSES)
-        mean = self.variances + (found - self.variances) / self._count
+        mean = self.variances + (squares - self.variances) / self._count
         self.variances = np.maximum(mean, MODEL_ERROR**2)
 
     @property

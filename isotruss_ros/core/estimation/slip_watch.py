@@ -35,16 +35,16 @@ class SlipWatch:
         :param travel: (r,) encoder readings [m].
         :param variances: (r,) variances of the offsets [m^2].
         """
-        kept = self._kept
-        while kept and time - kept[0][0] > SLIP_SHARES[-1][1]:
-            kept.popleft()
+        estimates = self._kept
+        while estimates and time - estimates[0][0] > SLIP_SHARES[-1][1]:
+            estimates.popleft()
         self.slipping = np.zeros(len(offsets), dtype=bool)
-        for share, span in SLIP_SHARES if kept else ():
-            before = (each for each in reversed(kept) if time - each[0] >= span)
-            _, turned, offsets_then, variances_then = next(before, kept[0])
-            moved, way = offsets - offsets_then, travel - turned
-            sure = np.abs(moved) > SLIP_SIGMAS * np.sqrt(variances + variances_then)
-            much = np.abs(moved) > np.maximum(MIN_SLIP, share * np.abs(way))
+        for share, span in SLIP_SHARES if estimates else ():
+            before = (estimate for estimate in reversed(estimates) if time - estimate[0] >= span)
+            _, turned, offsets_then, variances_then = next(before, estimates[0])
+            change, rolled = offsets - offsets_then, travel - turned
+            significant = np.abs(change) > SLIP_SIGMAS * np.sqrt(variances + variances_then)
+            large = np.abs(change) > np.maximum(MIN_SLIP, share * np.abs(rolled))
             # A slipping tube lags behind its roller.
-            self.slipping |= sure & much & (moved * way < 0.0)
-        kept.append((time, travel, offsets, variances))
+            self.slipping |= significant & large & (change * rolled < 0.0)
+        estimates.append((time, travel, offsets, variances))

@@ -67,11 +67,11 @@ class EstimatorSettings:
         :param zero_deviation: standard deviation of the offsets [m]; None: the largest one of the
             robot file.
         """
-        known = description.calibration
+        block = description.calibration
         if zero_deviation is None:
-            zeros = known.get('zero_deviations', {}).values()
+            zeros = block.get('zero_deviations', {}).values()
             zero_deviation = max(zeros, default=self.zero_deviation)
-        stiffness = known.get('stiffness_deviation', self.stiffness)
+        stiffness = block.get('stiffness_deviation', self.stiffness)
         return replace(self, stiffness=stiffness, zero_deviation=zero_deviation)
 
 

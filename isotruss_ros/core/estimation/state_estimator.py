@@ -135,11 +135,11 @@ class StateEstimator:
             return False
         if not self._measured.use('pose', time, pose):
             return False
-        known = self.belief
-        searches = 0 if known is None else known.searches
+        before = self.belief
+        searches = 0 if before is None else before.searches
         self._roll()
         # The time of a call is bounded, because one pose causes one search at most.
-        searched, belief = known is not None and known.searches > searches, self.belief
+        searched, belief = before is not None and before.searches > searches, self.belief
         if belief is not None:
             belief.observe(pose, self._rolled - time)
             if searched or (belief.state.jump <= JUMP_LENGTH and not belief.slipped):
@@ -244,10 +244,10 @@ class StateEstimator:
         self._config = self._config.moved_to(self._readings.last[1] + zeros.offsets)
         grip = self._grip.moved_to(pose)
         try:
-            found = attach_model(self._config, grip, self._pressures, self.settings.zero_deviation)
-            if found.hold(math.inf) is not HoldStatus.HELD:
+            held = attach_model(self._config, grip, self._pressures, self.settings.zero_deviation)
+            if held.hold(math.inf) is not HoldStatus.HELD:
                 return None
-            belief = GripBelief(found, grip, self.settings, zeros.offset_covariance, deviations)
+            belief = GripBelief(held, grip, self.settings, zeros.offset_covariance, deviations)
         except (ConfigurationError, GraspError, StructureError):
             return None
         return belief if belief.squeeze > belief.geometric_deviation else None
@@ -260,20 +260,20 @@ class StateEstimator:
         """
         count, belief = 2 * len(self._robot.topology.joint_names), self.belief
         config = self._config = self._config.moved_to(readings + offsets)
-        places, rates = config.nodes.ravel()[:count], config.node_jacobian[:count]
+        positions, rates = config.nodes.ravel()[:count], config.node_jacobian[:count]
         if belief is None:
-            return places, rates
+            return positions, rates
         # Displacement due to the contact forces, and its derivative with respect to the offsets.
         grasp = belief.grasp if self._record is None else self._held
         by_offsets = belief.cache.by_offsets.joint_rates(belief.state.sensitivity[SHIFTS:])
         beyond = by_offsets - belief.grasp.config.node_jacobian[:count]
         displaced = held_joints(grasp).ravel() - grasp.config.nodes.ravel()[:count]
-        return places + displaced + beyond @ (offsets - self._used_offsets), rates + beyond
+        return positions + displaced + beyond @ (offsets - self._used_offsets), rates + beyond
 
     def _in_time(self, time: float) -> bool:
         """Return whether there are encoder readings before and after a measurement."""
-        known = self._readings
-        return bool(known) and known.first[0] <= time <= known.last[0]
+        readings = self._readings
+        return bool(readings) and readings.first[0] <= time <= readings.last[0]
 
 
 def _positive(deviations: ArrayLike, count: int, what: str) -> Array:
