@@ -84,6 +84,12 @@ PICTURES = {
         ('docs/_ext/drawings.py', *DRAWING, ROBOT, 'config/triangle.yaml'),
         words=_words_of_drawings,
     ),
+    'chance': Picture(
+        ('docs/images/chance_map.png',),
+        ('examples/chance_map.py',),
+        ('examples/chance_map.py', *DRAWING, ROBOT),
+        ('chance_map.png',),
+    ),
     'panels': Picture(
         (PANELS,),
         ('-m', 'isotruss_ros.demo', '--output', f'{OUTPUT}'),

@@ -88,7 +88,8 @@ def _describe_hold(picture: Picture, now: float) -> str:
         return f'<b>held: unknown</b> {html.escape(state.message)}'
     if held:
         arrow = arrow_of(state.slip_direction)
-        return f'<b>held</b>, slip margin {state.slip_margin:.1f} N {arrow}'.rstrip()
+        chance = f' with a chance of {state.chance:.2f}' if state.chance > 0.0 else ''
+        return f'<b>held</b>{chance}, slip margin {state.slip_margin:.1f} N {arrow}'.rstrip()
     return f'<b>not held</b>: {html.escape(state.hold_message)}'
 
 

@@ -37,6 +37,7 @@ UNKNOWN_VALUES: dict[str, dict[str, Any]] = {
         'force_closure': None,
         'hold_message': '',
         'slip_margin': math.nan,
+        'chance': math.nan,
         'slip_direction': (0.0, 0.0, 0.0),
         'utilisation': None,
         'squeeze': (),

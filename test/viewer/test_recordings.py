@@ -279,6 +279,7 @@ def grasp_state():
         force_closure=True,
         hold_message='',
         slip_margin=1.2,
+        chance=0.9,
         slip_direction=(1.0, 0.0, 0.0),
         utilisation=(0.1,) * len(ROBOT.member_names),
         squeeze=(5.9, 5.9),

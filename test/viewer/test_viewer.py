@@ -221,6 +221,19 @@ def test_state_line_has_hold_margin_squeeze_and_the_next_step_of_a_halt(code):
     assert ('<strong>' in shown) == (code in LATCHED)
 
 
+@pytest.mark.parametrize(
+    ('chance', 'words'), [(0.93, 'held</b> with a chance of 0.93'), (math.nan, 'held</b>,')]
+)
+def test_chance_is_shown_beside_held_if_known(chance, words):
+    pytest.importorskip('viser')
+    from isotruss_ros.viewer.panels import describe_state
+
+    picture = Picture(ROBOT, 0.3)
+    state = GraspState(held=True, slip_margin=3.2, chance=chance, utilisation=[0.1] * 9)
+    picture.receive_state(state, 0.0)
+    assert words in describe_state(picture, 0.0)
+
+
 def test_next_steps_name_buttons_of_the_page():
     labels = {'release the stop', 'resume', 'pick'}
     steps = ' '.join(NEXT_STEPS.values())

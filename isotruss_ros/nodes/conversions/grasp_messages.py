@@ -133,7 +133,7 @@ def _planar(wrench: Wrench) -> tuple[float, float, float]:
 
 def to_state_message(report: GraspReport, frame: str) -> GraspState:
     """Convert a grasp report to a message; for a report without result, with the worst values."""
-    state = GraspState(code=int(report.code), message=report.message)
+    state = GraspState(code=int(report.code), message=report.message, chance=math.nan)
     state.held = HELD_VALUES[report.held]
     state.header = make_header(report.time, frame)
     if report.grasp is None:
@@ -147,7 +147,7 @@ def to_state_message(report: GraspReport, frame: str) -> GraspState:
     state.squeeze = list(settled.normal_forces.values())
     state.friction_used = list(settled.friction_used.values())
     state.slip_margin, state.slip_direction = settled.slip_margin, settled.slip_direction
-    state.displacement = settled.displacement
+    state.displacement, state.chance = settled.displacement, report.grasp.chance
     if settled.equilibrium is not None:
         state.contacts = _to_contact_messages(settled.equilibrium)
         state.members = list(settled.utilisation)

@@ -4,13 +4,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 import math
 from typing import NamedTuple
 
 from geometry_msgs.msg import PoseStamped, WrenchStamped
 from isotruss_msgs.action import PlanGrasp
 from isotruss_msgs.msg import PlannedGrasp as PlannedGraspMessage
-from isotruss_ros.core import ConvexObject, GraspRequirements, Robot
+from isotruss_ros.core import ConvexObject, GraspRequirements, Robot, Uncertainty
 from isotruss_ros.core.paths.object_path import MAX_POSES
 from isotruss_ros.core.planning.describe_plan import export_figures, export_path
 from isotruss_ros.core.planning.grasp_plan import PlannedGrasp
@@ -57,7 +58,10 @@ def read_goal(
     if not 1 <= goal.count <= MAX_COUNT:
         raise MessageError(f'count {goal.count}: must be from 1 to {MAX_COUNT}')
     body = _read_body(goal, described)
-    return SearchGoal(body, _read_requirements(goal, robot), goal.seed, goal.time_limit)
+    needs = _read_requirements(goal, robot)
+    if goal.uncertainty:
+        needs = replace(needs, uncertainty=Uncertainty.of(robot, body, goal.uncertainty))
+    return SearchGoal(body, needs, goal.seed, goal.time_limit)
 
 
 def _read_requirements(goal: PlanGrasp.Goal, robot: Robot) -> GraspRequirements:
@@ -127,4 +131,5 @@ def _to_grasp_message(grasp: PlannedGrasp, robot: Robot) -> PlannedGraspMessage:
     times = exported['times']
     path = to_trajectory_message(robot, exported['path'], times)
     touch = to_duration(times[exported['touch']])
-    return PlannedGraspMessage(**export_figures(grasp), path=path, touch=touch)
+    figures = {'chance': math.nan} | export_figures(grasp)
+    return PlannedGraspMessage(**figures, path=path, touch=touch)

@@ -12,9 +12,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+import math
 import time
 from typing import Any
 
+from isotruss_ros.core.chance.uncertainty import Uncertainty
 from isotruss_ros.core.errors import (
     ConfigurationError,
     GraspError,
@@ -24,8 +26,10 @@ from isotruss_ros.core.errors import (
 )
 from isotruss_ros.core.fixed_object.analyze_grasp import analyze_grasp
 from isotruss_ros.core.holding.grip_record import GripRecord
+from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.holding.settle_grasp import assess_equilibrium, settle_grasp
+from isotruss_ros.core.holding.settled_grasp import SettledGrasp
 from isotruss_ros.core.inputs import (
     find_fresh,
     fresh_pressures,
@@ -166,13 +170,36 @@ def _analyze(
             )
         else:
             settled = assess_equilibrium(query.body.pose, held, query.friction)
+        chance = _find_chance(query, config, settled, held)
     except IsotrussError as error:
         code = next(code for kind, code in ERRORS if isinstance(error, kind))
         return GraspReport(code, str(error), 0.0)
     duration = time.perf_counter() - begin
-    grasp = AnalyzedGrasp(config, query.body, analysis, settled, duration)
+    grasp = AnalyzedGrasp(config, query.body, analysis, settled, duration, chance)
     code, message = _judge(grasp)
     return GraspReport(code, message, 0.0, grasp)
+
+
+def _find_chance(
+    query: GraspQuery, config: Configuration, settled: SettledGrasp, held: HeldGrip | None
+) -> float:
+    """Return the chance to first order; NaN without uncertainty or without derivatives."""
+    body, robot = query.body, config.robot
+    if not (robot.description.uncertainty or body.uncertainty) or query.paper_model:
+        return math.nan
+    if held is not None:  # its contact history is unknown to the model of the uncertainty
+        settled = settle_grasp(
+            config,
+            body.moved_to(held.pose),
+            query.friction,
+            query.external_wrench,
+            pressure=query.pressures,
+            members=held.member_names,
+        )
+    try:
+        return float(settled.chance(Uncertainty.of(robot, body), samples=0).probability)
+    except GraspError:  # the equilibrium is neutral
+        return math.nan
 
 
 def _alike(record: GripRecord | None, other: GripRecord | None) -> bool:

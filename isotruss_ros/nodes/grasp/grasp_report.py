@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 import enum
+import math
 from typing import NamedTuple
 
 from isotruss_ros.core.fixed_object.grasp_analysis import GraspAnalysis
@@ -76,6 +77,8 @@ class AnalyzedGrasp:
     analysis: GraspAnalysis  #: analysis of the fixed object at the measured pose
     settled: SettledGrasp  #: equilibrium of the free object near the measured pose
     computing_time: float  #: computing time of configuration and analysis [s]
+    #: chance that the object is held, see `Uncertainty`; NaN if files have no uncertainty
+    chance: float = math.nan
 
     @property
     def largest_utilisation(self) -> float:

@@ -4,9 +4,18 @@
 """The monitor answers from samples alone: no middleware, no clock but the one it is told."""
 
 from dataclasses import replace
+import math
 from types import SimpleNamespace
 
-from isotruss_ros.core import ConvexObject, errors, load_robot, Pose, tangent_center
+from isotruss_ros.core import (
+    ConvexObject,
+    errors,
+    load_robot,
+    Pose,
+    settle_grasp,
+    tangent_center,
+    Uncertainty,
+)
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.grip_record import GripRecord
 from isotruss_ros.core.holding.roll_grip import roll_grip
@@ -71,6 +80,23 @@ def test_forces_are_those_of_the_grip_that_the_loop_has():
     assert list(found.normal_forces.values()) == pytest.approx(grip.normal_forces, rel=1e-3)
     without = monitor(wrench=None).report(NOW).grasp.settled
     assert without.slip_margin != pytest.approx(found.slip_margin, rel=0.05)
+
+
+@pytest.mark.parametrize('is_loop', [False, True])
+def test_chance_is_that_of_the_files_uncertainty(is_loop):
+    block = {'friction': 0.05, 'roller_offset': 0.002}
+    body = ConvexObject.disc(CENTER, DIAMETER)
+    record = StampedInput(GripRecord.of(attach_grip(ROBOT.home, body)), NOW) if is_loop else None
+    chances = []
+    for about in (body, replace(body, uncertainty=block)):
+        made = monitor(wrench=None, held_grip=record)
+        made.query = question(body=about, friction=0.63)
+        chances.append(made.report(NOW).grasp.chance)
+    settled = settle_grasp(ROBOT.home, body, 0.63)
+    expected = settled.chance(Uncertainty.of(ROBOT, about)).probability
+    assert math.isnan(chances[0])
+    assert 0.1 < chances[1] < 0.99
+    assert chances[1] == pytest.approx(expected, abs=0.01)
 
 
 def test_a_wrench_that_was_never_heard_is_zero():

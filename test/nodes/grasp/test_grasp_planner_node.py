@@ -19,7 +19,9 @@ from isotruss_ros.core import (
     plan_grasps,
     Pose,
     read_object,
+    Uncertainty,
 )
+from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.planning.describe_plan import NEAR_SPEED_SHARE
 from isotruss_ros.core.planning.grasp_plan import Progress
 from isotruss_ros.core.planning.searcher import Answer, SearchOutcome
@@ -190,6 +192,28 @@ def test_reads_every_requirement():
     held = read_goal(goal(squeeze=14.0, min_slip_margin=2.0), ROBOT).requirements
     assert (held.squeeze, held.min_slip_margin) == (14.0, 2.0)
     assert read_goal(goal(), ROBOT).requirements == GraspRequirements(count=3)
+
+
+def test_a_goal_may_be_for_an_uncertain_robot():
+    read = read_goal(goal(uncertainty='{friction: 0.2}'), ROBOT).requirements.uncertainty
+    assert (read.friction, read.stiffness) == (0.2, Uncertainty().stiffness)
+    assert read_goal(goal(), ROBOT).requirements.uncertainty is None
+    with pytest.raises(GraspError, match='uncertainty: friction: 5: must be'):
+        read_goal(goal(uncertainty='{friction: 5}'), ROBOT)
+
+
+@pytest.mark.parametrize('uncertainty', [None, Uncertainty()])
+def test_messages_have_the_chance_of_an_uncertain_robot(uncertainty):
+    body = ConvexObject.disc(CENTER, DIAMETER)
+    plan = plan_grasps(ROBOT.home, body, thorough=False, max_rounds=1, uncertainty=uncertainty)
+    (told, *_), grasp = (
+        to_result_message(Answer(SearchOutcome.FOUND, '', plan), ROBOT).grasps,
+        plan[0],
+    )
+    if uncertainty is None:
+        assert math.isnan(told.chance)
+    else:
+        assert told.chance == grasp.chance.probability
 
 
 def test_the_path_of_a_carry_turns_the_shorter_way():
