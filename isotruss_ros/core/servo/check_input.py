@@ -41,8 +41,7 @@ def _check_numbers(robot: Robot, name: str, given: StampedInput) -> None:
     elif name == 'pressures':
         tube_pressures(robot.description, value)
     elif name == 'rollers':
-        several = np.ndim(value.offsets) > 0
-        parts = value if several else value[:2]
+        parts = value if np.ndim(value.offsets) else value[:2]
         for field, numbers in zip(value._fields, parts, strict=False):
             finite_array(numbers, count, f'{field} of {words}', GraspError)
     elif name == 'estimate':

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 from isotruss_ros.core.estimation.grip_belief import MAX_DEVIATIONS
@@ -97,8 +98,7 @@ class Swings:
             self._rising, self._age = not self._rising, 0.0
             self._travel, self._poses = 0.0, 0
             last = self._sizes[-SWING_COUNT:]
-            pairs = zip(last[1:], last, strict=False)
-            return len(last) == SWING_COUNT and all(
-                size >= MIN_SWING_RATIO * old for size, old in pairs
+            return len(self._sizes) >= SWING_COUNT and all(
+                size >= MIN_SWING_RATIO * before for before, size in itertools.pairwise(last)
             )
         return False

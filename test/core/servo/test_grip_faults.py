@@ -117,6 +117,14 @@ def test_a_short_slip_is_noted_until_half_of_it_is_undone():
     assert grip.fault is None
 
 
+def test_slips_are_noted_in_millimetres():
+    grip = faults()
+    grip.judge(belief(walked=0.6, jump=0.001), PERIOD, STILL)
+    assert grip.note() == 'slipped by 600 mm, held'
+    grip.judge(belief(walked=0.6, slipped=True), PERIOD, STILL)
+    assert grip.note().startswith('the object moved by 600 mm')
+
+
 def test_an_unknown_squeeze_is_noted_with_a_slip():
     grip = faults()
     assert grip.note((10.0, 4.9)) == ''

@@ -54,6 +54,16 @@ def test_measured_travel_is_compared_every_20_ms(monkeypatch):
     assert len(times) in (4, 5)
 
 
+@pytest.mark.parametrize(('elapsed', 'count'), [(0.0, 1), (0.019, 1), (0.02, 2), (-0.01, 2)])
+def test_measurements_of_the_same_20_ms_are_compared_once(elapsed, count, monkeypatch):
+    made, times = TwistServo(ROBOT, ServoSettings(GRIP, PERIOD, TIMEOUT)), []
+    monkeypatch.setattr(made.detector, 'update', lambda _, time, __: times.append(time))
+    for stamp in (0.0, elapsed):
+        made.receive(rollers=StampedInput(RollerState(HOME, HOME), stamp))
+        made.decide(0.1)
+    assert len(times) == count
+
+
 def test_commanded_travel_is_compared_from_measurement_to_measurement(monkeypatch):
     made, seen = TwistServo(ROBOT, ServoSettings(GRIP, PERIOD, TIMEOUT)), []
     monkeypatch.setattr(made.detector, 'update', lambda *given: seen.append(given[2][0]))
