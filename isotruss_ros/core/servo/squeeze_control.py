@@ -35,6 +35,8 @@ import numpy as np
 #: Largest rate of change of the squeeze [N/s].
 MAX_FORCE_RATE = 10.0
 
+#: Statuses of motions in another direction than that of the twist.
+CHANGED = (Status.UNREACHABLE, Status.SLIDING)
 #: Function that solves the quadratic program for a twist (3,) and an opening rate of the grip
 #: [m/s].
 Solve = Callable[[Array, float], RollerCommand]
@@ -168,8 +170,8 @@ class SqueezeControl(GripFaults):
             return replace(solve(np.zeros(3), opening), scale=0.0, status=self.fault)
         twist, correction = np.asarray(twist), self._correction(belief, period)
         command = _solve_within_limits(twist + correction, opening, solve)
-        if command.status is Status.UNREACHABLE and not twist.any():
-            # The contacts do not admit the correction of the pose.
+        if command.status in CHANGED and not twist.any():
+            # Contacts or limits do not admit the correction of the pose.
             command = replace(command, status=Status.OK)
         free = belief.slip_margin - MIN_RELATIVE_MARGIN * belief.regulated_squeeze
         share = belief.cache.usage.margin_share(command, period, free)
@@ -202,7 +204,7 @@ class SqueezeControl(GripFaults):
 
         :param missing: (3,) part that limits of acceleration, or barriers, took away.
         """
-        if command.status in (Status.UNREACHABLE, Status.SLIDING):
+        if command.status in CHANGED:
             self.reference = None
         self._velocity = command.scale * np.asarray(twist) - missing
 

@@ -279,6 +279,16 @@ def test_limits_slow_the_twist_before_the_squeeze(status):
     assert rows[3] @ command.roller_velocities == pytest.approx(opening, rel=0.02)
 
 
+@pytest.mark.parametrize('status', [Status.UNREACHABLE, Status.SLIDING, Status.ACCELERATING])
+def test_a_correction_that_is_not_admitted_is_no_fault_of_a_twist_of_zero(status):
+    def solve(twist, opening_rate):
+        return replace(solve_at_rest(twist, opening_rate), status=status)
+
+    changed = status is not Status.ACCELERATING
+    assert at_rest().solve(np.zeros(3), 0.02, solve).status is (Status.OK if changed else status)
+    assert at_rest().solve(np.array([0.01, 0.0, 0.0]), 0.02, solve).status is status
+
+
 def test_a_twist_is_slowed_no_more_than_its_limit_demands():
     control = at_rest(1.0)
 
