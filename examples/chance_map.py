@@ -39,5 +39,4 @@ for axes, (values, levels, label) in zip(figure.subplots(1, 2), maps, strict=Tru
     axes.set(xlabel='x [m]', ylabel='y [m]', aspect='equal')
     figure.colorbar(filled, ax=axes, label=label)
 figure.savefig('chance_map.png', dpi=110)
-for name, place in (('chance', safest), ('slip margin', firmest)):
-    print(f'largest {name}: chance {chance[place]:.2f}, slip margin {margin[place]:.1f} N')
+print(f'largest chance {chance[safest]:.2f}, at the largest slip margin {chance[firmest]:.2f}')

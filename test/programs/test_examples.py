@@ -18,7 +18,7 @@ CORE_EXAMPLES = sorted(p.stem for p in EXAMPLES.glob('*.py') if not p.stem.start
 PRINTED = {
     'analyze_box': 'north/P-Z presses with 12.3 N over 22 mm',
     'analyze_grasp': '62 contact points, 13.0 N in all',
-    'chance_map': 'largest chance: chance 0.85, slip margin 0.7 N',
+    'chance_map': 'largest chance 0.85, at the largest slip margin 0.72',
     'deform_under_load': 'T: 1.09 mm, -4.01 mm, 0.0000 rad',
     'draw_grasp': 'the members press with 13.0 N: see drawing.png',
     'estimate_roller_offsets': 'to be added: [5. 5. 5. 5. 5. 5.] mm',
