@@ -51,11 +51,6 @@ class RigidObject:
         held.rolling, held._looks = rolling, False
         return held
 
-    @property
-    def members(self) -> tuple[str, ...]:
-        """Return the names of the grasping members; none while the object is not held."""
-        return () if self.rolling is None else self.rolling.grip.members
-
     def pose(self, config: Configuration) -> Pose:
         """
         Return the object's pose in a configuration; the angle is in (-pi, pi].
@@ -84,22 +79,16 @@ class RigidObject:
         body = self._body.moved_to(self.pose(config))
         names = pressing_members(config, body)
         if self.rolling is not None:
-            if not set(self.members) <= set(names):
+            if not set(self.rolling.grip.members) <= set(names):
                 self._body, self.rolling = body, None
         elif len(names) in GRIP_SIZES:
-            self._try_to_hold(config, body, names)
-
-    def _try_to_hold(
-        self, config: Configuration, body: ConvexObject, names: tuple[str, ...]
-    ) -> None:
-        """Hold the object between the members that press on it, if friction is sufficient."""
-        try:
-            settled = settle_grasp(config, body, self._friction, members=names)
-            if settled.hold.at_rest:
-                grip = Grip(names, body.moved_to(settled.pose), self._friction)
-                self.rolling = RollingGrip.attach(config, grip)
-        except IsotrussError:
-            return  # contact at the end of a member, or failed computation of forces
+            try:
+                settled = settle_grasp(config, body, self._friction, members=names)
+                if settled.hold.at_rest:
+                    grip = Grip(names, body.moved_to(settled.pose), self._friction)
+                    self.rolling = RollingGrip.attach(config, grip)
+            except IsotrussError:
+                return  # contact at the end of a member, or failed computation of forces
 
     @staticmethod
     def _rolled(rolling: RollingGrip, config: Configuration) -> RollingGrip:
