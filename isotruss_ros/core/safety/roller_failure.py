@@ -94,23 +94,18 @@ class FailureDetector:
         timed = (sent >= EVIDENT_TRAVEL) & (moved >= MIN_SHARE * sent)
         long = self._commanded >= self.failure_time - SETTLING_TIME
         if long.any():
-            timed |= self._flag(long, sent, moved, time)
+            # Drives cannot follow oscillations that are faster than their settling time.
+            swing = 0.5 * SETTLING_TIME * self._path
+            far = (sent >= MIN_SPEED * FAILURE_TIME) & (sent * self._commanded >= swing)
+            ready = long & far & np.isnan(self._asked)
+            self._asked[ready], self._asked_at[ready] = sent[ready], time
+            settled = time - self._asked_at >= SETTLING_TIME
+            due = ~np.isnan(self._asked) & settled & (self._commanded >= self.failure_time)
+            stuck = due & (moved < MIN_SHARE * self._asked)
+            self.failed |= {self._names[i] for i in np.flatnonzero(stuck)}
+            timed |= due
         if timed.any():
             self._begin(timed, positions)
-
-    def _flag(self, long: Flags, sent: Array, moved: Array, time: float) -> Flags:
-        """Detect failed rollers; return a mask of all rollers for which a decision was made."""
-        # Drives cannot follow oscillations that are faster than their settling time.
-        swing = 0.5 * SETTLING_TIME * self._path
-        far = (sent >= MIN_SPEED * FAILURE_TIME) & (sent * self._commanded >= swing)
-        ready = long & far & np.isnan(self._asked)
-        self._asked[ready], self._asked_at[ready] = sent[ready], time
-        settled = time - self._asked_at >= SETTLING_TIME
-        due = ~np.isnan(self._asked) & settled & (self._commanded >= self.failure_time)
-        stuck = due & (moved < MIN_SHARE * self._asked)
-        if stuck.any():
-            self.failed |= {self._names[i] for i in np.flatnonzero(stuck)}
-        return due
 
     def _begin(self, which: Flags, positions: Array) -> None:
         self._commanded[which] = self._path[which] = 0.0

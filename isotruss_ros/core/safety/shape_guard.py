@@ -181,7 +181,10 @@ class Watch:
             share, violation = 0.8 * share * worse.share, worse
         else:
             share = 0.0
-        return command if violation is None else _scaled(command, share, violation)
+        if violation is None:
+            return command
+        bent = command.status in (Status.UNREACHABLE, Status.SLIDING) and share > 0.0
+        return command.slowed(share, command.status if bent else violation.status, violation.names)
 
     def _violation(
         self, rollers: Array, velocities: Array, duration: float
@@ -218,8 +221,3 @@ class Watch:
         if not len(below):
             return None
         return BarrierViolation(0.5, barrier.status, tuple(barrier.names(below)))
-
-
-def _scaled(command: RollerCommand, share: float, violation: BarrierViolation) -> RollerCommand:
-    bent = command.status in (Status.UNREACHABLE, Status.SLIDING) and share > 0.0
-    return command.slowed(share, command.status if bent else violation.status, violation.names)
