@@ -47,7 +47,11 @@ def grip_jacobian(config: Configuration, grip: Grip) -> Array:
         _require_apart(np.abs(points - points[0]).max())
         normals = np.array([contact.normal for contact in contacts]).view(float)
         hand, rigid = contact_rows(config, grip)
-        square = np.concatenate([rigid, _misfits(rigid, normals)], axis=1)
+        # The complement of G^T's range has an orthogonal basis of 2 k - 3 misfits. The first is a
+        # motion of each member away from the object at 0.5 m/s, minus its projection on the range.
+        basis, factor = np.linalg.qr(np.column_stack([rigid, 0.5 * normals]), mode='complete')
+        basis[:, 3] *= factor[3, 3]
+        square = np.concatenate([rigid, basis[:, 3:]], axis=1)
         jacobian = np.linalg.solve(square, hand)
     jacobian.flags.writeable = False
     return jacobian
@@ -99,18 +103,6 @@ def contact_rows(config: Configuration, grip: Grip) -> tuple[Array, Array]:
         rigid += [(1.0, 0.0, -arm.imag), (0.0, 1.0, arm.real)]
     hand = rates.reshape(len(rates), -1) @ member_rows(config, grip.members)
     return hand, np.array(rigid)
-
-
-def _misfits(rigid: Array, normals: Array) -> Array:
-    """
-    Return an orthogonal basis (2 k, 2 k - 3) of the complement of G^T's range.
-
-    The first vector is a motion of each member away from the object at 0.5 m/s, minus its
-    projection on the range of G^T.
-    """
-    basis, factor = np.linalg.qr(np.column_stack([rigid, 0.5 * normals]), mode='complete')
-    basis[:, 3] *= factor[3, 3]
-    return basis[:, 3:]
 
 
 def rows_of_two(grip: Grip, contacts: Sequence[GripContact], members: Array) -> Array:

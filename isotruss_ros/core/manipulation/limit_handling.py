@@ -49,19 +49,16 @@ Solver: TypeAlias = Callable[[Array, Array, Rows], tuple[Array, float]]
 
 @dataclass(frozen=True)
 class LimitHandling:
-    """
-    Choice of the behaviour of a command at binding limits.
+    """Choice of the behaviour of a command at binding limits."""
 
-    :ivar slide_along_limits: True to project the twist on the admissible twists at limits of the
-        configuration; otherwise the twist is scaled.
-    :ivar regularized: True for the regularisation of control loops; otherwise largest progress.
-    :ivar soft_rank: singular value of the task below which a direction of the twist counts as
-        partly reachable, to a fraction that falls to 0 with the singular value [-]; 0: a direction
-        is reachable or not, as in the paper.
-    """
-
+    #: True to project the twist on the admissible twists at limits of the configuration; otherwise
+    #: the twist is scaled
     slide_along_limits: bool = False
+    #: True for the regularisation of control loops; otherwise largest progress
     regularized: bool = False
+    #: singular value of the task below which a direction of the twist counts as partly reachable,
+    #: to a fraction that falls to 0 with the singular value [-]; 0: a direction is reachable or
+    #: not, as in the paper
     soft_rank: float = 0.0
 
 

@@ -66,31 +66,24 @@ class Status(enum.IntEnum):
 class RollerCommand(
     Record, headline=('status', 'roller_velocities', 'achieved_twist', 'scale', 'limiting')
 ):
-    """
-    Roller velocities with the resulting twist of the object.
+    """Roller velocities with the resulting twist of the object."""
 
-    :ivar roller_velocities: (r,) speed of the tube through each roller [m/s].
-    :ivar achieved_twist: (3,) vx, vy [m/s], omega [rad/s] of the object in the robot frame,
-        computed from `roller_velocities`.
-    :ivar scale: factor by which limits reduced the closest reachable twist, 0 to 1; when sliding,
-        the component of the executed twist along the closest reachable twist, divided by the norm
-        of the latter.
-    :ivar status: status code.
-    :ivar limiting: names of the rollers, members and parts whose limits bind.
-    :ivar reachable_dof: number of independent motions of the object that the working rollers can
-        produce, 0 to 3; 0 in a halt without valid inputs.
-    :ivar motion: (3, r) Jacobian of the object's twist with respect to roller speeds; None in a
-        halt.
-    :ivar contact_rows: (g, r) contact constraints on the roller speeds; None in a halt.
-    """
-
-    roller_velocities: Array
+    roller_velocities: Array  #: (r,) speed of the tube through each roller [m/s]
+    #: (3,) vx, vy [m/s], omega [rad/s] of the object in the robot frame, computed from
+    #: `roller_velocities`
     achieved_twist: Array
+    #: factor by which limits reduced the closest reachable twist, 0 to 1; when sliding, the
+    #: component of the executed twist along the closest reachable twist, divided by the norm of
+    #: the latter
     scale: float
-    status: Status
-    limiting: tuple[str, ...] = ()
+    status: Status  #: status code
+    limiting: tuple[str, ...] = ()  #: names of the rollers, members and parts whose limits bind
+    #: number of independent motions of the object that the working rollers can produce, 0 to 3; 0
+    #: in a halt without valid inputs
     reachable_dof: int = 0
+    #: (3, r) Jacobian of the object's twist with respect to roller speeds; None in a halt
     motion: Array | None = field(default=None, repr=False)
+    #: (g, r) contact constraints on the roller speeds; None in a halt
     contact_rows: Array | None = field(default=None, repr=False)
 
     def slowed(self, share: float, status: Status, names: tuple[str, ...]) -> RollerCommand:

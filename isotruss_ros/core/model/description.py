@@ -33,52 +33,35 @@ class Tube:
 
 @dataclass(frozen=True)
 class RobotDescription:
-    """
-    Content of a robot file with a valid form; the mechanics are checked later.
+    """Content of a robot file with a valid form; the mechanics are checked later."""
 
-    :ivar source: path of the robot file, for error messages.
-    :ivar name: name of the robot.
-    :ivar frame: name of the robot's coordinate frame.
-    :ivar joints: position (x, y) of each joint at home, by the joint's name [m].
-    :ivar tubes: the closed tubes.
-    :ivar module: dimensions of the roller modules.
-    :ivar tube_diameter: outer diameter of the tubes [m].
-    :ivar pressures: gauge pressure of each tube by the tube's name, in the order of the file [Pa].
-    :ivar stiffness: block `stiffness` of the robot file, unchanged.
-    :ivar supports: axes (`x`, `y`) along which each supported joint is fixed, by the joint's
-        name.
-    :ivar max_speed: largest speed of a roller [m/s].
-    :ivar max_acceleration: largest acceleration of a roller [m/s^2].
-    :ivar min_length: smallest length of a member, pinch point to pinch point [m].
-    :ivar max_length: largest length of a member, pinch point to pinch point [m].
-    :ivar local_stiffness: ratio of the true flattening stiffness to the theoretical one [-].
-    :ivar stiffness_scale: ratio of the tubes' true stiffness to the modelled one [-].
-    :ivar tube_mass: mass of the tubes per length [kg/m].
-    :ivar damping_ratio: damping ratio of the vibration mode with the lowest frequency [-].
-    :ivar calibration: block `calibration` of the file, with the standard deviations of roller
-        offsets and stiffness.
-    :ivar uncertainty: block `uncertainty` of the file: standard deviations of parameters.
-    """
-
-    source: str
-    name: str
-    frame: str
+    source: str  #: path of the robot file, for error messages
+    name: str  #: name of the robot
+    frame: str  #: name of the robot's coordinate frame
+    #: position (x, y) of each joint at home, by the joint's name [m]
     joints: Mapping[str, tuple[float, float]]
-    tubes: tuple[Tube, ...]
-    module: Module
-    tube_diameter: float
+    tubes: tuple[Tube, ...]  #: the closed tubes
+    module: Module  #: dimensions of the roller modules
+    tube_diameter: float  #: outer diameter of the tubes [m]
+    #: gauge pressure of each tube by the tube's name, in the order of the file [Pa]
     pressures: Mapping[str, float]
-    stiffness: Mapping[str, Any]
+    stiffness: Mapping[str, Any]  #: block `stiffness` of the robot file, unchanged
+    #: axes (`x`, `y`) along which each supported joint is fixed, by the joint's name
     supports: Mapping[str, tuple[str, ...]]
-    max_speed: float
-    max_acceleration: float
-    min_length: float
-    max_length: float
+    max_speed: float  #: largest speed of a roller [m/s]
+    max_acceleration: float  #: largest acceleration of a roller [m/s^2]
+    min_length: float  #: smallest length of a member, pinch point to pinch point [m]
+    max_length: float  #: largest length of a member, pinch point to pinch point [m]
+    #: ratio of the true flattening stiffness to the theoretical one [-]
     local_stiffness: float = 1.0
-    stiffness_scale: float = 1.0
-    tube_mass: float = 0.1
+    stiffness_scale: float = 1.0  #: ratio of the tubes' true stiffness to the modelled one [-]
+    tube_mass: float = 0.1  #: mass of the tubes per length [kg/m]
+    #: damping ratio of the vibration mode with the lowest frequency [-]
     damping_ratio: float = 0.1
+    #: block `calibration` of the file, with the standard deviations of roller offsets and
+    #: stiffness
     calibration: Mapping[str, Any] = field(default_factory=dict)
+    #: block `uncertainty` of the file: standard deviations of parameters
     uncertainty: Mapping[str, float] = field(default_factory=dict)
 
     @property

@@ -205,8 +205,8 @@ class Polygon(PolygonalShape):
         rows = np.arange(len(points))
         away = points[:, None] - self.arc_centers
         # Projections on the side after a vertex and on the side before it.
-        begins, ends = self._facing
-        after, before = away * begins, (away * ends).imag
+        after = away * self.normals.conj()
+        before = (away * np.roll(self.normals, 1).conj()).imag
         beyond = after.real - self.radii
         side = beyond.argmax(axis=1)
         gaps, normals = beyond[rows, side], self.normals[side]
@@ -223,12 +223,6 @@ class Polygon(PolygonalShape):
         gaps[at], radii[at] = gap[at], self.radii[corner]
         normals[at] = near / np.abs(near)
         return SurfacePoints(gaps, normals, radii)
-
-    @cached_property
-    def _facing(self) -> tuple[Points, Points]:
-        """Return the conjugate normals (k,) of sides after, and of sides before, the vertices."""
-        begins = self.normals.conj()
-        return begins, np.roll(begins, 1)
 
     def smoothed(self, length: float) -> Shape:
         """

@@ -96,15 +96,6 @@ def _check_stiffness(description: RobotDescription) -> Iterator[str]:
         )
 
 
-def _check_calibration(calibration: Mapping[str, Any], tubes: tuple[Tube, ...]) -> Iterator[str]:
-    """Yield a fault for each name in the block `calibration` that is not a roller."""
-    rollers = [
-        f'{tube.name}/{joint}' for tube in tubes for joint in tube.joints if joint != tube.passive
-    ]
-    for key in ('zero_deviations', 'checked_rollers'):
-        yield from _unknown(f'calibration.{key}', 'roller', calibration.get(key, ()), rollers)
-
-
 def _unknown(where: str, kind: str, names: Iterable[str], valid: Iterable[str]) -> Iterator[str]:
     """Yield a fault for each name that is not valid."""
     for name in names:
@@ -140,7 +131,11 @@ def _cross_check(
         for name in names:
             if name not in pressure:
                 yield f'tube.pressure: tube {name} is missing; give one number, or one per tube'
-    yield from _check_calibration(content.get('calibration', {}), tubes)
+    pairs = [(tube, joint) for tube in tubes for joint in tube.joints if joint != tube.passive]
+    driven = [f'{tube.name}/{joint}' for tube, joint in pairs]
+    for key in ('zero_deviations', 'checked_rollers'):
+        names = content.get('calibration', {}).get(key, ())
+        yield from _unknown(f'calibration.{key}', 'roller', names, driven)
     occupants: dict[tuple[float, float], str] = {}
     for joint, position in joints.items():
         other = occupants.setdefault(position, joint)

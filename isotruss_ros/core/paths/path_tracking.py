@@ -59,24 +59,15 @@ FINISHED = frozenset({PathPhase.REACHED, PathPhase.OFF_PATH, PathPhase.STUCK})
 
 @dataclass(frozen=True)
 class TrackingSettings:
-    """
-    Settings of path tracking.
+    """Settings of path tracking."""
 
-    :ivar position_tolerance: error of position at which the path is aborted [m].
-    :ivar angle_tolerance: error of orientation at which the path is aborted [rad].
-    :ivar position_gain: decay rate of the position error [1/s].
-    :ivar angle_gain: decay rate of the orientation error [1/s].
-    :ivar ramp_time: time in which the speed rises from zero to the speed of the path, or falls
-        back [s].
-    :ivar progress_timeout: largest time without progress [s].
-    """
-
-    position_tolerance: float = 0.01
-    angle_tolerance: float = 0.2
-    position_gain: float = 2.0
-    angle_gain: float = 2.0
+    position_tolerance: float = 0.01  #: error of position at which the path is aborted [m]
+    angle_tolerance: float = 0.2  #: error of orientation at which the path is aborted [rad]
+    position_gain: float = 2.0  #: decay rate of the position error [1/s]
+    angle_gain: float = 2.0  #: decay rate of the orientation error [1/s]
+    #: time in which the speed rises from zero to the speed of the path, or falls back [s]
     ramp_time: float = 0.5
-    progress_timeout: float = 3.0
+    progress_timeout: float = 3.0  #: largest time without progress [s]
 
     def __post_init__(self) -> None:
         """Raise PathError if a value is not a positive number; gains may be 0."""

@@ -12,6 +12,7 @@ violated tolerance of the action goal.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 from isotruss_ros.core.errors import ConfigurationError, IsotrussError
@@ -135,7 +136,7 @@ class RollerTrajectoryServo:
         self._tolerances = TrajectoryTolerances()
         self._start = self._before = self._waited = 0.0
         self._measured = 0.0  # time of the last valid measurement [s]
-        self._near_since: float | None = None
+        self._near_since = math.inf  # since when all rollers are within the end tolerance [s]
         self._offsets: Array | float = 0.0
 
     @property
@@ -160,7 +161,7 @@ class RollerTrajectoryServo:
         self._trajectory, self._offsets = trajectory, state.offsets
         self._tolerances = tolerances or TrajectoryTolerances()
         self._start = self._before = now if start is None else max(start, now)
-        self.time, self._waited, self._near_since, self._measured = 0.0, 0.0, None, now
+        self.time, self._waited, self._near_since, self._measured = 0.0, 0.0, math.inf, now
 
     def check_start(self, trajectory: RollerTrajectory, now: float) -> RollerState:
         """Return the measured roller state; raise an error if the trajectory begins elsewhere."""
@@ -232,7 +233,8 @@ class RollerTrajectoryServo:
         if goal is not None:
             violation = goal.find_violation(names, trajectory.at(trajectory.duration), state)
         near = at_end and (not violation if goal is not None else lag <= TOLERANCE)
-        if self._rests(near, min(measured, now), now):
+        self._near_since = min(self._near_since, now) if near else math.inf
+        if min(measured, now) - self._near_since > REST_TIME:
             return self._finish()
         if not waits and self.time < trajectory.duration:
             self.time, self._waited = ahead, 0.0
@@ -267,11 +269,3 @@ class RollerTrajectoryServo:
         """End the trajectory, and return a step that stops the rollers."""
         self._trajectory = None
         return RollerStep(np.zeros(len(self._robot.roller_names)), True, failure, at_goal)
-
-    def _rests(self, near: bool, measured: float, now: float) -> bool:
-        """Return whether the rollers have been within the end tolerance for `REST_TIME`."""
-        if not near:
-            self._near_since = None
-        elif self._near_since is None:
-            self._near_since = now
-        return self._near_since is not None and measured - self._near_since > REST_TIME

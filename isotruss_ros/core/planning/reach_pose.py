@@ -34,24 +34,15 @@ MIN_STEP_SCALE = 0.05
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ReachedPose(Record, headline=('status', 'why', 'share', 'pose', 'roller_positions')):
-    """
-    Result of the motion of a held object to a pose.
+    """Result of the motion of a held object to a pose."""
 
-    :ivar config: configuration at the end of the motion.
-    :ivar pose: pose of the object at the end.
-    :ivar share: executed fraction of the motion, 0 to 1.
-    :ivar status: OK if the pose is reached, otherwise the status of the limit that ended the
-        motion.
-    :ivar why: sentence that names this limit; empty if the pose is reached.
-    :ivar path: (k, r) roller positions along the motion, from its start [m].
-    """
-
-    config: Configuration
-    pose: Pose
-    share: float
+    config: Configuration  #: configuration at the end of the motion
+    pose: Pose  #: pose of the object at the end
+    share: float  #: executed fraction of the motion, 0 to 1
+    #: OK if the pose is reached, otherwise the status of the limit that ended the motion
     status: Status
-    why: str
-    path: Array
+    why: str  #: sentence that names this limit; empty if the pose is reached
+    path: Array  #: (k, r) roller positions along the motion, from its start [m]
 
     @property
     def roller_positions(self) -> Array:

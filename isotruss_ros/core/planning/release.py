@@ -40,18 +40,13 @@ UNLOADING_SHARES = (0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 0.04, 0.015, 0.
 
 @dataclass(frozen=True, eq=False)
 class Release:
-    """
-    Path that releases an object, or the requirement that prevents the release.
+    """Path that releases an object, or the requirement that prevents the release."""
 
-    :ivar path: (k, r) roller positions, beginning at the current positions [m]; empty if there is
-        a violation.
-    :ivar apart: index of the first row of `path` in which no member touches the object.
-    :ivar violation: violated requirement; None if the release is possible.
-    """
-
+    #: (k, r) roller positions, beginning at the current positions [m]; empty if there is a
+    #: violation
     path: Array
-    apart: int
-    violation: Violation | None = None
+    apart: int  #: index of the first row of `path` in which no member touches the object
+    violation: Violation | None = None  #: violated requirement; None if the release is possible
 
 
 @single_threaded
