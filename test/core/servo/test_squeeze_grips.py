@@ -49,7 +49,7 @@ def test_a_box_that_lies_on_a_face_stays_held(noise):
     loop = loop_of(shape, 2.1, CORNER, 1.05, zero_deviation=1e-3)
     assert len(loop.object.grasp.contacts.members) == 3
     loop.noise = noise
-    loop.run((0.01, 0.01, 0.05), 2.0)
+    loop.run((0.01, 0.01, 0.05), 1.3)
     assert loop.object.grasp.squeeze == pytest.approx(loop.target, rel=0.03 + 10.0 * noise)
     assert loop.errors[-1] < 1e-3 + noise
 

@@ -246,7 +246,7 @@ def simulated(*stuck):
 
 
 def test_stuck_roller_is_detected_and_the_object_moves_as_commanded_again():
-    made = servo({'failure_time': FAILURE_TIME})
+    made = servo({'failure_time': FAILURE_TIME, 'period': 0.01})
     stuck = int(np.abs(made.decide(NOW).command.roller_velocities).argmax())
     name, robot = ROBOT.roller_names[stuck], simulated(ROBOT.roller_names[stuck])
     decisions = run(made, robot, 3.0)
