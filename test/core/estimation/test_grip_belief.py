@@ -73,6 +73,12 @@ def test_error_of_the_squeeze_with_wrong_offsets_is_within_stated_deviations():
     assert 0.3 < np.sqrt(np.mean(np.square(surprises))) < 1.5
 
 
+def test_an_assumed_squeeze_is_an_error_of_the_squeeze():
+    belief = believed(squeeze_error=0.0)
+    known, belief.is_assumed = belief.geometric_deviation, True
+    assert belief.geometric_deviation == pytest.approx(np.hypot(known, belief.squeeze))
+
+
 def test_stiffness_of_the_tubes_scales_the_squeeze_and_moves_nothing():
     found, stiffness = held_gradient(MODEL), len(CONFIG.roller_positions) + 3
     assert found.pose[:, stiffness] == pytest.approx(0.0, abs=1e-8)
