@@ -20,6 +20,7 @@ from isotruss_ros.core.holding import contact_search
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.contact_search import ContactSet, search_contacts
 from isotruss_ros.core.holding.contact_statics import ContactStatics
+from isotruss_ros.core.holding.pressed_contacts import contacts_at
 from isotruss_ros.core.holding.roll_grip import roll_contacts
 from isotruss_ros.core.statics.bent_tubes import BentTubes
 import numpy as np
@@ -92,6 +93,20 @@ def test_a_search_without_end_solves_a_bounded_number_of_sets(monkeypatch):
     solved.clear()
     assert search_contacts(lambda chosen, _: solved.append(chosen), contacts) is None
     assert 1 < len(solved) < 12
+
+
+def test_corners_of_a_thin_plate_are_reached_the_shorter_way_round():
+    grip = held(BOX, 0.0)
+    statics, normal = grip.statics, complex(grip.statics.straight_normals[0])
+    plate = Polygon([(-0.1, -0.01), (0.1, -0.01), (0.1, 0.01), (-0.1, 0.01)])
+    center = complex(statics.bent.lines.start[0]) - (statics.tube_radius + 0.01) * normal
+    body = ConvexObject(plate, (center.real, center.imag, np.angle(normal) - 0.5 * np.pi))
+    one = contacts_at(plate, grip.members[:1], np.array([2]), statics.tube_radius)
+    beside = replace(grip, body=body, statics=replace(statics, body=body, contacts=one))
+    along = {corner.corner: corner.along for corner in contact_search._nearby_corners(beside, [0])}
+    assert set(along) == {0, 1, 3}
+    assert along[1] == pytest.approx(-0.02)
+    assert along[3] == pytest.approx(0.2)
 
 
 @pytest.mark.parametrize('order', [(-0.3, 0.1, 0.2), (0.1, 0.2, -0.3)])
