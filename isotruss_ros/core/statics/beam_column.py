@@ -23,7 +23,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from isotruss_ros.core.numerics.arrays import Array, as_xy, Flags, Points
+from isotruss_ros.core.numerics.arrays import Array, Flags, Points
 import numpy as np
 
 
@@ -111,7 +111,9 @@ def chord_motions(axis: Points, length: Array) -> Array:
     The four rows are the chord's length, the rotations s and b, and the rotation of the chord.
     """
     motions = np.zeros((len(axis), 4, 6))
-    along, turned = as_xy(axis), as_xy(-1j * axis / length)
+    along, turned = (
+        vectors.view(np.float64).reshape(-1, 2) for vectors in (axis, -1j * axis / length)
+    )
     motions[:, 0, :2], motions[:, 0, 3:5] = -along, along
     motions[:, 1, :2], motions[:, 1, 3:5] = -turned, turned
     motions[:, 3, :2], motions[:, 3, 3:5] = turned, -turned
