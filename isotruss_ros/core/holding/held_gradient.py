@@ -60,7 +60,7 @@ class TubeRates(NamedTuple):
     give: Points  #: (k, p) of the contact points, along + i across the members [m]
     slope: Array  #: (k, p) of the bent centre lines' inclinations at the contacts [rad]
     nodes: Array  #: (n, 3, p) of the displacements of the frame's nodes [m, rad]
-    forces: Array  #: (c, 3, p) of the `EndForces` of the frame's parts
+    forces: Array  #: (c, 3, p) of the `EndForces` of the frame's parts with fixed nodes
 
 
 class LoadedTubes:
@@ -179,9 +179,8 @@ class LoadedTubes:
         # The displacement is relative to the contact, which moves along its member.
         give = give / axis - feet
         slope += turned - self.spins
-        changed, _ = tangent.force_changes(nodes)
         share = bent.share
-        return TubeRates(give / share, slope / share, nodes, changed + rates + by_places)
+        return TubeRates(give / share, slope / share, nodes, rates + by_places)
 
     def joints(self, rates: TubeRates) -> Array:
         """Return the derivatives (2j, p) of the joint positions x0, y0, x1, y1, ... [m]."""
@@ -201,13 +200,14 @@ class LoadedTubes:
         wall = np.pi * radius**2 * np.array(bent.structure.pressures)[tube]
         ends, members = forces[piece], frame.members
         loads = np.stack([-ends[:, 2], ends[:, 5], ends[:, 3] + wall, bowing[piece]])
+        force_rates = (rates.forces + bent.tangent.force_changes(rates.nodes)[0])[piece]
         scale = grip.tubes.stiffness_scale / bent.share
         # Rows: axial force and moments at both ends.
         by_end = np.array([[1.0, 0.0, 0.0], [0.0, 0.5, 0.5], [0.0, 0.5, -0.5]])
-        changes = np.tensordot(by_end, scale * rates.forces[piece], (1, 1))
+        changes = np.tensordot(by_end, scale * force_rates, (1, 1))
         pull, first, second = changes + ends.T[[3, 2, 5], :, None] * self._stiffer
         pulled = pull + np.pi * radius**2 * self._inflated[tube]
-        changes = np.stack([-first, second, pulled, rates.forces[piece, 0]])
+        changes = np.stack([-first, second, pulled, force_rates[:, 0]])
         sections = np.vstack([frame.length[piece], members.section[1:, piece]])
         others = self.sections[[0, 2, 3]][:, piece]
         # Central difference of the utilisation at the same kind of place.
