@@ -1,0 +1,55 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Wrong markers and slipping rollers told apart, with drawn Jacobians."""
+
+from isotruss_ros.core.estimation.marker_gate import find_swap, judge_markers
+import numpy as np
+import pytest
+
+#: Derivatives of six markers by six rollers, and covariance of the markers [m^2].
+RATES, NOISE, SLIP = np.random.default_rng(0).normal(size=(12, 6)), 1e-6 * np.eye(12), 0.02
+REACH = np.full(6, 2.0 * SLIP)
+
+
+@pytest.mark.parametrize('roller', range(6))
+def test_the_slip_of_a_roller_is_found_and_all_markers_are_used(roller):
+    slip = SLIP * np.eye(6)[roller]
+    used, slipped = judge_markers((RATES @ slip).reshape(6, 2), NOISE, RATES, REACH)
+    assert used.all()
+    assert slipped == pytest.approx(slip, abs=1e-9)
+
+
+@pytest.mark.parametrize('marker', range(6))
+def test_a_wrong_marker_is_rejected_without_slip(marker):
+    off = 0.05 * np.eye(6)[marker][:, None] * [1.0, -1.0]
+    used, slipped = judge_markers(off, NOISE, RATES, REACH)
+    assert used.tolist() == [number != marker for number in range(6)]
+    assert not slipped.any()
+
+
+@pytest.mark.parametrize(('across', 'slips'), [(1e-4, True), (4e-3, False)])
+def test_of_slip_and_a_wrong_marker_the_one_with_smaller_chi_square_is_found(across, slips):
+    rates, off = np.zeros((12, 6)), np.full((6, 2), 4e-4)
+    rates[0, 0], off[0] = 1.0, (SLIP, across)
+    used, slipped = judge_markers(off, NOISE, rates, REACH)
+    assert used.all() == slips
+    assert slipped.any() == slips
+
+
+def test_most_wrong_markers_reject_all():
+    off = 0.05 * np.random.default_rng(1).normal(size=(6, 2))
+    off[:2] = 0.0
+    assert not judge_markers(off, NOISE, RATES, REACH)[0].any()
+
+
+def test_a_slip_is_at_most_the_travel():
+    off = (RATES @ (3.0 * SLIP * np.eye(6)[2])).reshape(6, 2)
+    assert not judge_markers(off, NOISE, RATES, REACH)[1].any()
+
+
+def test_two_swapped_markers_are_named():
+    expected = np.random.default_rng(2).normal(size=(6, 2))
+    measured = expected[[0, 4, 2, 3, 1, 5]]
+    assert find_swap(measured, expected, NOISE) == (1, 4)
+    assert find_swap(measured + 0.1, expected, NOISE) is None
