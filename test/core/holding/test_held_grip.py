@@ -24,6 +24,7 @@ from isotruss_ros.core import (
 from isotruss_ros.core.contact.dents import corner_dents
 from isotruss_ros.core.contact.flattening import flattening_of
 from isotruss_ros.core.holding.attach_grip import attach_grip, rest
+from isotruss_ros.core.holding.contact_search import depths_in_others
 from isotruss_ros.core.holding.contact_statics import find_dents, TubeModel
 from isotruss_ros.core.holding.held_grip import NotHeldError
 from isotruss_ros.core.holding.pressed_contacts import find_pressed
@@ -320,6 +321,17 @@ def test_third_member_comes_into_contact_by_bending():
     # Rolling linearises tubes within `FOLLOWED_MOTION`, so forces err by about 1e-4 N.
     for there, back in zip(states[:2], states[:2:-1], strict=True):
         assert back == pytest.approx(there, rel=1e-6, abs=1e-7)
+
+
+def test_depth_in_another_member_is_the_depth_in_its_bent_line():
+    body = gap_of_third(brentq(lambda size: gap_of_third(size)[1] - 2e-3, 0.4, 0.8))[0]
+    grip = attach_grip(HOME, body, numbers(LOOP[:2]), np.array([3.0, 2.0, 0.0]))
+    (member,), (depth,) = depths_in_others(grip)
+    assert member == numbers(LOOP)[2]
+    positions = np.linspace(0.0, HOME.member_lengths[member], 4001)
+    lines, _ = grip.bent_lines(np.full(4001, member), positions)
+    gaps = grip.body.moved_to(grip.pose).nearest(lines).gaps
+    assert depth == pytest.approx(grip.statics.tube_radius - gaps.min(), abs=1e-5)
 
 
 @pytest.mark.parametrize('beyond', [2e-4, -2e-4])
