@@ -30,7 +30,7 @@ from skin_depths import corner_depths
 
 ROBOTS = [load_robot(name) for name in ('nine_member', 'triangle', 'ring_of_four')]
 #: Largest numbers of evaluated equations and of linearised tubes in one call.
-MOST_EQUATIONS, MOST_LINEARISATIONS = 800, 150
+MOST_EQUATIONS, MOST_LINEARISATIONS = 650, 100
 
 
 def deep_objects(count):
