@@ -140,7 +140,7 @@ def state_under(tangent: Tangent, loads: Array) -> FrameState:
     return FrameState(
         tangent.displacements,
         _reactions(tangent.frame, carried - loads),
-        tangent.end_forces,
+        end_forces(tangent.forces.values, tangent.length),
         tangent.forces.values[:, 0],
     )
 

@@ -16,7 +16,6 @@ from isotruss_ros.core.statics.beam_column import (
     BeamColumns,
     chord_motions,
     chord_stiffness,
-    end_forces,
     EndForces,
 )
 from isotruss_ros.core.statics.blocks import eliminate, Factored
@@ -95,11 +94,6 @@ class Tangent:
         rows = self.frame.layout.numbering.rows
         right = np.concatenate([np.zeros((rows, loads.shape[1])), loads])
         return self.factored.solve(right * self.frame.scale[:, None]) * self.frame.scale[:, None]
-
-    @property
-    def end_forces(self) -> Array:
-        """Return the forces (p, 6) of the nodes on the parts, see `FrameState.end_forces`."""
-        return end_forces(self.forces.values, self.length)
 
     def force_rates(self, parts: Indices, changes: Array) -> Array:
         """Return the changes (q, 3, c) of q parts' `EndForces` due to c changes of sections."""
