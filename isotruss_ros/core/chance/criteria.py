@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 from isotruss_ros.core.chance.drawn_grips import scaled
 from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.holding.contact_search import depths_in_others
+from isotruss_ros.core.holding.contact_search import depths_in_others, free_corners
 from isotruss_ros.core.holding.contact_statics import find_dents
 from isotruss_ros.core.holding.grasp_gradient import turn_dents
 from isotruss_ros.core.holding.held_gradient import GraspParameters, LoadedTubes
@@ -27,8 +27,8 @@ from isotruss_ros.core.numerics.tolerances import NEGLIGIBLE_SHARE
 from isotruss_ros.core.statics.bent_tubes import FOLLOWED_MOTION
 import numpy as np
 
-#: Name of the condition that contacts change while the object is held.
-OPENING = 'face opens at'
+#: Names of the conditions that contacts change while the object is held.
+OPENING, CLOSING = 'face opens at', 'corner touches'
 
 
 class Criteria(NamedTuple):
@@ -37,13 +37,12 @@ class Criteria(NamedTuple):
     names: tuple[str, ...]  #: names of the violations
     values: Array  #: (c,) values [- or N or m]
     rates: Array  #: (c, p) derivatives by the parameters
-    #: (c,) true for the ends of faces, at which contacts may change while the object is held
-    at_ends: Flags
+    changing: Flags  #: (c,) true for changes of the contacts, which the object may survive
 
     def chosen(self, indices: Array) -> Criteria:
         """Return the criteria with given indices or a mask."""
         names = tuple(np.array(self.names)[indices].tolist())
-        return Criteria(names, self.values[indices], self.rates[indices], self.at_ends[indices])
+        return Criteria(names, self.values[indices], self.rates[indices], self.changing[indices])
 
     @classmethod
     def joined(cls, criteria: list[Criteria]) -> Criteria:
@@ -180,6 +179,12 @@ def _criteria(grip: HeldGrip, friction: float, tubes: LoadedTubes, change: Array
     receding, by_rollers = distances[2] @ change[:3], distances[1] @ config.node_jacobian
     receding[:, : by_rollers.shape[1]] += by_rollers
     ends = np.flatnonzero(contacts.at_faces)
+    corners = list(free_corners(grip, np.inf))
+    beside = np.array([corner.contact for corner in corners], dtype=int)
+    along = np.array([corner.along for corner in corners])[:, None]
+    # The object turns about the contact; the sign does not matter for the deviation.
+    turned = change[ANGLE] - (tubes.spins + change[indices.inclinations])[beside]
+    gaps = -np.array([corner.depth for corner in corners])
     groups = [
         ('slip at', touched, friction - needed, by_friction - needs),
         ('slip at', touched, friction + needed, by_friction + needs),
@@ -188,10 +193,11 @@ def _criteria(grip: HeldGrip, friction: float, tubes: LoadedTubes, change: Array
         ('contact beyond the start of', members, feet, slid),
         ('contact beyond the end of', members, room, lengthened),
         (OPENING, members[ends], grip.state.normal_forces[ends], change[indices.normal][ends]),
+        (CLOSING, members[beside], gaps, along * turned),
         ('contact with', others, -depths, receding),
     ]
     names = config.robot.member_names
     labels = [f'{what} {names[i]}' for what, where, *_ in groups for i in where.tolist()]
-    at_ends = np.concatenate([np.full(len(where), what is OPENING) for what, where, *_ in groups])
+    changing = [np.full(len(where), what in (OPENING, CLOSING)) for what, where, *_ in groups]
     values, rates = (np.concatenate([group[i] for group in groups]) for i in (2, 3))
-    return Criteria(tuple(labels), values, rates, at_ends)
+    return Criteria(tuple(labels), values, rates, np.concatenate(changing))

@@ -31,8 +31,8 @@ class Failure(NamedTuple):
     indices: Indices  #: (c,) their indices among the given conditions
     covariance: Array  #: (c, c) covariance of their values
     sigmas: Array  #: (c,) their values in standard deviations [-]
-    #: smallest distance of a face's end from opening, in standard deviations [-]
-    end_sigmas: float
+    #: smallest distance of a contact from a change, in standard deviations [-]
+    change_sigmas: float
 
     @property
     def correlation(self) -> Array:
@@ -73,8 +73,8 @@ def find_failure(criteria: Criteria, covariance: Array) -> Failure:
     spread = np.sqrt(np.einsum('cp,pq,cq->c', criteria.rates, covariance, criteria.rates))
     with np.errstate(divide='ignore', invalid='ignore'):
         sigmas = np.nan_to_num(criteria.values / spread, nan=np.inf)
-    end_sigmas = float(sigmas[criteria.at_ends].min(initial=np.inf))
-    sigmas[criteria.at_ends] = np.inf  # no violation
+    change_sigmas = float(sigmas[criteria.changing].min(initial=np.inf))
+    sigmas[criteria.changing] = np.inf  # no violation
     order = np.argsort(sigmas, kind='stable')
     order = order[: max(1, int((sigmas < MAX_SIGMAS).sum()))]
     axes = criteria.rates[order] / np.maximum(spread[order, None], np.finfo(float).tiny)
@@ -83,7 +83,7 @@ def find_failure(criteria: Criteria, covariance: Array) -> Failure:
     order = order[~same.any(axis=1)]
     likely = criteria.chosen(order)
     matrix = likely.rates @ covariance @ likely.rates.T
-    return Failure(likely, order, matrix, sigmas[order], end_sigmas)
+    return Failure(likely, order, matrix, sigmas[order], change_sigmas)
 
 
 def _density(x: Array) -> Array:

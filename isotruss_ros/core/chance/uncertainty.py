@@ -152,8 +152,8 @@ class Uncertainty:
 
         :param settled: the grasp.
         :param samples: number of equilibria with random parameters; 0: to first order; None: to
-            first order, or with 200 samples if contacts of a face may open (standard error below
-            0.036).
+            first order, or with 200 samples (standard error below 0.036) if corners may lose or
+            gain contact.
         :param seed: seed of the random parameters.
         :param on_progress: function that is called with the completed fraction, 0 to 1.
         :raises GraspError: the equilibrium is neutral, or was computed with the paper's model.

@@ -66,7 +66,7 @@ def test_probability_of_two_violations_is_exact(correlation):
     criteria, _ = rest_criteria(settle().equilibrium, 0.8)
     covariance = np.array([[1.0, 2.0 * correlation], [2.0 * correlation, 4.0]])
     two = criteria._replace(
-        values=np.array([1.2, 1.5]), rates=np.eye(2), at_ends=np.zeros(2, bool)
+        values=np.array([1.2, 1.5]), rates=np.eye(2), changing=np.zeros(2, bool)
     )
     failure = find_failure(two, covariance)
     both = multivariate_normal(cov=covariance).cdf([1.2, 1.5])
@@ -79,7 +79,7 @@ def test_probability_is_bounded_for_many_violations(seed):
     rates, values = rng.standard_normal((5, 6)), rng.uniform(0.0, 5.0, 5)
     criteria, _ = rest_criteria(settle().equilibrium, 0.8)
     many = criteria._replace(
-        names=tuple('abcde'), values=values, rates=rates, at_ends=np.zeros(5, bool)
+        names=tuple('abcde'), values=values, rates=rates, changing=np.zeros(5, bool)
     )
     failure = find_failure(many, np.eye(6))
     draws = rng.standard_normal((100_000, 6)) @ rates.T + values
