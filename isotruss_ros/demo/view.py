@@ -12,6 +12,7 @@ import signal
 import sys
 import tempfile
 import time
+from typing import Any
 
 from isotruss_ros.core import IsotrussError
 from isotruss_ros.demo.processes import keep_to_this_machine, running_nodes
@@ -47,24 +48,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     options = parser.parse_args(arguments)
     domain = keep_to_this_machine()
-    shown: dict[str, float | str] = {'object_diameter': DIAMETER, 'friction': FRICTION}
+    shown: dict[str, Any] = {'object_diameter': DIAMETER, 'friction': FRICTION}
     if options.object is not None:
         shown['object'] = str(options.object.resolve())
-    common = shown | {'rate': RATE, 'command_timeout': 1.0}
-    plant = {
-        'plant': options.plant,
-        'indentation': INDENTATION,
-        'ground_friction': GROUND_FRICTION,
-    }
-    nodes = [
-        ('simulator', common | plant),
-        ('manipulation', common | {'object_mass': 0.5}),
-        ('grasp_analysis', {**common, 'rate': 20.0}),
-        ('path_follower', shown | {'command_timeout': 1.0}),
-        ('grasp_planner', {'command_timeout': 1.0}),
-        ('pick_and_place', shown | {'command_timeout': 1.0}),
-        ('viewer', shown | {'port': options.port, 'browser_timeout': options.browser_timeout}),
-    ]
+    page = {'port': options.port, 'browser_timeout': options.browser_timeout}
+    nodes = [*list_nodes(options.plant, shown), ('viewer', shown | page)]
     print(f'plant {options.plant}; ROS_DOMAIN_ID={domain}, this machine only; Ctrl-C ends it')
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
@@ -75,6 +63,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except IsotrussError as error:
         print(f'view failed: {error}', file=sys.stderr)
         return 1
+
+
+def list_nodes(plant: str, shown: dict[str, Any]) -> list[tuple[str, dict[str, Any]]]:
+    """Return name and parameters of the nodes beside the viewer, for an object to be shown."""
+    timeout = {'command_timeout': 1.0}
+    common = shown | timeout | {'rate': RATE}
+    start = {'plant': plant, 'indentation': INDENTATION, 'ground_friction': GROUND_FRICTION}
+    return [
+        ('simulator', common | start),
+        ('manipulation', common | {'object_mass': 0.5}),
+        ('grasp_analysis', common | {'rate': 20.0}),
+        ('path_follower', shown | timeout),
+        ('grasp_planner', timeout),
+        ('pick_and_place', shown | timeout),
+    ]
 
 
 def _run(nodes: Sequence[tuple[str, dict[str, object]]], folder: Path) -> int:

@@ -79,22 +79,16 @@ def test_beside_another_simulation_it_says_so(tmp_path):
 @pytest.mark.nightly
 @needs_mujoco
 @pytest.mark.skipif(importlib.util.find_spec('viser') is None, reason='pip install viser')
-def test_the_view_of_mujoco_places_picks_and_moves():
+def test_the_view_of_mujoco_places_the_object():
     command = [sys.executable, '-u', '-m', 'isotruss_ros.demo.view', '--plant', 'mujoco']
     command += ['--port', '8433']
-    said = []
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as view:
         try:
             while 'viewer: http' not in (line := view.stdout.readline()):
                 assert line, 'the view ended'
-            for words in ('place', 'pick --squeeze 15', 'move 0.75 0.7', 'place', 'pick'):
-                asked = [sys.executable, '-m', 'isotruss_ros.cli.operate', *words.split()]
-                done = subprocess.run(
-                    asked, capture_output=True, text=True, timeout=300, check=False
-                )
-                assert done.returncode == 0, (words, done)
-                said.append(done.stdout)
+            asked = [sys.executable, '-m', 'isotruss_ros.cli.operate', 'place']
+            done = subprocess.run(asked, capture_output=True, text=True, timeout=300, check=False)
+            assert done.returncode == 0, done
         finally:
             view.terminate()
-    assert 'held at north/' in said[1]
-    assert 'off the end of the path' in said[2]
+    assert 'the object is free' in done.stdout
