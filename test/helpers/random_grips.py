@@ -9,7 +9,6 @@ from types import SimpleNamespace
 from isotruss_ros.core import ConvexObject, Disc, Ellipse, Grip, Polygon, Pose
 from isotruss_ros.core.errors import ConfigurationError, GraspError
 from isotruss_ros.core.manipulation.grip import find_contacts, GripContact
-from isotruss_ros.core.model.pose import MAX_SIZE
 import numpy as np
 import robots
 import shapes
@@ -92,9 +91,10 @@ def random_convex_grip(robot, rng, kind, count=2, flat=False):
     if flat:
         turn = normals[0] / shape.normals[rng.integers(len(shape.normals))]
     width = shape.support(np.array(normals) / turn).mean()
-    if size / width * shape.arm > MAX_SIZE:
+    try:
+        shape = scaled(shape, size / width)
+    except GraspError:  # too large
         return config, None
-    shape = scaled(shape, size / width)
     # As far from all members as they are apart, pressed in a little.
     reach = shape.support(np.array(normals) / turn) + 0.4 * robot.description.tube_diameter
     rows = np.array([[n.real, n.imag] for n in normals])
