@@ -87,6 +87,4 @@ def _left_out(robot: Robot, members: tuple[str, ...]) -> Array:
     meeting = np.intersect1d(topology.following[grasping], grasping)
     held[1, meeting] = True
     held[2] = np.isin(topology.joint, topology.joint[meeting])
-    mask = held.ravel()
-    mask.flags.writeable = False
-    return mask
+    return held.ravel()

@@ -231,7 +231,12 @@ def test_a_change_of_the_moved_joint_ends_the_belief():
 def test_belief_begins_before_the_first_twist():
     made, positions, pose = held_servo()
     decide(made, positions, pose, NOW)
-    assert made.squeeze.belief.grasp.pose == pytest.approx(pose, abs=1e-3)
+    belief = made.squeeze.belief
+    assert belief.grasp.pose == pytest.approx(pose, abs=1e-3)
+    decision = made.decide(NOW)
+    assert decision.command.status is Status.HALT_NO_TWIST
+    assert decision.squeeze == (belief.squeeze, belief.squeeze_deviation)
+    assert decision.pose_gain == made.squeeze.gain
 
 
 def test_repeated_readings_are_used_once():

@@ -377,6 +377,7 @@ def test_an_oscillating_object_stops_the_rollers_and_halves_the_gain():
     command = control.solve(np.array([0.02, 0.0, 0.0]), 0.02, solve_at_rest)
     assert (command.status, command.scale) == (Status.HALT_OSCILLATES, 0.0)
     assert not command.roller_velocities.any()
+    assert command.achieved_twist.tolist() == [0.0, 0.0, 0.0]
     control.follow(CONFIG, AT_REST, 0.02)
     assert control.gain == 2.0
     assert control.note().endswith('reduced to 2 1/s')

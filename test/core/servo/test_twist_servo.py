@@ -33,7 +33,7 @@ CENTER = tangent_center(ROBOT.home, MODULE, DIAMETER)
 GRIP = Grip.at_module(ROBOT, MODULE, ConvexObject.disc(CENTER, DIAMETER))
 POSE = Pose(*CENTER, 0.0)
 HOME = np.zeros(len(ROBOT.roller_names))
-NOW = 1000.0
+NOW, TWIST = 1000.0, [0.0, 0.02, 0.1]
 
 
 def at(positions, velocities=0.0 * HOME):
@@ -46,7 +46,7 @@ def servo(settings=None, robot=ROBOT, **given):
     settings = {'period': 0.005, 'timeout': 0.2} | (settings or {})
     made = TwistServo(robot, ServoSettings(GRIP, **settings))
     made.receive(
-        twist=StampedInput((0.0, 0.02, 0.1), NOW),
+        twist=StampedInput(TWIST, NOW),
         rollers=StampedInput(at(HOME), NOW),
         pose=StampedInput(POSE, NOW),
     )
@@ -93,8 +93,9 @@ def test_halts_with_the_status_of_each_input_fault(name, missing, stale, invalid
         assert decision.command.status is status
         assert decision.message
         assert not decision.command.roller_velocities.any()
-        assert not decision.command.achieved_twist.any()
+        assert decision.command.achieved_twist.tolist() == [0.0, 0.0, 0.0]
         assert decision.command.scale == 0.0
+        assert decision.twist.tolist() == ([0.0, 0.0, 0.0] if name == 'twist' else TWIST)
 
 
 def test_decision_is_independent_of_earlier_states():
