@@ -3,13 +3,47 @@
 
 """Wrong markers and slipping rollers told apart, with drawn Jacobians."""
 
-from isotruss_ros.core.estimation.marker_gate import find_swap, judge_markers
+from isotruss_ros.core.estimation.marker_gate import (
+    FALSE_ALARM_PROBABILITY,
+    find_swap,
+    judge_markers,
+)
 import numpy as np
 import pytest
+import scipy
 
 #: Derivatives of six markers by six rollers, and covariance of the markers [m^2].
 RATES, NOISE, SLIP = np.random.default_rng(0).normal(size=(12, 6)), 1e-6 * np.eye(12), 0.02
 REACH = np.full(6, 2.0 * SLIP)
+
+
+def bound(count, share):
+    """Return (count, 2) equal errors [m] with a share of the largest accepted chi square."""
+    limit = scipy.stats.chi2.isf(FALSE_ALARM_PROBABILITY, 2 * count)
+    return np.full((count, 2), 1e-3 * np.sqrt(share * limit / (2 * count)))
+
+
+@pytest.mark.parametrize(('share', 'accepted'), [(0.99, True), (1.01, False)])
+def test_markers_are_accepted_up_to_the_bound_of_chi_square(share, accepted):
+    off = bound(6, share)
+    assert judge_markers(off, NOISE, 0.0 * RATES, REACH)[0].all() == accepted
+    # The same error beside a slip, which moves the markers in other directions.
+    rates = RATES - np.outer(off.ravel(), off.ravel() @ RATES) / (off**2).sum()
+    slip = SLIP * np.eye(6)[3]
+    used, slipped = judge_markers(off + (rates @ slip).reshape(6, 2), NOISE, rates, REACH)
+    assert used.all() == accepted
+    assert slipped == pytest.approx(slip if accepted else 0.0 * slip, abs=1e-9)
+    # The same beside a wrong marker.
+    off = np.vstack([[[0.05, 0.0]], bound(5, share)])
+    used, _ = judge_markers(off, NOISE, 0.0 * RATES, REACH)
+    assert not used[0]
+    assert used[1:].all() == accepted
+
+
+def test_half_of_the_markers_may_be_wrong():
+    off = np.outer([0.05, 0.0, -0.08, 0.0, 0.0, 0.06], [1.0, -1.0])
+    used, _ = judge_markers(off, NOISE, 0.0 * RATES, REACH)
+    assert used.tolist() == [False, True, False, True, True, False]
 
 
 @pytest.mark.parametrize('roller', range(6))
