@@ -39,8 +39,6 @@ from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.tolerances import ROUNDING
 import numpy as np
 
-#: Number of poses after which the equilibrium is searched again [-].
-FIRST_POSES = 15
 #: Smallest time between two equilibria [s]. In cycles between them, (19) predicts pose and
 #: squeeze, and the error of this prediction in the last motion is extrapolated.
 EQUILIBRIUM_PERIOD = 0.02
@@ -84,7 +82,7 @@ class GripBelief:
         self.state = GripState(settings, len(grasp.members), zero_covariance, self._even * noise)
         self.cache = EquilibriumCache(grasp, grip.friction)
         self.lag = InputLag(np.array(grasp.pose))
-        self._poses, self.searches = 0, 0
+        self.searches = 0
         self._searched = self._rolled = 0.0  # times of the last search and equilibrium
         self._corrected = np.zeros(count)
         self._spare = 0.0  # slip margin lost by the contact history [N]
@@ -246,14 +244,11 @@ class GripBelief:
         lag.hold_back(np.append(response.pose @ decayed, response.squeeze @ decayed))
         # After large corrections the rates are invalid.
         due = np.abs(self._corrected).max() > MAX_FIRST_ORDER_TRAVEL
-        # The first equilibrium used one noisy pose.
-        first = self._poses == FIRST_POSES and not self.is_assumed
-        self._poses += first
         # An earlier search would attribute transient loads to the contacts.
         waited = lag.time - self._searched > self.settings.load_time
         slips = rolled.required_friction > self._friction and waited and not self.is_assumed
-        if first or due or slips:
-            self.attach(config, pressures, first)
+        if due or slips:
+            self.attach(config, pressures)
         return HoldStatus.HELD  # slip is detected from the poses
 
     def _record(
@@ -271,7 +266,6 @@ class GripBelief:
         :param age: time from the stamp of the pose to the last call of `follow` [s].
         """
         cache, lag, even = self.cache, self.lag, self._even
-        self._poses += self._poses != FIRST_POSES
         stamp = lag.time - age - self.state.delay
         rolled = lag.at(stamp)
         # Earlier readings: their encoder noise is independent of that in the innovation.
@@ -285,7 +279,7 @@ class GripBelief:
         cache.shift(change[SHIFTS:][self.grasp.contacts.owners])
         lag.hold_back(np.append(self.pose, self.squeeze) - before)
 
-    def attach(self, config: Configuration, pressures: Pressures, restart: bool = False) -> bool:
+    def attach(self, config: Configuration, pressures: Pressures) -> bool:
         """
         Search the equilibrium near the estimated pose, and initialise the contacts' shifts there.
 
@@ -305,12 +299,11 @@ class GripBelief:
         cache, before = EquilibriumCache(held, self._friction), self.cache.by_offsets.pose
         if not self.state.explains(self._even * pose_difference(pose, held.pose), cache):
             return False
-        restart |= self.is_assumed
-        self.is_assumed, self.cache = False, cache
+        assumed, self.is_assumed, self.cache = self.is_assumed, False, cache
         self.take(held)
         self.state.walk.attach(cache.by_offsets.pose - before)
         self._corrected = np.zeros_like(self._corrected)
-        self._place_contacts(pose, restart)
+        self._place_contacts(pose, assumed)
         self.lag.hold_back(np.append(np.zeros(3), self.squeeze - squeeze))
         return True
 

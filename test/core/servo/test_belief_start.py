@@ -18,7 +18,6 @@ from isotruss_ros.core import (
     solve_twist,
     Status,
 )
-from isotruss_ros.core.estimation.grip_belief import FIRST_POSES
 from isotruss_ros.core.estimation.grip_model import attach_model
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings, is_squeeze_known
 from isotruss_ros.core.holding.attach_grip import attach_grip
@@ -173,7 +172,7 @@ def test_no_equilibrium_is_assumed_for_a_squeeze_of_zero():
 @pytest.mark.parametrize('away', OUTSIDE)
 def test_an_assumed_squeeze_is_unknown_and_stays_as_assumed(away):
     control, grip = SqueezeControl(SETTINGS), measured(away)
-    for _ in range(3 * FIRST_POSES):
+    for _ in range(45):
         control.follow(HOME, grip, PERIOD, gripped=True)
     belief = control.belief
     assert belief.searches == 0
