@@ -112,7 +112,7 @@ class Uncertainty:
 
     def covariance(self, grip: HeldGrip, change: Array | float = 0.0) -> Array:
         """
-        Return the covariance (p, p) of the parameters of a grasp, see `core.chance.criteria`.
+        Return the covariance of the p parameters of a grasp, see `core.chance.criteria`.
 
         :param grip: equilibrium of the grasp.
         :param change: (p,) changes of the parameters.
