@@ -216,6 +216,15 @@ def test_a_roller_that_fails_in_motion_is_found_within_its_failure_time_and_20_m
     assert 0.8 <= found['a'] <= 1.0 + 0.02 / 0.1 + 0.01
 
 
+@pytest.mark.parametrize(('frequency', 'flagged'), [(2.0, True), (10.0, False)])
+def test_no_roller_has_to_follow_oscillations_faster_than_its_settling_time(frequency, flagged):
+    rollers = Rollers()
+    rollers.works[:] = 0.0
+    phase = 2.0 * np.pi * frequency * np.arange(4 * RATE)[:, None] / RATE
+    # By 3 mm or more, forth and back.
+    assert bool(run(detector(), rollers, 0.1 * np.sin(phase) * np.ones(4))) is flagged
+
+
 def test_a_sample_of_an_earlier_time_restarts_the_comparison():
     rollers, watched = Rollers(), detector()
     rollers.works[:] = 0.0

@@ -58,6 +58,15 @@ def test_an_oscillation_is_a_fault_for_one_second_and_halves_the_gain_each_time(
         assert grip.fault is None
 
 
+def test_an_oscillation_ends_after_exactly_one_second():
+    grip = faults()
+    assert shake(grip, 2.0) is not None
+    for number in range(4):
+        assert grip.fault is Status.HALT_OSCILLATES, number
+        grip.judge(belief(), 0.25, STILL)
+    assert grip.fault is None
+
+
 def test_an_oscillation_is_detected_anew_after_its_rest():
     grip = faults()
     assert shake(grip, 2.0) is not None
