@@ -138,9 +138,8 @@ def test_shares_name_the_quantity_that_matters_most():
 
 
 def test_friction_alone_decides_by_its_normal_distribution():
-    certain = {
-        name: 0.0 for name in ('stiffness', 'pressure', 'position', 'angle', 'size', 'mass')
-    }
+    names = 'stiffness', 'pressure', 'position', 'angle', 'size', 'mass'
+    certain = dict.fromkeys(names, 0.0)
     known = core.Uncertainty(friction=0.1, roller_offset=0.0, **certain)
     settled = settle()
     sigmas = (settled.friction - settled.required_friction) / 0.1
