@@ -87,9 +87,9 @@ class DentTable:
 
     def _locate(self, force: float) -> tuple[int, float, float, float]:
         """
-        Return where the 2/3 power of a force is in the table, and its derivative by the force.
+        Locate the 2/3 power of a force in the table, and differentiate it by the force.
 
-        This is an interval, the position in it, and the excess beyond the end of the table.
+        The place is an interval, the position in it, and the excess beyond the end of the table.
         """
         size = max(abs(force), 1e-9)
         place = size**DEPTH_EXPONENT

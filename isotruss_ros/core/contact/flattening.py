@@ -53,7 +53,7 @@ class Flattening:
 
     def compliance(self, points: Indices, spacing: float) -> Array:
         """
-        Return the compliance (c, c) of points on the skin by dents alone [m/N].
+        Return the compliances (c, c) of points on the skin by dents alone [m/N].
 
         The positions of the points are in spacings [-]. Load and depth are averaged over pieces of
         tube that are one spacing long, so the sum over many points equals the integral.

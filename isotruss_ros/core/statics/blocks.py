@@ -358,7 +358,7 @@ def _split(values: Indices, count: int) -> list[Indices]:
 
 def _find_slots(indices: Indices, unknowns: Indices) -> Indices:
     """
-    Return where the entries of e matrices (w, w) are in the stacked matrices of b blocks.
+    Return the indices of the entries of e matrices (w, w) in the stacked matrices of b blocks.
 
     The matrices have the unknowns `indices` (b, e, w), and the blocks `unknowns` (b, s). Entries
     of others are behind all matrices.
