@@ -49,7 +49,10 @@ def find_patches(
         owner, pressed = owners[k], skin.forces > 0.0
         if not pressed.any():
             continue
-        local = gauge[k] + tension[k] * _curvature(skin)[pressed]
+        steps = np.diff(skin.heights) / skin.spacing
+        turns = np.append(steps, steps[-1]) - np.append(steps[0], steps)
+        curvature = np.maximum(turns / skin.spacing, 0.0)  # of the object's surface
+        local = gauge[k] + tension[k] * curvature[pressed]
         load = skin.forces[pressed] / skin.spacing
         # The pressure at which a contact over half of the circumference carries the load.
         flat = load / (np.pi * radius)
@@ -77,10 +80,3 @@ def _wall_tension(state: ContactForces, bent: BentTubes, gauge: Array, radius: f
     bending = 2.0 / radius * moment * np.sign(state.loads[:, 1])
     pull = gauge * np.pi * radius**2 + bending - compression
     return np.maximum(pull / (2.0 * np.pi * radius), 0.0)
-
-
-def _curvature(skin: PressedSkin) -> Array:
-    """Return the curvature (c,) of the object's surface at points of the skin [1/m]."""
-    steps = np.diff(skin.heights) / skin.spacing
-    turns = np.append(steps, steps[-1]) - np.append(steps[0], steps)
-    return np.maximum(turns / skin.spacing, 0.0)

@@ -212,7 +212,7 @@ class HeldGrip:
     @functools.cached_property
     def _idle(self) -> tuple[Indices, Indices]:
         """
-        Return the contacts without force, and their rows of `_tangent`.
+        Return the contacts without force, and their rows in `respond`.
 
         A dent is infinitely soft at zero force. So to first order, the force of such a contact
         stays zero: this takes the place of touching across the member, and of sticking.
@@ -221,21 +221,16 @@ class HeldGrip:
         idle = np.flatnonzero(normal <= ROUNDING * normal.sum())
         return idle, np.append(3 * idle + 1, self.state.places.conditions.start + idle)
 
-    @functools.cached_property
-    def _tangent(self) -> Array:
-        """Return the equations' Jacobian (3 + 4k, 3 + 4k) for sticking contacts."""
+    def respond(self, changes: Array) -> Array | None:
+        """Return the unknowns' changes by the equations' (3 + 4k, ...); None if neutral."""
         state, indices, tangent = self.state, self.state.places, self.state.jacobian.copy()
         tangent[indices.conditions] = self.statics.rolling_rows(state.unknowns, state.normals)
         idle, rows = self._idle
         tangent[rows] = 0.0
         tangent[rows, np.append(indices.normal.start + idle, indices.friction.start + idle)] = 1.0
-        return tangent
-
-    def respond(self, changes: Array) -> Array | None:
-        """Return the unknowns' changes by the equations' (3 + 4k, ...); None if neutral."""
         right = -changes.reshape(len(changes), -1)
-        right[self._idle[1]] = 0.0
-        _, _, solution, singular = lapack.dgesv(self._tangent, right)
+        right[rows] = 0.0
+        _, _, solution, singular = lapack.dgesv(tangent, right)
         return None if singular else solution.reshape(changes.shape)
 
     @functools.cached_property
