@@ -65,6 +65,8 @@ def limit_acceleration(
     top = float(np.linalg.norm(weighted.dot(previous))) + SURFACE_ACCELERATION * change
     faster = bool(np.linalg.norm(weighted.dot(wanted)) > top)
     limited = faster or bool(np.abs(wanted - previous).max() > change)
+    if not limited and not _reverses(step, wanted - previous, change):
+        return command
     moving = (wanted != 0.0) | (previous != 0.0)  # failed rollers stand still
     if limited:
         start = previous - np.linalg.pinv(contacts).dot(contacts.dot(previous))
@@ -73,12 +75,19 @@ def limit_acceleration(
         if faster:
             share = min(share, _surface_share(weighted.dot(start), weighted.dot(wanted), top))
         velocities = limit_change(start + share * (wanted - start), previous, change)
-    kept = np.concatenate([motion, contacts])
-    velocities = _avoid_reversals(velocities, previous, step, change, kept, moving, find_rows)
+    if _reverses(step, velocities - previous, change):
+        kept = np.concatenate([motion, contacts])
+        velocities = _avoid_reversals(velocities, previous, step, change, kept, moving, find_rows)
     achieved, moved = command.achieved_twist.copy(), motion.dot(velocities)
     achieved[: len(moved)] = moved
     status = Status.ACCELERATING if limited else command.status
     return replace(command, roller_velocities=velocities, achieved_twist=achieved, status=status)
+
+
+def _reverses(step: Array, away: Array, change: float) -> bool:
+    """Return whether a roller's speed changes back after its change in the previous cycle."""
+    least = np.minimum(np.abs(step), np.abs(away))
+    return bool(((step * away < 0.0) & (least > REVERSAL_SHARE * change)).any())
 
 
 def _avoid_reversals(
@@ -94,8 +103,6 @@ def _avoid_reversals(
     small, away = REVERSAL_SHARE * change, velocities - previous
     lower = np.where(step > small, -small, np.minimum(away, -change))
     upper = np.where(step < -small, small, np.maximum(away, change))
-    if ((lower <= away) & (away <= upper)).all():
-        return velocities
     rows = find_rows()
     rates = rows.matrix.dot(velocities)  # a faster stop may be required than is possible
     rows = Rows(

@@ -36,10 +36,10 @@ ROW_BATCH = 40
 #: Weight of progress along a scaled twist, and of the error of the twist while sliding, relative
 #: to the deviation from the least-cost speeds of the scaled twist [-]. While the heading turns at
 #: limits and singular tasks of the nine-member robot, rollers go back and forth by more than
-#: 1 mm/s in 3 of 4872 cycles of 10 ms. With 5 they do so in 10, with 100 in 76.
+#: 1 mm/s in 3 of 4872 cycles of 10 ms. With 5 they do so in 4, with 100 in 67.
 PROGRESS_WEIGHT = 20.0
 #: Value of `LimitHandling.soft_rank` in control loops [-]. In the runs of `PROGRESS_WEIGHT`,
-#: rollers go back and forth in 150 cycles with 0, in 69 with 0.02, in 3 with 0.07, and in 4 with
+#: rollers go back and forth in 183 cycles with 0, in 61 with 0.02, in 3 with 0.07, and in 6 with
 #: 0.22. With 0.07, four other robots do so in at most 4 of 360 cycles at 20, 50 and 100 mm/s.
 LOOP_SOFT_RANK = 0.07
 
