@@ -326,7 +326,7 @@ def test_an_unknown_squeeze_below_the_setting_is_increased():
     assert opening_rate * MODEL.squeeze_stiffness() == pytest.approx(5.0, rel=1e-6)
 
 
-def moved(left, error=0.0):
+def moved(left, error=0.0, solve=solve_at_rest):
     """Return the command for a twist where so much of the squeeze is margin."""
     friction = brentq(lambda mu: MODEL.slip_margin(mu) / MODEL.squeeze - left, 0.01, 2.0)
     control, twist = SqueezeControl(SqueezeSettings(MODEL.squeeze, **MASSLESS)), (0.02, 0.0, 0.0)
@@ -335,7 +335,18 @@ def moved(left, error=0.0):
     travel = 0.02 * solve_at_rest(np.array(twist), 0.0).roller_velocities
     control.belief.cache.usage.learn(control.belief.grasp, -10.0, travel)
     control.reference = control.belief.regulated_pose + np.array([0.0, error, 0.0])
-    return control.solve(np.array(twist), 0.02, solve_at_rest)
+    return control.solve(np.array(twist), 0.02, solve)
+
+
+def test_the_shares_of_limits_and_of_the_slip_margin_multiply():
+    def solve(twist, opening_rate):
+        command = solve_at_rest(twist, opening_rate)
+        return replace(command, scale=0.5, status=Status.UNREACHABLE, limiting=('a',))
+
+    command, whole = moved(0.02, solve=solve), moved(0.02)
+    assert 0.0 < whole.scale < 1.0
+    assert command.scale == pytest.approx(0.5 * whole.scale)
+    assert command.limiting == ('a', 'the slip margin')
 
 
 def test_slip_margin_stays_above_a_hundredth_of_the_squeeze():

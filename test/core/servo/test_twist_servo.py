@@ -95,6 +95,8 @@ def test_halts_with_the_status_of_each_input_fault(name, missing, stale, invalid
         assert not decision.command.roller_velocities.any()
         assert decision.command.achieved_twist.tolist() == [0.0, 0.0, 0.0]
         assert decision.command.scale == 0.0
+        assert (decision.squeeze, decision.pose_delay) == (None, 0.0)
+        assert decision.frequency == decision.pose_gain == 0.0
         assert decision.twist.tolist() == ([0.0, 0.0, 0.0] if name == 'twist' else TWIST)
 
 
