@@ -73,6 +73,13 @@ def test_margins_fall_by_the_class_k_function(share):
     assert LAW.class_k_bound(np.array([share * 0.2])) == pytest.approx(expected, rel=1e-9)
 
 
+@pytest.mark.parametrize('travel', [1e-4, 1e-3])
+def test_a_small_positive_margin_loses_no_more_than_rounding(travel):
+    margin = 0.05 * 0.1 * REST
+    lost = margin - LAW.discrete_bound(np.array([margin]), 0.01, travel)[0]
+    assert 0.0 < lost < 2e-9
+
+
 def test_rows_admit_decreases_by_the_class_k_function_and_all_increases():
     barrier = SimpleNamespace(law=LAW, status=Status.SLOWED_BARRIER, names=lambda numbers: ['it'])
     values, matrix = LAW.bound + np.array([0.5 * LAW.band]), np.array([[0.3, -0.4]])

@@ -423,6 +423,7 @@ def test_a_loss_is_a_fault_of_an_object_that_was_held():
     new = SqueezeControl(SqueezeSettings(20.0))
     new.lose()
     assert new.fault is None
+    assert new.note() == ''
     lost = at_rest()
     lost.follow(opened(), AT_REST, 0.02)
     lost.lose()
