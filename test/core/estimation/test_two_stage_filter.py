@@ -64,7 +64,19 @@ def test_both_stages_are_the_kalman_filter_of_state_and_drifting_parameters():
     assert two.parameters == pytest.approx(mean[3:])
     assert two.posterior == pytest.approx(whole[3:, 3:])
     assert state + two.sensitivity @ two.parameters == pytest.approx(mean[:3])
-    assert two.spread(np.eye(3), np.zeros((3, 2))) == pytest.approx(whole[:3, :3])
+    functions = RNG.normal(size=(4, 5))
+    expected = functions @ whole @ functions.T
+    assert two.spread(functions[:, :3], functions[:, 3:]) == pytest.approx(expected)
+
+
+def test_replaced_components_have_their_prior_and_the_others_stay():
+    (_, rates, noise), by_parameters = drawn(3, 4), RNG.normal(size=(4, 2))
+    two = TwoStageFilter(np.ones(3), np.eye(2))
+    two.condition(rates, by_parameters, noise)
+    before, sensitivity = two.covariance, two.sensitivity
+    two.resize(4, 2, 7.0)
+    assert two.covariance == pytest.approx(scipy.linalg.block_diag(before[:2, :2], 7.0, 7.0))
+    assert two.sensitivity == pytest.approx(np.vstack([sensitivity[:2], np.zeros((2, 2))]))
 
 
 def test_a_known_change_of_the_parameters_keeps_their_sum():
