@@ -38,9 +38,7 @@ class Control:
         self.browser, self.drag, self.wrench = None, None, ZERO
 
     def latch(self, stopped: bool) -> None:
-        """
-        At an emergency stop, discard the drag, and refuse new drags until the stop is released.
-        """
+        """Refuse drags from an emergency stop until its release."""
         self.stopped = stopped
         if stopped:
             self.drag = None

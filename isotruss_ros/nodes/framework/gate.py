@@ -85,9 +85,7 @@ class Gate:
         )
 
     def receive(self, message: Any) -> None:
-        """
-        Check a message; pass on its value or the reason of the rejection, or queue the message.
-        """
+        """Check a message, then pass on its value, report its rejection or queue it."""
         self.waiting.append((message, ''))
         self.settle()
 

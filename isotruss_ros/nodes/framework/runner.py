@@ -97,9 +97,7 @@ class StoppableNode(Node):
         self.create_service(Trigger, name, respond)
 
     def advertise(self, kind: type, topic: str, profile: QoSProfile = RELIABLE) -> Publisher:
-        """
-        Return a publisher; the publisher of a managed node is silent while the node is inactive.
-        """
+        """Return a publisher, which is silent while a managed node is inactive."""
         create = getattr(self, 'create_lifecycle_publisher', self.create_publisher)
         return create(kind, topic, profile, event_callbacks=NO_PUBLISHER_EVENTS)
 

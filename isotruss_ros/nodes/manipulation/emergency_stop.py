@@ -18,9 +18,7 @@ RELEASE = 'release_emergency_stop'
 
 
 class EmergencyStop:
-    """
-    Emergency stop, which can be set in any state of the node and stays set until its release.
-    """
+    """Emergency stop, set in any state of the node and in force until its release."""
 
     def __init__(
         self,

@@ -50,9 +50,7 @@ class FailedRollers:
         return None
 
     def follow(self, detector: FailureDetector, robot: Robot) -> None:
-        """
-        Copy detected failures from the previous servo's detector to the new servo's detector.
-        """
+        """Copy detected failures from the previous servo's detector to the new one's."""
         if self._detector is not None:
             detector.failed = self._detector.failed & frozenset(robot.roller_names)
         self._detector = detector
