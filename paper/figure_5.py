@@ -12,6 +12,7 @@ import math
 from isotruss_ros.core import Configuration, load_robot, Robot
 from isotruss_ros.core.kinematics.depths import member_lines
 from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.statics.beam_column import end_forces
 from isotruss_ros.core.statics.equilibrium import bend, follow_loads, LoadPath, solve, unloaded
 from isotruss_ros.core.statics.frame import Frame
 from isotruss_ros.core.statics.structure import Structure, structure_of
@@ -145,7 +146,8 @@ def find_onset(
 
     def reserve(factor: float) -> float:
         bent = bend_by(factor)
-        forces = bent.end_forces, bent.forces.values[:, 0]
+        pulls = bent.forces.values[:, 0]
+        forces = end_forces(bent.forces.values, bent.length), pulls
         return 1.0 - float(find_utilisation(structure, frame, *forces).used.max())
 
     factor = scipy.optimize.brentq(reserve, 0.0, path.factors[-1])
@@ -184,7 +186,8 @@ def shape(edges: tuple[float, float]) -> Shape:
         angle,
         1.0 / give,
         2.0 * stiffness * math.sin(angle) ** 2,
-        float((small.end_forces[:, 3] ** 2 * frame.length / frame.members.axial).sum()) / give,
+        float((small.end_forces[:, 3] ** 2 * frame.length / frame.members.section[0]).sum())
+        / give,
         float(ends[leg, 0, 0]),
         float(np.abs(ends[leg, :, 2]).max()),
         sunk,
