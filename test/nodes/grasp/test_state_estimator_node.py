@@ -297,4 +297,4 @@ def test_squeeze_of_a_robot_with_wrong_offsets_is_controlled_by_the_estimate(est
         w.spin(5.0, lambda: w.probe.send_twist((0.0, 0.0, 0.0)))
         squeeze = w.nodes[1]._plant.elastic.grasp.squeeze
     off = abs(squeeze / 30.0 - 1.0)
-    assert off < 0.05 if estimated else off > 0.1
+    assert off < 0.08 if estimated else off > 0.15
