@@ -68,5 +68,5 @@ def _find_turn(config: Configuration, closing: Closing) -> tuple[float, Closing]
     if closing.facing is None:
         return math.pi, closing
     missing = float(np.abs(np.angle(closing.facing / normals)).sum())
-    facing = find_facing(closing.body, normals, angle, radius, closing.turning)
+    facing = find_facing(closing.body, normals, angle, radius)
     return missing, closing if facing is None else replace(closing, facing=facing)

@@ -15,7 +15,6 @@ from isotruss_ros.core.kinematics.rigidity import Modes, rigidity_index
 from isotruss_ros.core.manipulation.limits import Limit
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array, Points
-from isotruss_ros.core.planning.facing import TURN_WEIGHTS
 from isotruss_ros.core.planning.violations import RequirementError, SearchTally
 import numpy as np
 
@@ -39,7 +38,6 @@ class Closing:
     nominal_posture: Array | None = None
     #: (s,) desired unit vectors from the object to the members, x + iy; None: no desired rotation
     facing: Points | None = None
-    turning: tuple[float, float] = TURN_WEIGHTS  #: weights of `find_facing` [-]
     tubes: TubeModel = NOMINAL_TUBES  #: model of the tubes
     #: counts of the search, and the violation of the candidate closest to an admissible grasp
     tally: SearchTally = field(default_factory=SearchTally)

@@ -24,8 +24,8 @@ import scipy
 
 #: Fraction of the friction angle that may be used in planned grips [-].
 CONE_SHARE = 0.85
-#: Weights of the two members' rotations relative to the friction angle [-].
-TURN_WEIGHTS = 0.3, 0.3
+#: Weight of the members' rotation relative to the friction angle [-].
+TURN_WEIGHT = 0.3
 #: Digits after the point of values [-, rad] that are compared; the others are rounding.
 ROUNDED_DIGITS = 9
 
@@ -103,7 +103,7 @@ def find_facing(
     normals: Points,
     angle: float,
     tube_radius: float,
-    turning: tuple[float, float] = TURN_WEIGHTS,
+    turning: float = TURN_WEIGHT,
 ) -> Points | None:
     """
     Return directions (2,) of two members that admit force closure, near the current directions.
@@ -119,7 +119,7 @@ def find_facing(
     used = friction_angles(body.moved_to(ORIGIN), firsts, others, tube_radius)
     firsts, others = firsts * body.turn, others * body.turn
     turns = np.abs(np.angle([firsts / normals[0], others / normals[1]]))
-    price = np.where(used <= angle, used + np.dot(turning, turns), math.inf)
+    price = np.where(used <= angle, used + turning * turns.sum(axis=0), math.inf)
     # Rounded, so that of equal directions the frame does not choose: those of equal turns are
     # first, then those nearest to the first member.
     ranks = np.round([turns[0], np.square(turns).sum(axis=0), price], ROUNDED_DIGITS)

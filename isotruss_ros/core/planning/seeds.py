@@ -22,7 +22,7 @@ from isotruss_ros.core.planning.facing import (
     CONE_SHARE,
     find_facing,
     ROUNDED_DIGITS,
-    TURN_WEIGHTS,
+    TURN_WEIGHT,
 )
 from isotruss_ros.core.planning.requirements import GraspRequirements
 from isotruss_ros.core.planning.violations import RequirementError
@@ -57,9 +57,9 @@ def find_seeds(
     tubes = TubeModel(paper_model=needs.paper_model)
     seeds: list[tuple[float, Closing]] = []
     for group in groups:
-        turning, cone, posture = TURN_WEIGHTS, math.atan(needs.friction), None
+        turning, cone, posture = TURN_WEIGHT, math.atan(needs.friction), None
         if number > 0:
-            turning = TURN_WEIGHTS[0] * rng.uniform(), TURN_WEIGHTS[1] * rng.uniform()
+            turning *= rng.uniform(0.0, 1.0)
             away = length * rng.standard_normal(len(config.roller_positions))
             posture = config.roller_positions + RANDOM_POSTURE * away
             cone *= rng.uniform(0.5, 1.0)
@@ -67,7 +67,7 @@ def find_seeds(
         normals = closing.normals(config)
         if len(group) == 2:
             facing = find_facing(body, normals, CONE_SHARE * cone, radius, turning)
-            closing = replace(closing, facing=facing, turning=turning)
+            closing = replace(closing, facing=facing)
         else:
             facing = normals if balances(body, normals, CONE_SHARE * cone, radius) else None
         if facing is not None:

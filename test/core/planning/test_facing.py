@@ -59,7 +59,7 @@ def test_found_directions_are_nearly_the_nearest(shape):
         normals = np.exp(1j * rng.uniform(0.0, 2.0 * math.pi, 2))
         turned = np.abs(np.angle(firsts / normals[0])) + np.abs(np.angle(others / normals[1]))
         least = np.where(used <= angle, used + TURNING * turned, np.inf).min()
-        found = find_facing(body, normals, angle, RADIUS, (TURNING, TURNING))
+        found = find_facing(body, normals, angle, RADIUS, TURNING)
         # A step between two directions, and one between two angles of the members.
         assert price_of(body, found, normals, angle) < least + 0.1
 
@@ -67,5 +67,5 @@ def test_found_directions_are_nearly_the_nearest(shape):
 def test_an_ellipse_is_held_along_its_axes_without_friction():
     body = ConvexObject(Ellipse((0.2, 0.1)), (0.0, 0.0, 0.1234))
     normals = np.array([1.0, -1.0 + 0j])
-    found = find_facing(body, normals, 1e-9, RADIUS, (0.5, 0.5))
+    found = find_facing(body, normals, 1e-9, RADIUS, 0.5)
     assert found == pytest.approx(normals * body.turn, abs=1e-9)
