@@ -24,6 +24,7 @@ PACKAGES = (
     'contact',
     'fixed_object',
     'holding',
+    'chance',
     'manipulation',
     'safety',
     'inputs',
