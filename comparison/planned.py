@@ -62,7 +62,7 @@ class Closed(NamedTuple):
 
 #: Requirements of the grasps. The first is that of the demonstration, whose object is carried.
 WANTED = (
-    Wanted((0.6, 0.3), 0.2, 'north/Z', 24.0),
+    Wanted((0.6, 0.3), 0.2, 'north/Z', 22.0),
     Wanted((0.6, 0.3), 0.3, 'north/Z', 15.0),
     Wanted((0.7, 0.4), 0.16, 'north/Z', 20.0),
 )
