@@ -23,8 +23,8 @@ from isotruss_ros.core.manipulation.limits import Rows
 from isotruss_ros.core.manipulation.status import RollerCommand, Status
 from isotruss_ros.core.numerics.arrays import Array, Flags
 from isotruss_ros.core.numerics.qp import QuadraticProgram, solve_qp
+from isotruss_ros.core.numerics.tolerances import ROUNDING
 import numpy as np
-from scipy.linalg import null_space
 
 #: Largest increase of the surface speed of the object relative to that of a roller's speed [-]. It
 #: bounds jumps where a limit ends: without it, the object's speed rises by 13 mm/s in a cycle in
@@ -123,7 +123,8 @@ def _nearest(speeds: Array, kept: Array, moving: Flags, rows: Rows, otherwise: A
     """
     if (rows.slack(speeds) >= 0.0).all():
         return speeds
-    directions = null_space(kept[:, moving])
+    _, values, right = np.linalg.svd(kept[:, moving])  # unlike SciPy's, also of empty matrices
+    directions = right[(values > ROUNDING * values.max(initial=0.0)).sum() :].T
     if not directions.size:
         return otherwise
     basis, origin = np.zeros((len(speeds), directions.shape[1])), np.zeros(directions.shape[1])

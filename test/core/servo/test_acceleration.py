@@ -14,6 +14,7 @@ from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.manipulation.acceleration import limit_acceleration
 from isotruss_ros.core.manipulation.grip_rows import grip_jacobian
 from isotruss_ros.core.manipulation.limits import default_limits, Rows, stack_rows
+from isotruss_ros.core.manipulation.status import RollerCommand
 from isotruss_ros.core.servo import twist_servo
 from nightly import some_now
 import numpy as np
@@ -45,6 +46,20 @@ CASES = [
     for rate in (2.0, 0.25)
     for module, first in (('north/Z', 110.0), ('north/R', 30.0), ('east/Q', 200.0))
 ]
+
+
+def test_without_contacts_braking_begins_at_the_nearest_admissible_speeds():
+    rows = Rows(np.eye(2), np.full(2, -0.05), np.full(2, 0.05))
+    command = RollerCommand(
+        np.array([-0.05, 0.0]),
+        np.zeros(3),
+        1.0,
+        Status.OK,
+        motion=np.zeros((3, 2)),
+        contact_rows=np.zeros((0, 2)),
+    )
+    braked = limit_acceleration(command, np.array([0.06, 0.0]), np.zeros(2), 0.02, lambda: rows)
+    assert braked.roller_velocities == pytest.approx([0.04, 0.0])
 
 
 def can_avoid_reversals(call, velocities):
