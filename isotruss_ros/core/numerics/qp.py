@@ -93,7 +93,8 @@ def solve_qp(problem: QuadraticProgram) -> Array | None:
         for _ in range(2):
             solution = solution + free @ lapack.dtrtrs(factor, step, lower=1, trans=1)[0]
             excess = (rows @ solution - bounds).max(initial=0.0)
-            beyond = excess / (largest * (1.0 + np.abs(solution).max()))
+            # Plain numbers: rows of zeros that cannot be fulfilled give infinity.
+            beyond = float(excess) / float(largest * (1.0 + np.abs(solution).max()))
             if beyond <= least:
                 best, least = solution, beyond
             if beyond <= ROUNDING:

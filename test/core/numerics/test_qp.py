@@ -119,6 +119,12 @@ def test_contradicting_constraints_have_no_solution():
     assert solve_qp(QuadraticProgram(np.eye(2), np.ones(2), rows, bounds)) is None
 
 
+@pytest.mark.filterwarnings('error')
+def test_rows_of_zeros_that_cannot_be_fulfilled_have_no_solution():
+    problem = QuadraticProgram(np.eye(2), np.ones(2), np.zeros((1, 2)), np.array([-1e10]))
+    assert solve_qp(problem) is None
+
+
 def test_a_non_convex_cost_has_no_solution():
     rows, bounds = np.zeros((0, 2)), np.zeros(0)
     assert solve_qp(QuadraticProgram(np.diag([1.0, -1.0]), np.ones(2), rows, bounds)) is None
