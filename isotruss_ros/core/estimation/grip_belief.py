@@ -321,9 +321,11 @@ class GripBelief:
             off = self._even * pose_difference(pose, self.grasp.pose)
             moved = (gain @ (off + cache.rates.pose[:, SHIFTS:] @ shifts))[SHIFTS:] - shifts
             placed = cache.placed(moved)
-            # Forces beyond friction are attributed to wrong offsets, so the shifts are not
-            # applied.
-            if placed is None or self._hold(placed) is not HoldStatus.HELD:
+            # Forces beyond friction and contacts of other members are attributed to wrong offsets,
+            # so the shifts are not applied.
+            if placed is None or len(placed.members) != len(shifts):
+                break
+            if self._hold(placed) is not HoldStatus.HELD:
                 break
             shifts = shifts + moved
             self._spare = grasp.slip_margin(friction) - placed.slip_margin(friction)
