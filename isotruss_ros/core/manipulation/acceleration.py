@@ -124,7 +124,8 @@ def _nearest(speeds: Array, kept: Array, moving: Flags, rows: Rows, otherwise: A
     if (rows.slack(speeds) >= 0.0).all():
         return speeds
     _, values, right = np.linalg.svd(kept[:, moving])  # unlike SciPy's, also of empty matrices
-    directions = right[(values > ROUNDING * values.max(initial=0.0)).sum() :].T
+    rank = int((values > ROUNDING * values.max(initial=0.0)).sum())
+    directions = right[rank:].T
     if not directions.size:
         return otherwise
     basis, origin = np.zeros((len(speeds), directions.shape[1])), np.zeros(directions.shape[1])
