@@ -67,17 +67,18 @@ def limit_acceleration(
     limited = faster or bool(np.abs(wanted - previous).max() > change)
     if not limited and not _reverses(step, wanted - previous, change):
         return command
+    rows = find_rows()
     moving = (wanted != 0.0) | (previous != 0.0)  # failed rollers stand still
     if limited:
         start = previous - np.linalg.pinv(contacts).dot(contacts.dot(previous))
-        start = _nearest(start, contacts, moving, find_rows(), 0.0 * start)
+        start = _nearest(start, contacts, moving, rows, 0.0 * start)
         share = _largest_share(start - previous, wanted - start, change)
         if faster:
             share = min(share, _surface_share(weighted.dot(start), weighted.dot(wanted), top))
         velocities = limit_change(start + share * (wanted - start), previous, change)
     if _reverses(step, velocities - previous, change):
         kept = np.concatenate([motion, contacts])
-        velocities = _avoid_reversals(velocities, previous, step, change, kept, moving, find_rows)
+        velocities = _avoid_reversals(velocities, previous, step, change, kept, moving, rows)
     achieved, moved = command.achieved_twist.copy(), motion.dot(velocities)
     achieved[: len(moved)] = moved
     status = Status.ACCELERATING if limited else command.status
@@ -97,13 +98,12 @@ def _avoid_reversals(
     change: float,
     kept: Array,
     moving: Flags,
-    find_rows: Callable[[], Rows],
+    rows: Rows,
 ) -> Array:
     """Return the closest roller speeds (r,) without reversals, or without any the given ones."""
     small, away = REVERSAL_SHARE * change, velocities - previous
     lower = np.where(step > small, -small, np.minimum(away, -change))
     upper = np.where(step < -small, small, np.maximum(away, change))
-    rows = find_rows()
     rates = rows.matrix.dot(velocities)  # a faster stop may be required than is possible
     rows = Rows(
         np.concatenate([rows.matrix, np.eye(len(away))]),
