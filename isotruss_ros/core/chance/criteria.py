@@ -47,8 +47,8 @@ class Criteria(NamedTuple):
     @classmethod
     def joined(cls, criteria: list[Criteria]) -> Criteria:
         """Return the criteria of several equilibria."""
-        names = sum((each.names for each in criteria), ())
-        arrays = zip(*(each[1:] for each in criteria), strict=True)
+        names = sum((part.names for part in criteria), ())
+        arrays = zip(*(part[1:] for part in criteria), strict=True)
         return cls(names, *map(np.concatenate, arrays))
 
 
@@ -79,9 +79,7 @@ def rest_criteria(grip: HeldGrip, friction: float) -> tuple[Criteria, History]:
     chosen = np.eye(parameters.size, parameters.size + 1)
     turns, grown = turn_dents(grip, chosen, parameters), _size_dents(grip)
     tubes = LoadedTubes(grip, chosen, parameters, turns=turns)
-    tubes.dents[:, -1] += grown
-    rates = tubes.equation_rates()
-    rates[: grip.state.places.conditions.start, -1] += _size_rates(grip)
+    rates = _equation_rates(grip, tubes, grown)
     try:
         change = -np.linalg.solve(grip.state.jacobian, rates)
     except np.linalg.LinAlgError:
@@ -97,15 +95,22 @@ def carried_criteria(grip: HeldGrip, friction: float, history: History) -> Crite
     parameters = GraspParameters.of(grip.config)
     chosen = np.eye(parameters.size, parameters.size + 1)
     tubes = LoadedTubes(grip, chosen, parameters, history.turns, FOLLOWED_MOTION)
-    tubes.dents[:, -1] += history.grown
-    rates = tubes.equation_rates(sticks=True)
-    conditions = grip.state.places.conditions
-    rates[: conditions.start, -1] += _size_rates(grip)
-    rates[conditions] = _rolled(grip, tubes) - history.anchors
+    rates = _equation_rates(grip, tubes, history.grown, sticks=True)
+    rates[grip.state.places.conditions] = _rolled(grip, tubes) - history.anchors
     change = grip.respond(rates)
     if change is None:
         raise GraspError('the equilibrium is neutral: it must resist every motion')
     return _criteria(grip, friction, tubes, change)
+
+
+def _equation_rates(
+    grip: HeldGrip, tubes: LoadedTubes, grown: Array, sticks: bool = False
+) -> Array:
+    """Return the derivatives of the equations; dents grow by `grown` (k,) with the size [m]."""
+    tubes.dents[:, -1] += grown
+    rates = tubes.equation_rates(sticks)
+    rates[: grip.state.places.conditions.start, -1] += _size_rates(grip)
+    return rates
 
 
 def _near(grip: HeldGrip, tubes: LoadedTubes, change: Array) -> Criteria:
