@@ -62,15 +62,15 @@ def first_order(settled: SettledGrasp, covariance: Array) -> tuple[Chance, Failu
 def describe_failure(failure: Failure, covariance: Array, config: Configuration) -> Chance:
     """Return the chance of not failing, with the shares of the most probable violation."""
     rates, columns = failure.criteria.rates[0], GraspParameters.of(config)
-    variances = rates * (covariance @ rates)
+    variances, failing = rates * (covariance @ rates), failure.probability
     shares = {
         name: float(variances[getattr(columns, field)].sum() / max(variances.sum(), 1e-300))
         for field, name in QUANTITIES.items()
     }
     return Chance(
-        probability=1.0 - failure.probability,
+        probability=1.0 - failing,
         method='first order',
         limit=failure.criteria.names[0],
         shares=dict(sorted(shares.items(), key=lambda item: -item[1])),
-        reliability=-float(scipy.special.ndtri(failure.probability)),
+        reliability=-float(scipy.special.ndtri(failing)),
     )
