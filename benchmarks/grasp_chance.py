@@ -30,7 +30,6 @@ from isotruss_ros.core import (
     Uncertainty,
 )
 from isotruss_ros.core.chance.drawn_grips import changed_grip
-from isotruss_ros.core.chance.path_chance import path_chance
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.held_gradient import GraspParameters
 from isotruss_ros.core.holding.held_grip import HeldGrip
@@ -161,7 +160,7 @@ class Carry:
     @property
     def chance(self) -> float:
         """Return the predicted chance."""
-        return path_chance(UNCERTAIN, FRICTION, self.passed, self.passed[0]).probability
+        return UNCERTAIN.path_chance(FRICTION, self.passed, self.passed[0]).probability
 
     def simulate(self, body: ConvexObject, z: np.ndarray) -> tuple[bool, float]:
         """Return whether MuJoCo's object is lost, and the largest utilisation [-]."""

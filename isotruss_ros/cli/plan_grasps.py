@@ -9,7 +9,6 @@ import argparse
 from collections.abc import Iterator, Sequence
 from concurrent.futures.process import BrokenProcessPool
 import contextlib
-from dataclasses import replace
 import json
 from pathlib import Path
 import signal
@@ -31,8 +30,7 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.planning.describe_plan import plan_in_words
 from isotruss_ros.core.planning.grasp_plan import GraspPlan
-from isotruss_ros.core.planning.searcher import Stop
-from isotruss_ros.core.planning.workers import WorkerPool
+from isotruss_ros.core.planning.workers import Stop, WorkerPool
 from rich.console import Console
 
 #: Exit codes; a second Ctrl-C ends the process by the signal, without an exit code of this list.
@@ -60,9 +58,6 @@ def _run(options: argparse.Namespace) -> int:
     if options.rollers is not None:
         config = robot.configuration(options.rollers)
     body, needs = _read_object(options), requirements(options)
-    if options.uncertainty is not None:
-        uncertainty = Uncertainty.of(robot, body, options.uncertainty)
-        needs = replace(needs, uncertainty=uncertainty)
     if options.json is not None:
         options.json.touch()  # fail before the search rather than after it
     plan = _search(config, body, needs, options)
@@ -89,8 +84,20 @@ def _search(
     """Search in parallel processes until the search is finished, interrupted or timed out."""
     stop = Stop(options.time_limit)
     # A single worker is also a separate process: the last digits depend on the BLAS threads.
+    uncertainty = None
+    if options.uncertainty is not None:
+        uncertainty = Uncertainty.of(config.robot, body, options.uncertainty)
     with WorkerPool(options.workers) as pool, show_progress() as show, _interruptible(stop):
-        return plan_grasps(config, body, needs, options.seed, pool.executor, show, stop)
+        return plan_grasps(
+            config,
+            body,
+            needs,
+            options.seed,
+            pool.executor,
+            show,
+            stop,
+            uncertainty=uncertainty,
+        )
 
 
 @contextlib.contextmanager

@@ -29,7 +29,7 @@ COLUMNS = {
 
 def table(plan: GraspPlan, requirements: GraspRequirements) -> Table:
     """Return a table with one row for each grasp, best first."""
-    certain = requirements.uncertainty is None
+    certain = plan[0].chance is None
     criterion = requirements.measure.value if certain else 'chance'
     columns = {name: column for name, column in COLUMNS.items() if name != 'chance' or not certain}
     found = Table(title=f'grasps, best first by {criterion}')

@@ -123,7 +123,7 @@ def test_invalid_arguments_are_named(options, words, capsys):
 def interrupt(monkeypatch, act):
     """Let something happen in the middle of a search, once there is a grasp."""
 
-    def plan(*arguments):
+    def plan(*arguments, uncertainty):
         *others, on_progress, should_stop = arguments
 
         def tell(progress):

@@ -12,7 +12,7 @@ from typing import Any
 from action_msgs.msg import GoalStatus
 from isotruss_ros.core.planning.grasp_plan import Progress
 from isotruss_ros.core.planning.plan_grasps import plan_grasps
-from isotruss_ros.core.planning.searcher import Searcher
+from isotruss_ros.nodes.grasp.searcher import Searcher
 from isotruss_ros.nodes.pick_and_place import action_steps
 from manual_world import Goal, World
 import pytest
@@ -74,7 +74,7 @@ def connect(w: World, patch: pytest.MonkeyPatch) -> None:
 
     def search(searcher: Searcher, *arguments: Any) -> None:
         searcher._search, searcher._progress = Future(), Progress(0, 0, None, 0.0, None)
-        searcher._search.set_result(plan_grasps(*arguments[:4]))
+        searcher._search.set_result(plan_grasps(*arguments[:4], uncertainty=arguments[5]))
 
     patch.setattr(action_steps, 'ActionClient', lambda _, kind, __: ManualActionClient(w, kind))
     patch.setattr(Client, 'call_async', call)

@@ -4,6 +4,6 @@
 """
 Probability that an object is held by a robot whose parameters are uncertain.
 
-Entry points: `uncertainty.Uncertainty`, `path_chance`.
+Entry point: `uncertainty.Uncertainty`.
 Imports `core.holding` and the layers below it.
 """

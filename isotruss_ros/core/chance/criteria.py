@@ -11,9 +11,9 @@ with the parameters than those of the slip margin.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from dataclasses import fields, replace
+from typing import Any, NamedTuple
 
-from isotruss_ros.core.chance.drawn_grips import scaled
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.contact_search import depths_in_others, free_corners
 from isotruss_ros.core.holding.contact_statics import find_dents
@@ -22,6 +22,7 @@ from isotruss_ros.core.holding.held_gradient import GraspParameters, LoadedTubes
 from isotruss_ros.core.holding.held_grip import HeldGrip, MAX_DISPLACEMENT, travel_rates
 from isotruss_ros.core.holding.pressed_contacts import ANGLE, contacts_at
 from isotruss_ros.core.kinematics.distances import collision_model
+from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.numerics.arrays import Array, Flags
 from isotruss_ros.core.numerics.tolerances import NEGLIGIBLE_SHARE
 from isotruss_ros.core.statics.bent_tubes import FOLLOWED_MOTION
@@ -38,11 +39,6 @@ class Criteria(NamedTuple):
     values: Array  #: (c,) values [- or N or m]
     rates: Array  #: (c, p) derivatives by the parameters
     changing: Flags  #: (c,) true for changes of the contacts, which the object may survive
-
-    def chosen(self, indices: Array) -> Criteria:
-        """Return the criteria with given indices or a mask."""
-        names = tuple(np.array(self.names)[indices].tolist())
-        return Criteria(names, self.values[indices], self.rates[indices], self.changing[indices])
 
     @classmethod
     def joined(cls, criteria: list[Criteria]) -> Criteria:
@@ -152,6 +148,16 @@ def _size_rates(grip: HeldGrip) -> Array:
     touch = np.column_stack([-local.real, -local.imag, np.zeros(len(local))])
     torque = (grown.conj() * forces).imag.sum() / grip.arm
     return np.concatenate([touch.ravel(), [0.0, 0.0, -torque]])
+
+
+def scaled(body: ConvexObject, factor: float) -> ConvexObject:
+    """Return an object of another size; its centroid does not move, its fields are lengths."""
+    shape: Any = body.shape
+    lengths = {field.name: np.array(getattr(shape, field.name)) for field in fields(shape)}
+    larger = replace(shape, **{name: (factor * x).tolist() for name, x in lengths.items()})
+    moved = body.turn * shape.centroid * (1.0 - factor)
+    x, y, angle = body.pose
+    return replace(body, shape=larger).moved_to((x + moved.real, y + moved.imag, angle))
 
 
 def _size_dents(grip: HeldGrip) -> Array:

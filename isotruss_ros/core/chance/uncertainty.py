@@ -5,14 +5,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 import math
 from typing import Any
 
-from isotruss_ros.core.chance.chance_gradient import chance_gradient
-from isotruss_ros.core.chance.grasp_chance import Chance, first_order
-from isotruss_ros.core.chance.sampled_chance import may_change_contacts, sampled
+from isotruss_ros.core.chance.criteria import rest_criteria
+from isotruss_ros.core.chance.drawn_grips import chance_gradient, draw_held
+from isotruss_ros.core.chance.first_order import Chance, chance_of, find_failure, path_criteria
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.grasp_gradient import GraspGradient
 from isotruss_ros.core.holding.held_gradient import GraspParameters
@@ -25,6 +25,7 @@ from isotruss_ros.core.model.safe_yaml import parse_yaml
 from isotruss_ros.core.numerics.arrays import Array, finite_array
 from isotruss_ros.core.numerics.blas_threads import single_threaded
 import numpy as np
+import scipy
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,15 +161,39 @@ class Uncertainty:
         """
         if settled.equilibrium is None:
             return Chance(0.0, 'no equilibrium', settled.hold.value, {}, reliability=-math.inf)
+        criteria, _ = rest_criteria(settled.equilibrium, settled.friction)
         covariance = self.covariance(settled.equilibrium)
-        chance, failure = first_order(settled, covariance)
+        failure = find_failure(criteria, covariance)
+        chance = chance_of(failure, covariance, settled.equilibrium)
         if samples is None:
-            samples = 200 if may_change_contacts(failure) else 0
+            # Of 22 boxes, first order errs by 0.13 to 0.43 in the three within three deviations of
+            # a change that bears on the chance, by at most 0.08, the noise of draws, in others.
+            samples = 200 if failure.change_sigmas < 3.0 else 0
         if isinstance(samples, bool) or not isinstance(samples, int) or samples < 0:
             raise GraspError(f'samples {samples!r}: must be an integer, not negative')
         if not samples:
             return chance
-        return sampled(settled, covariance, chance, (samples, seed), on_progress)
+        held = draw_held(settled, covariance, samples, seed, on_progress)
+        return replace(
+            chance,
+            probability=float(held.mean()),
+            method='samples',
+            standard_error=float(held.std() / math.sqrt(samples)),
+            reliability=float(scipy.special.ndtri(held.mean())),
+        )
+
+    @single_threaded
+    def path_chance(self, friction: float, grips: Sequence[HeldGrip], load: HeldGrip) -> Chance:
+        """
+        Return the chance to first order that the object is held along a path.
+
+        :param friction: coefficient of friction [-].
+        :param grips: equilibria along the path; the first one has an unknown contact history.
+        :param load: equilibrium under the largest external wrench.
+        """
+        covariance = self.covariance(load)
+        failure = find_failure(path_criteria(grips, friction), covariance)
+        return chance_of(failure, covariance, load)
 
     @single_threaded
     def chance_gradient(self, gradient: GraspGradient) -> Array:

@@ -15,8 +15,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 import math
 
-from isotruss_ros.core.chance.grasp_chance import Chance
-from isotruss_ros.core.chance.path_chance import path_chance
+from isotruss_ros.core.chance.first_order import Chance
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus
@@ -74,7 +73,7 @@ def _judge(grasp: HeldGrip, closing: Closing, needs: GraspRequirements) -> Close
     margin = chance = None
     if needs.squeeze is None or _reached(grasp, needs.squeeze):
         with closing.tally.recording():
-            margin, chance = _find_margin(grasp, needs)
+            margin, chance = _find_margin(grasp, closing, needs)
     return ClosedGrip(grasp, loads, margin, chance)
 
 
@@ -87,7 +86,9 @@ def _check_hold(grasp: HeldGrip, friction: float) -> None:
         raise RequirementError('held', 0.0, 1.0)
 
 
-def _find_margin(grasp: HeldGrip, needs: GraspRequirements) -> tuple[float, Chance | None]:
+def _find_margin(
+    grasp: HeldGrip, closing: Closing, needs: GraspRequirements
+) -> tuple[float, Chance | None]:
     """Return the slip margin under the required wrench [N], and the chance of being held."""
     loaded: HeldGrip | None = grasp
     if any(needs.external_wrench):
@@ -97,13 +98,13 @@ def _find_margin(grasp: HeldGrip, needs: GraspRequirements) -> tuple[float, Chan
     _check_hold(loaded, needs.friction)
     slip = loaded.slip_margin(needs.friction)
     needs.check_bound('min_slip_margin', slip)
-    if needs.uncertainty is None:
+    if closing.uncertainty is None:
         return slip, None
     try:
         body = grasp.body.moved_to(grasp.pose)
         rest = attach_grip(grasp.config, body, grasp.members, tubes=grasp.tubes)
         grips = [rest] if loaded is grasp else [rest, loaded]
-        return slip, path_chance(needs.uncertainty, needs.friction, grips, loaded)
+        return slip, closing.uncertainty.path_chance(needs.friction, grips, loaded)
     except GraspError:
         raise RequirementError('held', 0.0, 1.0) from None
 

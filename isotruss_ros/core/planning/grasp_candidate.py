@@ -8,7 +8,6 @@ from __future__ import annotations
 from dataclasses import replace
 import math
 
-from isotruss_ros.core.chance.path_chance import path_chance
 from isotruss_ros.core.errors import IsotrussError
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.kinematics.configuration import Configuration
@@ -43,7 +42,7 @@ def judge_candidate(
             closed = close_grip(opened[-1], closing, needs)
             if closed is not None and needs.carry:
                 tally.closest = None
-                closed = closed[0], _check_carry(closed[1], needs)
+                closed = closed[0], _check_carry(closed[1], closing, needs)
             grasp = None if closed is None else _planned(closing, needs, opened, *closed)
     except IsotrussError as error:
         # A candidate without a solution is rejected; its tally is kept.
@@ -77,7 +76,7 @@ def close_grip(
     return best
 
 
-def _check_carry(grip: ClosedGrip, needs: GraspRequirements) -> ClosedGrip:
+def _check_carry(grip: ClosedGrip, closing: Closing, needs: GraspRequirements) -> ClosedGrip:
     """Return the grip with its chance on the path `carry`; raise RequirementError for slip."""
     held, poses = grip.equilibrium, np.array(needs.carry)
     body = held.body.moved_to(held.pose)
@@ -88,10 +87,9 @@ def _check_carry(grip: ClosedGrip, needs: GraspRequirements) -> ClosedGrip:
     share = 0.0 if foresight is None else foresight.share
     if foresight is None or foresight.why:
         raise RequirementError('carry', share, 1.0)
-    if needs.uncertainty is None:
+    if closing.uncertainty is None:
         return grip
-    chance = path_chance(needs.uncertainty, needs.friction, passed, held)
-    return grip._replace(chance=chance)
+    return grip._replace(chance=closing.uncertainty.path_chance(needs.friction, passed, held))
 
 
 def _planned(

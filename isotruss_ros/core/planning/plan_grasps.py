@@ -77,15 +77,12 @@ def plan_grasps(
     :param max_rounds: largest number of rounds. No further round begins when that many grasps are
         found.
     :param uncertainty: uncertainty of robot and object. Then grasps are ranked by the chance that
-        the object is held, also along the path `carry` of the requirements. None: that of the
-        requirements.
+        the object is held, also along the path `carry` of the requirements.
     :raises GraspError: the robot has no such module or members, or the seed is invalid.
     :raises StructureError: the robot cannot be analysed.
     """
     require_configuration(config)
     needs = requirements or GraspRequirements()
-    if uncertainty is not None:
-        needs = replace(needs, uncertainty=uncertainty)
     required_members(config.robot, needs)  # names are checked here, once
     if body.friction is not None:
         needs = replace(needs, friction=body.friction)
@@ -102,7 +99,9 @@ def plan_grasps(
         return search.plan()
     for number in range(max_rounds):
         with search.tally.recording():
-            search.judge(find_seeds(config, body, needs, int(seed), number), thorough)
+            seeds = find_seeds(config, body, needs, int(seed), number)
+            closings = [replace(closing, uncertainty=uncertainty) for closing in seeds]
+            search.judge(closings, thorough)
         if search.stopped or len(search.best()) >= needs.count:
             break
     return search.plan()

@@ -10,7 +10,6 @@ from dataclasses import dataclass, fields
 from enum import Enum
 import math
 
-from isotruss_ros.core.chance.uncertainty import Uncertainty
 from isotruss_ros.core.errors import GraspError, quote
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.manipulation.grip import GRIP_SIZES
@@ -58,8 +57,6 @@ class GraspRequirements:
     :ivar carry: poses (x, y, angle) along which the object is carried after the grasp [m, rad].
     :ivar paper_model: True for linear statics, straight tubes and round sections.
     :ivar count: number of distinct grasps, at least 1.
-    :ivar uncertainty: uncertainty of robot and object; then grasps are ranked by the chance that
-        the object is held, instead of `measure`; None: nominal parameters.
     :raises GraspError: a value is invalid.
     """
 
@@ -80,7 +77,6 @@ class GraspRequirements:
     carry: tuple[tuple[float, float, float], ...] = ()
     paper_model: bool = False
     count: int = 3
-    uncertainty: Uncertainty | None = None
 
     def __post_init__(self) -> None:
         """Check the values; names are checked against the robot when a search begins."""

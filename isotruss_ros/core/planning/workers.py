@@ -1,18 +1,20 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Worker processes of the search, one for each core, which end when their parent process ends."""
+"""Worker processes of a search, which end with their parent process, and the end of a search."""
 
 from __future__ import annotations
 
 from concurrent.futures import ProcessPoolExecutor
 import contextlib
+import math
 import multiprocessing
 from multiprocessing.connection import Connection
 from multiprocessing.context import SpawnContext, SpawnProcess
 import os
 import signal
 import threading
+import time
 
 #: Largest number of processes [-].
 MAX_WORKERS = 256
@@ -55,6 +57,23 @@ class WorkerPool(contextlib.AbstractContextManager):
         """
         self._wanted.close()
         self.executor.shutdown(cancel_futures=True)
+
+
+class Stop:
+    """Condition under which a search stops: a request, or a time limit [s]; 0: no limit."""
+
+    def __init__(self, time_limit: float = 0.0) -> None:
+        self._deadline = time.monotonic() + (time_limit or math.inf)
+        self.requested = False  #: whether a stop was requested
+
+    @property
+    def time_left(self) -> float:
+        """Return the time until the time limit of the search is reached [s]."""
+        return max(0.0, self._deadline - time.monotonic())
+
+    def __call__(self) -> bool:
+        """Return whether the search must stop now; `plan_grasps` calls it."""
+        return self.requested or self.time_left == 0.0
 
 
 class _Worker(SpawnProcess):

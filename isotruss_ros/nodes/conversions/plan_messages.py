@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 import math
 from typing import NamedTuple
 
@@ -15,12 +14,12 @@ from isotruss_ros.core import ConvexObject, GraspRequirements, Robot, Uncertaint
 from isotruss_ros.core.paths.object_path import MAX_POSES
 from isotruss_ros.core.planning.describe_plan import export_figures, export_path
 from isotruss_ros.core.planning.grasp_plan import PlannedGrasp
-from isotruss_ros.core.planning.searcher import Answer
 from isotruss_ros.core.planning.violations import export_violation
 from isotruss_ros.nodes.conversions.grasp_messages import read_external_wrench
 from isotruss_ros.nodes.conversions.messages import check_frame, MessageError, read_pose
 from isotruss_ros.nodes.conversions.object_messages import read_described
 from isotruss_ros.nodes.conversions.path_messages import to_duration, to_trajectory_message
+from isotruss_ros.nodes.grasp.searcher import Answer
 import numpy as np
 
 #: Largest number of grasps that a goal may request [-].
@@ -34,6 +33,7 @@ class SearchGoal(NamedTuple):
     requirements: GraspRequirements  #: requirements of the grasps
     seed: int  #: random seed of the search
     time_limit: float  #: time limit of the search [s]; 0: no limit
+    uncertainty: Uncertainty | None  #: uncertainty of robot and object; None: not in the goal
 
 
 def read_goal(
@@ -58,10 +58,10 @@ def read_goal(
     if not 1 <= goal.count <= MAX_COUNT:
         raise MessageError(f'count {goal.count}: must be from 1 to {MAX_COUNT}')
     body = _read_body(goal, described)
-    needs = _read_requirements(goal, robot)
+    needs, uncertainty = _read_requirements(goal, robot), None
     if goal.uncertainty:
-        needs = replace(needs, uncertainty=Uncertainty.of(robot, body, goal.uncertainty))
-    return SearchGoal(body, needs, goal.seed, goal.time_limit)
+        uncertainty = Uncertainty.of(robot, body, goal.uncertainty)
+    return SearchGoal(body, needs, goal.seed, goal.time_limit, uncertainty)
 
 
 def _read_requirements(goal: PlanGrasp.Goal, robot: Robot) -> GraspRequirements:

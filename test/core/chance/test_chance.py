@@ -11,7 +11,7 @@ from held_grips import APART, BOX
 from isotruss_ros import core
 from isotruss_ros.core.chance.criteria import rest_criteria
 from isotruss_ros.core.chance.drawn_grips import changed_grip
-from isotruss_ros.core.chance.failure import find_failure
+from isotruss_ros.core.chance.first_order import find_failure
 from isotruss_ros.core.errors import GraspError, ObjectFileError, RobotFileError
 from isotruss_ros.core.holding.settle_grasp import assess_equilibrium
 import numpy as np

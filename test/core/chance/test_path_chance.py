@@ -7,7 +7,6 @@ from carries import make_robot, place
 from isotruss_ros import core
 from isotruss_ros.core.chance.criteria import carried_criteria, rest_criteria
 from isotruss_ros.core.chance.drawn_grips import changed_grip
-from isotruss_ros.core.chance.path_chance import path_chance
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.held_gradient import GraspParameters
 from isotruss_ros.core.holding.roll_grip import roll_grip
@@ -69,7 +68,7 @@ def test_rates_of_carried_criteria_are_those_of_rolled_equilibria(name):
 def test_chance_along_a_path_is_the_frequency_of_held_draws():
     passed, rng = carried(), np.random.default_rng(0)
     friction = 0.03 + max(grip.required_friction for grip in passed)
-    chance = path_chance(UNCERTAIN, friction, passed, passed[0])
+    chance = UNCERTAIN.path_chance(friction, passed, passed[0])
     columns, held = GraspParameters.of(HOME), []
     spread = np.sqrt(np.diag(UNCERTAIN.covariance(passed[0])))
     for _ in range(40):
@@ -85,7 +84,7 @@ def test_chance_along_a_path_is_the_frequency_of_held_draws():
 def test_a_longer_path_has_a_smaller_chance():
     passed = carried()
     friction = 0.05 + passed[0].required_friction
-    chances = [path_chance(UNCERTAIN, friction, passed[:n], passed[0]) for n in (1, len(passed))]
+    chances = [UNCERTAIN.path_chance(friction, passed[:n], passed[0]) for n in (1, len(passed))]
     assert chances[1].probability < chances[0].probability
 
 
@@ -108,7 +107,7 @@ def test_the_best_grasp_has_a_larger_chance_than_the_nominal_one(plans):
     grasp = plans[0][0]
     body = grasp.grip.body
     held = attach_grip(grasp.config, body, grasp.equilibrium.members)
-    nominal = path_chance(UNCERTAIN, 0.5, [held], held)
+    nominal = UNCERTAIN.path_chance(0.5, [held], held)
     assert plans[1][0].chance.reliability > nominal.reliability
 
 
@@ -121,8 +120,8 @@ def test_words_and_figures_have_the_chance(plans):
 
 def test_without_uncertainty_no_chance_is_computed(monkeypatch):
     calls = []
-    for name in ('attach_grip', 'path_chance'):
-        monkeypatch.setattr(closing_in_place, name, calls.append)
+    monkeypatch.setattr(closing_in_place, 'attach_grip', calls.append)
+    monkeypatch.setattr(core.Uncertainty, 'path_chance', calls.append)
     plan = core.plan_grasps(HOME, DISC, thorough=False, max_rounds=1)
     assert plan.grasps
     assert plan[0].chance is None

@@ -18,8 +18,8 @@ from isotruss_msgs.action import (
 )
 from isotruss_msgs.msg import GraspState, RollerTolerance
 from isotruss_ros.core import Pose
-from isotruss_ros.core.planning.searcher import Answer, SearchOutcome
 from isotruss_ros.nodes.conversions.messages import make_header, to_pose_message
+from isotruss_ros.nodes.grasp.searcher import Answer, SearchOutcome
 from isotruss_ros.nodes.grasp_planner import GraspPlanner
 from isotruss_ros.nodes.manipulation.node import Manipulation
 from isotruss_ros.nodes.path_follower import PathFollower

@@ -8,8 +8,8 @@ from isotruss_msgs.action import FollowObjectPath, PlanGrasp
 from isotruss_msgs.msg import GraspState, ManipulationStatus
 from isotruss_ros.core import Status
 from isotruss_ros.core.paths.path_servo import PathOutcome
-from isotruss_ros.core.planning.searcher import SearchOutcome
 from isotruss_ros.nodes.grasp.grasp_report import GraspCode
+from isotruss_ros.nodes.grasp.searcher import SearchOutcome
 from manual_world import check_refused, world
 from probe import overrides
 import pytest

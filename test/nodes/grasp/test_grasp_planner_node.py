@@ -24,12 +24,12 @@ from isotruss_ros.core import (
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.planning.describe_plan import NEAR_SPEED_SHARE
 from isotruss_ros.core.planning.grasp_plan import Progress
-from isotruss_ros.core.planning.searcher import Answer, SearchOutcome
 from isotruss_ros.nodes import grasp_planner
 from isotruss_ros.nodes.conversions.messages import to_pose_message
 from isotruss_ros.nodes.conversions.object_messages import to_object_message
 from isotruss_ros.nodes.conversions.plan_messages import read_goal, to_result_message
 from isotruss_ros.nodes.conversions.trajectory_goals import read_roller_trajectory
+from isotruss_ros.nodes.grasp.searcher import Answer, SearchOutcome
 from lifecycle_msgs.msg import Transition
 from manual_world import check_refused, Manager, world
 import numpy as np
@@ -195,9 +195,9 @@ def test_reads_every_requirement():
 
 
 def test_a_goal_may_be_for_an_uncertain_robot():
-    read = read_goal(goal(uncertainty='{friction: 0.2}'), ROBOT).requirements.uncertainty
+    read = read_goal(goal(uncertainty='{friction: 0.2}'), ROBOT).uncertainty
     assert (read.friction, read.stiffness) == (0.2, Uncertainty().stiffness)
-    assert read_goal(goal(), ROBOT).requirements.uncertainty is None
+    assert read_goal(goal(), ROBOT).uncertainty is None
     with pytest.raises(GraspError, match='uncertainty: friction: 5: must be'):
         read_goal(goal(uncertainty='{friction: 5}'), ROBOT)
 

@@ -10,9 +10,11 @@ from types import SimpleNamespace
 
 from isotruss_ros.core import ConvexObject, GraspRequirements, load_robot
 from isotruss_ros.core.errors import GraspError, SolverError, StructureError
-from isotruss_ros.core.planning import searcher as searching
+from isotruss_ros.core.planning import workers
 from isotruss_ros.core.planning.grasp_plan import GraspPlan, Progress
-from isotruss_ros.core.planning.searcher import Searcher, SearchOutcome, Stop
+from isotruss_ros.core.planning.workers import Stop
+from isotruss_ros.nodes.grasp import searcher as searching
+from isotruss_ros.nodes.grasp.searcher import Searcher, SearchOutcome
 import pytest
 
 #: What is searched for; no search of these tests computes anything.
@@ -36,7 +38,7 @@ DEADLINE = 240.0
     ],
 )
 def test_every_end_of_a_search_has_a_result(ended_by, outcome, words, monkeypatch):
-    def plan(*_arguments):
+    def plan(*_arguments, **_options):
         raise ended_by
 
     monkeypatch.setattr(searching, 'plan_grasps', plan)
@@ -62,7 +64,7 @@ class Clock:
 
     def __init__(self, monkeypatch):
         self.now = 100.0
-        monkeypatch.setattr(searching, 'time', SimpleNamespace(monotonic=lambda: self.now))
+        monkeypatch.setattr(workers, 'time', SimpleNamespace(monotonic=lambda: self.now))
 
 
 def test_stops_when_asked_or_when_the_time_is_up(monkeypatch):
@@ -84,7 +86,7 @@ def test_stops_when_asked_or_when_the_time_is_up(monkeypatch):
 def test_the_time_left_is_no_longer_than_the_limit(told, limit, left, monkeypatch):
     clock = Clock(monkeypatch)
 
-    def plan(config, body, needs, seed, executor, on_progress, stop):
+    def plan(config, body, needs, seed, executor, on_progress, stop, uncertainty):
         clock.now += 3.0
         on_progress(Progress(5, 1, 2.0, 0.5, told))
 
@@ -109,7 +111,7 @@ def test_the_time_left_is_no_longer_than_the_limit(told, limit, left, monkeypatc
 )
 def test_a_plan_without_grasps_says_why(complete, requested, outcome, monkeypatch):
     plan = GraspPlan((), complete, None, 7, 2, 0.1)
-    monkeypatch.setattr(searching, 'plan_grasps', lambda *_: plan)
+    monkeypatch.setattr(searching, 'plan_grasps', lambda *_, **__: plan)
     searcher = Searcher(1)
     searcher.begin(*SEARCH, 0.0)
     assert searcher.progress() == Progress(0, 0, None, 0.0, None)

@@ -5,16 +5,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from concurrent.futures import Future
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import replace
 import enum
-import math
+import functools
 import threading
-import time
 import traceback
 from typing import NamedTuple
 
+from isotruss_ros.core.chance.uncertainty import Uncertainty
 from isotruss_ros.core.errors import GraspError, IsotrussError
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.model.convex_object import ConvexObject
@@ -22,7 +23,7 @@ from isotruss_ros.core.planning.describe_plan import plan_in_words
 from isotruss_ros.core.planning.grasp_plan import GraspPlan, Progress
 from isotruss_ros.core.planning.plan_grasps import plan_grasps
 from isotruss_ros.core.planning.requirements import GraspRequirements
-from isotruss_ros.core.planning.workers import WorkerPool
+from isotruss_ros.core.planning.workers import Stop, WorkerPool
 
 
 class SearchOutcome(enum.IntEnum):
@@ -45,23 +46,6 @@ class Answer(NamedTuple):
     plan: GraspPlan | None = None  #: the plan; None without a search, or after a failure
 
 
-class Stop:
-    """Condition under which a search stops: a request, or a time limit [s]; 0: no limit."""
-
-    def __init__(self, time_limit: float = 0.0) -> None:
-        self._deadline = time.monotonic() + (time_limit or math.inf)
-        self.requested = False  #: whether a stop was requested
-
-    @property
-    def time_left(self) -> float:
-        """Return the time until the time limit of the search is reached [s]."""
-        return max(0.0, self._deadline - time.monotonic())
-
-    def __call__(self) -> bool:
-        """Return whether the search must stop now; `plan_grasps` calls it."""
-        return self.requested or self.time_left == 0.0
-
-
 class Searcher:
     """Search for grasps in the background; its worker processes start with the first search."""
 
@@ -77,12 +61,23 @@ class Searcher:
         requirements: GraspRequirements,
         seed: int,
         time_limit: float = 0.0,
+        uncertainty: Uncertainty | None = None,
     ) -> None:
         """Start a search for grasps; no other search may be running."""
         self._search, self._stop = Future(), Stop(time_limit)
         self._progress = Progress(0, 0, None, 0.0, None)
-        arguments = (config, body, requirements, seed, self._pool.executor)
-        threading.Thread(target=self._run, args=(self._search, arguments), daemon=True).start()
+        search = functools.partial(
+            plan_grasps,
+            config,
+            body,
+            requirements,
+            seed,
+            self._pool.executor,
+            self._take,
+            self._stop,
+            uncertainty=uncertainty,
+        )
+        threading.Thread(target=_run, args=(search, self._search), daemon=True).start()
 
     def progress(self) -> Progress | None:
         """Return progress and remaining time of the running search; None if none is running."""
@@ -128,14 +123,15 @@ class Searcher:
         self._pool.close()
         self._pool = WorkerPool(self._workers)  # without started processes
 
-    def _run(self, search: Future[GraspPlan], arguments: tuple) -> None:
-        try:
-            search.set_result(plan_grasps(*arguments, self._take, self._stop))  # type: ignore[call-arg]  # noqa: E501
-        except Exception as error:  # noqa: BLE001 - it is raised where the result is asked for
-            search.set_exception(error)
-
     def _take(self, progress: Progress) -> None:
         if progress.time_left is not None:
             time_left = min(progress.time_left, self._stop.time_left)
             progress = replace(progress, time_left=time_left)
         self._progress = progress
+
+
+def _run(search: Callable[[], GraspPlan], result: Future[GraspPlan]) -> None:
+    try:
+        result.set_result(search())
+    except Exception as error:  # noqa: BLE001 - it is raised where the result is asked for
+        result.set_exception(error)
