@@ -65,39 +65,26 @@ def find_contradictions(
             'laws are those of the tube between guide rings'
         )
         return
-    for tube, pressure in pressures.items():
-        case = f'at {pressure:g} Pa in tube {tube}'
-        yield from _contradiction(laws, pressure, limits, ring, case)
-
-
-def _contradiction(
-    laws: Mapping[str, Law], pressure: float, limits: tuple[float, float], ring: float, case: str
-) -> Iterator[str]:
-    """Yield a fault that names the lengths at which no beam fits both bending laws."""
     transverse, rotary = laws['transverse'], laws['rotary']
-    slope = rotary.b - transverse.b - 2.0
-    level = (
-        np.log(12.0)
-        + np.log(rotary.C)
-        - np.log(transverse.C)
-        + (rotary.a - transverse.a) * np.log(pressure)
-    )
-    between = np.array(limits) - 2.0 * ring
+    slope, between = rotary.b - transverse.b - 2.0, np.log(np.array(limits) - 2.0 * ring)
+    factors = np.log(12.0) + np.log(rotary.C) - np.log(transverse.C)
     least = np.log(4.0) + np.log1p(-ROUNDING)
-    short, long = level + slope * np.log(between) < least
-    if not (short or long):
-        return
-    if short and long:
+    for tube, pressure in pressures.items():
+        level = factors + (rotary.a - transverse.a) * np.log(pressure)
+        short, long = level + slope * between < least
+        if not (short or long):
+            continue
         where = 'at every length of a member'
-    else:
-        length = float(np.exp((least - level) / slope))
-        where = (
-            f'{"below" if short else "above"} {length:.6g} m from ring to ring, '
-            f'{length + 2.0 * ring:.6g} m from pinch to pinch'
+        if not (short and long):
+            length = float(np.exp((least - level) / slope))
+            where = (
+                f'{"below" if short else "above"} {length:.6g} m from ring to ring, '
+                f'{length + 2.0 * ring:.6g} m from pinch to pinch'
+            )
+        yield (
+            f'tube.stiffness: the transverse and rotary laws contradict each other {where}, '
+            f'at {pressure:g} Pa in tube {tube}: no beam has a rotary stiffness less than L^2/3 '
+            f'times the transverse one; members are from {limits[0]} to {limits[1]} m long. Fit '
+            'all modes together (fit_tube_stiffness), or bring members.min_length and '
+            'members.max_length to where the laws hold'
         )
-    yield (
-        f'tube.stiffness: the transverse and rotary laws contradict each other {where}, {case}: '
-        'no beam has a rotary stiffness less than L^2/3 times the transverse one; members are '
-        f'from {limits[0]} to {limits[1]} m long. Fit all modes together (fit_tube_stiffness), '
-        'or bring members.min_length and members.max_length to where the laws hold'
-    )

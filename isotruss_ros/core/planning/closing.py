@@ -8,7 +8,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from isotruss_ros.core.chance.uncertainty import Uncertainty
-from isotruss_ros.core.holding.contact_statics import NOMINAL_TUBES, TubeModel
 from isotruss_ros.core.holding.pressed_contacts import facing_lines
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.distances import collision_model
@@ -39,7 +38,6 @@ class Closing:
     nominal_posture: Array | None = None
     #: (s,) desired unit vectors from the object to the members, x + iy; None: no desired rotation
     facing: Points | None = None
-    tubes: TubeModel = NOMINAL_TUBES  #: model of the tubes
     uncertainty: Uncertainty | None = None  #: grasps are ranked by the chance; None: by measure
     #: counts of the search, and the violation of the candidate closest to an admissible grasp
     tally: SearchTally = field(default_factory=SearchTally)

@@ -102,7 +102,7 @@ def _find_margin(
         return slip, None
     try:
         body = grasp.body.moved_to(grasp.pose)
-        rest = attach_grip(grasp.config, body, grasp.members, tubes=grasp.tubes)
+        rest = attach_grip(grasp.config, body, grasp.members)
         grips = [rest] if loaded is grasp else [rest, loaded]
         return slip, closing.uncertainty.path_chance(needs.friction, grips, loaded)
     except GraspError:

@@ -10,7 +10,6 @@ from typing import NamedTuple
 
 from isotruss_ros.core.errors import ConfigurationError, GraspError, SolverError
 from isotruss_ros.core.holding.attach_grip import attach_grip
-from isotruss_ros.core.holding.contact_statics import NOMINAL_TUBES, TubeModel
 from isotruss_ros.core.holding.grip_record import GripRecord
 from isotruss_ros.core.holding.held_grip import (
     HeldGrip,
@@ -55,7 +54,6 @@ def foresee_grip(
     friction: float,
     poses: Array,
     record: GripRecord | None = None,
-    tubes: TubeModel = NOMINAL_TUBES,
     passed: list[HeldGrip] | None = None,
 ) -> Foresight | None:
     """
@@ -76,7 +74,7 @@ def foresee_grip(
             if not foresight.why:
                 return foresight
     try:
-        held = attach_grip(config, body, tubes=tubes)
+        held = attach_grip(config, body)
     except NotHeldError:
         return foresight
     if held.hold(friction) is HoldStatus.HELD:

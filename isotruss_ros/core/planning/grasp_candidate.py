@@ -81,9 +81,7 @@ def _check_carry(grip: ClosedGrip, closing: Closing, needs: GraspRequirements) -
     held, poses = grip.equilibrium, np.array(needs.carry)
     body = held.body.moved_to(held.pose)
     passed: list[HeldGrip] = []
-    foresight = foresee_grip(
-        held.config, body, needs.friction, poses, tubes=held.tubes, passed=passed
-    )
+    foresight = foresee_grip(held.config, body, needs.friction, poses, passed=passed)
     share = 0.0 if foresight is None else foresight.share
     if foresight is None or foresight.why:
         raise RequirementError('carry', share, 1.0)

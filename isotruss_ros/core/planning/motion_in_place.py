@@ -49,7 +49,7 @@ def hold_between(config: Configuration, closing: Closing) -> HeldGrip:
     """Return the equilibrium of an object between given members, from which it can roll."""
     try:
         members = np.array(closing.members)
-        held = attach_grip(config, closing.body, members, tubes=closing.tubes)
+        held = attach_grip(config, closing.body, members)
         grasp = roll_grip(held, config)
     except NotHeldError:
         grasp = None

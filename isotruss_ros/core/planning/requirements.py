@@ -55,7 +55,6 @@ class GraspRequirements:
     :ivar direction: displacement (x, y, angle) [m, rad] along which the stiffness is taken if
         `measure` is `STIFFNESS`.
     :ivar carry: poses (x, y, angle) along which the object is carried after the grasp [m, rad].
-    :ivar paper_model: True for linear statics, straight tubes and round sections.
     :ivar count: number of distinct grasps, at least 1.
     :raises GraspError: a value is invalid.
     """
@@ -75,7 +74,6 @@ class GraspRequirements:
     measure: Measure = Measure.SLIP_MARGIN
     direction: tuple[float, float, float] = (0.0, 1.0, 0.0)
     carry: tuple[tuple[float, float, float], ...] = ()
-    paper_model: bool = False
     count: int = 3
 
     def __post_init__(self) -> None:
@@ -109,12 +107,7 @@ class GraspRequirements:
             )
 
     def find_loads(self, grasp: HeldGrip) -> dict[str, float]:
-        """
-        Return the loads of a grasp by the names of the requirements that bound them.
-
-        :param grasp: equilibrium of the object.
-        :raises RequirementError: a load exceeds its bound.
-        """
+        """Return the loads of a grasp by the names of the requirements that bound them."""
         loads = {
             'max_contact_force': float(grasp.normal_forces.max()),
             'max_total_force': float(grasp.normal_forces.sum()),
@@ -125,24 +118,16 @@ class GraspRequirements:
         return loads
 
     def check_bound(self, name: str, value: float) -> None:
-        """
-        Raise RequirementError if a value violates its bound.
-
-        :param name: name of the requirement, with prefix `min_` or `max_`.
-        :param value: value of the grasp.
-        :raises RequirementError: the value is beyond the bound.
-        """
+        """Raise RequirementError if a value violates its bound `min_...` or `max_...`."""
         bound = getattr(self, name)
-        if bound is not None and (value > bound if name.startswith('max_') else value < bound):
+        if value > bound if name.startswith('max_') else value < bound:
             raise RequirementError(name, value, bound)
 
     def rate_grip(self, grip: ClosedGrip, shortness: float) -> float:
         """
-        Return the score of a grip by the criterion `measure`; a larger score is better.
+        Return the score of an admissible grip; a larger score is better.
 
-        :param grip: admissible grip.
-        :param shortness: score if the criterion is the roller travel; it is larger for a shorter
-            path.
+        :param shortness: score if the criterion is the roller travel, larger for a shorter path.
         """
         if grip.chance is not None:
             return grip.chance.reliability

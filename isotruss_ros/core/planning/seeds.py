@@ -9,7 +9,6 @@ from dataclasses import replace
 import itertools
 import math
 
-from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.kinematics.mechanism import Mechanism
 from isotruss_ros.core.manipulation.grip import find_members, members_at
@@ -54,7 +53,6 @@ def find_seeds(
     limit = MemberLengthLimit(shortest, longest, BOUND_SHARE)
     gaps, length = object_distances(config, body), config.robot.home.member_lengths.mean()
     rng, radius = np.random.default_rng((seed, number)), 0.5 * file.tube_diameter
-    tubes = TubeModel(paper_model=needs.paper_model)
     seeds: list[tuple[float, Closing]] = []
     for group in groups:
         turning, cone, posture = TURN_WEIGHT, math.atan(needs.friction), None
@@ -63,7 +61,7 @@ def find_seeds(
             away = length * rng.standard_normal(len(config.roller_positions))
             posture = config.roller_positions + RANDOM_POSTURE * away
             cone *= rng.uniform(0.5, 1.0)
-        closing = Closing(body, group, (limit,), needs.min_rigidity, cone, posture, tubes=tubes)
+        closing = Closing(body, group, (limit,), needs.min_rigidity, cone, posture)
         normals = closing.normals(config)
         if len(group) == 2:
             facing = find_facing(body, normals, CONE_SHARE * cone, radius, turning)
