@@ -16,7 +16,7 @@ from isotruss_ros.core.kinematics.constraints import Constraints, Targets
 from isotruss_ros.core.model.description import RobotDescription
 from isotruss_ros.core.model.topology import Topology
 from isotruss_ros.core.numerics.arrays import Array, Points
-from isotruss_ros.core.numerics.factorization import factorize, factorize_with_condition
+from isotruss_ros.core.numerics.factorization import estimate_condition, factorize
 from isotruss_ros.core.numerics.tolerances import COINCIDENCE, MAX_NEWTON_ITERATIONS
 import numpy as np
 from scipy.sparse import csc_matrix
@@ -164,7 +164,7 @@ def require_determinate(source: str, topology: Topology, matrix: Array | csc_mat
     """
     m, joints, grounded = topology.n_modules, len(topology.joint_names), len(topology.grounded)
     needed = 2 * joints - m
-    if grounded == needed and factorize_with_condition(matrix)[1] < MAX_CONDITION:
+    if grounded == needed and estimate_condition(matrix) < MAX_CONDITION:
         return
     if needed < 3:
         raise RobotFileError(

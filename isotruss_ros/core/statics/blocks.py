@@ -74,8 +74,8 @@ class Numbering:
     """
     Numbering of the unknowns of all frames with equal connections and supports.
 
-    The matrix of the hinges' unknowns `joints`, the last `multipliers` of which are multipliers,
-    is dense, or has the sparsity pattern `sparse` (row indices and column pointers).
+    The matrix of the hinges' unknowns `joints` is dense, or has the sparsity pattern `sparse` (row
+    indices and column pointers).
     `joint_slots` are the places of the Schur complement of each block among its `joint_size`
     entries. `columns` (c, w) are the displacements in each constraint.
     """
@@ -98,9 +98,7 @@ class Numbering:
         self.condensed = owner.max() >= 0 and bool((self.free & (owner < 0)).any())
         if not self.condensed:
             owner[:] = -1
-        joints = np.flatnonzero(self.free & (owner < 0))
-        self.joints = np.roll(joints, -np.searchsorted(joints, self.rows))
-        self.multipliers = int(np.searchsorted(joints, self.rows))
+        self.joints = np.flatnonzero(self.free & (owner < 0))
         self.blocks, self.owner = self._collect(owner, real)
         self._number_joints()
 
@@ -290,9 +288,7 @@ class Factored(NamedTuple):
     def negative_pivots(self) -> int:
         """Return the number of negative eigenvalues: the sum over all blocks (Haynsworth)."""
         blocks = [block for stiff, _ in self.parts for block in stiff if block.size]
-        return count_negative_pivots(self.matrix, self.layout.numbering.multipliers) + sum(
-            count_negative_pivots(block, 0) for block in blocks
-        )
+        return sum(map(count_negative_pivots, [self.matrix, *blocks]))
 
 
 def eliminate(
