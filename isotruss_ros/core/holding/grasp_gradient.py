@@ -18,7 +18,7 @@ from typing import Any
 
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.grip_response import slip_planes
-from isotruss_ros.core.holding.held_gradient import GraspParameters, LoadedTubes
+from isotruss_ros.core.holding.held_gradient import GraspParameters, LoadedTubes, member_motions
 from isotruss_ros.core.holding.held_grip import HeldGrip
 from isotruss_ros.core.holding.pressed_contacts import ANGLE, POSE
 from isotruss_ros.core.holding.settled_grasp import SettledGrasp
@@ -245,7 +245,8 @@ def turn_dents(grip: HeldGrip, chosen: Array, parameters: GraspParameters) -> Ar
     """Return the derivatives (k, p) of the angles in the object's frame of the dents' normals."""
     basis = grip.dent_basis
     if basis is None:  # straight tubes and the given pose
-        return LoadedTubes(grip, chosen, parameters).spins - chosen[parameters.place][2]
+        spins = member_motions(grip, chosen[parameters.rollers])[2]
+        return spins - chosen[parameters.place][2]
     tubes = LoadedTubes(basis, chosen, parameters, turns=turn_dents(basis, chosen, parameters))
     change = -np.linalg.solve(basis.state.jacobian, tubes.equation_rates())
     return tubes.spins + change[basis.state.places.inclinations] - change[ANGLE]

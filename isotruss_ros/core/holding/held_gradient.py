@@ -63,6 +63,20 @@ class TubeRates(NamedTuple):
     forces: Array  #: (c, 3, p) of the `EndForces` of the frame's parts with fixed nodes
 
 
+def member_motions(grip: HeldGrip, travel: Array) -> tuple[Points, Points, Array]:
+    """
+    Return the motions by p changes (r, p) of the rollers' travel.
+
+    They are those of the configuration's nodes (N, p) [m], and of start [m] and direction [rad] of
+    the contacts' members, (k, p).
+    """
+    topology, members = grip.config.robot.topology, grip.contacts.members
+    moved = grip.config.node_jacobian.T.copy().view(np.complex128).T @ travel
+    starts, lines = moved[topology.b[members]], grip.statics.bent.lines
+    ahead = moved[topology.c[topology.following[members]]] - starts
+    return moved, starts, (ahead / (lines.length * lines.axis)[:, None]).imag
+
+
 class LoadedTubes:
     """
     Bent tubes of a robot with a held object, with derivatives along p parameter changes.
@@ -87,25 +101,20 @@ class LoadedTubes:
         reach: float = ROUNDING,
     ) -> None:
         self._chosen, self._parameters, self._turns = chosen, parameters, turns
-        nodes = grip.config.node_jacobian.T.copy().view(np.complex128).T
-        self.moved = moved = nodes @ chosen[parameters.rollers]
+        self.moved, self._starts, self.spins = member_motions(grip, chosen[parameters.rollers])
         self._inflated = chosen[parameters.pressures]
         self._stiffer = chosen[parameters.stiffness] / grip.tubes.stiffness_scale
-        topology, members = grip.config.robot.topology, grip.contacts.members
-        # Displacements of the pinch points at which the members start.
-        self._starts = moved[topology.b[members]]
-        ahead = moved[topology.c[topology.following[members]]] - self._starts
         bent, state = grip.statics.bent, grip.state
-        self.spins: Array = (ahead / (bent.lines.length * bent.lines.axis)[:, None]).imag
         if bent.distance(state.loads, state.feet) > reach:
             bent = bent.update(state.loads, state.feet)
         bent = bent.activated()
-        self.sections = section_rates(bent.structure, bent.frame, moved, self._inflated)
+        self.sections = section_rates(bent.structure, bent.frame, self.moved, self._inflated)
         self._load(grip, bent)
 
     def _load(self, grip: HeldGrip, bent: BentTubes) -> None:
         """Set the state of the tubes."""
         self._grip, self._bent, state, statics = grip, bent, grip.state, grip.statics
+        self._by_sections = bent.section_changes(self.sections)
         normal, tube = state.normal_forces, grip.config.robot.topology.tube
         self._push = (normal + 1j * state.friction_forces) * state.normals
         depths, self._soft = statics.dents(normal)
@@ -169,7 +178,7 @@ class LoadedTubes:
         loads = np.stack([local.real, local.imag, couples], axis=1)
         # A robot that is stiffer by a fraction deforms as under loads smaller by this fraction.
         loads -= state.loads[..., None] * self._stiffer
-        by_sections, turned, rates = bent.section_changes(self.sections)
+        by_sections, turned, rates = self._by_sections
         moved, slope, by_places = bent.changes(loads, feet)
         nodes = by_sections + moved
         still = tangent.displacements[nodes_at]
