@@ -35,7 +35,7 @@ class GripRecord(NamedTuple):
     contacts: PressedContacts  #: the k contacts
     unknowns: Array  #: (3 + 4k,) unknowns, see `ContactForces`
     places: Array  #: (k,) distances of the contacts from the members' starts, see `BentTubes` [m]
-    bent: Array  #: (s,) state of the bent tubes, see `Displaced.values`
+    bent: Array  #: (s,) state of the bent tubes, the values of `Displaced`
     #: (t,) gauge pressure of each tube [Pa]; None: as in the robot file
     pressures: tuple[float, ...] | None = None
     estimate: GripEstimate | None = None  #: estimate of the control loop that holds the object
@@ -50,7 +50,7 @@ class GripRecord(NamedTuple):
             grip.contacts,
             grip.state.unknowns,
             bent.places,
-            bent.before.values,
+            np.concatenate([part.ravel() for part in bent.before]),
             bent.structure.pressures if measured else None,
             estimate,
         )

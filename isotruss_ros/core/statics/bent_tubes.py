@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
-from isotruss_ros.core.numerics.tolerances import MAX_SEARCH_STEPS, NEGLIGIBLE_SHARE, ROUNDING
+from isotruss_ros.core.numerics.tolerances import NEGLIGIBLE_SHARE
 from isotruss_ros.core.statics.beam_column import end_forces
 from isotruss_ros.core.statics.blocks import Factored
 from isotruss_ros.core.statics.frame import Frame, keep_apart
@@ -52,20 +52,6 @@ class Displaced(NamedTuple):
     unknowns: Array  #: (u,) unknowns of the frame, see `Tangent`
     loads: Array  #: (k, 3) loads at the load points, see `BentTubes` [N, N m]
     pull: Array  #: (p,) axial forces of the frame's parts [N]
-
-    @classmethod
-    def of_values(cls, frame: Frame, values: Array) -> Displaced:
-        """Return the state of a frame from all of its values in this order, (s,)."""
-        ends = np.cumsum([len(frame.scale), 3 * len(frame.layout.nodes), len(frame.length)])
-        if values.shape != (ends[-1],):
-            raise StructureError(f'bent tubes with {values.size} values: must be {ends[-1]}')
-        unknowns, pushed, pull = np.split(values, ends[:-1])
-        return cls(unknowns, pushed.reshape(-1, 3), pull)
-
-    @property
-    def values(self) -> Array:
-        """Return the numbers of the state as one array, (s,)."""
-        return np.concatenate([part.ravel() for part in self])
 
 
 class Lines(NamedTuple):
@@ -138,11 +124,9 @@ class BentTubes:
     places: Array  #: (k,) distances of the load points from the members' starts [m]
     lines: Lines  #: members of the load points
     cuts: Cuts  #: frame with nodes at the load points
-    stiffness: float = 1.0  #: factor on the modelled stiffness [-]
-    #: whether the model is the paper's linear one, with the equilibrium of the undeformed tubes
-    linear: bool = False
-    #: state about which the tubes are linearised; None: the state without loads
-    before: Displaced | None = None
+    stiffness: float  #: factor on the modelled stiffness [-]
+    linear: bool  #: whether the model is the paper's, with the equilibrium of undeformed tubes
+    before: Displaced  #: state about which the tubes are linearised
 
     @classmethod
     def straight(
@@ -155,7 +139,12 @@ class BentTubes:
     ) -> BentTubes:
         """Return the tubes linearised about the state without loads."""
         cuts, lines = Cuts.of(structure, members, positions, None), Lines.of(structure, members)
-        return cls(structure, members, positions, lines, cuts, stiffness, linear)
+        unloaded = Displaced(
+            np.zeros(len(cuts.frame.scale)),
+            np.zeros((len(members), 3)),
+            np.zeros(len(cuts.frame.length)),
+        )
+        return cls(structure, members, positions, lines, cuts, stiffness, linear, unloaded)
 
     @property
     def frame(self) -> Frame:
@@ -170,12 +159,8 @@ class BentTubes:
     @cached_property
     def tangent(self) -> Tangent:
         """Return the frame linearised about the state `before`."""
-        unknowns, pull = np.zeros(len(self.frame.scale)), None
-        if self.before is not None:
-            unknowns, _, pull = self.before
-        return linearize(
-            self.frame, unknowns, pull, kept_blocks(self.structure, self.frame.layout)
-        )
+        kept = kept_blocks(self.structure, self.frame.layout)
+        return linearize(self.frame, self.before.unknowns, self.before.pull, kept)
 
     @cached_property
     def _changes(self) -> Changes:
@@ -186,23 +171,19 @@ class BentTubes:
         right = np.zeros((size, 4 * count + 1))
         columns = np.arange(3 * count).reshape(count, 1, 3)
         right[cut[:, :, None], columns] = turns * (self.share / self.stiffness)
-        slopes, inclined = tangent.slopes(), np.zeros((count, count))
-        if self.before is not None:
-            longer, by_length = self.cuts.longer, tangent.length_rates
-            rates = by_length[layout.parts, :, None] * longer[layout.parts, None]
-            right[:, moving] = -tangent.sum_forces(layout.parts, rates)
-            # The length of a part between two places of one member depends on both places.
-            changed = (slopes.by_forces * by_length[layout.beside]).sum(axis=1)
-            inclined = _mean(changed[:, None] * longer[layout.beside])
-            right[:, -1] = right[:, : 3 * count] @ self.before.loads.ravel() - tangent.carried
+        slopes, longer, by_length = tangent.slopes(), self.cuts.longer, tangent.length_rates
+        rates = by_length[layout.parts, :, None] * longer[layout.parts, None]
+        right[:, moving] = -tangent.sum_forces(layout.parts, rates)
+        # The length of a part between two places of one member depends on both places.
+        changed = (slopes.by_forces * by_length[layout.beside]).sum(axis=1)
+        right[:, -1] = right[:, : 3 * count] @ self.before.loads.ravel() - tangent.carried
         factored, moved = tangent.solve(right)
         back = turns.swapaxes(1, 2)
         responses = back @ moved[cut]
         responses[:, 2] = _mean((slopes.by_ends @ moved[layout.places[layout.beside]])[:, 0])
-        responses[:, 2, moving] += inclined
-        if self.before is not None:
-            # The displacement is relative to the place, which moves along its member.
-            responses[load_points, 0, moving.start + load_points] -= 1.0
+        responses[:, 2, moving] += _mean(changed[:, None] * longer[layout.beside])
+        # The displacement is relative to the place, which moves along its member.
+        responses[load_points, 0, moving.start + load_points] -= 1.0
         state = (back @ tangent.unknowns[cut][:, :, None])[..., 0]
         state[:, 2] = _mean(slopes.values)
         return Changes(moved, responses, state, slopes, factored)
@@ -255,8 +236,6 @@ class BentTubes:
     def _displace(self, ways: Array) -> tuple[Array, Array]:
         """Return the changes (u,) of the unknowns by `ways`, at the nodes, and of the tubes."""
         changes = self._changes.unknowns @ ways
-        if self.before is None:
-            return changes, changes
         moved = changes.copy()
         # The displacement is relative to the place, which moves along its member.
         slid = self.lines.axis * ways[self._moving]
@@ -266,8 +245,8 @@ class BentTubes:
 
     def _ways(self, loads: Array, positions: Array) -> Array:
         """Return `ways` (p,), factors on the columns of `_changes`: loads, places, and 1."""
-        before = 0.0 if self.before is None else self.before.loads
-        return np.concatenate([(loads - before).ravel(), positions - self.cuts.places, [1.0]])
+        more = (loads - self.before.loads).ravel()
+        return np.concatenate([more, positions - self.cuts.places, [1.0]])
 
     def displace(self, loads: Array, positions: Array) -> Displaced:
         """Return the linear prediction of the state of the frame."""
@@ -329,24 +308,26 @@ class BentTubes:
         if not self.frame.layout.kept:
             return self
         active = self.structure.frame.layout.active
-        cuts, before = Cuts.of(self.structure, self.members, self.places, active), self.before
-        if before is not None:
-            before = self._convert(before, cuts.frame, True)
-            tangent = linearize(cuts.frame, before.unknowns, before.pull)
-            before = before._replace(pull=tangent.forces.values[:, 0])
+        cuts = Cuts.of(self.structure, self.members, self.places, active)
+        before = self._convert(self.before, cuts.frame, True)
+        tangent = linearize(cuts.frame, before.unknowns, before.pull)
+        before = before._replace(pull=tangent.forces.values[:, 0])
         return replace(self, before=before, cuts=cuts)
 
     def bent_to(self, positions: Array, values: Array) -> BentTubes:
-        """Return these tubes with all blocks deformable, in the state of given `values`."""
+        """Return these tubes with all blocks deformable, in the state `Displaced` of values."""
         active = self.structure.frame.layout.active
         cuts = Cuts.of(self.structure, self.members, positions, active)
-        before = Displaced.of_values(cuts.frame, values)
+        frame = cuts.frame
+        ends = np.cumsum([len(frame.scale), 3 * len(positions), len(frame.length)])
+        if values.shape != (ends[-1],):
+            raise StructureError(f'bent tubes with {values.size} values: must be {ends[-1]}')
+        unknowns, loads, pull = np.split(values, ends[:-1])
+        before = Displaced(unknowns, loads.reshape(-1, 3), pull)
         return replace(self, places=positions, cuts=cuts, before=before)
 
     def bent_like(self, others: BentTubes) -> BentTubes:
         """Return these tubes, linearised about a state taken from the tubes of a similar robot."""
-        if others.before is None:
-            return self
         tubes = self.activated()
         before = others._convert(others.before, tubes.frame, False)
         return replace(tubes, before=before._replace(loads=np.zeros((len(self.members), 3))))
@@ -357,18 +338,6 @@ class BentTubes:
         for blocks in self.tangent.kept[0]:
             blocks.complete(completed)
         return completed
-
-    def bend(self, loads: Array, positions: Array) -> BentTubes:
-        """Return the tubes linearised about their equilibrium under loads."""
-        bent = self
-        for _ in range(MAX_SEARCH_STEPS):
-            if bent.distance(loads, positions) <= ROUNDING:
-                return bent
-            bent = bent.update(loads, positions)
-        raise StructureError(
-            f'no equilibrium of the bent tubes was found in {MAX_SEARCH_STEPS} steps: '
-            'the loads must be smaller'
-        )
 
     def changes(self, loads: Array, positions: Array) -> tuple[Array, Array, Array]:
         """
@@ -399,10 +368,8 @@ class BentTubes:
     def _force_changes(self, ways: Array, changes: Array) -> tuple[Array, Array]:
         """Return the changes of `EndForces.values` (p, 3) and chord lengths (p,) by `ways`."""
         forces, longer = self.tangent.force_changes(self.frame.displacements(changes)[..., None])
-        forces = forces[..., 0]
-        if self.before is not None:
-            forces += self.tangent.length_rates * (self.cuts.longer @ ways[self._moving])[:, None]
-        return forces, longer[:, 0]
+        slid = (self.cuts.longer @ ways[self._moving])[:, None]
+        return forces[..., 0] + self.tangent.length_rates * slid, longer[:, 0]
 
     def section_changes(self, changes: Array) -> tuple[Array, Array, Array]:
         """Return `changes` by p changes of sections, times `share`; no tubes must be kept."""

@@ -138,7 +138,9 @@ def test_tubes_with_a_load_beside_a_guide_ring_bend_as_the_robot_does(away):
     load = np.array([[10.0, 40.0, 1.0]])
     x, y = (tubes.lines.axis * (10.0 + 40.0j)).view(float)
     wanted = deform(TRIANGLE, {}, tube_loads={LEG: [(place[0], x, y, 1.0)]}).state.displacements
-    moved = tubes.bend(load, place).displacements(load, place)[:-1]
+    for _ in range(8):
+        tubes = tubes.update(load, place)
+    moved = tubes.displacements(load, place)[:-1]
     assert moved == pytest.approx(wanted[:-1], abs=1e-8)
 
 
