@@ -107,7 +107,12 @@ class GraspRequirements:
             )
 
     def find_loads(self, grasp: HeldGrip) -> dict[str, float]:
-        """Return the loads of a grasp by the names of the requirements that bound them."""
+        """
+        Return the loads of a grasp by the names of the requirements that bound them.
+
+        :param grasp: equilibrium of the object.
+        :raises RequirementError: a load exceeds its bound.
+        """
         loads = {
             'max_contact_force': float(grasp.normal_forces.max()),
             'max_total_force': float(grasp.normal_forces.sum()),
@@ -118,15 +123,22 @@ class GraspRequirements:
         return loads
 
     def check_bound(self, name: str, value: float) -> None:
-        """Raise RequirementError if a value violates its bound `min_...` or `max_...`."""
+        """
+        Raise RequirementError if a value violates its bound.
+
+        :param name: name of the requirement, with prefix `min_` or `max_`.
+        :param value: value of the grasp.
+        :raises RequirementError: the value is beyond the bound.
+        """
         bound = getattr(self, name)
         if value > bound if name.startswith('max_') else value < bound:
             raise RequirementError(name, value, bound)
 
     def rate_grip(self, grip: ClosedGrip, shortness: float) -> float:
         """
-        Return the score of an admissible grip; a larger score is better.
+        Return the score of a grip; a larger score is better.
 
+        :param grip: admissible grip.
         :param shortness: score if the criterion is the roller travel, larger for a shorter path.
         """
         if grip.chance is not None:
