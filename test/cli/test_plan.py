@@ -100,7 +100,7 @@ def test_ends_at_the_time_limit(capsys):
 @pytest.mark.parametrize(
     ('options', 'words'),
     [
-        (['--diameter', '-1'], "the object's diameter -1.0 m: must be positive"),
+        (['--diameter', '-1'], "the object's diameter -1.0 m: must be from"),
         (['--robot', 'nobody'], 'nobody'),
         (['--members', 'north/Z-R', 'north/Q'], "members 'north/Q': robot nine_member has no"),
         (['--rollers', '1', '2'], 'must be 6 finite numbers'),

@@ -83,7 +83,7 @@ def test_example_of_the_docs_runs(client, capsys):
     [
         ('x,y\n1,2\n', [], "row 2: 'diameter'; must have numbers x, y, diameter"),
         ('x,y,diameter\n1,2,3\n1,two,3\n', [], 'row 3: could not convert string to float'),
-        ('x,y,diameter\n1,2,-3\n', [], "row 2: the object's diameter -3.0 m: must be positive"),
+        ('x,y,diameter\n1,2,-3\n', [], "row 2: the object's diameter -3.0 m: must be from"),
         ('', [], 'no objects below the header'),
         ('x,y,diameter\n1,2,3\n', ['--friction', '-1'], 'friction'),
     ],

@@ -15,10 +15,10 @@ from typing import NamedTuple
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.model.pose import MAX_FRICTION, MAX_MASS, Pose, pose_fault
 from isotruss_ros.core.model.shapes import Disc, Shape, SurfacePoints
-from isotruss_ros.core.model.units import likely_unit
+from isotruss_ros.core.model.units import check_range
 from isotruss_ros.core.numerics.arrays import Array, finite_array, MAX_MAGNITUDE, Points
 from isotruss_ros.core.numerics.records import Record
-from isotruss_ros.core.numerics.tolerances import COINCIDENCE
+from isotruss_ros.core.numerics.tolerances import COINCIDENCE, ROUNDING
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -69,15 +69,8 @@ class ConvexObject(Record, headline=('shape', 'pose', 'mass', 'center_of_mass', 
             raise GraspError(f"the object's pose {tuple(self.pose)}: {fault}")
         object.__setattr__(self, 'arm', self.shape.perimeter / (2.0 * math.pi))
         if self.mass is not None:
-            (mass,) = finite_array([self.mass], 1, "the object's mass [kg]", GraspError)
-            if mass <= 0.0:
-                raise GraspError(f"the object's mass {self.mass!r} kg: must be positive")
-            if mass > MAX_MASS:
-                hint = likely_unit(float(mass), 'kg', 0.0, MAX_MASS)
-                raise GraspError(
-                    f"the object's mass {mass:g} kg: must be at most {MAX_MASS:g} kg{hint}"
-                )
-            object.__setattr__(self, 'mass', float(mass))
+            mass = check_range(self.mass, "the object's mass", 'kg', ROUNDING, MAX_MASS)
+            object.__setattr__(self, 'mass', mass)
         if self.center_of_mass is not None:
             x, y = finite_array(
                 self.center_of_mass, 2, 'center_of_mass (x, y) in the object [m]', GraspError
@@ -192,11 +185,7 @@ def _copy_with(body: ConvexObject, **fields: object) -> ConvexObject:
 
 def check_friction(value: float, what: str = 'friction') -> float:
     """Return a checked coefficient of friction [-]."""
-    (friction,) = finite_array([value], 1, what, GraspError).tolist()
-    if not 0.0 <= friction <= MAX_FRICTION:
-        hint = likely_unit(friction, '', 0.0, MAX_FRICTION)
-        raise GraspError(f'{what} {value!r}: must be from 0 to {MAX_FRICTION:g}{hint}')
-    return float(friction)
+    return check_range(value, what, '', 0.0, MAX_FRICTION)
 
 
 class SegmentGaps(NamedTuple):

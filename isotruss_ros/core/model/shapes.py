@@ -18,10 +18,9 @@ from functools import cached_property
 import math
 from typing import ClassVar, NamedTuple
 
-from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.model.pose import MAX_SIZE, MIN_DIAMETER
-from isotruss_ros.core.model.units import likely_unit
-from isotruss_ros.core.numerics.arrays import Array, finite_array, Indices, Points
+from isotruss_ros.core.model.units import check_range
+from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.numerics.tolerances import NEGLIGIBLE_SHARE
 import numpy as np
 
@@ -249,16 +248,9 @@ class Disc(Shape):
 
     def __post_init__(self) -> None:
         """Check the diameter."""
-        (size,) = finite_array([self.diameter], 1, "the object's diameter [m]", GraspError)
-        if size <= 0.0:
-            raise GraspError(f"the object's diameter {self.diameter!r} m: must be positive")
-        if not MIN_DIAMETER <= size <= MAX_SIZE:
-            hint = likely_unit(float(size), 'm', MIN_DIAMETER, MAX_SIZE)
-            raise GraspError(
-                f"the object's diameter {size:g} m: must be from {MIN_DIAMETER:g} to "
-                f'{MAX_SIZE:g} m{hint}'
-            )
-        object.__setattr__(self, 'diameter', float(size))
+        limits = MIN_DIAMETER, MAX_SIZE
+        size = check_range(self.diameter, "the object's diameter", 'm', *limits)
+        object.__setattr__(self, 'diameter', size)
 
     @cached_property
     def perimeter(self) -> float:

@@ -108,7 +108,7 @@ def test_tangent_object_touches_both_members(robot, rng, number):
     [
         ('main/T', 10.0, 'does not fit between the members at module main/T'),
         ('main/T', 1e-6, 'does not fit between the members'),
-        ('main/T', -1.0, 'must be positive'),
+        ('main/T', -1.0, 'must be from'),
         ('main/W', 0.2, 'has no such module'),
     ],
 )

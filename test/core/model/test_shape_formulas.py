@@ -30,7 +30,7 @@ def test_the_ends_of_an_arc_whose_center_is_outside_are_within_reach():
 @pytest.mark.parametrize(
     ('center', 'size', 'words'),
     [
-        ((0.0, 0.0), 0.0, 'must be positive'),
+        ((0.0, 0.0), 0.0, 'must be from'),
         ((0.0, 0.0), 0.99 * MIN_DIAMETER, 'must be from'),
         ((0.0, 0.0), 1.01 * MAX_SIZE, 'must be from'),
         ((1.01 * MAX_DISTANCE, 0.0), 0.1, 'must be within'),

@@ -137,7 +137,7 @@ def test_arcs_may_take_whole_sides(half, angle):
 @pytest.mark.parametrize(
     ('make', 'words'),
     [
-        (lambda: Disc(-1.0), 'positive'),
+        (lambda: Disc(-1.0), 'must be from'),
         (lambda: Ellipse((0.1, 0.0)), 'semi_axes'),
         (lambda: Ellipse((0.1, 1e-5)), 'factor'),
         (lambda: ConvexObject('box'), 'must be a Disc'),

@@ -125,7 +125,7 @@ def path(*poses):
         ({'frame': 'map'}, "object pose in frame 'map': must be in 'truss'"),
         ({'center': (math.nan, 0.0)}, 'centre .*nan, 0.0.: must be 2 finite'),
         ({'center': (1e300, 0.0)}, 'pose .*1e[+]300, .*: must be within'),
-        ({'object_diameter': -0.3}, 'diameter -0.3 m: must be positive'),
+        ({'object_diameter': -0.3}, 'diameter -0.3 m: must be from'),
         ({'external_wrench': torque(math.nan)}, 'must be 3 finite numbers'),
         ({'object_pose': PoseStamped()}, 'object_pose: missing'),
         (
@@ -355,7 +355,7 @@ def test_refuses_a_goal_while_it_searches(planner):
 def test_a_bad_goal_is_aborted_with_the_reason(planner):
     status, result = ended(planner, planner.send_goal(goal(object_diameter=-0.3)))
     assert (status, result.code) == (GoalStatus.STATUS_ABORTED, Result.BAD_GOAL)
-    assert 'diameter -0.3 m: must be positive' in result.message
+    assert 'diameter -0.3 m: must be from' in result.message
     assert planner.searcher.begun is None
 
 
