@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, wait
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 import time
 
 from isotruss_ros.core.chance.uncertainty import Uncertainty
@@ -107,52 +107,50 @@ def plan_grasps(
     return search.plan()
 
 
+@dataclass(eq=False)
 class _Search:
-    """State of a search; its parameters are those of `plan_grasps`."""
+    """State of a search; its first fields are the parameters of `plan_grasps`."""
 
-    def __init__(
-        self,
-        config: Configuration,
-        needs: GraspRequirements,
-        executor: Executor | None,
-        on_progress: Callable[[Progress], None] | None,
-        should_stop: Callable[[], bool] | None,
-    ) -> None:
-        self._config, self._needs, self._executor = config, needs, executor
-        self._on_progress, self._should_stop = on_progress, should_stop
-        self._began = time.perf_counter()
-        self._grasps: list[PlannedGrasp] = []
-        self._judged = self._known = 0
-        self.stopped, self.tally = False, SearchTally()
+    config: Configuration
+    needs: GraspRequirements
+    executor: Executor | None
+    on_progress: Callable[[Progress], None] | None
+    should_stop: Callable[[], bool] | None
+    began: float = field(default_factory=time.perf_counter)
+    grasps: list[PlannedGrasp] = field(default_factory=list)
+    judged: int = 0  #: number of judged candidates
+    known: int = 0  #: number of candidates of all rounds begun so far
+    stopped: bool = False
+    tally: SearchTally = field(default_factory=SearchTally)
 
     def judge(self, closings: list[Closing], thorough: bool) -> None:
         """Compute grasps from seeds; stop when enough are found, unless `thorough`."""
-        self._known += len(closings)
+        self.known += len(closings)
         self._report()
         for grasp, tally in self._judge_each(closings):
-            self._judged += 1
+            self.judged += 1
             self.tally.add(tally)
             if grasp is not None:
                 # The result refers to the caller's robot, not to a copy from another process.
-                points, robot = grasp.config.points, self._config.robot
+                points, robot = grasp.config.points, self.config.robot
                 config = Configuration(robot, grasp.roller_positions, points)
-                self._grasps.append(replace(grasp, config=config))
+                self.grasps.append(replace(grasp, config=config))
             self._report()
-            if not thorough and len(self.best()) >= self._needs.count:
+            if not thorough and len(self.best()) >= self.needs.count:
                 return
 
     def best(self) -> list[PlannedGrasp]:
         """Return the distinct grasps found so far, best first."""
-        same = EQUALITY_SHARE * self._config.robot.home.member_lengths.mean()
+        same = EQUALITY_SHARE * self.config.robot.home.member_lengths.mean()
         distinct: list[PlannedGrasp] = []
-        for grasp in sorted(self._grasps, key=lambda grasp: -grasp.score):
+        for grasp in sorted(self.grasps, key=lambda grasp: -grasp.score):
             if not any(
                 grasp.members == other.members
                 and np.abs(grasp.path[-1] - other.path[-1]).max() < same
                 for other in distinct
             ):
                 distinct.append(grasp)
-        return distinct[: self._needs.count]
+        return distinct[: self.needs.count]
 
     def plan(self) -> GraspPlan:
         """Return the plan with the grasps found so far."""
@@ -163,21 +161,21 @@ class _Search:
             None if best else tally.closest,
             tally.evaluations + tally.analyses,
             tally.analyses,
-            time.perf_counter() - self._began,
+            time.perf_counter() - self.began,
         )
 
     def _judge_each(
         self, closings: list[Closing]
     ) -> Iterator[tuple[PlannedGrasp | None, SearchTally]]:
         """Yield the results of the seeds in their order, until the search is stopped."""
-        if self._executor is None:
+        if self.executor is None:
             for closing in closings:
                 if self._check_stop():
                     return
-                yield judge_candidate(self._config, closing, self._needs)
+                yield judge_candidate(self.config, closing, self.needs)
             return
         futures = [
-            self._executor.submit(judge_candidate, self._config, closing, self._needs)
+            self.executor.submit(judge_candidate, self.config, closing, self.needs)
             for closing in closings
         ]
         try:
@@ -192,21 +190,21 @@ class _Search:
 
     def _report(self) -> None:
         """Pass the progress of the search to its callback."""
-        if self._on_progress is None:
+        if self.on_progress is None:
             return
-        share = self._judged / self._known if self._known else 0.0
-        spent = time.perf_counter() - self._began
-        self._on_progress(
+        share = self.judged / self.known if self.known else 0.0
+        spent = time.perf_counter() - self.began
+        self.on_progress(
             Progress(
                 self.tally.evaluations + self.tally.analyses,
                 len(self.best()),
-                max((grasp.score for grasp in self._grasps), default=None),
+                max((grasp.score for grasp in self.grasps), default=None),
                 share,
                 spent * (1.0 / share - 1.0) if share else None,
             )
         )
 
     def _check_stop(self) -> bool:
-        if self._should_stop is not None:
-            self.stopped = self.stopped or self._should_stop()
+        if self.should_stop is not None:
+            self.stopped = self.stopped or self.should_stop()
         return self.stopped
