@@ -30,6 +30,7 @@ from isotruss_ros.core import (
     Uncertainty,
 )
 from isotruss_ros.core.chance.drawn_grips import changed_grip
+from isotruss_ros.core.errors import ConfigurationError
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.held_gradient import GraspParameters
 from isotruss_ros.core.holding.held_grip import HeldGrip
@@ -83,15 +84,18 @@ def held_share(settled: SettledGrasp, uncertainty: Uncertainty, seed: int) -> fl
     """Return the share of drawn equilibria in which the object is held."""
     grip, rng = settled.equilibrium, np.random.default_rng(seed)
     column = GraspParameters.of(grip.config).friction
-    covariance, held = uncertainty.covariance(grip), 0
+    covariance, held = uncertainty.covariance(grip), []
     for change in rng.multivariate_normal(np.zeros(len(covariance)), covariance, DRAWS):
         try:
             drawn = changed_grip(grip, change)
+        except ConfigurationError:  # the robot has a configuration
+            continue
         except IsotrussError:
+            held.append(False)
             continue
         friction = max(settled.friction + change[column], 0.0)
-        held += assess_equilibrium(drawn.statics.body.pose, drawn, friction).held
-    return held / DRAWS
+        held.append(assess_equilibrium(drawn.statics.body.pose, drawn, friction).held)
+    return float(np.mean(held))
 
 
 def _calibration() -> Table:

@@ -15,7 +15,7 @@ import math
 
 from isotruss_ros.core.chance.criteria import rest_criteria, scaled
 from isotruss_ros.core.chance.first_order import find_failure, violation_probability
-from isotruss_ros.core.errors import IsotrussError
+from isotruss_ros.core.errors import ConfigurationError, GraspError, IsotrussError
 from isotruss_ros.core.holding.attach_grip import attach_grip
 from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.held_gradient import GraspParameters
@@ -67,7 +67,11 @@ def draw_held(
     seed: int,
     on_progress: Callable[[float], None] | None = None,
 ) -> Array:
-    """Return for each sample the probability that its friction suffices; zero if not held."""
+    """
+    Return for each sample the probability that its friction suffices; zero if not held.
+
+    Samples without a configuration are left out, because the robot has one.
+    """
     grip, columns = settled.equilibrium, GraspParameters.of(settled.equilibrium.config)
     rng = np.random.default_rng(seed)
     normal = rng.standard_normal((samples, len(covariance)))
@@ -87,13 +91,19 @@ def draw_held(
     for i, change in enumerate(changes):
         try:
             drawn = changed_grip(grip, change)
-        except IsotrussError:  # no equilibrium or no configuration
+        except ConfigurationError:
+            held[i] = np.nan
+            continue
+        except IsotrussError:  # no equilibrium
             continue
         finally:
             if on_progress is not None:
                 on_progress((i + 1) / samples)
         if assess_equilibrium(drawn.statics.body.pose, drawn, math.inf).held:
             held[i] = scipy.special.ndtr((settled.friction - drawn.required_friction) / deviation)
+    held = held[~np.isnan(held)]
+    if not len(held):
+        raise GraspError('no sample has a configuration: the roller offsets must deviate less')
     return held
 
 

@@ -179,7 +179,7 @@ class Uncertainty:
             chance,
             probability=float(held.mean()),
             method='samples',
-            standard_error=float(held.std() / math.sqrt(samples)),
+            standard_error=float(held.std() / math.sqrt(len(held))),
             reliability=float(scipy.special.ndtri(held.mean())),
         )
 

@@ -4,19 +4,26 @@
 """Probability that an object is held, against exact equilibria and against differences."""
 
 from dataclasses import replace
+import itertools
 from pathlib import Path
 
 from carries import make_robot, place
 from held_grips import APART, BOX
 from isotruss_ros import core
+from isotruss_ros.core.chance import drawn_grips
 from isotruss_ros.core.chance.criteria import rest_criteria
 from isotruss_ros.core.chance.drawn_grips import changed_grip
 from isotruss_ros.core.chance.first_order import find_failure
-from isotruss_ros.core.errors import GraspError, ObjectFileError, RobotFileError
+from isotruss_ros.core.errors import (
+    ConfigurationError,
+    GraspError,
+    ObjectFileError,
+    RobotFileError,
+)
 from isotruss_ros.core.holding.settle_grasp import assess_equilibrium
 import numpy as np
 import pytest
-from scipy.stats import multivariate_normal
+from scipy.stats import multivariate_normal, norm
 
 HOME = core.load_robot('nine_member').home
 #: The robot after calibration, with a disc whose size and pose are known well.
@@ -143,6 +150,29 @@ def test_friction_alone_decides_by_its_normal_distribution():
     settled = settle()
     sigmas = (settled.friction - settled.required_friction) / 0.1
     assert settled.chance(known).reliability == pytest.approx(sigmas)
+
+
+def test_samples_without_a_configuration_are_left_out(monkeypatch):
+    settled, numbers = settle(), itertools.count()
+
+    def every_second(grip, change):
+        if next(numbers) % 2:
+            raise ConfigurationError('too far')
+        return grip
+
+    monkeypatch.setattr(drawn_grips, 'changed_grip', every_second)
+    sigmas = (settled.friction - settled.required_friction) / CALIBRATED.friction
+    chance = settled.chance(CALIBRATED, samples=10)
+    assert chance.probability == pytest.approx(norm.cdf(sigmas))
+
+
+def test_offsets_without_any_configuration_are_refused(monkeypatch):
+    def fail(grip, change):
+        raise ConfigurationError('too far')
+
+    monkeypatch.setattr(drawn_grips, 'changed_grip', fail)
+    with pytest.raises(GraspError, match='the roller offsets must deviate less'):
+        settle().chance(CALIBRATED, samples=3)
 
 
 def test_without_uncertainty_the_chance_is_one_or_zero():
