@@ -97,24 +97,24 @@ def fit_beam(
         missing points.
     """
     tight = dict.fromkeys(('xtol', 'ftol', 'gtol'), 1e-14)
-    found = _search(modes, lengths, pressures, stiffnesses, radius, **tight)
-    _require_determined(found.jac)
-    width = half_widths(found.jac, found.fun)
+    solution = _search(modes, lengths, pressures, stiffnesses, radius, **tight)
+    _require_determined(solution.jac)
+    width = half_widths(solution.jac, solution.fun)
     # A constant without effect on the stiffnesses is unbounded.
-    width = np.where(np.linalg.norm(found.jac, axis=0) > MIN_SINGULAR_RATIO, width, np.inf)
-    constants = np.exp(found.x)
+    width = np.where(np.linalg.norm(solution.jac, axis=0) > MIN_SINGULAR_RATIO, width, np.inf)
+    constants = np.exp(solution.x)
     if constants.max() > MAX_MAGNITUDE:
         raise MeasurementError(
             f'{BeamConstants._fields[constants.argmax()]} = {constants.max():g}: must be at most '
             f'{MAX_MAGNITUDE:g}, as in a robot file; are the units SI?'
         )
     with np.errstate(over='ignore'):
-        low, high = np.exp(found.x - width), np.exp(found.x + width)
+        low, high = np.exp(solution.x - width), np.exp(solution.x + width)
     misfits = {
-        MODES[mode]: float(np.sqrt(np.mean(found.fun[modes == mode] ** 2)))
+        MODES[mode]: float(np.sqrt(np.mean(solution.fun[modes == mode] ** 2)))
         for mode in np.unique(modes)
     }
-    best, least, most = (BeamConstants(*map(float, each)) for each in (constants, low, high))
+    best, least, most = (BeamConstants(*map(float, values)) for values in (constants, low, high))
     return FittedBeam(radius, best, least, most, misfits)
 
 

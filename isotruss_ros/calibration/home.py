@@ -57,36 +57,36 @@ def calibrate_home(
     """
     joints = [place for posture in postures for place in posture.joints.values()]
     finite_rows(joints, 2, 'measured joints (x, y) [m]', MeasurementError, MAX_MAGNITUDE)
-    known = {name for posture in postures for name in posture.joints}
-    for name in known:
+    measured = {name for posture in postures for name in posture.joints}
+    for name in measured:
         check_joint(robot, name)
-    if len(known) < MIN_JOINTS:
+    if len(measured) < MIN_JOINTS:
         raise MeasurementError(
-            f'joints {", ".join(sorted(known)) or "none"}: must be {MIN_JOINTS} or more'
+            f'joints {", ".join(sorted(measured)) or "none"}: must be {MIN_JOINTS} or more'
         )
     if not 0.0 < deviation < math.inf:
         raise MeasurementError(f'deviation {deviation!r} m: must be a positive number')
     try:
         jacobian = home_jacobian(robot, postures)
-        _require_determined(robot, sorted(known), jacobian)
-        found = fit_home(robot, postures)
+        _require_determined(robot, sorted(measured), jacobian)
+        fit = fit_home(robot, postures)
     except ConfigurationError as error:
         text = f'the joints fit no shape of the robot: {error}'
         raise MeasurementError(find_mistake(robot, postures, deviation) or text) from error
-    _refuse_misfit(robot, postures, found, deviation)
-    errors = found.residuals.ravel()
-    free = len(errors) - len(found.offsets)
+    _refuse_misfit(robot, postures, fit, deviation)
+    errors = fit.residuals.ravel()
+    free = len(errors) - len(fit.offsets)
     scatter = float(np.sqrt(errors @ errors / free)) if free else 0.0
-    spread = np.linalg.inv(found.jacobian.T @ found.jacobian)
+    spread = np.linalg.inv(fit.jacobian.T @ fit.jacobian)
     return HomeCalibration(
-        found.offsets,
+        fit.offsets,
         max(deviation, scatter) * np.sqrt(np.diag(spread)),
-        found.residuals,
-        move_home(robot, found.offsets),
+        fit.residuals,
+        move_home(robot, fit.offsets),
     )
 
 
-def _require_determined(robot: Robot, known: Sequence[str], jacobian: Array) -> None:
+def _require_determined(robot: Robot, measured: Sequence[str], jacobian: Array) -> None:
     """Raise MeasurementError if joints do not determine the offsets, naming joints that would."""
     values, modes = np.linalg.svd(jacobian)[1:]
     if len(values) == jacobian.shape[1] and values[-1] >= MIN_SINGULAR_RATIO * values[0]:
@@ -95,19 +95,19 @@ def _require_determined(robot: Robot, known: Sequence[str], jacobian: Array) -> 
     names = robot.topology.joint_names
     most = names[int(np.hypot.reduce(nodes[: len(names)], axis=1).argmax())]
     raise MeasurementError(
-        f'joints {", ".join(known)}: they do not determine all roller offsets; measure joint '
+        f'joints {", ".join(measured)}: they do not determine all roller offsets; measure joint '
         f'{most} as well, or more postures'
     )
 
 
 def _refuse_misfit(
-    robot: Robot, postures: Sequence[Posture], found: HomeFit, deviation: float
+    robot: Robot, postures: Sequence[Posture], fit: HomeFit, deviation: float
 ) -> None:
     """Raise MeasurementError if the residual of a joint far exceeds the measurement noise."""
-    worst = found.worst(deviation)
+    worst = fit.worst(deviation)
     if worst is None:
         return
-    names = [(number, name) for number, each in enumerate(postures) for name in each.joints]
+    names = [(number, name) for number, posture in enumerate(postures) for name in posture.joints]
     (number, name), off = names[worst[0]], worst[1]
     raise MeasurementError(
         find_mistake(robot, postures, deviation)

@@ -29,15 +29,19 @@ def find_mistake(robot: Robot, postures: Sequence[Posture], deviation: float) ->
     :param deviation: standard deviation of a measured coordinate [m].
     :return: sentence with the mistake and its correction.
     """
-    found = {}
+    squares = {}
     for text, corrected in _corrections(robot, postures):
         try:
             fit = fit_home(robot, corrected)
         except ConfigurationError:
             continue
         if _is_overdetermined(fit.jacobian) and fit.worst(deviation) is None:
-            found[text] = float((fit.residuals**2).sum())
-    return min(found, key=found.__getitem__) if found else _moved_frame(robot, postures, deviation)
+            squares[text] = float((fit.residuals**2).sum())
+    return (
+        min(squares, key=squares.__getitem__)
+        if squares
+        else _moved_frame(robot, postures, deviation)
+    )
 
 
 def _is_overdetermined(jacobian: Array) -> bool:
@@ -49,23 +53,23 @@ def _corrections(robot: Robot, postures: Sequence[Posture]) -> Iterator[tuple[st
     """Yield possible mistakes as sentences, each with postures that are corrected for it."""
     for unit, size in UNITS.items():
         text = f'the markers are in {unit}: give them in m'
-        yield text, [_scaled(each, size) for each in postures]
+        yield text, [_scaled(posture, size) for posture in postures]
         text = f'the encoders read in {unit}: give roller positions in m'
-        yield text, [_read(each, size * each.roller_positions) for each in postures]
-    measured = sorted({name for each in postures for name in each.joints})
+        yield text, [_read(posture, size * posture.roller_positions) for posture in postures]
+    measured = sorted({name for posture in postures for name in posture.joints})
     for one, other in itertools.combinations(measured, 2):
         names = {one: other, other: one}
         text = f'the names of the markers of joints {one} and {other} are swapped'
-        yield text, [_with_names(each, names) for each in postures]
-    rollers, own = robot.roller_names, np.arange(len(robot.roller_names))
-    for i, j in itertools.combinations(own, 2):
-        order = np.where(own == i, j, np.where(own == j, i, own))
+        yield text, [_with_names(posture, names) for posture in postures]
+    rollers, numbers = robot.roller_names, np.arange(len(robot.roller_names))
+    for i, j in itertools.combinations(numbers, 2):
+        order = np.where(numbers == i, j, np.where(numbers == j, i, numbers))
         text = f'the names of the encoders of {rollers[i]} and {rollers[j]} are swapped'
-        yield text, [_read(each, each.roller_positions[order]) for each in postures]
+        yield text, [_read(posture, posture.roller_positions[order]) for posture in postures]
     for i, name in enumerate(rollers):
         text = f'the encoder of {name} counts the other way: change its sign'
-        signs = np.where(own == i, -1.0, 1.0)
-        yield text, [_read(each, signs * each.roller_positions) for each in postures]
+        signs = np.where(numbers == i, -1.0, 1.0)
+        yield text, [_read(posture, signs * posture.roller_positions) for posture in postures]
 
 
 def _scaled(posture: Posture, size: float) -> Posture:
@@ -84,7 +88,7 @@ def _with_names(posture: Posture, names: Mapping[str, str]) -> Posture:
 
 def _moved_frame(robot: Robot, postures: Sequence[Posture], deviation: float) -> str:
     """Return a sentence about a moved tracker frame if this explains the residuals, or ''."""
-    if 2 * sum(len(each.joints) for each in postures) < len(robot.roller_names) + 3:
+    if 2 * sum(len(posture.joints) for posture in postures) < len(robot.roller_names) + 3:
         return ''
     try:
         fit = fit_home(robot, postures, moved=True)

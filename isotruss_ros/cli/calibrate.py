@@ -84,16 +84,16 @@ def _run(
 
 def _calibrate_home(options: argparse.Namespace) -> None:
     robot = load_robot(options.robot)
-    found = calibrate_home(robot, read_postures(options.joints, robot), options.deviation)
+    calibrated = calibrate_home(robot, read_postures(options.joints, robot), options.deviation)
     print('roller    offset [mm]')
     for name, offset, sure in zip(
-        robot.roller_names, found.offsets, found.deviations, strict=True
+        robot.roller_names, calibrated.offsets, calibrated.deviations, strict=True
     ):
         print(f'{name:10s} {1e3 * offset:+7.2f} +- {1e3 * sure:.2f}')
-    rms = float(np.sqrt((found.residuals**2).mean()))
+    rms = float(np.sqrt((calibrated.residuals**2).mean()))
     print(f'residual of the joint positions: {1e3 * rms:.2f} mm (RMS)')
     if options.output:
-        write_robot_file(robot, options.output, home=found)
+        write_robot_file(robot, options.output, home=calibrated)
         print(f'{options.output}: written; at home all encoders read zero')
 
 
@@ -106,17 +106,17 @@ def _calibrate_stiffness(options: argparse.Namespace) -> None:
         raise MeasurementError(
             f'{options.under}: encoder readings must be equal to those of {options.before}'
         )
-    found = calibrate_stiffness(
+    calibrated = calibrate_stiffness(
         robot.configuration(before.roller_positions),
         {options.joint: tuple(options.force)},
         before.joints,
         under.joints,
         options.deviation,
     )
-    print(f'stiffness relative to the model: {found.scale:.3f} +- {found.deviation:.3f}')
+    print(f'stiffness relative to the model: {calibrated.scale:.3f} +- {calibrated.deviation:.3f}')
     if options.output:
-        write_robot_file(robot, options.output, stiffness=found)
-        print(f'{options.output}: written; tube.stiffness_scale is {found.scale:.4g}')
+        write_robot_file(robot, options.output, stiffness=calibrated)
+        print(f'{options.output}: written; tube.stiffness_scale is {calibrated.scale:.4g}')
 
 
 def _only_posture(path: Path, postures: Sequence[Posture]) -> Posture:

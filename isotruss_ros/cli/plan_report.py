@@ -32,20 +32,20 @@ def table(plan: GraspPlan, requirements: GraspRequirements) -> Table:
     certain = plan[0].chance is None
     criterion = requirements.measure.value if certain else 'chance'
     columns = {name: column for name, column in COLUMNS.items() if name != 'chance' or not certain}
-    found = Table(title=f'grasps, best first by {criterion}')
-    found.add_column('module')
-    found.add_column('members in contact')
+    report = Table(title=f'grasps, best first by {criterion}')
+    report.add_column('module')
+    report.add_column('members in contact')
     for heading, _, _ in columns.values():
-        found.add_column(heading, justify='right')
+        report.add_column(heading, justify='right')
     if any(grasp.outside_model for grasp in plan.grasps):
-        found.caption = 'moment / wrinkling above 1: a tube wrinkles, outside of the model'
+        report.caption = 'moment / wrinkling above 1: a tube wrinkles, outside of the model'
     for grasp in plan.grasps:
         figures = export_figures(grasp)
         numbers = (
             form.format(factor * figures[name]) for name, (_, factor, form) in columns.items()
         )
-        found.add_row(figures['module'], '\n'.join(figures['members']), *numbers)
-    return found
+        report.add_row(figures['module'], '\n'.join(figures['members']), *numbers)
+    return report
 
 
 def as_json(plan: GraspPlan, robot: Robot) -> dict[str, Any]:

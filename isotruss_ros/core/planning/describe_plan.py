@@ -86,12 +86,12 @@ def plan_in_words(plan: GraspPlan) -> str:
     if not plan.grasps:
         violation = violation_in_words(plan.closest_violation)
         return f'no grasp found in {plan.evaluations} evaluations; {violation}'
-    found = 'one grasp' if len(plan) == 1 else f'{len(plan)} grasps, the best'
+    count = 'one grasp' if len(plan) == 1 else f'{len(plan)} grasps, the best'
     wrinkled = sum(grasp.outside_model for grasp in plan[1:])
     others = f'; a tube wrinkles in {wrinkled} of the others too'
     if not plan[0].outside_model:
         others = f'; in {wrinkled} of the others a tube wrinkles: outside of the model'
-    return f'{found} {_grasp_in_words(plan[0])}{others if wrinkled else ""}'
+    return f'{count} {_grasp_in_words(plan[0])}{others if wrinkled else ""}'
 
 
 def _grasp_in_words(grasp: PlannedGrasp) -> str:

@@ -119,13 +119,13 @@ class _Search:
     began: float = field(default_factory=time.perf_counter)
     grasps: list[PlannedGrasp] = field(default_factory=list)
     judged: int = 0  #: number of judged candidates
-    known: int = 0  #: number of candidates of all rounds begun so far
+    begun: int = 0  #: number of candidates of all rounds begun so far
     stopped: bool = False
     tally: SearchTally = field(default_factory=SearchTally)
 
     def judge(self, closings: list[Closing], thorough: bool) -> None:
         """Compute grasps from seeds; stop when enough are found, unless `thorough`."""
-        self.known += len(closings)
+        self.begun += len(closings)
         self._report()
         for grasp, tally in self._judge_each(closings):
             self.judged += 1
@@ -192,7 +192,7 @@ class _Search:
         """Pass the progress of the search to its callback."""
         if self.on_progress is None:
             return
-        share = self.judged / self.known if self.known else 0.0
+        share = self.judged / self.begun if self.begun else 0.0
         spent = time.perf_counter() - self.began
         self.on_progress(
             Progress(
