@@ -79,7 +79,7 @@ def _press(kernel: Flattening, positions: Array, heights: Array, depth: float) -
     """Return the skin whose contact forces close the gaps under an object at a given depth."""
     count, spacing = len(positions), float(positions[1] - positions[0])
     dents = kernel.compliance(np.arange(count), spacing)
-    forces, _ = solve_complementarity(dents, heights - depth, np.ones(count, dtype=bool))
+    forces, _ = solve_complementarity(dents, heights - depth)
     return PressedSkin(positions, spacing, heights, forces)
 
 

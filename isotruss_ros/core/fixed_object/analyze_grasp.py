@@ -57,8 +57,8 @@ def analyze_grasp(
     :param friction: coefficient of friction between tube and object, not negative. If None, the
         coefficient of the object is used, or 0.5 if the object has none.
     :param external_wrench: (fx, fy, m) on the object about the origin of its frame [N, N m].
-    :param method: 'exact' (the complementarity problem is solved by pivoting) or 'relaxation' (it
-        is solved by the paper's iteration (9)).
+    :param method: 'exact' (the complementarity problem is solved by nonnegative least squares) or
+        'relaxation' (it is solved by the paper's iteration (9)).
     :param spacing: spacing of the contact points along the tubes [m].
     :param pressure: gauge pressure [Pa], given as one number for all tubes, as one number for each
         tube in the order of the robot file, or as a mapping from tube names to pressures. If None,

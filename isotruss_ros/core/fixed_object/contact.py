@@ -16,7 +16,7 @@ from typing import NamedTuple
 from isotruss_ros.core.errors import SolverError
 from isotruss_ros.core.fixed_object.contact_points import ContactPoints
 from isotruss_ros.core.fixed_object.surfaces import Surface
-from isotruss_ros.core.numerics.arrays import Array, Flags, Points
+from isotruss_ros.core.numerics.arrays import Array, Points
 from isotruss_ros.core.numerics.qp import solve_complementarity
 from isotruss_ros.core.numerics.tolerances import (
     MAX_NEWTON_ITERATIONS,
@@ -50,12 +50,11 @@ def solve_contact(
     away = points.points - surface.center
     normals = surface.facing(away, points.axis) if normals is None else normals
     gaps = open_gaps(away, normals, surface)
-    active = _deepest_points(points, gaps)
     # A point beyond a tangent is outside of the object, so the solution for given normals is
     # admissible for the updated normals, whose solution has less or equal energy. Therefore the
     # steps converge, but slowly; `_settle_normals` makes them few.
     for _ in range(MAX_STEPS):
-        pressing, active = solve_complementarity(points.normal_compliance(normals), gaps, active)
+        pressing, active = solve_complementarity(points.normal_compliance(normals), gaps)
         ahead = np.zeros_like(away)
         ahead[active] = _settle_normals(
             points.part(active), away[active], normals[active], gaps[active], surface
@@ -102,10 +101,3 @@ def _settle_normals(
 def open_gaps(away: Points, normals: Points, surface: Surface) -> Array:
     """Return the distances (c,) from tangents of points relative to the centre [m]."""
     return (away * normals.conj()).real - surface.support(normals)
-
-
-def _deepest_points(points: ContactPoints, gaps: Array) -> Flags:
-    """Return a mask (c,) that is true for the deepest points of each member in the object."""
-    deepest = np.full(int(points.member.max(initial=-1)) + 1, np.inf)
-    np.minimum.at(deepest, points.member, gaps)
-    return gaps <= deepest[points.member]

@@ -17,8 +17,8 @@ The active-set search ends after finitely many steps even at degenerate vertices
 active-set solvers fail occasionally. Only SciPy is needed, so the solver is the same with and
 without ROS. Each solution is checked by duality.
 
-The contact problem (8) is such a program with x >= 0 as its only constraint, which is a linear
-complementarity problem (LCP). Block principal pivoting solves it in a few steps.
+The contact problem (8) is such a program with x >= 0 as its only constraint: a linear
+complementarity problem (LCP), which is the nonnegative least squares of a Cholesky factor.
 """
 
 from __future__ import annotations
@@ -30,7 +30,6 @@ from isotruss_ros.core.numerics.arrays import Array, Flags, Indices
 from isotruss_ros.core.numerics.tolerances import (
     COINCIDENCE,
     EPSILON,
-    MAX_SEARCH_STEPS,
     ROUNDING,
     SMALLEST_NORMAL,
 )
@@ -188,55 +187,25 @@ def solve_least_squares(matrix: Array, right: Array) -> Array:
     return lstsq(matrix, right, COINCIDENCE, check_finite=False, lapack_driver='gelsy')[0]
 
 
-def solve_complementarity(compliance: Array, gaps: Array, active: Flags) -> tuple[Array, Flags]:
+def solve_complementarity(compliance: Array, gaps: Array) -> tuple[Array, Flags]:
     """
     Solve the contact LCP f >= 0, g = gaps + compliance @ f >= 0, f g = 0, equations (6) and (8).
 
-    Block principal pivoting (Judice and Pires, 1994) takes a few steps. If it cycles, the problem
-    is solved by nonnegative least squares.
-
     :param compliance: (c, c) compliance, symmetric positive definite [m/N].
     :param gaps: (c,) gaps without contact forces [m].
-    :param active: (c,) mask of the points in contact, as initial guess.
-    :return: forces (c,) [N], and mask (c,) of the points in contact.
+    :return: forces (c,) [N], and mask (c,) of the points with a force.
     """
-    active = active.copy()
-    best, progress_timeout = len(gaps) + 1, MAX_SEARCH_STEPS
-    while True:
-        forces = np.zeros(len(gaps))
-        forces[active] = _closing(compliance, gaps, active)
-        open_gaps = gaps + compliance @ forces
-        wrong = (active & (forces < 0.0)) | (~active & (open_gaps < -0.1 * ROUNDING))
-        count = int(wrong.sum())
-        if count == 0:
-            return forces, active
-        if count < best:
-            best, progress_timeout = count, MAX_SEARCH_STEPS
-        elif progress_timeout == 0:
-            return _by_least_squares(compliance, gaps)
-        progress_timeout -= 1
-        active ^= wrong
-
-
-def _by_least_squares(compliance: Array, gaps: Array) -> tuple[Array, Flags]:
-    """Solve the LCP by nonnegative least squares on the Cholesky factor of the compliance."""
-    try:
-        root = cholesky(compliance)
-        target = solve_triangular(root, -gaps, trans='T')
-        active = scipy.optimize.nnls(root, target, maxiter=100 + 20 * len(gaps))[0] > 0.0
-    except (np.linalg.LinAlgError, RuntimeError) as error:
-        raise SolverError('the complementarity problem was not solved') from error
     forces = np.zeros(len(gaps))
-    forces[active] = np.maximum(_closing(compliance, gaps, active), 0.0)
+    if (gaps < 0.0).any():
+        try:
+            root = cholesky(compliance)
+            target = solve_triangular(root, -gaps, trans='T')
+            active = scipy.optimize.nnls(root, target, maxiter=100 + 20 * len(gaps))[0] > 0.0
+        except (np.linalg.LinAlgError, RuntimeError) as error:
+            raise SolverError(
+                'the complementarity problem was not solved: its matrix must be positive definite'
+            ) from error
+        # With the compliance instead of its factor, the rounding errors are smaller.
+        _, closing, _ = lapack.dposv(compliance[np.ix_(active, active)], -gaps[active])
+        forces[active] = np.maximum(closing, 0.0)
     return forces, forces > 0.0
-
-
-def _closing(compliance: Array, gaps: Array, active: Flags) -> Array:
-    """Return the forces (c,) of any sign that close the gaps at the active points [N]."""
-    indices = np.flatnonzero(active)
-    if not len(indices):
-        return np.zeros(0)
-    _, forces, failed = lapack.dposv(compliance[indices[:, None], indices], -gaps[indices])
-    if failed:
-        raise SolverError('the contact compliance is not positive definite')
-    return forces

@@ -11,13 +11,11 @@ from isotruss_ros.core.fixed_object.contact import solve_contact
 from isotruss_ros.core.fixed_object.contact_points import find_contact_points
 from isotruss_ros.core.fixed_object.relaxation import relax_contact
 from isotruss_ros.core.fixed_object.surfaces import surface_of
-from isotruss_ros.core.numerics import qp
 from isotruss_ros.core.numerics.qp import solve_complementarity
 from isotruss_ros.core.statics.structure import structure_of
 import numpy as np
 import pytest
 import robots
-from scipy.optimize import nnls
 from shapes import circle
 import tubes
 
@@ -35,13 +33,12 @@ generators = robots.generators()
 
 
 def random_problem(rng, count):
-    """Return W [m/N], gaps without forces [m] and a guess, of the sizes that a tube has."""
+    """Return W [m/N] and gaps without forces [m], of the sizes that a tube has."""
     root = rng.normal(size=(count, count))
     spread = 10.0 ** rng.uniform(-1.5, 0.0, count)
     return (
         1e-3 * (root * spread) @ root.T + 1e-9 * np.eye(count),
         1e-2 * rng.normal(size=count),
-        rng.random(count) < rng.random(),
     )
 
 
@@ -54,25 +51,16 @@ def check_complementarity(compliance, gaps, forces, active):
 
 
 @robots.examples(100)
-@given(generators, strategies.integers(1, 40))
-def test_contact_forces_agree_with_nonnegative_least_squares(rng, count):
-    compliance, gaps, guess = random_problem(rng, count)
-    # |R f + R^-T g|^2 with W = R^T R is f W f + 2 f g and a constant.
-    root = np.linalg.cholesky(compliance).T
-    expected = nnls(root, -np.linalg.solve(root.T, gaps), maxiter=1000)[0]
-    exchanged, by_least_squares = (
-        solve_complementarity(compliance, gaps, guess),
-        qp._by_least_squares(compliance, gaps),
-    )
-    for forces, active in (exchanged, by_least_squares):
-        check_complementarity(compliance, gaps, forces, active)
-        assert forces == pytest.approx(expected, rel=1e-5, abs=1e-5 * (1.0 + expected.max()))
+@given(generators, strategies.integers(0, 40))
+def test_contact_forces_and_gaps_are_complementary(rng, count):
+    # For a positive definite matrix there is one solution.
+    compliance, gaps = random_problem(rng, count)
+    check_complementarity(compliance, gaps, *solve_complementarity(compliance, gaps))
 
 
 def test_a_matrix_that_is_not_positive_definite_is_refused():
-    everywhere = np.ones(2, dtype=bool)
     with pytest.raises(SolverError, match='positive definite'):
-        solve_complementarity(-np.eye(2), -np.ones(2), everywhere)
+        solve_complementarity(-np.eye(2), -np.ones(2))
 
 
 # ContactPoints
