@@ -62,7 +62,10 @@ class Record:
         head = ''.join(f'<th>{html.escape(name)}</th>' for name in by_name)
         lines = [
             f'<tr><th>{html.escape(str(key))}</th>'
-            + ''.join(f'<td>{html.escape(_cell(value, key))}</td>' for value in by_name.values())
+            + ''.join(
+                f'<td>{html.escape(_show(value[key]) if key in value else "")}</td>'
+                for value in by_name.values()
+            )
             + '</tr>'
             for key in keys
         ]
@@ -147,10 +150,6 @@ def _names(kind: type[Record]) -> tuple[str, ...]:
 
 def _shown(kind: type[Record]) -> tuple[str, ...]:
     return kind.headline or _names(kind)[:5]
-
-
-def _cell(values: Mapping[str, Any], key: str) -> str:
-    return _show(values[key]) if key in values else ''
 
 
 def _show(value: Any) -> str:

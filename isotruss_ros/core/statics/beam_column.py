@@ -137,16 +137,10 @@ def end_forces(forces: Array, length: Array) -> Array:
     return np.stack([-pull, across, first, pull, -across, second], axis=1)
 
 
-def local_stiffness(
-    length: Array,
-    axial: Array,
-    flexural: Array,
-    shear: Array,
-    pins: tuple[Flags, Flags] | None = None,
-) -> Array:
-    """Return the stiffness matrices (2) in the members' own frames (x from start to end)."""
+def local_stiffness(length: Array, axial: Array, flexural: Array, shear: Array) -> Array:
+    """Return the stiffness matrices (2) of fixed members in their own axes (x to the end)."""
     length, fixed = np.asarray(length, dtype=float), np.zeros(np.shape(length), dtype=bool)
-    columns = BeamColumns.of(length, np.stack([axial, flexural, shear]), pins or (fixed, fixed))
+    columns = BeamColumns.of(length, np.stack([axial, flexural, shear]), (fixed, fixed))
     end_forces = columns.evaluate(np.zeros_like(length), np.zeros((2, len(length))))
     motions = chord_motions(np.ones_like(length, dtype=np.complex128), length)
     core = chord_stiffness(length, end_forces)

@@ -62,14 +62,8 @@ class UnloadedBlocks(NamedTuple):
     def linearize(self, unknowns: Array) -> tuple[Array, Array]:
         """Return the forces (b, t) on the hinges, and their stiffness (b, t, t), turned."""
         turn, strain = self.place(unknowns)
-        count, width = strain.shape
-        turns = np.zeros((count, width // 2, 2, width // 2, 2))
-        numbers = np.arange(width // 2)
-        turns[:, numbers, 0, numbers, 0] = turns[:, numbers, 1, numbers, 1] = turn.real[:, None]
-        turns[:, numbers, 1, numbers, 0], turns[:, numbers, 0, numbers, 1] = (
-            turn.imag[:, None],
-            -turn.imag[:, None],
-        )
+        rotations = np.array([[turn.real, -turn.imag], [turn.imag, turn.real]])
+        turns = np.einsum('nm,ijb->bnimj', np.eye(self.hinges.shape[1]), rotations)
         turns = turns.reshape(self.stiffness.shape)
         turned = turns @ self.stiffness
         return (turned @ strain[:, :, None])[..., 0], turned @ turns.swapaxes(1, 2)
