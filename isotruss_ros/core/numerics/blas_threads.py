@@ -7,7 +7,8 @@ Restriction of this package's linear algebra to one BLAS thread.
 The matrices of a robot have some hundred rows. OpenBLAS distributes their products over all cores;
 the busy waiting of its threads then takes longer than the product. The number of threads is a
 setting of the process. It is set at the beginning of a computation and restored at its end; in the
-meantime it applies to all threads of the user's process. Other BLAS libraries are not changed.
+meantime it applies to all threads of the user's process. Of computations at the same time, the
+first one restores it. Other BLAS libraries are not changed.
 """
 
 from __future__ import annotations
@@ -16,7 +17,6 @@ from collections.abc import Callable
 import ctypes
 import functools
 import itertools
-import threading
 from typing import ParamSpec, TypeVar
 
 import numpy as np
@@ -48,44 +48,18 @@ def _find_libraries() -> list[tuple[Callable[[], int], Callable[[int], None]]]:
     return list(libraries.values())
 
 
-class _OneThread:
-    """Context with one BLAS thread; the last context to end restores the number of threads."""
-
-    def __init__(self) -> None:
-        self._lock = threading.Lock()
-        self._users = 0
-        self._before: list[tuple[Callable[[int], None], int]] = []
-
-    def __enter__(self) -> None:
-        """Set the number of threads to one."""
-        with self._lock:
-            self._users += 1
-            if self._users > 1:
-                return
-            for count, set_count in _find_libraries():
-                if count() > 1:
-                    self._before.append((set_count, count()))
-                    set_count(1)
-
-    def __exit__(self, *_: object) -> None:
-        """Restore the number of threads."""
-        with self._lock:
-            self._users -= 1
-            if self._users == 0:
-                while self._before:
-                    set_count, count = self._before.pop()
-                    set_count(count)
-
-
-_ONE_THREAD = _OneThread()
-
-
 def single_threaded(function: Callable[P, R]) -> Callable[P, R]:
     """Return a decorated function that runs with one BLAS thread."""
 
     @functools.wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> R:
-        with _ONE_THREAD:
+        changed = [(change, count()) for count, change in _find_libraries() if count() > 1]
+        for change, _ in changed:
+            change(1)
+        try:
             return function(*args, **kwargs)
+        finally:
+            for change, before in changed:
+                change(before)
 
     return call
