@@ -248,13 +248,6 @@ class BentTubes:
         more = (loads - self.before.loads).ravel()
         return np.concatenate([more, positions - self.cuts.places, [1.0]])
 
-    def displace(self, loads: Array, positions: Array) -> Displaced:
-        """Return the linear prediction of the state of the frame."""
-        ways, tangent = self._ways(loads, positions), self.tangent
-        moved, changes = self._displace(ways)
-        pull = tangent.forces.values[:, 0] + self._force_changes(ways, changes)[0][:, 0]
-        return Displaced(tangent.unknowns + moved, loads, pull)
-
     def update(
         self, loads: Array, positions: Array, structure: Structure | None = None
     ) -> BentTubes:
@@ -266,7 +259,10 @@ class BentTubes:
         # the error of its extrapolation would turn the part.
         half = 0.5 * self.frame.length[self.frame.layout.beside].reshape(2, -1)
         near = bool((np.abs(cuts.places - self.cuts.places) <= half).all())
-        before = self.displace(loads, cuts.places if near else self.cuts.places)
+        ways, tangent = self._ways(loads, cuts.places if near else self.cuts.places), self.tangent
+        moved, changes = self._displace(ways)
+        pull = tangent.forces.values[:, 0] + self._force_changes(ways, changes)[0][:, 0]
+        before = Displaced(tangent.unknowns + moved, loads, pull)
         if not near or cuts.frame.layout is not self.frame.layout:
             before = self._convert(before, cuts.frame, near)
         same = structure is self.structure
