@@ -40,7 +40,6 @@ from isotruss_ros.core.holding.pressed_contacts import (
     PressedContacts,
 )
 from isotruss_ros.core.kinematics.configuration import Configuration
-from isotruss_ros.core.kinematics.depths import member_lines
 from isotruss_ros.core.model.convex_object import ConvexObject
 from isotruss_ros.core.model.shapes import PLANNED_DEPTH
 from isotruss_ros.core.numerics.arrays import Array, MAX_LOAD, Points
@@ -331,7 +330,7 @@ def build_statics(
     structure = structure_of(config, tubes.pressure)
     starts, straight = facing_lines(config, body, contacts.members)
     points, _ = body.shape.surface_at(contacts.corners, straight * body.turn.conjugate())
-    spans = member_lines(config)[contacts.members, 1] - starts
+    spans = config.points[config.robot.topology.end[contacts.members]] - starts
     length, axis = np.abs(spans), spans / np.abs(spans)
     # The normals point away from the object: left of the member if the object is on its right.
     sides = np.sign((straight * axis.conj()).imag)
