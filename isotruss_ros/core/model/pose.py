@@ -1,16 +1,17 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Poses in the robot frame, and the admissible range of an object's coordinates."""
+"""Poses in the robot frame, and the admissible ranges of an object's numbers."""
 
 from __future__ import annotations
 
 import math
 from typing import NamedTuple
 
+from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.model.robot_schema import plausible_range
 from isotruss_ros.core.model.units import likely_unit
-from isotruss_ros.core.numerics.arrays import Array
+from isotruss_ros.core.numerics.arrays import Array, finite_array
 from isotruss_ros.core.numerics.tolerances import ROUNDING
 import numpy as np
 from numpy.typing import ArrayLike
@@ -57,3 +58,15 @@ def pose_difference(pose: ArrayLike, other: ArrayLike) -> Array:
     away = np.subtract(pose, other)
     away[2] = math.remainder(away[2], 2.0 * math.pi)
     return away
+
+
+def check_range(value: float, what: str, unit: str, low: float, high: float) -> float:
+    """Return a checked number; raise GraspError if it is not finite or not within its range."""
+    (number,) = finite_array([value], 1, f'{what} [{unit}]' if unit else what, GraspError)
+    if not low <= number <= high:
+        shown, limits = (
+            f'{text} {unit}'.rstrip() for text in (repr(value), f'{low:g} to {high:g}')
+        )
+        hint = likely_unit(float(number), unit, low, high)
+        raise GraspError(f'{what} {shown}: must be from {limits}{hint}')
+    return float(number)

@@ -18,8 +18,7 @@ from functools import cached_property
 import math
 from typing import ClassVar, NamedTuple
 
-from isotruss_ros.core.model.pose import MAX_SIZE, MIN_DIAMETER
-from isotruss_ros.core.model.units import check_range
+from isotruss_ros.core.model.pose import check_range, MAX_SIZE, MIN_DIAMETER
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
 from isotruss_ros.core.numerics.tolerances import NEGLIGIBLE_SHARE
 import numpy as np

@@ -1,14 +1,11 @@
 # Copyright 2026 isotruss_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Ranges of values, and guesses of the unit in which a value beyond its range may be given."""
+"""Guesses of the unit in which a value outside of its range may have been given."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-
-from isotruss_ros.core.errors import GraspError
-from isotruss_ros.core.numerics.arrays import finite_array
 
 #: For each SI unit, other forms of the same quantity, with size and offset of their values in the
 #: SI unit.
@@ -46,15 +43,3 @@ def likely_unit(
         if low <= size * value + offset <= high and value != 0.0
     ]
     return f'; {", ".join(fitting)}' if fitting else ''
-
-
-def check_range(value: float, what: str, unit: str, low: float, high: float) -> float:
-    """Return a checked number; raise GraspError if it is not finite or not within its range."""
-    (number,) = finite_array([value], 1, f'{what} [{unit}]' if unit else what, GraspError)
-    if not low <= number <= high:
-        shown, limits = (
-            f'{text} {unit}'.rstrip() for text in (repr(value), f'{low:g} to {high:g}')
-        )
-        hint = likely_unit(float(number), unit, low, high)
-        raise GraspError(f'{what} {shown}: must be from {limits}{hint}')
-    return float(number)
