@@ -15,6 +15,7 @@ from typing import NamedTuple
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.model.pose import check_range, MAX_FRICTION, MAX_MASS, Pose, pose_fault
 from isotruss_ros.core.model.shapes import Disc, Shape, SurfacePoints
+from isotruss_ros.core.model.units import likely_unit
 from isotruss_ros.core.numerics.arrays import Array, finite_array, MAX_MAGNITUDE, Points
 from isotruss_ros.core.numerics.records import Record
 from isotruss_ros.core.numerics.tolerances import COINCIDENCE, ROUNDING
@@ -184,7 +185,11 @@ def _copy_with(body: ConvexObject, **fields: object) -> ConvexObject:
 
 def check_friction(value: float, what: str = 'friction') -> float:
     """Return a checked coefficient of friction [-]."""
-    return check_range(value, what, '', 0.0, MAX_FRICTION)
+    (friction,) = finite_array([value], 1, what, GraspError).tolist()
+    if not 0.0 <= friction <= MAX_FRICTION:
+        hint = likely_unit(friction, '', 0.0, MAX_FRICTION)
+        raise GraspError(f'{what} {value!r}: must be from 0 to {MAX_FRICTION:g}{hint}')
+    return float(friction)
 
 
 class SegmentGaps(NamedTuple):

@@ -62,11 +62,8 @@ def pose_difference(pose: ArrayLike, other: ArrayLike) -> Array:
 
 def check_range(value: float, what: str, unit: str, low: float, high: float) -> float:
     """Return a checked number; raise GraspError if it is not finite or not within its range."""
-    (number,) = finite_array([value], 1, f'{what} [{unit}]' if unit else what, GraspError)
+    (number,) = finite_array([value], 1, f'{what} [{unit}]', GraspError)
     if not low <= number <= high:
-        shown, limits = (
-            f'{text} {unit}'.rstrip() for text in (repr(value), f'{low:g} to {high:g}')
-        )
         hint = likely_unit(float(number), unit, low, high)
-        raise GraspError(f'{what} {shown}: must be from {limits}{hint}')
+        raise GraspError(f'{what} {value!r} {unit}: must be from {low:g} to {high:g} {unit}{hint}')
     return float(number)
