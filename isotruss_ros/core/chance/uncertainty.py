@@ -94,21 +94,20 @@ class Uncertainty:
         :param block: keys and values, or a YAML text with them.
         :raises GraspError: a key is unknown, or a value is out of range.
         """
-        known, given = robot.description.calibration, block
+        calibration, given = robot.description.calibration, block
         if isinstance(given, str):
             given = parse_yaml('uncertainty', given or '{}', 'uncertainties', GraspError)
+        described = {} if body is None else body.uncertainty or {}
         values: dict[str, Any] = {}
-        if 'stiffness_deviation' in known:
-            values['stiffness'] = known['stiffness_deviation']
-        if 'zero_deviations' in known:
-            offsets = [known['zero_deviations'].get(name, 0.0) for name in robot.roller_names]
-            values['offset_covariance'] = np.diag(np.square(offsets))
-        described = None if body is None else body.uncertainty
-        for source in (robot.description.uncertainty, described or {}, given):
+        for source in (robot.description.uncertainty, described, given):
             _check_block(source)
             values.update(source)
-            if 'roller_offset' in source:
-                values.pop('offset_covariance', None)
+        if 'stiffness_deviation' in calibration:
+            values.setdefault('stiffness', calibration['stiffness_deviation'])
+        if 'zero_deviations' in calibration and 'roller_offset' not in values:
+            deviations = calibration['zero_deviations']
+            offsets = [deviations.get(name, 0.0) for name in robot.roller_names]
+            values['offset_covariance'] = np.diag(np.square(offsets))
         return cls(**values)
 
     def covariance(self, grip: HeldGrip, change: Array | float = 0.0) -> Array:
