@@ -27,9 +27,6 @@ from scipy.linalg import lapack
 #: Smallest singular value of a direction that counts as reachable, which is the speed of the
 #: object's surface [m/s] for roller speeds of 1 m/s.
 RANK_TOLERANCE = 1e-5
-#: Basis of all twists.
-IDENTITY = np.eye(3)
-IDENTITY.flags.writeable = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,8 +138,7 @@ class Reach(NamedTuple):
         if squares[0] > 100.0 * RANK_TOLERANCE**2 * max(1.0, squares[-1]):
             opening = np.zeros(len(grip))
             opening[:1] = 1.0
-            everywhere = IDENTITY if count == 3 else np.eye(count)
-            return cls(working, motion, rows, everywhere, weights, opening)
+            return cls(working, motion, rows, np.eye(count), weights, opening)
         mixed, gains, basis = np.linalg.svd(grip, full_matrices=False)
         held = gains > RANK_TOLERANCE
         kept = basis[held]
@@ -180,16 +176,12 @@ def find_task(
     # The twist is scaled so that no finite twist overflows.
     size = max(map(abs, twist.tolist() + opening)) or 1.0
     unit = reach.weights * (twist / size)
-    smallest, status = 0.0, Status.OK
-    if reach.directions is IDENTITY:
-        direction[:3] = unit
-    else:
-        closest = reach.directions.dot(unit)
-        direction[: len(closest)] = closest
-        missed = closest.dot(reach.directions) - unit
-        smallest = ROUNDING * math.sqrt(unit.dot(unit))
-        if math.sqrt(missed.dot(missed)) > smallest:
-            status = Status.UNREACHABLE
+    closest = reach.directions.dot(unit)
+    direction[: len(closest)] = closest
+    missed = closest.dot(reach.directions) - unit
+    smallest = ROUNDING * math.sqrt(unit.dot(unit))
+    reached = math.sqrt(missed.dot(missed)) <= smallest
+    status = Status.OK if reached else Status.UNREACHABLE
     if opening:
         first = len(direction) - len(opening)
         direction[first:] = np.divide(opening, size)
@@ -240,5 +232,6 @@ def _damp(reach: Reach, direction: Array, soft_rank: float) -> bool:
     lost = 1.0 - np.clip(squares / soft_rank**2, 0.0, 1.0)
     # The opening rate alone produces a part of the twist.
     missing = direction[:count] - direction[count:].dot(contacts)
-    direction[:count] -= modes.dot(lost * missing.dot(modes))
-    return True
+    removed = modes.dot(lost * missing.dot(modes))
+    direction[:count] -= removed
+    return bool(np.abs(removed).max() > ROUNDING * np.abs(missing).max())

@@ -104,3 +104,13 @@ def test_nearly_singular_directions_are_reduced_by_the_square_of_the_singular_va
     assert jacobian[:3] @ task.velocities == pytest.approx(expected)
     assert jacobian[3] @ task.velocities == pytest.approx(opening)
     assert task.status is (Status.UNREACHABLE if soft_rank > 0.2 else Status.OK)
+
+
+def test_a_twist_without_nearly_singular_directions_is_reachable():
+    basis = np.linalg.qr(np.random.default_rng(3).standard_normal((6, 6)))[0]
+    modes = np.linalg.qr(np.random.default_rng(4).standard_normal((3, 3)))[0]
+    jacobian = np.vstack([(modes * (1.0, 0.5, 0.2)) @ basis[:3], basis[3]])
+    twist = modes[:, :2] @ (0.4, -0.7)
+    task = find_task(reach_of(jacobian.copy(), 1.0), twist, soft_rank=0.4)
+    assert jacobian[:3] @ task.velocities == pytest.approx(twist)
+    assert task.status is Status.OK
