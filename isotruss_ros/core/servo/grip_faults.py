@@ -46,8 +46,8 @@ class GripFaults:
         self.softening, self._why = 1.0, ''
 
     def fail(self, fault: Status, why: str) -> None:
-        """Store a fault of the grip, unless there is one, and its cause."""
-        if self.fault is None:
+        """Store a fault of the grip and its cause, unless there is one that persists."""
+        if self.fault in (None, Status.HALT_OSCILLATES):
             self.fault, self._why = fault, why
 
     def note(self, squeeze: tuple[float, float] | None = None) -> str:

@@ -113,6 +113,15 @@ def test_a_loss_outranks_a_slip_and_the_first_fault_remains():
     assert grip.softening == 1.0
 
 
+def test_a_loss_during_an_oscillation_is_a_fault():
+    grip = faults()
+    assert shake(grip, 2.0) is not None
+    grip.judge(belief(walked=0.03, jump=0.03), PERIOD, STILL)
+    for _ in range(100):
+        grip.judge(belief(), PERIOD, STILL)
+    assert grip.fault is Status.HALT_NOT_HELD
+
+
 def test_a_short_slip_is_noted_until_half_of_it_is_undone():
     grip = faults()
     grip.judge(belief(), PERIOD, STILL)
