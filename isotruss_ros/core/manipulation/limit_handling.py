@@ -24,7 +24,11 @@ from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.manipulation.limits import Limit, Rows
 from isotruss_ros.core.manipulation.status import Status
 from isotruss_ros.core.manipulation.task import Task
-from isotruss_ros.core.manipulation.twist_qp import least_deviation, maximize_progress, PENALTIES
+from isotruss_ros.core.manipulation.twist_qp import (
+    EXACT_PENALTY,
+    least_deviation,
+    maximize_progress,
+)
 from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.numerics.tolerances import NEGLIGIBLE_SHARE, ROUNDING
 import numpy as np
@@ -86,7 +90,7 @@ def apply_limits(
     farthest, direction = min(asked / unit, 1.0 / NEGLIGIBLE_SHARE), task.direction / gain
     free = task.free / gain
     least = float(free.dot(working.cost.dot(free)))
-    penalty, weight, guess = PENALTIES[0], NEGLIGIBLE_SHARE, None
+    penalty, weight, guess = EXACT_PENALTY, NEGLIGIBLE_SHARE, None
     if handling.regularized:
         penalty = min(penalty, PROGRESS_WEIGHT * max_speed / (unit * gain))
         weight, guess = 1.0 / PROGRESS_WEIGHT, free

@@ -23,14 +23,8 @@ from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.numerics.qp import QuadraticProgram, solve_qp
 import numpy as np
 
-#: Penalties rho relative to |C u|^2 with |u| of order 1, tried one after another [-]. The first
-#: penalty is exact up to rounding. The smaller penalties are for degenerate vertices; they
-#: sacrifice progress.
-PENALTIES = (1e8, 1e6, 1e4, 1e2, 1.0)
-NO_SOLUTION = (
-    'the quadratic program of the manipulation has no solution; '
-    'the configuration is probably close to a singular one'
-)
+#: Penalty rho relative to |C u|^2 with |u| of order 1 that is exact up to rounding [-].
+EXACT_PENALTY = 1e8
 
 
 def maximize_progress(
@@ -40,7 +34,7 @@ def maximize_progress(
     reach: float,
     limited: Rows,
     least: float,
-    penalty: float = PENALTIES[0],
+    penalty: float = EXACT_PENALTY,
 ) -> tuple[Array, float]:
     """
     Return the speeds u with the largest progress s in a direction, at least cost, and s.
@@ -50,22 +44,27 @@ def maximize_progress(
     """
     inequality, lower, upper = limited
     r, count = cost.shape[0], len(inequality)
-    hessian = np.zeros((r + 1, r + 1))
+    hessian, slope = np.zeros((r + 1, r + 1)), np.zeros(r + 1)
     hessian[:r, :r] = cost
-    slope = np.zeros(r + 1)
+    hessian[r, r], slope[r] = penalty / (2.0 * max(reach, 1.0)) - least, -penalty
     rows = np.zeros((2 * count + 2, r + 1))
     rows[:count, :r], rows[count:-2, :r] = inequality, -inequality
     rows[-2, r], rows[-1, r] = 1.0, -1.0
     bounds = np.concatenate([upper, -lower, [reach, 0.0]])
     equations = np.concatenate([equality, -direction[:, None]], axis=1)
     problem = QuadraticProgram(hessian, slope, rows, bounds, equations, np.zeros(len(direction)))
-    # u = 0 is always admissible: the search failed at a degenerate vertex.
-    for rho in [penalty, *(smaller for smaller in PENALTIES if smaller < penalty)]:
-        hessian[r, r], slope[r] = rho / (2.0 * max(reach, 1.0)) - least, -rho
-        solution = solve_qp(problem)
-        if solution is not None:
-            return solution[:r], float(min(max(solution[r], 0.0), reach))
-    raise SolverError(NO_SOLUTION)
+    solution = _require(solve_qp(problem))
+    return solution[:r], float(min(max(solution[r], 0.0), reach))
+
+
+def _require(solution: Array | None) -> Array:
+    """Return the solution of a program for which zero speeds are admissible."""
+    if solution is None:
+        raise SolverError(
+            'the quadratic program of the manipulation has no solution; '
+            'the configuration is probably close to a singular one'
+        )
+    return solution
 
 
 def least_deviation(
@@ -82,8 +81,8 @@ def least_deviation(
     reached, kept = equality[:rank], equality[rank:]
     rows, bounds = np.vstack([inequality, -inequality]), np.concatenate([upper, -lower])
     hessian, gradient = reached.T @ reached + regularization * cost, np.zeros(len(cost))
-    for right in (np.zeros(len(kept)), -opening) if opening.any() else (-opening,):
-        change = solve_qp(QuadraticProgram(hessian, gradient, rows, bounds, kept, right))
-        if change is not None:
-            return change
-    raise SolverError(NO_SOLUTION)
+    problem = QuadraticProgram(hessian, gradient, rows, bounds, kept, np.zeros(len(kept)))
+    change = solve_qp(problem)
+    if change is None and opening.any():
+        change = solve_qp(problem._replace(target=-opening))
+    return _require(change)
