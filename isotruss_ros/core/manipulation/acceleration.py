@@ -131,19 +131,11 @@ def _nearest(speeds: Array, kept: Array, moving: Flags, rows: Rows, otherwise: A
     basis, origin = np.zeros((len(speeds), directions.shape[1])), np.zeros(directions.shape[1])
     basis[moving] = directions
     size = float(np.abs(speeds).max()) or 1.0
-    nearest, used = speeds, np.zeros(len(rows.lower), dtype=bool)
-    # Speeds that fulfil all rows and are closest under some of them are closest under all.
-    while (violated := (rows.slack(nearest) < 0.0) & ~used).any():
-        used |= violated
-        matrix, low, high = rows.take(used)
-        rates, turned = matrix.dot(speeds), matrix.dot(basis)
-        normals = np.concatenate([turned, -turned])
-        room = np.concatenate([high - rates, rates - low]) / size
-        step = solve_qp(QuadraticProgram(np.eye(len(origin)), origin, normals, room))
-        if step is None:
-            return otherwise
-        nearest = speeds + size * basis.dot(step)
-    return nearest
+    rates, turned = rows.matrix.dot(speeds), rows.matrix.dot(basis)
+    normals = np.concatenate([turned, -turned])
+    room = np.concatenate([rows.upper - rates, rates - rows.lower]) / size
+    step = solve_qp(QuadraticProgram(np.eye(len(origin)), origin, normals, room))
+    return otherwise if step is None else speeds + size * basis.dot(step)
 
 
 def _surface_share(start: Array, wanted: Array, top: float) -> float:
