@@ -13,27 +13,6 @@ from isotruss_ros.core.inputs import InputError, InputFault
 from isotruss_ros.core.manipulation.status import RollerCommand, Status
 from isotruss_ros.core.numerics.arrays import Array
 
-#: Status of a halt for each pair of an input and its fault. A stale twist counts as a missing
-#: twist, because the client has stopped sending.
-INPUT_HALTS = {
-    ('twist', InputFault.MISSING): Status.HALT_NO_TWIST,
-    ('twist', InputFault.STALE): Status.HALT_NO_TWIST,
-    ('twist', InputFault.INVALID): Status.HALT_INVALID_TWIST,
-    ('joint_states', InputFault.MISSING): Status.HALT_NO_JOINT_STATES,
-    ('joint_states', InputFault.STALE): Status.HALT_STALE_JOINT_STATES,
-    ('joint_states', InputFault.INVALID): Status.HALT_INVALID_JOINT_STATES,
-    ('object_pose', InputFault.MISSING): Status.HALT_NO_OBJECT_POSE,
-    ('object_pose', InputFault.STALE): Status.HALT_STALE_OBJECT_POSE,
-    ('object_pose', InputFault.INVALID): Status.HALT_INVALID_OBJECT_POSE,
-    ('tube_pressures', InputFault.STALE): Status.HALT_STALE_TUBE_PRESSURES,
-    ('tube_pressures', InputFault.INVALID): Status.HALT_INVALID_TUBE_PRESSURES,
-}
-#: Status of a halt for each class of solver errors; the last entry is for all other errors.
-HALT_STATUSES = (
-    (GraspError, Status.HALT_NO_GRASP),
-    (IsotrussError, Status.HALT_KINEMATICS),
-)
-
 
 @dataclass(frozen=True)
 class Decision:
@@ -85,8 +64,11 @@ def halt_for(error: IsotrussError) -> Status:
     if isinstance(error, HaltError):
         return error.status
     if isinstance(error, InputError):
-        return INPUT_HALTS[error.name, error.fault]
-    return next(status for kind, status in HALT_STATUSES if isinstance(error, kind))
+        stale_twist = error.name == 'twist' and error.fault is InputFault.STALE
+        # The client has stopped sending twists.
+        absent = error.fault is InputFault.MISSING or stale_twist
+        return Status[f'HALT_{"NO" if absent else error.fault.name}_{error.name.upper()}']
+    return Status.HALT_NO_GRASP if isinstance(error, GraspError) else Status.HALT_KINEMATICS
 
 
 def describe(command: RollerCommand, keeps_contacts: bool) -> str:
