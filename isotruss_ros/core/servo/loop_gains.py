@@ -20,16 +20,7 @@ from __future__ import annotations
 #: Ratio of the pose gain to the natural frequency [-]. The loop is stable even if the frequency is
 #: wrong by a factor of two.
 GAIN_SHARE = 0.25
-#: Pose gain for an unknown frequency [1/s].
-DEFAULT_GAIN = 0.6
+#: Lowest natural frequency that is assumed if it is unknown [rad/s].
+DEFAULT_FREQUENCY = 2.4
 #: Largest gain of the squeeze [1/s].
 MAX_SQUEEZE_GAIN = 5.0
-
-
-def choose_gain(frequency: float | None) -> float:
-    """
-    Return the pose gain p for the natural frequency of the held object [1/s].
-
-    :param frequency: lowest natural frequency of the held object [rad/s]; None if unknown.
-    """
-    return DEFAULT_GAIN if frequency is None else GAIN_SHARE * frequency

@@ -29,8 +29,8 @@ class SqueezeSettings:
     Desired squeeze, and settings of the squeeze control.
 
     :ivar force: mean normal force of the grasping members, not negative [N].
-    :ivar pose_gain: pose gain, from which all other gains follow [1/s]; None: it is chosen by
-        `choose_gain`.
+    :ivar pose_gain: pose gain, from which all other gains follow [1/s]; None: `GAIN_SHARE`
+        times the frequency.
     :ivar frequency: measured lowest natural frequency of the held object [rad/s]; None: it is
         computed from the masses.
     :ivar max_utilisation: upper bound on the utilisation of the tubes [-]. Motion toward the bound

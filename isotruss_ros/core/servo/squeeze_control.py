@@ -27,7 +27,7 @@ from isotruss_ros.core.model.pose import pose_difference
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.servo.belief_start import BeliefStart
 from isotruss_ros.core.servo.grip_faults import GripFaults
-from isotruss_ros.core.servo.loop_gains import choose_gain, DEFAULT_GAIN, MAX_SQUEEZE_GAIN
+from isotruss_ros.core.servo.loop_gains import DEFAULT_FREQUENCY, GAIN_SHARE, MAX_SQUEEZE_GAIN
 from isotruss_ros.core.servo.servo_settings import SqueezeSettings
 from isotruss_ros.core.servo.swing_watch import SwingWatch
 import numpy as np
@@ -57,7 +57,7 @@ class SqueezeControl(GripFaults):
     def __init__(self, settings: SqueezeSettings) -> None:
         self.settings = settings
         self.frequency: float | None = None
-        self.gain = DEFAULT_GAIN
+        self.gain = GAIN_SHARE * DEFAULT_FREQUENCY
         self._pressures: tuple[float, ...] | None = None
         self._offsets: Array | float | None = None
         self._zeros: Array | None = None
@@ -240,7 +240,8 @@ class SqueezeControl(GripFaults):
         if differentiated is not self._tuned[0]:
             self._tuned = differentiated, lowest_frequency(differentiated)
         self.frequency = settings.frequency or self._tuned[1]
-        self.gain = self.softening * (settings.pose_gain or choose_gain(self.frequency))
+        assumed = GAIN_SHARE * (self.frequency or DEFAULT_FREQUENCY)
+        self.gain = self.softening * (settings.pose_gain or assumed)
 
 
 def _solve_within_limits(wanted: Array, opening: float, solve: Solve) -> RollerCommand:

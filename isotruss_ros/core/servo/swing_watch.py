@@ -10,7 +10,7 @@ import math
 
 from isotruss_ros.core.estimation.grip_belief import MAX_DEVIATIONS
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.core.servo.loop_gains import DEFAULT_GAIN, GAIN_SHARE
+from isotruss_ros.core.servo.loop_gains import DEFAULT_FREQUENCY
 import numpy as np
 
 #: Smallest difference between a maximum and a minimum of the pose, without the part by roller
@@ -21,8 +21,6 @@ MIN_SWING = 0.0015
 #: with the frequency w bends the tubes by (w / omega)^2 of its amplitude, which is less for
 #: motions slower than omega / 2.
 TRAVEL_SHARE = 0.25
-#: Lowest natural frequency omega that the default gain assumes [rad/s].
-DEFAULT_FREQUENCY = DEFAULT_GAIN / GAIN_SHARE
 #: Longest half period of an oscillation, in units of pi / omega [-], and in seconds. The gain for
 #: omega makes an object swing whose true frequency is below 0.46 omega, because it is heavier than
 #: in the model; in MuJoCo, with damping, below 0.23 omega. With a third of the first bound, such
