@@ -183,11 +183,7 @@ class BarrierLimit:
     def __init__(self, barrier: Barrier, active: ActiveValues, matrix: Array) -> None:
         self.barrier, self.indices, self.matrix = barrier, active.indices, matrix
         self.margins = active.values - barrier.law.bound  #: (k,) margins of the values
-
-    @property
-    def status(self) -> Status:
-        """Return the status code of a command that this limit reduces."""
-        return self.barrier.status
+        self.status = barrier.status  #: status of a command that this limit reduces
 
     def rows(self, config: Configuration) -> Rows:
         """Return one row for each barrier value h, dh/dt >= -class-K bound; see `Limit.rows`."""

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from isotruss_ros.core.errors import ConfigurationError, GraspError
 from isotruss_ros.core.kinematics.configuration import Configuration
@@ -23,7 +24,6 @@ from isotruss_ros.core.manipulation.limits import default_limits, Limit
 from isotruss_ros.core.manipulation.rolling_grip import roll_object
 from isotruss_ros.core.manipulation.status import RollerCommand, Status
 from isotruss_ros.core.numerics.arrays import Array
-from isotruss_ros.core.numerics.tolerances import ROUNDING
 from isotruss_ros.core.safety.barrier_law import (
     ALL_VALUES,
     Barrier,
@@ -96,9 +96,6 @@ class ShapeGuard:
             ObjectBarrier(robot, BarrierLaw(bounds.min_object_clearance, clearance, rate)),
             *barriers,
         )
-        self._without_object = tuple(
-            barrier for barrier in self._barriers if not barrier.needs_object
-        )
 
     def limits(self, config: Configuration, grip: Grip | None) -> tuple[Limit, ...]:
         """
@@ -120,7 +117,7 @@ class ShapeGuard:
         :raises ConfigurationError: the configuration is singular.
         :raises GraspError: see `find_contacts`.
         """
-        barriers = self._barriers if grip is not None else self._without_object
+        barriers = tuple(b for b in self._barriers if grip is not None or not b.needs_object)
         active_values = [
             (barrier, active)
             for barrier in barriers
@@ -136,30 +133,17 @@ class ShapeGuard:
                 matrix, rows = rows[:count], rows[count:]
                 if active.roller_rows is not None:
                     matrix = matrix + active.roller_rows
-                matrix[np.abs(matrix) < ROUNDING] = 0.0
                 limits.append(BarrierLimit(barrier, active, matrix))
         return Watch(config, grip, barriers, tuple(limits))
 
 
-class Watch:
-    """
-    Limits on a command in one configuration, one for each barrier with values close to its bound.
+class Watch(NamedTuple):
+    """Limits on a command, linearised at the midpoint of its sample."""
 
-    :ivar limits: limits for `solve_twist`.
-
-    :param grip: grip at this midpoint; None without an object.
-    """
-
-    def __init__(
-        self,
-        config: Configuration,
-        grip: Grip | None,
-        barriers: tuple[Barrier, ...],
-        limits: tuple[BarrierLimit, ...],
-    ) -> None:
-        self.limits = limits
-        self._config, self._grasp = config, grip
-        self._barriers = barriers
+    config: Configuration  #: configuration at the midpoint
+    grip: Grip | None  #: grip at the midpoint; None without an object
+    barriers: tuple[Barrier, ...]  #: barriers that apply
+    limits: tuple[BarrierLimit, ...]  #: one for each barrier with values close to its bound
 
     def keep(self, command: RollerCommand, velocities: Array, duration: float) -> RollerCommand:
         """
@@ -190,7 +174,7 @@ class Watch:
         self, rollers: Array, velocities: Array, duration: float
     ) -> BarrierViolation | None:
         """Return the worst violation of a barrier by a motion; None if there is none."""
-        start, grip = self._config, self._grasp
+        start, grip = self.config, self.grip
         travel = duration * rollers
         try:
             end = start.moved_to(start.roller_positions + travel - 0.5 * duration * velocities)
@@ -206,7 +190,7 @@ class Watch:
             limit.violation(end, grip, travel, velocities, duration) for limit in self.limits
         ]
         if long:
-            violations += [self._jumped(barrier, end, grip) for barrier in self._barriers]
+            violations += [self._jumped(barrier, end, grip) for barrier in self.barriers]
         return min((one for one in violations if one is not None), default=None)
 
     def _jumped(
