@@ -133,17 +133,15 @@ def _checked(poses: ArrayLike, first: int) -> Array:
 
 def _unwrapped(poses: Array, first: int) -> Array:
     """Return the poses with angles that are continued beyond one turn."""
-    turns = np.diff(poses[:, 2])
-    turns = turns - 2.0 * math.pi * np.round(turns / (2.0 * math.pi))
+    unwrapped = poses.copy()
+    unwrapped[:, 2] = np.unwrap(poses[:, 2])
     # A half turn has no shorter direction.
-    far = np.flatnonzero(np.abs(turns) > math.pi - 1e-6)
+    far = np.flatnonzero(np.abs(np.diff(unwrapped[:, 2])) > math.pi - 1e-6)
     if len(far):
         raise PathError(
             f'pose {far[0] + 1 + first} of the path is half a turn from the previous pose, '
             'so the direction of rotation is ambiguous; add a pose in between'
         )
-    unwrapped = poses.copy()
-    unwrapped[1:, 2] = poses[0, 2] + np.cumsum(turns)
     return unwrapped
 
 
