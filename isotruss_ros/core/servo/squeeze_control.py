@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
+from isotruss_ros.core.estimation.contact_walk import JUMP_LENGTH
 from isotruss_ros.core.estimation.grip_belief import GripBelief
 from isotruss_ros.core.estimation.state_estimate import is_squeeze_known
 from isotruss_ros.core.holding.held_grip import HeldGrip, HoldStatus, MIN_RELATIVE_MARGIN
@@ -26,7 +27,7 @@ from isotruss_ros.core.manipulation.status import RollerCommand, Status
 from isotruss_ros.core.model.pose import pose_difference
 from isotruss_ros.core.numerics.arrays import Array
 from isotruss_ros.core.servo.belief_start import BeliefStart
-from isotruss_ros.core.servo.grip_faults import GripFaults
+from isotruss_ros.core.servo.decision import describe_squeeze
 from isotruss_ros.core.servo.loop_gains import DEFAULT_FREQUENCY, GAIN_SHARE, MAX_SQUEEZE_GAIN
 from isotruss_ros.core.servo.servo_settings import SqueezeSettings
 from isotruss_ros.core.servo.swing_watch import SwingWatch
@@ -34,7 +35,13 @@ import numpy as np
 
 #: Largest rate of change of the squeeze [N/s].
 MAX_FORCE_RATE = 10.0
-
+#: Time at rest after an oscillation [s]; each oscillation also halves the gain.
+REST_TIME = 1.0
+#: What a client does after a fault that persists.
+NEXT_STEPS = {
+    Status.HALT_SLIPPED: 'resume the grip (service resume_grip)',
+    Status.HALT_NOT_HELD: 'pick up the object (action pick_object)',
+}
 #: Statuses of motions in another direction than that of the twist.
 CHANGED = (Status.UNREACHABLE, Status.SLIDING)
 #: Function that solves the quadratic program for a twist (3,) and an opening rate of the grip
@@ -42,9 +49,9 @@ CHANGED = (Status.UNREACHABLE, Status.SLIDING)
 Solve = Callable[[Array, float], RollerCommand]
 
 
-class SqueezeControl(GripFaults):
+class SqueezeControl:
     """
-    Control of squeeze and pose of a held object.
+    Control of squeeze and pose of a held object, and detection of faults of its grip.
 
     :ivar belief: estimated state of the grip; None before the first `follow`.
     :ivar reference: desired pose (x, y, angle) of the object [m, rad]. It is the pose at the
@@ -52,12 +59,18 @@ class SqueezeControl(GripFaults):
     :ivar frequency: lowest natural frequency of the held object [rad/s]; None if unknown.
     :ivar gain: pose gain for this frequency [1/s]; before the first `follow`, that for an unknown
         frequency.
+    :ivar fault: status of the halt for a fault of the grip; None without a fault. It remains until
+        a client acknowledges it; only the fault of an oscillation ends by itself.
+    :ivar swings: detector of oscillations, replaced with each new belief.
+    :ivar softening: factor on the gain after oscillations [-].
+    :ivar slipped: length of a slip after which the object is still held, otherwise 0 [m].
     """
 
     def __init__(self, settings: SqueezeSettings) -> None:
         self.settings = settings
         self.frequency: float | None = None
         self.gain = GAIN_SHARE * DEFAULT_FREQUENCY
+        self._rest = 0.0  # remaining time at rest after an oscillation [s]
         self._pressures: tuple[float, ...] | None = None
         self._offsets: Array | float | None = None
         self._zeros: Array | None = None
@@ -68,7 +81,8 @@ class SqueezeControl(GripFaults):
 
     def acknowledge(self) -> None:
         """Clear the fault and the estimated grip after a client has reacted to the fault."""
-        super().acknowledge()
+        self.fault: Status | None = None
+        self.softening, self._why = 1.0, ''
         self.reset()
 
     def reset(self) -> None:
@@ -162,7 +176,8 @@ class SqueezeControl(GripFaults):
         if self.fault is Status.HALT_OSCILLATES:
             still = np.zeros(len(belief.grasp.config.roller_positions))
             return RollerCommand(still, np.zeros(3), 0.0, self.fault)
-        missing = self._desired_squeeze(belief) - belief.regulated_squeeze
+        squeeze = belief.regulated_squeeze
+        missing = self._desired_squeeze(belief) - squeeze
         rate = min(MAX_SQUEEZE_GAIN, self.gain) * missing - belief.cache.drift[3]
         rate = max(-MAX_FORCE_RATE, min(rate, MAX_FORCE_RATE))
         opening = rate / belief.grasp.squeeze_stiffness()
@@ -173,7 +188,7 @@ class SqueezeControl(GripFaults):
         if command.status in CHANGED and not twist.any():
             # Contacts or limits do not admit the correction of the pose.
             command = replace(command, status=Status.OK)
-        free = belief.slip_margin - MIN_RELATIVE_MARGIN * belief.regulated_squeeze
+        free = belief.slip_margin - MIN_RELATIVE_MARGIN * squeeze
         share = belief.cache.usage.margin_share(command, period, free)
         if share < 1.0 and twist.any():
             slowed = _solve_within_limits(share * twist + correction, opening, solve)
@@ -242,6 +257,57 @@ class SqueezeControl(GripFaults):
         self.frequency = settings.frequency or self._tuned[1]
         assumed = GAIN_SHARE * (self.frequency or DEFAULT_FREQUENCY)
         self.gain = self.softening * (settings.pose_gain or assumed)
+
+    def fail(self, fault: Status, why: str) -> None:
+        """Store a fault of the grip and its cause, unless there is one that persists."""
+        if self.fault in (None, Status.HALT_OSCILLATES):
+            self.fault, self._why = fault, why
+
+    def note(self, squeeze: tuple[float, float] | None = None) -> str:
+        """
+        Return a sentence that describes the fault of the grip; empty if there is none.
+
+        :param squeeze: estimated squeeze and its standard deviation [N]; None without a belief.
+        """
+        if self.fault is Status.HALT_OSCILLATES:
+            return f'the object oscillates: the pose gain is reduced to {self.gain:.3g} 1/s'
+        if self.fault is not None:
+            return f'{self._why}; next step: {NEXT_STEPS[self.fault]}'
+        notes = [f'slipped by {1e3 * self.slipped:.0f} mm, held'] if self.slipped else []
+        if squeeze is not None and not is_squeeze_known(*squeeze):
+            notes.append(f'held, {describe_squeeze(*squeeze)}')
+        return '; '.join(notes)
+
+    def judge(self, belief: GripBelief, elapsed: float, velocity: Array) -> None:
+        """
+        Detect oscillation, slip and loss from the belief after a new pose.
+
+        An oscillation halves the gain, and is a fault until `REST_TIME` has passed.
+
+        :param elapsed: time since the previous pose [s].
+        :param velocity: (3,) executed part of the commanded twist [m/s, rad/s].
+        """
+        state, surface = belief.state, velocity * np.array([1.0, 1.0, belief.grasp.arm])
+        travel = elapsed * float(np.linalg.norm(surface))
+        if self.fault is Status.HALT_OSCILLATES:
+            self._rest -= elapsed
+            if self._rest <= 0.0:
+                self.fault = None
+                self.swings.forget()
+        swings = self.swings.update(belief.correction, state.noise.deviation, elapsed, travel)
+        if self.fault is None and swings:
+            self.fault = Status.HALT_OSCILLATES
+            self._rest, self.softening = REST_TIME, 0.5 * self.softening
+        walked = state.walk.length
+        if state.jump:
+            self.slipped = walked
+        elif walked < 0.5 * self.slipped:
+            self.slipped = 0.0
+        cause = f'the object moved by {1e3 * walked:.0f} mm against the members'
+        if state.jump > JUMP_LENGTH:
+            self.fail(Status.HALT_NOT_HELD, cause)
+        elif belief.slipped:
+            self.fail(Status.HALT_SLIPPED, cause)
 
 
 def _solve_within_limits(wanted: Array, opening: float, solve: Solve) -> RollerCommand:

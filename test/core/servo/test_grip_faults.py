@@ -6,7 +6,8 @@
 from types import SimpleNamespace
 
 from isotruss_ros.core import Status
-from isotruss_ros.core.servo.grip_faults import GripFaults
+from isotruss_ros.core.servo.servo_settings import SqueezeSettings
+from isotruss_ros.core.servo.squeeze_control import SqueezeControl
 from isotruss_ros.core.servo.swing_watch import SwingWatch
 import numpy as np
 import pytest
@@ -16,10 +17,9 @@ ARM, STILL, PERIOD = 0.1, np.zeros(3), 0.02
 
 def faults():
     """Return the faults of a grip that has none."""
-    found = GripFaults()
-    found.acknowledge()
-    found.slipped, found.swings, found.gain = 0.0, SwingWatch(12.0), 3.0
-    return found
+    control = SqueezeControl(SqueezeSettings(10.0))
+    control.swings, control.gain = SwingWatch(12.0), 3.0
+    return control
 
 
 def belief(correction=0.0, walked=0.0, jump=0.0, slipped=False):
