@@ -110,10 +110,10 @@ class OffsetRates(NamedTuple):
     def of(cls, grasp: HeldGrip) -> OffsetRates:
         """Return the derivatives by roller offsets at an equilibrium."""
         found, count = held_gradient(grasp), len(grasp.config.roller_positions)
-        along, anchors = _anchors_by_offsets(grasp), slice(count + 4, None)
+        along = _anchors_by_offsets(grasp)
         even = np.array([[1.0], [1.0], [grasp.arm]])
         given = np.vstack([even * found.pose, found.normal_forces.mean(axis=0)])
-        by_offsets = given[:, :count] + given[:, anchors] @ along
+        by_offsets = given[:, :count] + given[:, count:] @ along
         return cls(grasp, found, by_offsets[:3], by_offsets[3])
 
     def joint_rates(self, shifts: Array) -> Array:
@@ -124,7 +124,7 @@ class OffsetRates(NamedTuple):
         """
         joints, count = self.gradient.joints, len(self.grasp.config.roller_positions)
         along = _anchors_by_offsets(self.grasp) + shifts[self.grasp.contacts.owners]
-        return joints[:, :count] + joints[:, count + 4 :] @ along  # noqa: E203
+        return joints[:, :count] + joints[:, count:] @ along
 
 
 def anchor_rates(grasp: HeldGrip) -> Array:

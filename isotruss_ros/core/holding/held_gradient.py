@@ -10,12 +10,10 @@ From the equilibrium equations F(y, x) = 0 follows y' = -F_y^-1 F_x.
 from __future__ import annotations
 
 import copy
-from dataclasses import dataclass
 from typing import NamedTuple
 
 from isotruss_ros.core.errors import GraspError
 from isotruss_ros.core.holding.held_grip import HeldGrip, travel_rates
-from isotruss_ros.core.holding.held_shape import held_joints
 from isotruss_ros.core.holding.pressed_contacts import POSE
 from isotruss_ros.core.kinematics.configuration import Configuration
 from isotruss_ros.core.numerics.arrays import Array, Points
@@ -243,15 +241,12 @@ class LoadedTubes:
         return most.used, change / (2.0 * small)
 
 
-@dataclass(frozen=True, eq=False)
-class HeldGradient:
+class HeldGradient(NamedTuple):
     """
     Derivatives of pose, normal forces and joint positions of a held object.
 
-    The p = r + 4 + k columns are the parameters: travel of the r rollers [m], external wrench (fx,
-    fy, m / arm) on the object [N] with the characteristic radius arm, ratio of the robot's true
-    stiffness to its modelled stiffness [-], and rolling invariants of the k contacts [m], see
-    `ContactStatics.anchors`.
+    The p = r + k columns are the parameters: travel of the r rollers [m], and rolling invariants
+    of the k contacts [m], see `ContactStatics.anchors`.
     """
 
     pose: Array  #: (3, p) derivatives of the pose (x, y, angle)
@@ -259,7 +254,6 @@ class HeldGradient:
     #: (2j, p) derivatives of the joint positions (x0, y0, x1, y1, ...), in the order of
     #: `Topology.joint_names`
     joints: Array
-    places: Array  #: (2j,) joint positions [m], see `held_joints`
 
 
 @single_threaded
@@ -276,21 +270,13 @@ def held_gradient(grip: HeldGrip) -> HeldGradient:
     config, state, statics = grip.config, grip.state, grip.statics
     indices, parameters = state.places, GraspParameters.of(config)
     rollers, count = len(config.roller_positions), len(grip.anchors)
-    stiffness, anchors = rollers + 3, slice(rollers + 4, None)
-    chosen = np.zeros((parameters.size, rollers + 4 + count))
+    chosen = np.zeros((parameters.size, rollers + count))
     chosen[parameters.rollers, :rollers] = np.eye(rollers)
-    chosen[parameters.wrench, rollers:stiffness] = np.diag([1.0, 1.0, grip.arm])
-    chosen[parameters.stiffness, stiffness] = 1.0
     tubes = LoadedTubes(grip, chosen, parameters, reach=FOLLOWED_MOTION)
     changes = tubes.equation_rates(sticks=True)
     travel = travel_rates(config, grip.contacts.members)
     changes[indices.conditions, :rollers] += statics.sides[:, None] * travel
-    changes[indices.conditions, anchors] -= np.eye(count)
+    changes[indices.conditions, rollers:] -= np.eye(count)
     change = grip.respond(changes)
-    by_state = tubes.joints(tubes.respond(change))
-    return HeldGradient(
-        change[:3],
-        grip.contacts.sum_by_member(change[indices.normal]),
-        by_state,
-        held_joints(grip).ravel(),
-    )
+    forces = grip.contacts.sum_by_member(change[indices.normal])
+    return HeldGradient(change[:3], forces, tubes.joints(tubes.respond(change)))

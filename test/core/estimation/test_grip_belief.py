@@ -14,7 +14,8 @@ from isotruss_ros.core.estimation.grip_belief import DELAY_DEVIATION, GripBelief
 from isotruss_ros.core.estimation.grip_model import attach_model
 from isotruss_ros.core.estimation.pose_noise import PoseNoise
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings
-from isotruss_ros.core.holding.held_gradient import held_gradient
+from isotruss_ros.core.holding.attach_grip import attach_grip
+from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from nightly import some_now
 import numpy as np
@@ -80,9 +81,10 @@ def test_an_assumed_squeeze_is_an_error_of_the_squeeze():
 
 
 def test_stiffness_of_the_tubes_scales_the_squeeze_and_moves_nothing():
-    found, stiffness = held_gradient(MODEL), len(CONFIG.roller_positions) + 3
-    assert found.pose[:, stiffness] == pytest.approx(0.0, abs=1e-8)
-    assert found.normal_forces[:, stiffness].mean() == pytest.approx(MODEL.squeeze, rel=1e-6)
+    tubes = TubeModel(stiffness_scale=1.1)
+    stiffer = attach_grip(CONFIG, MODEL.statics.body, MODEL.members, tubes=tubes)
+    assert stiffer.pose == pytest.approx(MODEL.pose, abs=1e-8)
+    assert stiffer.squeeze == pytest.approx(1.1 * MODEL.squeeze, rel=1e-6)
 
 
 @pytest.mark.parametrize('stiffness', [0.6, 1.5])
