@@ -111,7 +111,7 @@ def solve(rest: Tangent, loads: Array) -> FrameState:
     )
 
 
-def bend(start: Tangent, loads: Array, growth: float = MAX_GROWTH) -> Tangent | None:
+def bend(start: Tangent, loads: Array) -> Tangent | None:
     """Return the bent frame in equilibrium under loads (n, 3), found by Newton's method."""
     tangent, origin, reach = start, start.displacements, np.inf
     applied = np.append(np.zeros(start.frame.layout.numbering.rows), loads)
@@ -123,7 +123,7 @@ def bend(start: Tangent, loads: Array, growth: float = MAX_GROWTH) -> Tangent | 
         if count == 0:
             reach = size
         # An equilibrium far beyond the linear prediction is on another branch.
-        elif not np.abs(tangent.displacements + moved - origin)[:, :2].max() <= growth * reach:
+        elif not np.abs(tangent.displacements + moved - origin)[:, :2].max() <= MAX_GROWTH * reach:
             return None
         changes, _ = tangent.force_changes(moved[..., None])
         pull = tangent.forces.values[:, 0] + changes[:, 0, 0]
