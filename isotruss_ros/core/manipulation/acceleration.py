@@ -32,6 +32,8 @@ import numpy as np
 SURFACE_ACCELERATION = 0.5
 #: Smallest changes of a roller's speed in opposite directions in two successive cycles that count
 #: as a reversal, relative to the largest change [-]: 1 mm/s in cycles of 10 ms at 1 m/s^2.
+#: While the heading turns at limits (nine_member, 1338 cycles), speeds change back and forth by
+#: more than 1 mm/s in 2 cycles; with a third of it in 3, with three times in 6.
 REVERSAL_SHARE = 0.1
 
 
