@@ -104,6 +104,8 @@ class RollingGrip:
         :raises GraspError: no pose of the object is found; or a member no longer touches the
             object.
         """
+        if config is self.config:
+            return self
         rolled = self._rolled(config)
         if rolled.misfit <= ROUNDING or len(self.owners) == len(self.sides):
             return rolled

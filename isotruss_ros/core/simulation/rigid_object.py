@@ -59,7 +59,7 @@ class RigidObject:
         :raises GraspError: the object would leave its grip.
         """
         if self.rolling is not None:
-            return self._rolled(self.rolling, config).pose
+            return self.rolling.moved_to(config).pose
         x, y, angle = self._body.pose
         return Pose(x, y, math.remainder(angle, 2.0 * math.pi))
 
@@ -68,7 +68,7 @@ class RigidObject:
         if self.rolling is None:
             return
         try:
-            self.rolling = self._rolled(self.rolling, config)
+            self.rolling = self.rolling.moved_to(config)
         except GraspError:
             self._body, self.rolling = self._body.moved_to(self.rolling.pose), None
 
@@ -89,10 +89,6 @@ class RigidObject:
                     self.rolling = RollingGrip.attach(config, grip)
             except IsotrussError:
                 return  # contact at the end of a member, or failed computation of forces
-
-    @staticmethod
-    def _rolled(rolling: RollingGrip, config: Configuration) -> RollingGrip:
-        return rolling if config is rolling.config else rolling.moved_to(config)
 
 
 def pressing_members(config: Configuration, body: ConvexObject) -> tuple[str, ...]:
