@@ -294,12 +294,9 @@ class RollerParts:
 
     def take(self, part: Mapping[int, tuple[float, float]], time: float, now: float) -> None:
         """
-        Store the readings of a message that are newer than the stored readings.
+        Store the positions [m] and speeds [m/s] by roller index that are newer than the stored.
 
-        :param part: position [m] and speed [m/s] for the index of each roller in the message.
-        :param time: time of the readings, not later than `now` [s].
-        :param now: current time [s]; stored readings from later, before the clock was set back,
-            are discarded.
+        Stored readings later than `now` [s], before the clock was set back, are discarded.
         """
         for number, reading in part.items():
             readings = self._readings[number]
@@ -372,11 +369,10 @@ class CommandHistory:
 
     def travel(self, begin: float, end: float, before: Array) -> Array:
         """
-        Return the roller travel due to the commands between two times, (r,) [m].
+        Return the roller travel due to the commands between two times [s], (r,) [m].
 
-        :param begin: start of the interval [s].
-        :param end: end of the interval [s]; if it is before the start, the travel is negated.
-        :param before: (r,) speeds before the first command of the history [m/s].
+        If the end is before the begin, the travel is negated. `before` are the speeds (r,) before
+        the first command of the history [m/s].
         """
         if self.last is None:
             return (end - begin) * before
@@ -393,8 +389,6 @@ class CommandHistory:
         have moved the rollers.
 
         :param then: a time between the measurement and the horizon, for the first result [s].
-        :param now: current time on the clock of the commands [s].
-        :param ahead: time from now to the horizon [s].
         :param still: (r,) mask of the rollers that do not follow commands.
         :return: three arrays (r,): travel from the measurement to `then` [m], travel from the
             measurement to the horizon [m], and mean speeds from now to the horizon [m/s].

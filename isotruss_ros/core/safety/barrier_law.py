@@ -60,12 +60,9 @@ class BarrierLaw:
 
     def class_k_bound(self, margins: Array) -> Array:
         """
-        Return the largest allowed rates of decrease (k,) of barrier values.
+        Return the largest allowed rates of decrease (k,) of values at margins (k,) [value/s].
 
-        The rate is infinite for values above `active_below`. Its unit is that of the values per
-        second.
-
-        :param margins: (k,) distances of the values from the bound.
+        The rate is infinite for values above `active_below`.
         """
         return self._class_k(np.maximum(margins - self.safety_margin, 0.0))
 
@@ -205,12 +202,8 @@ class BarrierLimit:
         """
         Return the violation of `BarrierLaw.discrete_bound` by a motion; None if there is none.
 
-        This limit must have been linearised at the midpoint of the motion.
-
-        :param grip: grip at the end of the motion; None without an object.
-        :param travel: (r,) roller travel of the motion [m].
-        :param velocities: (r,) roller velocities before the motion [m/s].
-        :param duration: duration of the motion [s].
+        This limit must have been linearised at the midpoint of the motion. The velocities are
+        those before the motion [m/s].
         """
         law = self.barrier.law
         before = self.margins - 0.5 * duration * (self.matrix @ velocities)

@@ -42,11 +42,7 @@ class EvaluatedState(NamedTuple):
     spare: float  #: lower bound of the distances, minus `BarrierLaw.active_below` [m]
 
     def holds(self, config: Configuration, grip: Grip | None) -> bool:
-        """
-        Return whether no distance is smaller by `spare` or more in another configuration.
-
-        :param grip: grip in the other configuration; None if there is none.
-        """
+        """Return whether no distance is smaller by `spare` or more in another configuration."""
         then = self.grip
         moved = float(np.abs(config.points - self.config.points).max())
         if grip is None or then is None:
@@ -59,7 +55,7 @@ def _moved(grip: Grip, then: Grip) -> float:
     if grip.members != then.members:
         return math.inf
     body, before = grip.body, then.body
-    if body.shape is not before.shape and body.shape != before.shape:
+    if body.shape != before.shape:
         return math.inf
     return abs(body.center - before.center) + abs(body.turn - before.turn) * body.shape.reach
 
@@ -88,12 +84,7 @@ class NeighborList:
     def find_close(
         self, config: Configuration, grip: Grip | None, measure: Callable[[Selection], Array]
     ) -> tuple[Indices, Array]:
-        """
-        Return the indices of the close pairs and their distances [m].
-
-        :param grip: grip; None if the distances do not depend on it.
-        :param measure: function from indices of pairs to distances [m] in this state.
-        """
+        """Return the close pairs' indices and distances [m], of which some are measured."""
         if self._others is None or not self._others.holds(config, grip):
             distances = measure(ALL_VALUES)
             self._pairs = np.flatnonzero(distances < self.listed_below)
