@@ -158,7 +158,8 @@ class SimulatedRobot(DrivenRollers):
         """
         speeds = self._speeds()
         moving = bool(speeds.any())
-        self.roller_velocities = np.zeros_like(speeds)
+        if duration > 0.0:
+            self.roller_velocities = np.zeros_like(speeds)
         if duration > 0.0 and moving:
             travel = duration * speeds
             goal = self.config.roller_positions + self._grips * travel

@@ -156,7 +156,7 @@ class Simulator(ManagedNode):
         expiry = self._commanded + self.values.command_timeout
         elapsed = min(now, expiry) - self._time
         try:
-            if elapsed > 0.0:  # simulated time advances in steps
+            if elapsed >= 0.0:  # at zero, the object follows the rollers
                 move(elapsed)
         except ConfigurationError as error:
             self._plant.stop()

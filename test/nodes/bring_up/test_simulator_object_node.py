@@ -13,6 +13,7 @@ from manual_world import world
 import numpy as np
 from probe import CENTER, maker
 import pytest
+from std_msgs.msg import Float64MultiArray
 
 #: The box is between its two sides.
 HELD = {'object': BOX_FILE, 'grip': list(APART), 'indentation': DEPTH, 'rate': 50.0}
@@ -131,3 +132,19 @@ def test_one_equilibrium_is_solved_for_each_published_state(monkeypatch):
         )
         published = len(w.probe.seen['joints']) - count
     assert len(set(map(id, configurations))) == published
+
+
+def test_the_object_follows_the_rollers_in_a_step_at_the_time_of_a_command():
+    command = Float64MultiArray(data=[0.01] * len(HOME.roller_positions))
+    with world(elastic()) as w:
+        w.until(lambda: w.place() is not None)
+        simulator = w.nodes[1]
+        plant = simulator._plant
+        simulator._receive_command(command)
+        w.now += 0.1
+        simulator._receive_command(command)
+        before, speeds = np.array(plant.object_pose), plant.roller_velocities
+        simulator._step(simulator.now())
+        assert np.abs(plant.object_pose - before).max() > 2e-4
+        assert plant.roller_velocities == pytest.approx(speeds)
+        assert speeds.all()
