@@ -30,11 +30,6 @@ SEEDS = strategies.integers(0, 10**6)
 DISC = ConvexObject.disc(tangent_center(HOME, MODULE, 0.3, 0.03), 0.3)
 
 
-def held_alike(shape, angle=0.0):
-    """Return an object where the disc is."""
-    return ConvexObject(shape, (*DISC.pose[:2], angle))
-
-
 # Gaps and forces
 
 
