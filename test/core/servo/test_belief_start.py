@@ -180,6 +180,15 @@ def test_an_assumed_squeeze_is_unknown_and_stays_as_assumed(away):
     assert belief.squeeze_deviation >= belief.squeeze
 
 
+@pytest.mark.parametrize('away', OUTSIDE)
+def test_an_assumed_start_at_rest_is_no_slip(away):
+    control, grip = SqueezeControl(SETTINGS), measured(away)
+    for _ in range(45):
+        control.follow(HOME, grip, PERIOD, gripped=True)
+    assert control.belief.is_assumed
+    assert control.fault is None
+
+
 def test_corrected_offsets_end_an_assumed_squeeze():
     command = solve_twist(HOME, measured((0.0, 0.0)), np.zeros(3), opening_rate=0.02)
     opening = 2.0 * command.roller_velocities
