@@ -23,7 +23,7 @@ def response_of(pose, forces, arm, normal, friction, owners):
 
 
 @pytest.mark.parametrize('arm', [0.2, 1.0])
-@pytest.mark.parametrize(('one', 'other'), itertools.permutations(range(3), 2))
+@pytest.mark.parametrize(('one', 'other'), list(itertools.permutations(range(3), 2)))
 @pytest.mark.parametrize('share', [0.98, 1.02])
 def test_an_equilibrium_is_stable_where_every_displacement_takes_work(one, other, share, arm):
     # Displacements by wrenches, angles times the arm: of two kinds the mean of what each does to
