@@ -160,14 +160,14 @@ class SimulatedRobot(DrivenRollers):
         moving = bool(speeds.any())
         if duration > 0.0:
             self.roller_velocities = np.zeros_like(speeds)
-        if duration > 0.0 and moving:
-            travel = duration * speeds
-            goal = self.config.roller_positions + self._grips * travel
-            if not self._factored.has_factor_for(goal):
-                self._factored = self.config
-            self.config = self.config.moved_to(goal, self._factored.factor)
-            self.roller_positions = self.roller_positions + travel
-            self.roller_velocities = speeds
+            if moving:
+                travel = duration * speeds
+                goal = self.config.roller_positions + self._grips * travel
+                if not self._factored.has_factor_for(goal):
+                    self._factored = self.config
+                self.config = self.config.moved_to(goal, self._factored.factor)
+                self.roller_positions = self.roller_positions + travel
+                self.roller_velocities = speeds
         self._moved = self._moved or moving
 
     def advance(self, duration: float) -> None:
