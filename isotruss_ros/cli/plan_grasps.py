@@ -83,10 +83,10 @@ def _search(
 ) -> GraspPlan:
     """Search in parallel processes until the search is finished, interrupted or timed out."""
     stop = Stop(options.time_limit)
-    # A single worker is also a separate process: the last digits depend on the BLAS threads.
     uncertainty = None
     if options.uncertainty is not None:
         uncertainty = Uncertainty.of(config.robot, body, options.uncertainty)
+    # A single worker is also a separate process: the last digits depend on the BLAS threads.
     with WorkerPool(options.workers) as pool, show_progress() as show, _interruptible(stop):
         return plan_grasps(
             config,
