@@ -169,12 +169,17 @@ def test_no_equilibrium_is_assumed_for_a_squeeze_of_zero():
     assert start.belief is None
 
 
-@pytest.mark.parametrize('away', OUTSIDE)
-def test_an_assumed_squeeze_is_unknown_and_stays_as_assumed(away):
+def started(away):
+    """Return a control after an assumed start, with the object at rest."""
     control, grip = SqueezeControl(SETTINGS), measured(away)
     for _ in range(45):
         control.follow(HOME, grip, PERIOD, gripped=True)
-    belief = control.belief
+    return control
+
+
+@pytest.mark.parametrize('away', OUTSIDE)
+def test_an_assumed_squeeze_is_unknown_and_stays_as_assumed(away):
+    belief = started(away).belief
     assert belief.searches == 0
     assert belief.squeeze == pytest.approx(SETTINGS.force, rel=0.1)
     assert belief.squeeze_deviation >= belief.squeeze
@@ -182,9 +187,7 @@ def test_an_assumed_squeeze_is_unknown_and_stays_as_assumed(away):
 
 @pytest.mark.parametrize('away', OUTSIDE)
 def test_an_assumed_start_at_rest_is_no_slip(away):
-    control, grip = SqueezeControl(SETTINGS), measured(away)
-    for _ in range(45):
-        control.follow(HOME, grip, PERIOD, gripped=True)
+    control = started(away)
     assert control.belief.is_assumed
     assert control.fault is None
 
