@@ -7,8 +7,9 @@ Gaussian belief of the grip: a Kalman filter about the equilibrium of the held o
 The contacts roll with the tubes, so the equilibrium follows the configuration. Measured poses
 correct four states: the load w, which is an external wrench; the shift a of the contacts along the
 members; the unexplained pose b, which is measured minus modelled; and the delay of the poses. The
-roller offsets dphi are estimated from the innovations, see `TwoStageFilter`. With the roller
-positions q, the compliance C and white noise v, the measured pose is
+roller offsets dphi bias the poses and are not estimated from them, see `SchmidtFilter`, because
+errors of the model would count as evidence. With the roller positions q, the compliance C and
+white noise v, the measured pose is
 
     e = (w, b, a, delay | dphi),   z = equilibrium(q + dphi, a) + C w + b + v
 
@@ -90,7 +91,7 @@ class GripBelief:
             self.state.initialise(self.cache, self._friction)
             self.state.bias = self._even * pose_difference(grip.body.pose, grasp.pose)
         else:
-            self._place_contacts(np.array(grip.body.pose), True)
+            self._place_contacts(np.array(grip.body.pose))
 
     @property
     def grasp(self) -> HeldGrip:
@@ -104,21 +105,14 @@ class GripBelief:
 
     @property
     def pose(self) -> Array:
-        """
-        Return the estimate (x, y, angle) of the object's pose [m, rad].
-
-        Poses determine it so well that the estimated offsets would change it by 0.03 mm at most.
-        """
+        """Return the estimate (x, y, angle) of the object's pose [m, rad]."""
         state, response = self.state, self.grasp.response
         return self.cache.pose + response.pose @ state.load + state.bias / self._even
 
     @property
     def squeeze(self) -> float:
         """Return the estimated mean normal force of the members [N]."""
-        state, cache = self.state, self.cache
-        pressed = cache.by_offsets.squeeze + cache.rates.squeeze @ state.sensitivity
-        change = self.grasp.response.squeeze @ state.load + pressed @ state.parameters
-        return cache.squeeze + float(change)
+        return self.cache.squeeze + float(self.grasp.response.squeeze @ self.state.load)
 
     @property
     def geometric_deviation(self) -> float:
@@ -299,15 +293,15 @@ class GripBelief:
         cache, before = EquilibriumCache(held, self._friction), self.cache.by_offsets.pose
         if not self.state.explains(self._even * pose_difference(pose, held.pose), cache):
             return False
-        assumed, self.is_assumed, self.cache = self.is_assumed, False, cache
+        self.is_assumed, self.cache = False, cache
         self.take(held)
         self.state.walk.attach(cache.by_offsets.pose - before)
         self._corrected = np.zeros_like(self._corrected)
-        self._place_contacts(pose, assumed)
+        self._place_contacts(pose)
         self.lag.hold_back(np.append(np.zeros(3), self.squeeze - squeeze))
         return True
 
-    def _place_contacts(self, pose: Array, first: bool) -> None:
+    def _place_contacts(self, pose: Array) -> None:
         """
         Initialise the shifts of the contacts from a pose (3,) without load [m, rad].
 
@@ -330,12 +324,8 @@ class GripBelief:
             shifts = shifts + moved
             self._spare = grasp.slip_margin(friction) - placed.slip_margin(friction)
             self.take(placed)
-        off = self._even * pose_difference(pose, self.grasp.pose)
-        self.state.bias = off
-        if first:
-            self.state.forget()
-            off = off + cache.rates.pose[:, SHIFTS:] @ shifts
-        self.state.initialise(cache, friction, off if first else None)
+        self.state.bias = self._even * pose_difference(pose, self.grasp.pose)
+        self.state.initialise(cache, friction)
 
     def _hold(self, grasp: HeldGrip) -> HoldStatus:
         """Return the hold status of an equilibrium; `UNSTABLE` if it has no response to loads."""
@@ -351,7 +341,6 @@ class GripBelief:
         order.
         """
         self.cache.correct_zeros(moved, self.state.sensitivity, SHIFTS)
-        self.state.shift(moved)
         self._corrected = self._corrected + moved
 
     def take(self, grasp: HeldGrip) -> None:

@@ -16,8 +16,8 @@ from isotruss_ros.core.estimation.equilibrium_cache import EquilibriumCache
 from isotruss_ros.core.estimation.grip_model import BIAS, DELAY, LOAD, shift_deviations, SHIFTS
 from isotruss_ros.core.estimation.offset_filter import SLIP_LENGTH
 from isotruss_ros.core.estimation.pose_noise import PoseNoise
+from isotruss_ros.core.estimation.schmidt_filter import SchmidtFilter
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings
-from isotruss_ros.core.estimation.two_stage_filter import TwoStageFilter
 from isotruss_ros.core.numerics.arrays import Array
 import numpy as np
 
@@ -32,7 +32,7 @@ DELAY_DEVIATION = 0.03
 MAX_DEVIATIONS = 5.0
 
 
-class GripState(TwoStageFilter):
+class GripState(SchmidtFilter):
     """
     Gaussian belief of the grip's state; the roller offsets are the parameters.
 
@@ -59,15 +59,8 @@ class GripState(TwoStageFilter):
         self.innovation, self.jump = 0.0, 0.0
         self.walk, self.noise = ContactWalk(), PoseNoise(noise)
 
-    def initialise(
-        self, cache: EquilibriumCache, friction: float, off: Array | None = None
-    ) -> Array:
-        """
-        Set the prior covariance, and update it for a pose; return the gain (n, 3).
-
-        :param off: (3,) innovation of the pose, from which the offsets are estimated; rotations
-            times the arm [m]. None: they are not.
-        """
+    def initialise(self, cache: EquilibriumCache, friction: float) -> Array:
+        """Set the prior covariance, and update it for a pose; return the gain (n, 3)."""
         settings = self._settings
         shifts = shift_deviations(cache.grasp, cache.anchored, friction)
         variances = np.diag(self.covariance).copy()
@@ -80,7 +73,7 @@ class GripState(TwoStageFilter):
         constant = settings.pose_error**2 * np.eye(3)
         unexplained = np.linalg.solve(shifted + constant, constant).T @ by_offsets
         self.covariance[BIAS, BIAS] += unexplained @ self.prior @ unexplained.T
-        return self.condition(rates, by_offsets, np.diag(self.noise.variances), off)
+        return self.condition(rates, by_offsets, np.diag(self.noise.variances))
 
     def explains(self, off: Array, cache: EquilibriumCache) -> bool:
         """Return whether load, offsets and noise explain a difference (3,) of poses [m]."""
@@ -109,7 +102,7 @@ class GripState(TwoStageFilter):
             freed[BIAS] = freed[SHIFTS:] = self.jump**2
             self.covariance = prior + np.diag(freed)
         by_offsets = cache.by_offsets.pose
-        change = self.condition(rates, by_offsets, noise, off) @ off
+        change = self.condition(rates, by_offsets, noise) @ off
         delay = self.delay + float(change[DELAY])
         self.delay = min(max(delay, 0.0), MAX_DEVIATIONS * DELAY_DEVIATION)
         self.load, self.bias = self.load + change[LOAD], self.bias + change[BIAS]
@@ -130,11 +123,9 @@ class GripState(TwoStageFilter):
         noise[SHIFTS:] = settings.slip**2 * SLIP_LENGTH * travel.max()
         self.walk.spread(cache.rates.pose * noise @ cache.rates.pose.T)
         noise[LOAD] = settings.load**2 * (1.0 - remaining**2)
-        decayed = (remaining - 1.0) * (self.load + self.sensitivity[LOAD] @ self.parameters)
-        change = self.predict(decay, noise, settings.slip**2 * SLIP_LENGTH * travel)
-        self.load = remaining * self.load + change[LOAD]
-        self.bias, self.delay = self.bias + change[BIAS], self.delay + float(change[DELAY])
-        cache.shift(change[SHIFTS:][cache.grasp.contacts.owners])
+        self.predict(decay, noise, settings.slip**2 * SLIP_LENGTH * travel)
+        decayed = (remaining - 1.0) * self.load
+        self.load = self.load + decayed
         return decayed
 
     def slip_deviations(self, margin: float) -> float:

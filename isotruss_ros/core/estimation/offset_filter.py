@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from isotruss_ros.core.estimation.schmidt_filter import condition
 from isotruss_ros.core.estimation.state_estimate import EstimatorSettings
-from isotruss_ros.core.estimation.two_stage_filter import condition
 from isotruss_ros.core.kinematics.robot import Robot
 from isotruss_ros.core.numerics.arrays import Array, Indices
 from isotruss_ros.core.numerics.tolerances import MAX_SEARCH_STEPS

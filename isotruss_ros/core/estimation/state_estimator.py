@@ -181,7 +181,7 @@ class StateEstimator:
             return False
         if belief is not None:
             belief.correct_zeros(zeros.offsets - before)
-            belief.state.set_prior(zeros.offset_covariance)
+            belief.state.prior = zeros.offset_covariance
         return True
 
     @single_threaded

@@ -122,7 +122,7 @@ class SqueezeControl:
             return
         use = self._readings.use
         if covariance is not None and (time is None or use('estimate', time, covariance)):
-            belief.state.set_prior(covariance)
+            belief.state.prior = covariance
         if before is not None and not np.array_equal(offsets, before):
             belief.correct_zeros(offsets - before)
 

@@ -243,7 +243,7 @@ def test_a_box_tilted_off_its_face_has_the_squeeze_of_its_contacts(shifts):
     measured = grip.moved_to(tilted.pose)
     laid = attach_model(BOX_HOME, measured, zero_deviation=0.01)
     assert (len(tilted.anchors), len(laid.anchors)) == (2, 3)
-    belief = GripBelief(laid, measured, EstimatorSettings(zero_deviation=1e-3))
+    belief = GripBelief(laid, measured, EstimatorSettings())
     assert belief.squeeze == pytest.approx(tilted.squeeze, rel=0.01)
     assert np.abs(belief.state.bias).max() < 2e-4
 

@@ -1,0 +1,84 @@
+# Copyright 2026 isotruss_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What a measurement does to the covariance of a state, against other ways to compute it."""
+
+from isotruss_ros.core.estimation.schmidt_filter import condition, SchmidtFilter
+import numpy as np
+import pytest
+import scipy
+
+RNG = np.random.default_rng(0)
+#: Bounds and sizes of the factors of decay, and of the variances of state and parameters by noise.
+PARTS = ((0.5, 1.0, 3), (0.0, 0.1, 3), (0.0, 1.0, 2))
+
+
+def drawn(size, count):
+    """Return a random prior covariance, rates and noise."""
+    spread = RNG.normal(size=(size, size))
+    noise = np.diag(RNG.uniform(0.1, 1.0, count))
+    return spread @ spread.T + np.eye(size), RNG.normal(size=(count, size)), noise
+
+
+def test_a_linear_update_is_least_squares():
+    (prior, rates, noise), measured = drawn(5, 8), RNG.normal(size=8)
+    gain, _, covariance = condition(prior, rates, noise)
+    root = np.linalg.cholesky(np.linalg.inv(prior)).T
+    rows = np.vstack([root, rates / np.sqrt(np.diag(noise))[:, None]])
+    right = np.concatenate([np.zeros(5), measured / np.sqrt(np.diag(noise))])
+    assert gain @ measured == pytest.approx(scipy.linalg.lstsq(rows, right)[0])
+    assert covariance == pytest.approx(np.linalg.inv(rows.T @ rows))
+
+
+def test_considered_parameters_increase_the_covariance_of_functions_of_the_state():
+    prior, rates, noise = drawn(4, 6)
+    variances, by_offsets = np.diag(prior), RNG.normal(size=(6, 2))
+    known = SchmidtFilter(variances, np.zeros((2, 2)))
+    unknown = SchmidtFilter(variances, np.eye(2))
+    for each in (known, unknown):
+        each.condition(rates, by_offsets, noise)
+    functions, none = RNG.normal(size=(3, 4)), np.zeros((3, 2))
+    more = unknown.spread(functions, none) - known.spread(functions, none)
+    errors = functions @ condition(np.diag(variances), rates, noise)[0] @ by_offsets
+    assert more == pytest.approx(errors @ errors.T)
+
+
+def test_the_filter_is_a_kalman_filter_whose_gain_for_the_parameters_is_zero():
+    prior, _, _ = drawn(3, 2)
+    variances = np.diag(prior)
+    considered, whole = SchmidtFilter(variances, np.eye(2)), np.diag([*variances, 1.0, 1.0])
+    for _ in range(6):
+        decay, more, _ = (RNG.uniform(*part) for part in PARTS)
+        considered.predict(decay, more, np.zeros(2))
+        both = np.append(decay, [1.0, 1.0])
+        whole = whole * np.outer(both, both) + np.diag([*more, 0.0, 0.0])
+        (_, rates, noise), by_parameters = drawn(3, 2), RNG.normal(size=(2, 2))
+        gain = np.vstack([considered.condition(rates, by_parameters, noise), np.zeros((2, 2))])
+        remaining = np.eye(5) - gain @ np.hstack([rates, by_parameters])
+        whole = remaining @ whole @ remaining.T + gain @ noise @ gain.T
+    functions = RNG.normal(size=(4, 5))
+    expected = functions @ whole @ functions.T
+    assert considered.spread(functions[:, :3], functions[:, 3:]) == pytest.approx(expected)
+
+
+def test_drift_of_the_parameters_keeps_the_covariance_of_the_state_and_increases_theirs():
+    (_, rates, noise), by_parameters = drawn(3, 4), RNG.normal(size=(4, 2))
+    drifting, drift = SchmidtFilter(np.ones(3), np.eye(2)), np.array([0.5, 2.0])
+    drifting.condition(rates, by_parameters, noise)
+    of_state, of_parameters = np.eye(3), np.zeros((3, 2))
+    before = drifting.spread(of_state, of_parameters)
+    drifting.predict(np.ones(3), np.zeros(3), drift)
+    assert drifting.prior == pytest.approx(np.diag(1.0 + drift))
+    assert drifting.spread(of_state, of_parameters) == pytest.approx(before)
+
+
+def test_replaced_components_have_their_prior_and_the_others_stay():
+    (_, rates, noise), by_parameters = drawn(3, 4), RNG.normal(size=(4, 2))
+    considered = SchmidtFilter(np.ones(3), np.eye(2))
+    considered.condition(rates, by_parameters, noise)
+    before, sensitivity = considered.covariance, considered.sensitivity
+    considered.resize(4, 2, 7.0)
+    assert considered.covariance == pytest.approx(
+        scipy.linalg.block_diag(before[:2, :2], 7.0, 7.0)
+    )
+    assert considered.sensitivity == pytest.approx(np.vstack([sensitivity[:2], np.zeros((2, 2))]))
