@@ -45,7 +45,6 @@ def draw_panels(
     diameter: float,
     records: Sequence[PhaseRecord],
     path: Path,
-    paper_model: bool = False,
 ) -> None:
     """
     Write a picture with a panel for each phase, each with a magnified grasp in a corner.
@@ -82,7 +81,7 @@ def draw_panels(
         _draw_path(axes, [snap for snap in travelled if snap.time <= snapshot.time])
         draw_object(axes, pose, diameter)
         cylinder = ConvexObject.disc(pose[:2], diameter)
-        grip, words = settle(configs[i], cylinder, pull, paper_model)
+        grip, words = settle(configs[i], cylinder, pull)
         if pull is not None:
             _draw_pull(axes, pose, pull)
         frame(axes, *box)
@@ -99,7 +98,7 @@ def draw_panels(
 
 
 def settle(
-    config: Configuration, body: ConvexObject, pull: Wrench | None, paper_model: bool = False
+    config: Configuration, body: ConvexObject, pull: Wrench | None
 ) -> tuple[HeldGrip | None, str]:
     """
     Return the equilibrium of the object, and a text that describes how the object is held.
@@ -107,7 +106,7 @@ def settle(
     :param pull: external wrench on the object [N, N, N m]; None: zero.
     """
     wrench = pull or (0.0, 0.0, 0.0)
-    settled = settle_grasp(config, body, external_wrench=wrench, paper_model=paper_model)
+    settled = settle_grasp(config, body, external_wrench=wrench)
     grip = settled.equilibrium
     if grip is None:
         return None, '\nno contact'

@@ -126,7 +126,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
     with console.status('drawing'):
         shown = [record for record in records if record.name != 'approach']
         picture = options.output / 'demo.png'
-        draw_panels(robot, OBJECT_DIAMETER, shown, picture, paper_model=round_tubes)
+        draw_panels(robot, OBJECT_DIAMETER, shown, picture)
         if round_tubes:
             film(options.output / RECORDING, records[1:], options.output / 'demo.gif')
         else:
@@ -161,7 +161,7 @@ def _play(
     started = [
         ('simulator', gripping | lying | (REAL_SENSORS if real else {})),
         ('manipulation', gripping | regulated),
-        ('grasp_analysis', shared | {'paper_model': simulated, 'rate': ANALYSIS_RATE}),
+        ('grasp_analysis', shared | {'rate': ANALYSIS_RATE}),
         ('grasp_planner', common),
     ]
     if real:

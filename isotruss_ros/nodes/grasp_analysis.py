@@ -50,11 +50,6 @@ SPECS = (
         'Spacing of the contact points of the fixed object along the tubes [m]',
         (0.002, 0.1),
     ),
-    Spec(
-        'paper_model',
-        False,
-        'Whether the tubes that hold the object are linear, straight and round',
-    ),
 )
 #: Shortest period of markers, equal to the frame period of RViz [s].
 MARKER_PERIOD = 1.0 / 30.0
@@ -98,7 +93,7 @@ class GraspAnalysisNode(ManagedNode):
         values, unloaded = self.values, (0.0, 0.0, 0.0)
         body = common.make_body(values, self._described)
         friction = body.friction_or(None)
-        return GraspQuery((), body, friction, unloaded, values.spacing, values.paper_model)
+        return GraspQuery((), body, friction, unloaded, values.spacing)
 
     def activate(self) -> None:
         """Start the periodic analysis, and offer the service `analyze_grasp`."""
@@ -116,7 +111,7 @@ class GraspAnalysisNode(ManagedNode):
     ) -> AnalyzeGrasp.Response:
         now = self.now()
         try:
-            query = read_query(request, self.values.spacing, self.values.paper_model)
+            query = read_query(request, self.values.spacing)
         except IsotrussError as error:
             report = GraspReport(GraspCode.INVALID_REQUEST, str(error), now)
         else:

@@ -9,6 +9,7 @@ plain pin-jointed truss between the joints, not from the code under test.
 """
 
 import atexit
+from dataclasses import replace
 import itertools
 import json
 import os
@@ -145,6 +146,12 @@ def random_state(robot, rng, reach=0.05):
     """Return a configuration in which no member has changed by more than 2 reach of the least."""
     step = reach * robot.home.member_lengths.min()
     return robot.configuration(rng.uniform(-step, step, len(robot.roller_names)))
+
+
+def with_round_tubes(config):
+    """Return a configuration with tubes whose sections hardly flatten."""
+    description = replace(config.robot.description, local_stiffness=1e6)
+    return Robot(description).configuration(config.roller_positions)
 
 
 def dense_matrix(config):

@@ -69,8 +69,6 @@ class History(NamedTuple):
 
 def rest_criteria(grip: HeldGrip, friction: float) -> tuple[Criteria, History]:
     """Return the criteria of an equilibrium with unknown contact history, and its history."""
-    if grip.tubes.paper_model:
-        raise GraspError('paper_model True: has no derivatives; must be False')
     parameters = GraspParameters.of(grip.config)
     chosen = np.eye(parameters.size, parameters.size + 1)
     turns, grown = turn_dents(grip, chosen, parameters), _size_dents(grip)

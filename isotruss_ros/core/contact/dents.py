@@ -159,37 +159,32 @@ class Dents:
     """
     Depths of the dents at k contacts with one object, each as a function of the normal force.
 
-    Without tables, sections stay round. `scale` is the ratio of the tubes' stiffness to that of
-    the tables [-].
+    `scale` is the ratio of the tubes' stiffness to that of the tables [-].
     """
 
-    def __init__(self, tables: Sequence[DentTable] = (), scale: float = 1.0) -> None:
+    def __init__(self, tables: Sequence[DentTable], scale: float) -> None:
         self._tables, self._scale = tables, scale
 
     def __call__(self, forces: Array) -> tuple[Array, Array]:
         """Return the dents' depths (k,) [m], and their derivatives (k,) by the forces [m/N]."""
-        if not self._tables:
-            return np.zeros(len(forces)), np.zeros(len(forces))
         pressing = zip(self._tables, forces.tolist(), strict=True)
         depths_and_slopes = np.array([table(force / self._scale) for table, force in pressing])
         return depths_and_slopes[:, 0], depths_and_slopes[:, 1] / self._scale
 
     def press(self, forces: Array) -> list[PressedSkin]:
-        """Return the skin at each contact under positive normal forces (k,) [N]; none if round."""
-        pressing = zip(self._tables, forces.tolist(), strict=False)  # no tables: no dents
+        """Return the skin at each contact under positive normal forces (k,) [N]."""
+        pressing = zip(self._tables, forces.tolist(), strict=True)
         pressed = [table.press(force / self._scale) for table, force in pressing]
         return [skin._replace(forces=self._scale * skin.forces) for skin in pressed]
 
     def smooth_near(self, forces: Array) -> Dents:
         """Return the depths with one polynomial at each contact, that at a given force [N]."""
-        pressing = zip(self._tables, forces.tolist(), strict=False)  # no tables: no dents
+        pressing = zip(self._tables, forces.tolist(), strict=True)
         tables = [table.smooth_near(force / self._scale) for table, force in pressing]
         return Dents(tables, self._scale)
 
     def rates(self, forces: Array) -> Array:
         """Return the depths' derivatives (2, k) by pressure and angle, see `DentTable.rates`."""
-        if not self._tables:
-            return np.zeros((2, len(forces)))
         pressing = zip(self._tables, forces.tolist(), strict=True)
         return np.array([table.rates(force / self._scale) for table, force in pressing]).T
 

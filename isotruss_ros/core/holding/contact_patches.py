@@ -22,7 +22,7 @@ import numpy as np
 
 
 class ContactPatches(NamedTuple):
-    """Contact patches on the m grasping members; each array is empty if sections stay round."""
+    """Contact patches on the m grasping members."""
 
     spans: Array  #: (m, 2) first and last point in contact, from the member's start [m]
     lengths: Array  #: (m,) length of tube in contact [m]
@@ -41,7 +41,7 @@ def find_patches(
     radius = 0.5 * structure.config.robot.description.tube_diameter
     gauge = np.array(structure.pressures)[structure.config.robot.topology.tube[contacts.members]]
     tension, sides = _wall_tension(state, bent, gauge, radius), np.sign(state.loads[:, 1])
-    count = int(owners[-1]) + 1 if skins else 0
+    count = int(owners[-1]) + 1
     spans = np.tile([np.inf, -np.inf], (count, 1))
     lengths, forces, areas, widths, peaks = np.zeros((5, count))
     flattened = np.zeros(count, dtype=bool)

@@ -68,11 +68,10 @@ class TubeModel(NamedTuple):
     """Model of the tubes that hold an object."""
 
     stiffness_scale: float = 1.0  #: ratio of the robot's true stiffness to the modelled one [-]
-    paper_model: bool = False  #: whether statics are linear, tubes straight and sections round
     pressure: Pressure | None = None  #: gauge pressure [Pa], see `tube_pressures`
 
 
-#: Tube model with flattening and with pressure and stiffness of the robot file.
+#: Tube model with pressure and stiffness of the robot file.
 NOMINAL_TUBES = TubeModel()
 
 
@@ -289,7 +288,7 @@ class ContactStatics:
                 inclined = np.abs(unknowns[indices.inclinations]).max()
                 return (statics, state) if inclined <= MAX_INCLINATION else None
             if not near and (solved or error < least):
-                # In soft structures and the paper's model, nodes move by rounding.
+                # In soft structures, nodes move by rounding.
                 close, least = moved <= ROUNDING, error
                 statics = replace(statics, bent=statics.bent.update(loads, feet))
         return None
@@ -340,7 +339,6 @@ def build_statics(
         contacts.members,
         np.clip(feet, 0.0, length),
         tubes.stiffness_scale,
-        tubes.paper_model,
     )
     return ContactStatics(
         bent=bent,
@@ -362,8 +360,6 @@ def find_dents(
     normals: Points,
 ) -> Dents:
     """Return the depths of the dents at all contacts as functions of the normal forces."""
-    if tubes.paper_model:
-        return Dents()
     robot, shape = structure.config.robot, body.shape
     tubes_pressed = robot.topology.tube[contacts.members].tolist()
     kernels = [flattening_of(robot, structure.pressures[tube]) for tube in tubes_pressed]

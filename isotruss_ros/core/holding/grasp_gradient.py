@@ -199,8 +199,7 @@ def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
     stiffness is read.
 
     :param settled: the settled grasp.
-    :raises GraspError: the equilibrium is neutral (its Jacobian is singular), or was computed with
-        the paper's model.
+    :raises GraspError: the equilibrium is neutral (its Jacobian is singular).
     """
     grip = settled.equilibrium
     if grip is None:
@@ -208,10 +207,6 @@ def grasp_gradient(settled: SettledGrasp) -> GraspGradient:
     if grip.response is None:
         raise GraspError(
             'the equilibrium is neutral, so it has no derivatives: it must resist every motion'
-        )
-    if grip.tubes.paper_model:
-        raise GraspError(
-            'the grasp was settled with paper_model=True, which has no derivatives; must be False'
         )
     parameters = GraspParameters.of(grip.config)
     chosen = np.eye(parameters.size, parameters.size + 3)

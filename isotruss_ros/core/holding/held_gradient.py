@@ -186,16 +186,12 @@ class LoadedTubes:
         # The displacement is relative to the contact, which moves along its member.
         give = give / axis - feet
         slope += turned - self.spins
-        share = bent.share
-        return TubeRates(give / share, slope / share, nodes, rates + by_places)
+        return TubeRates(give, slope, nodes, rates + by_places)
 
     def joints(self, rates: TubeRates) -> Array:
         """Return the derivatives (2j, p) of the joint positions x0, y0, x1, y1, ... [m]."""
         count = len(self._grip.config.robot.topology.joint_names)
-        moved = self.moved[:count]
-        moved = np.stack([moved.real, moved.imag], axis=1)
-        changes = moved + (rates.nodes[:count, :2] - moved) / self._bent.share
-        return changes.reshape(2 * count, -1)
+        return rates.nodes[:count, :2].reshape(2 * count, -1)
 
     def utilisation(self, rates: TubeRates) -> tuple[Array, Array]:
         """Return the members' utilisations (m,), and their derivatives (m, p)."""
@@ -208,10 +204,9 @@ class LoadedTubes:
         ends, members = forces[piece], frame.members
         loads = np.stack([-ends[:, 2], ends[:, 5], ends[:, 3] + wall, bowing[piece]])
         force_rates = (rates.forces + bent.tangent.force_changes(rates.nodes)[0])[piece]
-        scale = grip.tubes.stiffness_scale / bent.share
         # Rows: axial force and moments at both ends.
         by_end = np.array([[1.0, 0.0, 0.0], [0.0, 0.5, 0.5], [0.0, 0.5, -0.5]])
-        changes = np.tensordot(by_end, scale * force_rates, (1, 1))
+        changes = np.tensordot(by_end, grip.tubes.stiffness_scale * force_rates, (1, 1))
         pull, first, second = changes + ends.T[[3, 2, 5], :, None] * self._stiffer
         pulled = pull + np.pi * radius**2 * self._inflated[tube]
         changes = np.stack([-first, second, pulled, force_rates[:, 0]])

@@ -198,8 +198,6 @@ class HeldGrip:
     def nonlinearity(self) -> float:
         """Return the relative increase of the contact forces by the bending of the tubes [-]."""
         bent, (loads, feet) = self.statics.bent, (self.state.loads, self.state.feet)
-        if bent.linear:
-            return 0.0
         straight = BentTubes.straight(bent.structure, bent.members, feet, bent.stiffness)
         moved = straight.respond(loads, feet) - bent.respond(loads, feet)
         # Gaps that linear tubes would leave, closed by changes of forces and pose.

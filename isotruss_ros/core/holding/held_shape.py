@@ -42,9 +42,9 @@ def region_lines(grip: HeldGrip) -> Points:
     """Return points (m, k) on the object's surface in the contact region of each member [m]."""
     start, end = grip.patches.spans.T[:, :, None]
     positions = start + (end - start) * np.linspace(0.0, 1.0, POINTS_PER_REGION)
-    members = np.repeat(grip.members[: len(positions)], POINTS_PER_REGION)
+    members = np.repeat(grip.members, POINTS_PER_REGION)
     centers = grip.bent_lines(members, positions.ravel())[0].reshape(positions.shape)
-    outward = grip.contacts.sum_by_member(grip.state.normals)[: len(positions), None]
+    outward = grip.contacts.sum_by_member(grip.state.normals)[:, None]
     skins = centers - grip.statics.tube_radius * outward / np.abs(outward)
     nearest = grip.body.moved_to(grip.pose).nearest(skins.ravel())
     return skins - (nearest.gaps * nearest.normals).reshape(positions.shape)
@@ -111,7 +111,7 @@ def _inertia_of_robot(grip: HeldGrip) -> Array:
     description, topology = grip.config.robot.description, grip.config.robot.topology
     loads = grip.statics.load_rates(grip.state.unknowns, grip.response.change)
     bent = grip.statics.bent.activated()
-    moved = bent.changes(loads, np.zeros((len(loads), 3)))[0] / bent.share
+    moved = bent.changes(loads, np.zeros((len(loads), 3)))[0]
     nodes, first = moved[:, 0] + 1j * moved[:, 1], frame_layout(grip.config.robot).b
     b, c = nodes[first], nodes[first + 1]
     half = 0.5 * description.tube_mass * grip.config.member_lengths

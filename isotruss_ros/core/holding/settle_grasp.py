@@ -37,7 +37,6 @@ def settle_grasp(
     external_wrench: ArrayLike = (0.0, 0.0, 0.0),
     pressure: Pressure | None = None,
     members: Sequence[str] | None = None,
-    paper_model: bool = False,
 ) -> SettledGrasp:
     """
     Return the equilibrium of a grasped object near its measured pose.
@@ -56,7 +55,6 @@ def settle_grasp(
         file.
     :param members: names `t/j-k` of the two or three grasping members; None: the members that the
         object overlaps, or if it overlaps fewer than two, the two nearest.
-    :param paper_model: see `analyze_grasp`.
     :raises GraspError: an argument is invalid.
     :raises StructureError: a pressure is invalid, the robot is a mechanism, or its stiffness laws
         contradict each other.
@@ -67,9 +65,8 @@ def settle_grasp(
     numbers = None
     if members is not None:
         numbers = find_members(config.robot, Grip(tuple(members), body).members).members
-    tubes = TubeModel(paper_model=paper_model, pressure=pressure)
     try:
-        grip = attach_grip(config, body, numbers, wrench, tubes)
+        grip = attach_grip(config, body, numbers, wrench, TubeModel(pressure=pressure))
     except NotHeldError as error:
         lost = LostContact.of(config, body, numbers, scaled_wrench(wrench, body.arm), pressure)
         reason, depths = str(error), member_depths(config, body)

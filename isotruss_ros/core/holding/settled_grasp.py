@@ -209,7 +209,7 @@ class SettledGrasp(
         Return the distances of the contact's first and last point from each member's start [m].
 
         These seven properties have one value for each grasping member. They are empty without an
-        equilibrium, and in the paper's model.
+        equilibrium.
         """
         spans = self._named(lambda grip: grip.patches.spans)
         return {name: (first, last) for name, (first, last) in spans.items()}
@@ -273,6 +273,4 @@ class SettledGrasp(
         if grip is None:
             return {}
         names = grip.config.robot.member_names if every else grip.member_names
-        return dict(
-            zip(names, find(grip).tolist(), strict=False)
-        )  # patches: none if tubes are round
+        return dict(zip(names, find(grip).tolist(), strict=True))

@@ -22,7 +22,6 @@ from typing import NamedTuple
 
 from isotruss_ros.core.errors import StructureError
 from isotruss_ros.core.numerics.arrays import Array, Indices, Points
-from isotruss_ros.core.numerics.tolerances import NEGLIGIBLE_SHARE
 from isotruss_ros.core.statics.beam_column import end_forces
 from isotruss_ros.core.statics.blocks import Factored
 from isotruss_ros.core.statics.frame import Frame, keep_apart
@@ -125,7 +124,6 @@ class BentTubes:
     lines: Lines  #: members of the load points
     cuts: Cuts  #: frame with nodes at the load points
     stiffness: float  #: factor on the modelled stiffness [-]
-    linear: bool  #: whether the model is the paper's, with the equilibrium of undeformed tubes
     before: Displaced  #: state about which the tubes are linearised
 
     @classmethod
@@ -135,7 +133,6 @@ class BentTubes:
         members: Indices,
         positions: Array,
         stiffness: float = 1.0,
-        linear: bool = False,
     ) -> BentTubes:
         """Return the tubes linearised about the state without loads."""
         cuts, lines = Cuts.of(structure, members, positions, None), Lines.of(structure, members)
@@ -144,17 +141,12 @@ class BentTubes:
             np.zeros((len(members), 3)),
             np.zeros(len(cuts.frame.length)),
         )
-        return cls(structure, members, positions, lines, cuts, stiffness, linear, unloaded)
+        return cls(structure, members, positions, lines, cuts, stiffness, unloaded)
 
     @property
     def frame(self) -> Frame:
         """Return the structure's frame with additional nodes at the load points."""
         return self.cuts.frame
-
-    @property
-    def share(self) -> float:
-        """Return the factor on the loads: 1, or almost 0 for the paper's linear model."""
-        return NEGLIGIBLE_SHARE if self.linear else 1.0
 
     @cached_property
     def tangent(self) -> Tangent:
@@ -170,7 +162,7 @@ class BentTubes:
         load_points, cut, moving = np.arange(count), self._cut_unknowns, self._moving
         right = np.zeros((size, 4 * count + 1))
         columns = np.arange(3 * count).reshape(count, 1, 3)
-        right[cut[:, :, None], columns] = turns * (self.share / self.stiffness)
+        right[cut[:, :, None], columns] = turns / self.stiffness
         slopes, longer, by_length = tangent.slopes(), self.cuts.longer, tangent.length_rates
         rates = by_length[layout.parts, :, None] * longer[layout.parts, None]
         right[:, moving] = -tangent.sum_forces(layout.parts, rates)
@@ -203,13 +195,13 @@ class BentTubes:
     def matrix(self) -> Array:
         """Return the compliance (k, 3, k, 3): responses at the load points to unit loads."""
         count = len(self.members)
-        responses = self._changes.responses[:, :, : 3 * count] / self.share
+        responses = self._changes.responses[:, :, : 3 * count]
         return responses.reshape(count, 3, count, 3)
 
     @cached_property
     def rates(self) -> Array:
         """Return the derivatives (k, 3, k) of the responses by `places` [-, -, rad/m]."""
-        return self._changes.responses[..., self._moving] / self.share
+        return self._changes.responses[..., self._moving]
 
     @cached_property
     def given(self) -> Array:
@@ -220,7 +212,7 @@ class BentTubes:
     def respond(self, loads: Array, positions: Array) -> Array:
         """Return the responses (k, 3), which are affine functions of loads and places."""
         changes = self._changes
-        return (changes.state + changes.responses @ self._ways(loads, positions)) / self.share
+        return changes.state + changes.responses @ self._ways(loads, positions)
 
     def distance(self, loads: Array, positions: Array) -> float:
         """Return the largest displacement of a node from the linearised state due to loads [m]."""
@@ -228,7 +220,7 @@ class BentTubes:
             # The nodes stay beside a node or another load point.
             *_, positions = _place_cuts(self.structure, self.members, positions)
         ways = self._ways(loads, positions)
-        moved = np.abs(self.frame.displacements(self._displace(ways)[0])[:, :2]).max() / self.share
+        moved = np.abs(self.frame.displacements(self._displace(ways)[0])[:, :2]).max()
         parts = self.frame.length[self.frame.layout.beside].reshape(2, -1).min(axis=0)
         slid = np.abs(ways[self._moving]) * np.sqrt(PLACE_LENGTH / parts)
         return float(max(moved, slid.max()))
@@ -267,9 +259,7 @@ class BentTubes:
             before = self._convert(before, cuts.frame, near)
         same = structure is self.structure
         lines = self.lines if same else Lines.of(structure, self.members)
-        return BentTubes(
-            structure, self.members, positions, lines, cuts, self.stiffness, self.linear, before
-        )
+        return BentTubes(structure, self.members, positions, lines, cuts, self.stiffness, before)
 
     def _find_active(self, loads: Array, positions: Array, structure: Structure) -> Indices:
         """Return the blocks that given loads deform, see `UnloadedBlocks`."""
@@ -351,15 +341,15 @@ class BentTubes:
     def displacements(self, loads: Array, positions: Array) -> Array:
         """Return the linear prediction of the nodes' displacements, (n, 3) [m, rad]."""
         moved, _ = self._displace(self._ways(loads, positions))
-        return self.frame.displacements(self._complete(self.tangent.unknowns + moved)) / self.share
+        return self.frame.displacements(self._complete(self.tangent.unknowns + moved))
 
     def end_forces(self, loads: Array, positions: Array) -> tuple[Array, Array]:
         """Return the linear prediction of the parts' end forces."""
         tangent, ways = self.tangent, self._ways(loads, positions)
         changes, longer = self._force_changes(ways, self._displace(ways)[1])
         forces = tangent.forces.values + changes
-        ends, pull = end_forces(forces, tangent.length + longer), forces[:, 0]
-        return self.stiffness / self.share * ends, 0.0 * pull if self.linear else pull
+        ends = end_forces(forces, tangent.length + longer)
+        return self.stiffness * ends, forces[:, 0]
 
     def _force_changes(self, ways: Array, changes: Array) -> tuple[Array, Array]:
         """Return the changes of `EndForces.values` (p, 3) and chord lengths (p,) by `ways`."""
@@ -368,7 +358,7 @@ class BentTubes:
         return forces[..., 0] + self.tangent.length_rates * slid, longer[:, 0]
 
     def section_changes(self, changes: Array) -> tuple[Array, Array, Array]:
-        """Return `changes` by p changes of sections, times `share`; no tubes must be kept."""
+        """Return `changes` by p changes of sections; no tubes must be kept."""
         frame, tangent, parts = self.frame, self.tangent, self.frame.layout.beside
         count, chosen = changes.shape[2], np.flatnonzero(changes.any(axis=(0, 2)))
         units = np.broadcast_to(np.eye(4)[:, None], (4, len(chosen), 4))

@@ -87,9 +87,7 @@ def to_contact_wrench(
     return message
 
 
-def read_query(
-    request: AnalyzeGrasp.Request, spacing: float, paper_model: bool = False
-) -> GraspQuery:
+def read_query(request: AnalyzeGrasp.Request, spacing: float) -> GraspQuery:
     """
     Convert the request of a grasp analysis; here only its object is checked.
 
@@ -99,7 +97,7 @@ def read_query(
     wrench = _planar(request.external_wrench)
     rollers = tuple(request.roller_positions)
     friction = request.friction if body.friction is None else body.friction
-    return GraspQuery(rollers, body, friction, wrench, spacing, paper_model)
+    return GraspQuery(rollers, body, friction, wrench, spacing)
 
 
 def _read_body(request: AnalyzeGrasp.Request) -> ConvexObject:

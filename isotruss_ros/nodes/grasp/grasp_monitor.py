@@ -166,7 +166,6 @@ def _analyze(
                 query.friction,
                 query.external_wrench,
                 pressure=query.pressures,
-                paper_model=query.paper_model,
             )
         else:
             settled = assess_equilibrium(query.body.pose, held, query.friction)
@@ -185,7 +184,7 @@ def _find_chance(
 ) -> float:
     """Return the chance to first order; NaN without uncertainty or without derivatives."""
     body, robot = query.body, config.robot
-    if not (robot.description.uncertainty or body.uncertainty) or query.paper_model:
+    if not (robot.description.uncertainty or body.uncertainty):
         return math.nan
     if held is not None:  # its contact history is unknown to the model of the uncertainty
         settled = settle_grasp(

@@ -62,7 +62,6 @@ class GraspQuery(NamedTuple):
     #: wrench (fx, fy, m) on the object about the origin of its frame [N, N m]
     external_wrench: tuple[float, float, float]
     spacing: float  #: spacing of the contact points of the fixed object along the tubes [m]
-    paper_model: bool = False  #: whether tubes that hold the object are linear, straight and round
     #: (t,) gauge pressures of the tubes in the order of the robot file [Pa]; None: the pressures
     #: of the robot file are used
     pressures: tuple[float, ...] | None = None

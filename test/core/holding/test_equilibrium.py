@@ -9,7 +9,7 @@ from grips import gripped
 from held_grips import BOX, held, NINE
 from isotruss_ros.core import HoldStatus, place_between, Polygon
 from isotruss_ros.core.holding.attach_grip import attach_grip, rest
-from isotruss_ros.core.holding.contact_statics import build_statics, TubeModel
+from isotruss_ros.core.holding.contact_statics import build_statics
 from isotruss_ros.core.holding.pressed_contacts import ANGLE, CENTER
 from isotruss_ros.core.holding.roll_grip import stick
 import numpy as np
@@ -24,7 +24,7 @@ NOTHING = np.zeros(0, dtype=int)
 @pytest.fixture(scope='module')
 def statics():
     """Return the equations of a disc between the two members at the tip."""
-    return build_statics(CONFIG, DISC, MODEL.contacts, TubeModel(paper_model=True))
+    return build_statics(CONFIG, DISC, MODEL.contacts)
 
 
 def test_attached_pose_along_the_bisector_is_the_given_one(statics):

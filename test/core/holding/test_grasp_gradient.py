@@ -122,7 +122,6 @@ class RandomGrasp:
                 continue  # too small for these members
         wrench = rng.uniform(-0.5, 0.5, 3) * (1.0, 1.0, 0.1)
         self.chosen = Chosen(config, grip.body, wrench, rng.uniform(25e3, 45e3, 3))
-        self.paper_model = number % 5 == 0
 
     def step(self, parameters, sizes):
         """Return how parameters change, (p,), in a random direction, by the sizes of that."""
@@ -163,7 +162,7 @@ OTHERS = {'rollers': 5e-5, 'place': 5e-5, 'friction': 1e-3, 'wrench': 5e-3, 'sti
 
 def settle(case, chosen):
     """Return a random grasp with other parameters; None without an equilibrium."""
-    tubes = TubeModel(chosen.scale, case.paper_model, chosen.pressures)
+    tubes = TubeModel(chosen.scale, chosen.pressures)
     members = numbers(case.members)
     try:
         found = attach_grip(chosen.config, chosen.body, members, chosen.wrench, tubes)
@@ -210,7 +209,7 @@ def error(number, sizes):
     """Return the largest error of the gradient of a random grasp; None if there is none."""
     case = RandomGrasp(number)
     grasp = settle(case, case.chosen)
-    if grasp is None or grasp.equilibrium is None or case.paper_model:
+    if grasp is None or grasp.equilibrium is None:
         return None
     gradient = grasp_gradient(grasp)
     step = case.step(gradient.parameters, sizes)

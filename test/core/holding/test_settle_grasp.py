@@ -18,11 +18,11 @@ from isotruss_ros.core import (
 )
 from isotruss_ros.core.holding import attach_grip as attach_grip_module
 from isotruss_ros.core.holding.attach_grip import attach_grip
-from isotruss_ros.core.holding.contact_statics import TubeModel
 from isotruss_ros.core.holding.roll_grip import roll_grip
 from isotruss_ros.core.kinematics.depths import member_depths
 import numpy as np
 import pytest
+from robots import with_round_tubes
 
 HOME = load_robot('nine_member').home
 CONFIG, CYLINDER = gripped(35.0, squeeze=0.08)
@@ -57,12 +57,12 @@ def test_a_narrow_wedge_holds_and_statics_gives_the_friction():
 
 
 @pytest.mark.parametrize('degrees', [31.0, 40.0, 60.0])
-@pytest.mark.parametrize('squeeze', [0.02, 0.08, 0.1])
+@pytest.mark.parametrize('squeeze', [5e-4, 1e-3, 2e-3])
 def test_settled_grasp_without_friction_agrees_with_analyze_grasp(degrees, squeeze):
     config, cylinder = gripped(degrees, squeeze=squeeze)
+    config = with_round_tubes(config)
     analysis = analyze_grasp(config, cylinder, FRICTION)
-    tubes = TubeModel(paper_model=True)
-    state = attach_grip(config, cylinder, None, -analysis.normal_wrench, tubes).state
+    state = attach_grip(config, cylinder, None, -analysis.normal_wrench).state
     expected = [analysis.contact_forces[name] for name in ('north/P-Z', 'north/Z-R')]
     pressing = sum(expected)
     assert state.normal_forces == pytest.approx(expected, abs=3e-3 * pressing)
@@ -75,7 +75,7 @@ def test_settled_grasp_without_friction_agrees_with_analyze_grasp(degrees, squee
 def test_rounding_in_a_soft_robot_does_not_hide_the_equilibrium(module, depth):
     home = load_robot('ring_of_four').home
     cylinder = ConvexObject.disc(tangent_center(home, module, 0.3, depth), 0.3)
-    round_tubes = settle_grasp(home, cylinder, paper_model=True).normal_forces
+    round_tubes = settle_grasp(with_round_tubes(home), cylinder).normal_forces
     flattened = settle_grasp(home, cylinder).normal_forces
     assert flattened
     assert all(round_tubes[name] > force for name, force in flattened.items())

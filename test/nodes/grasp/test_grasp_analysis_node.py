@@ -168,12 +168,11 @@ def test_parameters_change_at_run_time():
             'command_timeout': 0.4,
             'pressure_timeout': 9.0,
         }
-        w.change(paper_model=True, **numbers)
+        w.change(**numbers)
         monitor = w.nodes[1]._monitor
         query = monitor.query
         told = (query.body.shape.diameter, query.friction, query.spacing)
         assert (*told, monitor.timeout, monitor.pressure_timeout) == tuple(numbers.values())
-        assert query.paper_model
         w.change(rate=20.0)
         w.probe.seen['state'].clear()
         w.until(lambda: len(w.probe.seen['state']) >= 10, feed(w))

@@ -385,7 +385,6 @@ def test_invalid_parameters_are_rejected_at_run_time(kind):
         before = {name: node.get_parameter(name).value for name in names}
         may = {
             'require_emergency_stop',
-            'paper_model',
             'slide_along_limits',
             'smooth_path',
         }  # true is a good value of these
